@@ -40,7 +40,7 @@ pub struct Sensitivity {
     pub sky_e_px: f64,
     /// Dark charge in a pixel, e-.
     pub dark_e_px: f64,
-    /// Magnitude in the band at a signal-to-noise ratio of [`LIMIT_SNR`]; none where the background fills every pixel.
+    /// Magnitude in the band at a signal-to-noise ratio of [`LIMIT_SNR`]; none where the background fills every pixel, or such a star saturates.
     pub limiting_mag: Option<f64>,
     /// Stars to that magnitude in a field of this size, averaged over the sky; of stars fainter than [`CATALOGUE_MAG`] most are missing.
     pub stars_per_frame: Option<f64>,
@@ -142,7 +142,11 @@ impl Sensitivity {
         let background_e = sky_e_px + dark_e_px;
         let full_e = detector.full_well_e.min(detector.converter_reach_e());
         let free_e = Some(full_e - background_e).filter(|e| *e > 0.0 && star.zero_e > 0.0);
-        let limiting_mag = free_e.map(|_| star.magnitude_at(LIMIT_SNR, background_e));
+        let saturation_mag = free_e.map(|e| star.magnitude_of_peak(e));
+        let limiting_mag = saturation_mag
+            .map(|brightest| (brightest, star.magnitude_at(LIMIT_SNR, background_e)))
+            .filter(|(brightest, limit)| brightest <= limit)
+            .map(|(_, limit)| limit);
         let solid_angle = solid_angle_sr(camera);
         let stars_per_frame = limiting_mag.map(|limit| {
             let catalog = Catalog::embedded(Selection::Hipparcos);
@@ -158,7 +162,7 @@ impl Sensitivity {
             dark_e_px,
             limiting_mag,
             stars_per_frame,
-            saturation_mag: free_e.map(|e| star.magnitude_of_peak(e)),
+            saturation_mag,
         }
     }
 }
@@ -293,8 +297,14 @@ mod tests {
                 assert!(fainter < LIMIT_SNR && fainter > LIMIT_SNR / 2.6, "{name}");
             }
         }
-        let camera = Camera::load("rigel-l", &Folder::current()).unwrap();
+        let mut camera = Camera::load("rigel-l", &Folder::current()).unwrap();
         let found = Sensitivity::of(&camera);
+        // No pixel reaches 90 e- rms * 5 before a well of 100 e- is full, nor do a few together.
+        let detector = &mut camera.detector;
+        (detector.full_well_e, detector.read_noise_e) = (100.0, 90.0);
+        let noisy = Sensitivity::of(&camera);
+        assert!(noisy.saturation_mag.is_some(), "{noisy:?}");
+        assert_eq!((noisy.limiting_mag, noisy.stars_per_frame), (None, None));
         // X-Val: 2 atan(1024 * 0.018 mm / 2 / 47.7 mm) = 21.8705 deg; the diagonal by sqrt(2) 9.216: 30.5646 deg.
         for (value, by_hand) in found.field_deg.into_iter().zip([21.8705, 21.8705, 30.5646]) {
             assert!((value - by_hand).abs() < 2e-3, "{value} {by_hand}");

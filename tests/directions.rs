@@ -110,7 +110,7 @@ fn planet(name: &str, observer: &Observer) -> Planet {
 #[test]
 fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
     // Largest errors of `plan94` over 1991 to 2060: directions, daily to weekly, from DE440, arcsec; distances from the Earth, every third day, from
-    // DE405 (PyPI jplephem 2.24), rounded up, km. The README has them.
+    // DE405 (PyPI jplephem 2.24), rounded up, km. The README has them. The distances here are those that the light travelled.
     const BOUNDS: [(&str, f64, f64); 7] = [
         ("Mercury", 2.0, 1_000.0),
         ("Venus", 11.0, 2_700.0),
@@ -224,6 +224,84 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     }
     println!("{compared} Moons; centre of light up to {farthest:.0} arcsec from that of the disc");
     assert!(compared >= 30 && farthest > 300.0, "{compared} {farthest}");
+}
+
+/// Of planets the label's range and phase are geometric, at the middle of the exposure; their directions are apparent.
+#[test]
+fn labels_have_geometric_ranges_and_phases_of_planets() {
+    // X-Val: pyerfa 2.0.1.5, plan94 and epv00 at the epoch (TAI), from the Earth's centre: km, deg. A light time earlier Mercury is up to 28,000 km nearer
+    // or farther.
+    let cases = [
+        (
+            "1905-03-17T06:00:00",
+            [
+                ("Mercury", 193_656_858.9, 21.361_42),
+                ("Venus", 70_821_890.1, 111.553_48),
+                ("Mars", 125_815_875.3, 31.418_35),
+                ("Jupiter", 859_527_173.7, 6.757_27),
+                ("Saturn", 1_600_585_789.9, 2.788_59),
+                ("Uranus", 2_909_232_819.4, 2.922_02),
+                ("Neptune", 4_448_974_438.2, 1.880_96),
+            ],
+        ),
+        (
+            "2026-05-30T12:00:00",
+            [
+                ("Mercury", 169_104_959.2, 61.793_94),
+                ("Venus", 189_375_961.2, 53.138_90),
+                ("Mars", 327_236_800.5, 21.361_47),
+                ("Jupiter", 888_235_749.3, 7.780_30),
+                ("Saturn", 1_493_870_236.4, 5.149_81),
+                ("Uranus", 3_062_002_397.3, 0.370_14),
+                ("Neptune", 4_532_012_305.7, 1.762_88),
+            ],
+        ),
+        (
+            "2094-11-02T18:00:00",
+            [
+                ("Mercury", 203_393_082.6, 20.641_39),
+                ("Venus", 253_145_064.9, 11.483_54),
+                ("Mars", 329_785_784.1, 25.107_97),
+                ("Jupiter", 595_253_676.6, 1.344_28),
+                ("Saturn", 1_383_999_221.6, 6.144_20),
+                ("Uranus", 2_894_486_543.4, 1.914_44),
+                ("Neptune", 4_572_284_736.6, 1.707_05),
+            ],
+        ),
+    ];
+    let mut config = Config::defaults().unwrap();
+    let detector = &mut config.camera.detector;
+    (detector.width, detector.height) = (64, 64);
+    config.camera.optics.principal_px = [31.5; 2];
+    let effects = EFFECTS.iter().map(|effect| effect.name);
+    config.choice.off = effects
+        .filter(|name| !["planets", "readout"].contains(name))
+        .collect();
+    config.label_snr = 0.0;
+    let mut emulator = Emulator::new(&mut config);
+    for (epoch, planets) in cases {
+        let seen_by = at_the_earths_centre(epoch);
+        for (name, range_km, phase_deg) in planets {
+            let to = planet(name, &seen_by).direction;
+            let q = Attitude::towards(to.y.atan2(to.x), to.z.asin(), 0.0).xyzw();
+            let vehicle = VehicleState::new(1, seen_by.epoch, q, [0.0; 3], None).unwrap();
+            let label = emulator.shoot(&vehicle, 0).unwrap().label;
+            let object = label.objects.iter().find(|object| object.id == name);
+            let body = object.and_then(|object| object.wanderer.as_ref());
+            let body = body.unwrap_or_else(|| panic!("no {name} at {epoch}"));
+            // 1 km: TT stands for TDB.
+            assert!(
+                (body.range_km - range_km).abs() < 1.0,
+                "{epoch} {name}: {} km",
+                body.range_km
+            );
+            assert!(
+                (body.phase_deg - phase_deg).abs() < 2e-5,
+                "{epoch} {name}: {} deg",
+                body.phase_deg
+            );
+        }
+    }
 }
 
 /// Light time and aberration together move a planet by up to a minute of arc.

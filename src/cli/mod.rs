@@ -219,7 +219,7 @@ const PANICKED: &str =
 impl Records {
     /// Logs what was refused of a scene's orbit files; an error if nothing may be.
     fn settle(&self, config: &Config) -> anyhow::Result<()> {
-        self.settle_lines(&config.rejected)?;
+        self.settle_lines("refused", &config.rejected)?;
         for line in &config.notices {
             tracing::warn!("{line}");
         }
@@ -229,8 +229,8 @@ impl Records {
         Ok(())
     }
 
-    /// The same for the lines of records, where there is no scene.
-    fn settle_lines(&self, rejected: &[String]) -> anyhow::Result<()> {
+    /// The same for the lines of records, where there is no scene; `what` was done to them: `refused`, `changed`.
+    fn settle_lines(&self, what: &str, rejected: &[String]) -> anyhow::Result<()> {
         let named = rejected.iter().take(NAMED);
         let others = rejected.len().saturating_sub(NAMED);
         let more = format!("{others} more; skyloop catalog check FILE names them all");
@@ -238,16 +238,21 @@ impl Records {
             let mut lines: Vec<&str> = named.map(String::as_str).collect();
             lines.extend((others > 0).then_some(more.as_str()));
             let count = counted(rejected.len(), "record");
+            let what = if what == "refused" {
+                "cannot be used"
+            } else {
+                what
+            };
             bail!(
-                "--strict: {count} of orbit files cannot be used:\n  {}",
+                "--strict: {count} of orbit files {what}:\n  {}",
                 lines.join("\n  ")
             );
         }
         for line in named {
-            tracing::warn!("refused: {line}");
+            tracing::warn!("{what}: {line}");
         }
         if others > 0 {
-            tracing::warn!("refused: {more}");
+            tracing::warn!("{what}: {more}");
         }
         Ok(())
     }

@@ -101,8 +101,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         |part| bar.set_position((part * f64::from(PARTS)) as u64),
     );
     bar.finish_and_clear();
-    let Passes { passes, unknown } =
-        found.map_err(|error| anyhow!("{name}: {error}{}", remedy(&error)))?;
+    let Passes {
+        passes,
+        unknown,
+        unpointed,
+    } = found.map_err(|error| anyhow!("{name}: {error}{}", remedy(&error)))?;
     let all = passes.len();
     let bright = passes.iter().filter(|pass| {
         let peak = pass.brightest.as_ref().and_then(|at| at.point.band_mag());
@@ -111,6 +114,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let rows: Vec<Row> = bright
         .map(|pass| Row::new(pass, &population.objects()[pass.index]))
         .collect();
+    if !unpointed.is_empty() {
+        let times = unpointed.iter().take(5);
+        let times = times.map(|[from, to]| format!("{} to {}", utc_text(*from), utc_text(*to)));
+        let more = match unpointed.len() {
+            ..=5 => String::new(),
+            count => format!(" and {} more times", count - 5),
+        };
+        let times = times.collect::<Vec<_>>().join(", ");
+        tracing::warn!("not searched, since the pointing has no direction: {times}{more}");
+    }
     if unknown.len() == population.objects().len() && passes.is_empty() {
         tracing::warn!(
             "no object has states through all of the search, and none passes: choose --from and --to within what their orbits cover"
@@ -199,6 +212,9 @@ fn vehicle(
     search: &Search,
     scene: &str,
 ) -> anyhow::Result<Flight> {
+    // The state of a scene holds at its first exposure, --state at --from.
+    let first_exposure = config.sequence.as_ref().map(|sequence| sequence.epoch);
+    let mut state_epoch = search.from;
     let observer = match (&args.orbit, args.state) {
         (Some(selector), _) => {
             let here = Folder::current();
@@ -209,7 +225,10 @@ fn vehicle(
             Some(Observer::Object(Box::new(object)))
         }
         (None, Some(Numbers(state))) => Some(state_km(state)?),
-        (None, None) => config.observer.take(),
+        (None, None) => {
+            state_epoch = first_exposure.unwrap_or(search.from);
+            config.observer.take()
+        }
     };
     let Some(observer) = observer else {
         bail!(
@@ -226,7 +245,7 @@ fn vehicle(
             not_itself(object, &config.objects[index])?;
         }
     }
-    let orbit = flight::orbit(&observer, search.from);
+    let orbit = flight::orbit(&observer, state_epoch);
     let Some(sequence) = &config.sequence else {
         bail!(
             "{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w, --radec RA,DEC,ROLL, --nadir or --look-at TARGET"

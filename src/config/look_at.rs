@@ -59,6 +59,8 @@ pub enum Up {
 )]
 pub(super) enum RawTarget {
     Named(String),
+    /// The number of an object.
+    Number(u32),
     Direction(Fixed<f64, 2>),
 }
 
@@ -119,7 +121,9 @@ impl Target {
     pub fn parse(text: &str, objects: &[Object]) -> Result<Target, String> {
         let text = text.trim();
         let is = |name: &str| text.eq_ignore_ascii_case(name);
-        if let Some(limb) = text.strip_prefix("limb:") {
+        if let Some((head, limb)) = text.split_at_checked("limb:".len())
+            && head.eq_ignore_ascii_case("limb:")
+        {
             return Target::limb(limb);
         }
         if let Some(planet) = planets::names().find(|name| is(name)) {
@@ -194,6 +198,7 @@ impl RawTarget {
     ) -> Result<Target, ConfigError> {
         let target = match self {
             RawTarget::Named(text) => Target::parse(text, objects),
+            RawTarget::Number(number) => Target::parse(&number.to_string(), objects),
             RawTarget::Direction(Fixed(angles)) => Target::direction(*angles),
         };
         target.map_err(|why| check.explain(key, why))
@@ -213,6 +218,7 @@ mod tests {
             ("velocity", "Ok(Velocity)"),
             ("180, -90", "Ok(Direction([3.14159"),
             ("limb:80", "Ok(Limb([80000.0, 0.0]))"),
+            ("LIMB:80", "Ok(Limb([80000.0, 0.0]))"),
             ("limb:80,180", "Ok(Limb([80000.0, 3.14159"),
             ("180,-91", "declination of -90 to 90"),
             ("361,0", "right ascension of -360 to 360"),

@@ -7,9 +7,9 @@ use schemars::JsonSchema;
 /// What a label says of the Moon and of planets alone, at mid-exposure.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct WandererLabel {
-    /// Distance from the observer.
+    /// Distance of its centre from the observer, geometric.
     pub range_km: f64,
-    /// Angle Sun - body - observer.
+    /// Angle Sun - body - observer, geometric.
     pub phase_deg: f64,
     /// Angular radius.
     pub radius_deg: f64,
@@ -28,7 +28,7 @@ impl WandererLabel {
     pub(super) fn new(seen: &SeenWanderer, source: &Source, scene: &Scene) -> WandererLabel {
         let [centre_ra_deg, centre_dec_deg] = ra_dec_deg(&seen.centre);
         WandererLabel {
-            range_km: seen.distance_m * 1e-3,
+            range_km: seen.range_m * 1e-3,
             phase_deg: seen.phase.to_degrees(),
             radius_deg: seen.angular_radius.to_degrees(),
             light: source.electrons / source.clear_e.max(f64::MIN_POSITIVE),

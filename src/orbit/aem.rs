@@ -1,7 +1,8 @@
 //! CCSDS Attitude Ephemeris Messages in keyword = value notation: versions 1.0 (504.0-B-1) and 2.0 (504.0-B-2).
 
 use crate::frames::{Axes, FRAMES};
-use crate::meta::{Clock, Meta, overlap};
+use crate::identity::Key;
+use crate::meta::{Clock, Meta, Ut1, overlap};
 use crate::record::{At, shorten};
 use crate::{lines, meta};
 use hifitime::Epoch;
@@ -64,6 +65,8 @@ pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
         message: AttitudeMessage::default(),
         version: None,
         object: None,
+        body: None,
+        first_start: None,
         section: Section::Outside,
     };
     let mut last = 0;
@@ -87,7 +90,11 @@ struct Reader {
     message: AttitudeMessage,
     /// 1 or 2.
     version: Option<u8>,
-    object: Option<String>,
+    object: Option<Key>,
+    /// The body's frame, and its line.
+    body: Option<(String, usize)>,
+    /// START_TIME of the first segment.
+    first_start: Option<Epoch>,
     section: Section,
 }
 
@@ -198,17 +205,29 @@ impl Reader {
     /// The segment that metadata begin.
     fn data(&mut self, meta: &Meta) -> At<Data> {
         meta.check_once()?;
-        let (object, line) = meta.need("OBJECT_ID")?;
-        if self.object.get_or_insert_with(|| object.to_owned()) != object {
+        let (id, line) = meta.need("OBJECT_ID")?;
+        let name = meta.find("OBJECT_NAME").map_or("", |(name, _)| name);
+        let object = Key::of_ephemeris(id, name);
+        if *self.object.get_or_insert_with(|| object.clone()) != object {
             let reason = "another OBJECT_ID than before: give the attitudes of each object in a file of its own";
             return Err((line, reason.to_owned()));
         }
-        let clock = meta.clock()?;
+        let ut1 = meta.ut1(&mut self.first_start)?;
+        let clock = meta.clock(ut1)?;
         let (start, stop) = meta.span(clock)?;
         let (from_a, is_scalar_first) = self.order(meta)?;
-        let (axes, a_is_body, assumed) = frames(meta)?;
+        let (axes, a_is_body, assumed) = frames(meta, ut1)?;
+        let body = meta.need(if a_is_body {
+            "REF_FRAME_A"
+        } else {
+            "REF_FRAME_B"
+        })?;
+        self.check_body(body)?;
         let more = self.columns(meta)?;
-        if let Some(assumed) = assumed {
+        for assumed in [assumed, meta.ut1_step(ut1, axes, stop)?]
+            .into_iter()
+            .flatten()
+        {
             self.remark(meta.line, assumed);
         }
         if let Some((method, line)) = meta.find("INTERPOLATION_METHOD")
@@ -234,6 +253,20 @@ impl Reader {
                 attitudes: Vec::new(),
             },
         })
+    }
+
+    /// Refuses another body than that of the segments before.
+    fn check_body(&mut self, (body, line): (&str, usize)) -> At<()> {
+        let (known, first) = (self.body).get_or_insert_with(|| (body.to_ascii_uppercase(), line));
+        if body.eq_ignore_ascii_case(known) {
+            return Ok(());
+        }
+        let body = shorten(body);
+        let reason = format!(
+            "body frame '{body}', and {known} in line {first}: how they are turned against each other is not known; give the attitudes of each in \
+             a file of its own"
+        );
+        Err((line, reason))
     }
 
     /// How many numbers follow the quaternion in a line.
@@ -305,7 +338,7 @@ impl Reader {
 }
 
 /// The axes of the reference frame, whether REF_FRAME_A is the body's (then B is the reference), and what was assumed.
-fn frames(meta: &Meta) -> At<(Axes, bool, Option<String>)> {
+fn frames(meta: &Meta, ut1: Ut1) -> At<(Axes, bool, Option<String>)> {
     let ((a, _), (b, line)) = (meta.need("REF_FRAME_A")?, meta.need("REF_FRAME_B")?);
     let is_body = |name: &str| name.to_ascii_uppercase().starts_with("SC_BODY");
     let (key, a_is_body) = match (is_body(a), is_body(b)) {
@@ -320,7 +353,7 @@ fn frames(meta: &Meta) -> At<(Axes, bool, Option<String>)> {
             return Err((line, reason));
         }
     };
-    let (axes, assumed) = meta.axes(key)?;
+    let (axes, assumed) = meta.axes(key, ut1)?;
     Ok((axes, a_is_body, assumed))
 }
 
@@ -364,5 +397,56 @@ impl Data {
             q_icrf_to_body: [q.i, q.j, q.k, q.w],
         });
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two segments, one behind the other, with the metadata given for each.
+    fn message(first: &str, second: &str) -> String {
+        let segment = |of: &str, minute: u32| {
+            let at = |second: u32| format!("2020-01-01T00:0{minute}:{second:02}");
+            let (start, stop) = (at(0), at(30));
+            format!(
+                "META_START\n{of}REF_FRAME_A = ICRF\nTIME_SYSTEM = UTC\nSTART_TIME = {start}\nSTOP_TIME = {stop}\n\
+                 ATTITUDE_TYPE = QUATERNION\nMETA_STOP\nDATA_START\n{start} 0 0 0 1\n{stop} 0 0 0 1\nDATA_STOP\n"
+            )
+        };
+        let (first, second) = (segment(first, 0), segment(second, 1));
+        format!("CCSDS_AEM_VERS = 2.0\n{first}{second}")
+    }
+
+    #[test]
+    fn segments_are_of_one_object_and_one_body() {
+        let of = |id: &str, body: &str| format!("OBJECT_ID = {id}\nREF_FRAME_B = {body}\n");
+        let first = of("2020-001A", "SC_BODY_1");
+        for (id, body, reason) in [
+            ("2020-001A", "SC_BODY_1", None),
+            ("2020-001-A", "sc_body_1", None),
+            ("20001A", "SC_BODY_1", None),
+            ("2020-001B", "SC_BODY_1", Some("another OBJECT_ID")),
+            ("45000", "SC_BODY_1", Some("another OBJECT_ID")),
+            (
+                "2020-001A",
+                "SC_BODY_2",
+                Some("body frame 'SC_BODY_2', and SC_BODY_1 in line"),
+            ),
+            (
+                "2020-001A",
+                "SC_BODY",
+                Some("body frame 'SC_BODY', and SC_BODY_1 in line"),
+            ),
+        ] {
+            let read = parse(&message(&first, &of(id, body)));
+            let found = read.err().map(|(_, reason)| reason);
+            let is_as_expected = match (&found, reason) {
+                (None, None) => true,
+                (Some(found), Some(reason)) => found.contains(reason),
+                _ => false,
+            };
+            assert!(is_as_expected, "{id} {body}: {found:?}");
+        }
     }
 }

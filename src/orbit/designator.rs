@@ -1,5 +1,6 @@
 //! International designators (COSPAR): year, number and piece of a launch, in every spelling of public files.
 
+use crate::identity::unlabelled;
 use std::fmt;
 use std::num::NonZeroU16;
 
@@ -12,14 +13,28 @@ pub struct Designator {
     piece: [u8; 3],
 }
 
+/// No launch has this year and number.
+struct Impossible;
+
 /// What may stand between year, launch and piece.
-const SEPARATORS: [char; 3] = ['-', ' ', '_'];
+const SEPARATORS: [char; 4] = ['-', ' ', '_', '/'];
 
 impl Designator {
     /// From `1998-067A`, the `98067A` of a TLE, `1998067A`, or `1998-067-A`, which NASA's ephemerides have; in any case of letters,
-    /// and behind a separator without the launch's leading zeros. Nothing where the text is none, such as `UNKNOWN`.
+    /// and behind a separator without the launch's leading zeros; in quotes, and behind `COSPAR` or `COSPAR ID`. Nothing where the text is none,
+    /// such as `UNKNOWN`.
     pub fn parse(text: &str) -> Option<Self> {
-        let (first, rest) = digits(text.trim())?;
+        Self::read(text)?.ok()
+    }
+
+    /// Whether a text has the form of a designator and no launch can have it: number 0, or a year before 1957 or after 2099.
+    pub(crate) fn is_impossible(text: &str) -> bool {
+        matches!(Self::read(text), Some(Err(Impossible)))
+    }
+
+    /// What a text of the form of a designator says.
+    fn read(text: &str) -> Option<Result<Self, Impossible>> {
+        let (first, rest) = digits(unlabelled(text, "COSPAR"))?;
         let (year, launch, rest) = match first.len() {
             2 | 4 => {
                 let (launch, rest) = digits(rest.strip_prefix(SEPARATORS)?)?;
@@ -44,14 +59,18 @@ impl Designator {
             (2, _) => number + 1900,
             _ => number,
         };
-        if !(1957..2100).contains(&year) || launch == 0 {
-            return None;
+        let Some(year) = NonZeroU16::new(year).filter(|year| (1957..2100).contains(&year.get()))
+        else {
+            return Some(Err(Impossible));
+        };
+        if launch == 0 {
+            return Some(Err(Impossible));
         }
-        Some(Designator {
-            year: NonZeroU16::new(year)?,
+        Some(Ok(Designator {
+            year,
             launch,
             piece: piece.map(|letter| letter.to_ascii_uppercase()),
-        })
+        }))
     }
 
     /// As in the columns of a TLE, `98067A`; nothing for a year that two digits do not give.

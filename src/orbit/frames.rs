@@ -7,8 +7,7 @@
 //! from the true equinox, so the two differ by a turn about the pole.
 
 use crate::StateVector;
-use crate::time::seconds;
-use hifitime::Epoch;
+use hifitime::{Duration, Epoch};
 use nalgebra::{Matrix3, Vector3};
 use sofars::consts::DJ00;
 
@@ -64,8 +63,8 @@ pub(crate) enum Axes {
     Teme,
     /// Earth-fixed, without the pole's motion.
     EarthFixed {
-        /// UT1 - UTC, s.
-        ut1_utc_s: f64,
+        /// UT1 - TAI, which leap seconds do not change.
+        ut1_tai: Duration,
     },
 }
 
@@ -76,12 +75,12 @@ pub(crate) const FRAMES: &str =
 impl Axes {
     /// By the name that CCSDS messages use, in any case of letters: `ITRF2014`, `ITRF-97`. Realisations of the ITRF differ by
     /// less than 0.2 m.
-    pub fn named(name: &str, ut1_utc_s: f64) -> Option<Axes> {
+    pub fn named(name: &str, ut1_tai: Duration) -> Option<Axes> {
         let name = name.to_ascii_uppercase();
         let year = name.strip_prefix("ITRF");
         let year = year.map(|year| year.trim_start_matches(['-', '_', ' ']));
         if year.is_some_and(|year| year.bytes().all(|b| b.is_ascii_digit())) {
-            return Some(Axes::EarthFixed { ut1_utc_s });
+            return Some(Axes::EarthFixed { ut1_tai });
         }
         match name.as_str() {
             "GCRF" | "ICRF" => Some(Axes::Gcrf),
@@ -89,7 +88,7 @@ impl Axes {
             "MOD" => Some(Axes::MeanOfDate),
             "TOD" => Some(Axes::TrueOfDate),
             "TEME" => Some(Axes::Teme),
-            "WGS84" | "WGS-84" | "TDR" | "GTOD" | "PEF" => Some(Axes::EarthFixed { ut1_utc_s }),
+            "WGS84" | "WGS-84" | "TDR" | "GTOD" | "PEF" => Some(Axes::EarthFixed { ut1_tai }),
             _ => None,
         }
     }
@@ -107,8 +106,8 @@ impl Axes {
             Axes::MeanOfDate => matrix(&sofars::pnp::pmat06(DJ00, days_of_tt(t))).transpose(),
             Axes::TrueOfDate => matrix(&sofars::pnp::pnm06a(DJ00, days_of_tt(t))).transpose(),
             Axes::Teme => teme_to_gcrf(t),
-            Axes::EarthFixed { ut1_utc_s } => {
-                let ut1 = t.to_utc_duration() + seconds(ut1_utc_s);
+            Axes::EarthFixed { ut1_tai } => {
+                let ut1 = t.to_tai_duration() + ut1_tai;
                 let ut1_ns = ut1.total_nanoseconds() - J2000_NS;
                 // In one number a day's fraction would be rounded to 0.2 us: 0.5 mm at the geostationary belt.
                 let day = ut1_ns.div_euclid(DAY_NS) as f64;

@@ -1,58 +1,10 @@
 //! What identifies an object: catalogue number, international designator, or else its name or its orbit.
 
 use crate::two_line::alpha_5;
-use crate::{Designator, Object, Orbit};
+use crate::{Designator, Object, Orbit, is_placeholder};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
-
-/// Placeholders, without blanks and marks. `UNKNOWN` is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and
-/// OBJECT_NAME); `TBA - TO BE ASSIGNED` is a name of Space-Track's.
-const PLACEHOLDERS: [&str; 22] = [
-    "UNKNOWN",
-    "UNK",
-    "TBD",
-    "TBA",
-    "TBC",
-    "NA",
-    "NONE",
-    "NULL",
-    "NIL",
-    "NAN",
-    "UNDEFINED",
-    "UNASSIGNED",
-    "UNSPECIFIED",
-    "UNIDENTIFIED",
-    "UNNAMED",
-    "ANALYST",
-    "NOTAVAILABLE",
-    "NOTASSIGNED",
-    "TOBEANNOUNCED",
-    "TOBEASSIGNED",
-    "TOBEDETERMINED",
-    "TBATOBEASSIGNED",
-];
-
-/// Words without meaning next to one of [`PLACEHOLDERS`], as in `UNKNOWN OBJECT 2`.
-const FILLERS: [&str; 4] = ["OBJECT", "OBJ", "SAT", "SATELLITE"];
-
-/// Whether a text is a placeholder: a word such as `UNKNOWN`, no letter or digit at all, or a number such as 0 or 99999.
-pub fn is_placeholder(text: &str) -> bool {
-    if let Some(number) = catalogue_number(text) {
-        return assigned(number).is_none();
-    }
-    let letters = text.chars().filter(|c| c.is_alphanumeric());
-    let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
-    let text = text.to_ascii_uppercase();
-    let words = text.split(|c: char| !c.is_alphanumeric());
-    let mut words = words.filter(|word| {
-        let is_number = word.bytes().all(|byte| byte.is_ascii_digit());
-        !is_number && !FILLERS.contains(word)
-    });
-    let (first, second) = (words.next(), words.next());
-    let is_one_word = second.is_none() && first.is_some_and(|word| PLACEHOLDERS.contains(&word));
-    letters.is_empty() || is_one_word || PLACEHOLDERS.contains(&letters.as_str())
-}
 
 /// Names without their numbers that many objects share: pieces, and what Space-Track calls unidentified objects.
 const GENERIC: [&[&str]; 6] = [
@@ -82,14 +34,27 @@ pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
     NonZeroU32::new(number).filter(|_| !nines.contains(&number))
 }
 
-/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5`, `00005` or, in Alpha-5, `A0005`.
+/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5`, `NORAD ID 5`, `#5`, `00005` or, in Alpha-5, `A0005`.
 pub fn catalogue_number(text: &str) -> Option<u32> {
-    let text = text.trim();
-    let named = text
-        .split_at_checked(5)
-        .filter(|(word, _)| word.eq_ignore_ascii_case("NORAD"));
-    let digits = named.map_or(text, |(_, rest)| rest.trim_start_matches([' ', '_', '-']));
-    alpha_5(&digits.to_ascii_uppercase())
+    alpha_5(&unlabelled(text, "NORAD").to_ascii_uppercase())
+}
+
+/// A text without quotes, `#`, and a label such as `NORAD`, `NORAD ID` or `COSPAR` before it.
+pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
+    let without = |text: &'a str, word: &str| {
+        let (head, rest) = text.split_at_checked(word.len())?;
+        let rest = rest.trim_start_matches([' ', '_', '-', ':', '#']);
+        head.eq_ignore_ascii_case(word).then_some(rest)
+    };
+    let text = text.trim().trim_matches(['"', '\'']).trim();
+    let text = text.trim_start_matches('#').trim_start();
+    let Some(mut text) = without(text, label) else {
+        return text;
+    };
+    for word in ["CAT", "ID"] {
+        text = without(text, word).unwrap_or(text);
+    }
+    text
 }
 
 /// What identifies an object: its number, or else its designator, or else a word.
@@ -212,6 +177,20 @@ pub(crate) enum Key {
     Word(String),
 }
 
+impl Key {
+    /// Of an attitude ephemeris, by its OBJECT_ID and OBJECT_NAME.
+    pub fn of_ephemeris(id: &str, name: &str) -> Key {
+        let identity = Identity::of_ephemeris(id, name);
+        match (identity.number, identity.designator, identity.word) {
+            (Some(number), ..) => Key::Number(number.get()),
+            (None, Some(designator), _) => Key::Designator(designator),
+            (None, None, Word::Id) => Key::Word(format!("id {}", id.to_uppercase())),
+            (None, None, Word::Name) => Key::Word(format!("name {}", name.to_uppercase())),
+            (None, None, Word::Orbit) => Key::Word(String::new()),
+        }
+    }
+}
+
 /// The keys of a set of objects: of each the catalogue number or, where it has none, the number that another of them has beside the same
 /// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name;
 /// else the orbit. They do not depend on the order of the objects.
@@ -310,8 +289,30 @@ mod tests {
             there
         };
         let vanguard = set(5, "1958-002B");
-        let calls = ["1958-002B", "58002B", "1958-2B", "1958-02b", "1958-002-B"];
-        let numbers = ["5", "00005", "NORAD 5", "NORAD5", "norad 5", "Norad_00005"];
+        let calls = [
+            "1958-002B",
+            "58002B",
+            "1958-2B",
+            "1958-02b",
+            "1958-002-B",
+            "1958/002B",
+            "COSPAR 1958-002B",
+            "COSPAR ID: 1958-002B",
+            "\"1958-002B\"",
+        ];
+        let numbers = [
+            "5",
+            "00005",
+            "NORAD 5",
+            "NORAD5",
+            "norad 5",
+            "Norad_00005",
+            "NORAD ID 5",
+            "NORAD_CAT_ID 5",
+            "#5",
+            "NORAD #5",
+            "'5'",
+        ];
         for id in calls.iter().chain(&numbers) {
             assert!(alike(&vanguard, &ephemeris(id)), "{id}");
         }
@@ -335,51 +336,5 @@ mod tests {
         // Of a set without a number the designator decides.
         assert!(alike(&vanguard, &set(99_999, "1958-002B")));
         assert!(!alike(&set(0, "1958-002A"), &set(99_999, "1958-002B")));
-    }
-
-    #[test]
-    fn placeholders_tell_nothing_apart() {
-        for text in [
-            "UNKNOWN",
-            "unknown",
-            "TBD",
-            "tba",
-            "",
-            "  ",
-            "-",
-            "N/A",
-            "n.a.",
-            "NONE",
-            "None",
-            "0",
-            "00000",
-            "99999",
-            "999999999",
-            "NORAD 0",
-            "NORAD 99999",
-            "TBA - TO BE ASSIGNED",
-            "To be announced",
-            "UNKNOWN 1",
-            "Unknown Object",
-            "UNK OBJ",
-            "UNIDENTIFIED",
-            "ANALYST SAT",
-        ] {
-            assert!(is_placeholder(text), "{text}");
-        }
-        for text in [
-            "5",
-            "9999",
-            "99998",
-            "A0005",
-            "1998-067A",
-            "OBJECT 1",
-            "OBJECT A",
-            "UNKNOWN PLEASURES",
-            "ISS",
-            "É",
-        ] {
-            assert!(!is_placeholder(text), "{text}");
-        }
     }
 }

@@ -36,15 +36,49 @@ pub(crate) struct Meta {
 #[derive(Clone, Copy)]
 pub(crate) enum Clock {
     Scale(TimeScale),
-    /// UT1, with UT1 - UTC.
+    /// UT1, with UT1 - TAI.
     Ut1(Duration),
+}
+
+/// UT1 - UTC at an instant. UT1 has no leap seconds: UT1 - UTC steps with UTC's, and UT1 - TAI does not.
+#[derive(Clone, Copy)]
+pub(crate) struct Ut1 {
+    /// s, where a comment or the program gives it.
+    utc_s: Option<f64>,
+    at: Epoch,
+}
+
+impl Ut1 {
+    /// UT1 - TAI. Where nothing is given, UT1 is UTC at the instant.
+    fn minus_tai(self) -> Duration {
+        let utc_tai = self.at.to_utc_duration() - self.at.to_tai_duration();
+        utc_tai + time::seconds(self.utc_s.unwrap_or(0.0))
+    }
+
+    /// What to report of data up to `stop` where leap seconds lie between.
+    fn step(self, stop: Epoch) -> Option<String> {
+        let count = time::leap_seconds(self.at, stop);
+        let given_s = self.utc_s.unwrap_or(0.0);
+        let [at, stop] = [self.at, stop].map(time::utc_text);
+        (count != 0).then(|| {
+            format!(
+                "UT1 - UTC is taken as {given_s} s at {at} and, after {count} leap second(s), as {} s at {stop}",
+                given_s + f64::from(count)
+            )
+        })
+    }
 }
 
 impl Clock {
     pub fn read(self, text: &str) -> Option<Epoch> {
         match self {
+            Clock::Scale(TimeScale::TDB) => {
+                let tdb = time::parse_ccsds(text, TimeScale::TT)?;
+                // In 2 ms the difference changes by 1 ps.
+                Some(tdb - time::seconds(time::tdb_minus_tt_s(tdb)))
+            }
             Clock::Scale(scale) => time::parse_ccsds(text, scale),
-            Clock::Ut1(ut1_utc) => Some(time::parse_ccsds(text, TimeScale::UTC)? - ut1_utc),
+            Clock::Ut1(ut1_tai) => Some(time::parse_ccsds(text, TimeScale::TAI)? - ut1_tai),
         }
     }
 }
@@ -149,10 +183,10 @@ impl Meta {
         })
     }
 
-    /// UT1 - UTC in s, where a comment or the program gives it.
+    /// UT1 - UTC in s, where a comment gives it.
     fn ut1_utc_s(&self) -> At<Option<f64>> {
         let Some((text, line)) = self.find("UT1-UTC") else {
-            return Ok(UT1_UTC_S.get().copied());
+            return Ok(None);
         };
         let number = text.trim_end_matches("[s]").trim_end_matches('s').trim();
         let value = number.parse().ok();
@@ -166,21 +200,34 @@ impl Meta {
         value.map(Some).ok_or_else(|| (line, reason()))
     }
 
-    pub fn clock(&self) -> At<Clock> {
+    /// UT1 - UTC: a comment's at the START_TIME of its segment, the program's at that of the first segment of the file, which `first` keeps.
+    pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
+        // To tell on which side of a leap second it lies, UT1 is UTC.
+        let scale = self.scale()?.unwrap_or(TimeScale::UTC);
+        let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
+        let first = *first.get_or_insert(start);
+        Ok(match self.ut1_utc_s()? {
+            Some(given_s) => Ut1 {
+                utc_s: Some(given_s),
+                at: start,
+            },
+            None => Ut1 {
+                utc_s: UT1_UTC_S.get().copied(),
+                at: first,
+            },
+        })
+    }
+
+    /// The scale of TIME_SYSTEM; none of UT1.
+    fn scale(&self) -> At<Option<TimeScale>> {
         let (name, line) = self.need("TIME_SYSTEM")?;
-        let scale = match name.to_ascii_uppercase().as_str() {
+        Ok(Some(match name.to_ascii_uppercase().as_str() {
             "UTC" => TimeScale::UTC,
             "TAI" => TimeScale::TAI,
             "TT" => TimeScale::TT,
             "GPS" => TimeScale::GPST,
             "TDB" => TimeScale::TDB,
-            "UT1" => {
-                let ut1_utc_s = self.ut1_utc_s()?.ok_or_else(|| {
-                    let reason = "TIME_SYSTEM UT1 needs UT1 - UTC: as UTC it would move a low orbit by up to 7 km";
-                    (line, format!("{reason}; {GIVE_UT1}, or give the times in UTC"))
-                })?;
-                return Ok(Clock::Ut1(time::seconds(ut1_utc_s)));
-            }
+            "UT1" => return Ok(None),
             _ => {
                 let name = shorten(name);
                 let reason = format!(
@@ -188,33 +235,53 @@ impl Meta {
                 );
                 return Err((line, reason));
             }
-        };
-        Ok(Clock::Scale(scale))
+        }))
+    }
+
+    pub fn clock(&self, ut1: Ut1) -> At<Clock> {
+        let (_, line) = self.need("TIME_SYSTEM")?;
+        Ok(match (self.scale()?, ut1.utc_s) {
+            (Some(scale), _) => Clock::Scale(scale),
+            (None, Some(_)) => Clock::Ut1(ut1.minus_tai()),
+            (None, None) => {
+                let reason = "TIME_SYSTEM UT1 needs UT1 - UTC: as UTC it would move a low orbit by up to 7 km";
+                let reason = format!("{reason}; {GIVE_UT1}, or give the times in UTC");
+                return Err((line, reason));
+            }
+        })
+    }
+
+    /// The time of a keyword.
+    fn epoch(&self, clock: Clock, key: &str) -> At<Epoch> {
+        let (text, line) = self.need(key)?;
+        clock.read(text).ok_or_else(|| {
+            let why = time::why_not(text);
+            let text = shorten(text);
+            (line, format!("{key} '{text}' is not a time{why}"))
+        })
     }
 
     /// From USEABLE_START_TIME to USEABLE_STOP_TIME or, without these, from START_TIME to STOP_TIME.
     pub fn span(&self, clock: Clock) -> At<(Epoch, Epoch)> {
-        let epoch = |(text, line): (&str, usize), key: &str| {
-            clock.read(text).ok_or_else(|| {
-                let why = time::why_not(text);
-                let text = shorten(text);
-                (line, format!("{key} '{text}' is not a time{why}"))
-            })
-        };
         let of = |key: &str, useable: &str| {
-            let whole = epoch(self.need(key)?, key)?;
-            let part = self.find(useable).map(|found| epoch(found, useable));
+            let whole = self.epoch(clock, key)?;
+            let part = self.find(useable).map(|_| self.epoch(clock, useable));
             Ok(part.transpose()?.unwrap_or(whole))
         };
         let start = of("START_TIME", "USEABLE_START_TIME")?;
         Ok((start, of("STOP_TIME", "USEABLE_STOP_TIME")?))
     }
 
+    /// What to report of leap seconds up to `stop`, where times or axes depend on UT1.
+    pub fn ut1_step(&self, ut1: Ut1, axes: Axes, stop: Epoch) -> At<Option<String>> {
+        let uses_ut1 = self.scale()?.is_none() || matches!(axes, Axes::EarthFixed { .. });
+        Ok(ut1.step(stop).filter(|_| uses_ut1))
+    }
+
     /// The axes that a keyword names, and what was assumed of them.
-    pub fn axes(&self, key: &str) -> At<(Axes, Option<String>)> {
+    pub fn axes(&self, key: &str, ut1: Ut1) -> At<(Axes, Option<String>)> {
         let (name, line) = self.need(key)?;
-        let ut1_utc_s = self.ut1_utc_s()?;
-        let axes = Axes::named(name, ut1_utc_s.unwrap_or(0.0)).ok_or_else(|| {
+        let axes = Axes::named(name, ut1.minus_tai()).ok_or_else(|| {
             let name = shorten(name);
             (
                 line,
@@ -235,7 +302,7 @@ impl Meta {
             );
             return Err((line, reason));
         }
-        let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1_utc_s.is_none();
+        let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1.utc_s.is_none();
         let remark = is_assumed.then(|| {
             format!(
                 "{key} {name} without Earth-orientation data: UT1 is taken as UTC, which turns it by up to 13.5 arcsec (460 m at 7,000 km \

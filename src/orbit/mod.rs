@@ -42,6 +42,7 @@ mod omm;
 mod output_file;
 mod parts;
 mod pick;
+mod placeholder;
 mod printable;
 mod read;
 mod record;
@@ -61,11 +62,12 @@ mod xml;
 pub use age::{Ages, FRESH_DAYS};
 pub use designator::Designator;
 pub use format::Format;
-pub use identity::{Identity, catalogue_number, is_placeholder, is_same, places};
+pub use identity::{Identity, catalogue_number, is_same, places};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use meta::set_ut1_utc;
 pub use output_file::{Mark, NO_MARK, OutputFile, foreign, may_replace, write_file};
 pub use pick::file_and_name;
+pub use placeholder::is_placeholder;
 pub use printable::{path_text, printable, printable_line, steers};
 pub use read::{
     Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,

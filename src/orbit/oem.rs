@@ -7,7 +7,7 @@ use crate::frames::Axes;
 use crate::identity::{Key, Keys, unnumbered_id};
 use crate::load::{Loaded, Rejected};
 use crate::meta::{Clock, Meta, overlap};
-use crate::record::{At, shorten};
+use crate::record::{At, OEM_VERSIONS, check_version, shorten};
 use crate::unite::Ids;
 use crate::{Identity, Object, Orbit, StateVector, is_placeholder, lines, meta};
 use hifitime::Epoch;
@@ -30,9 +30,12 @@ const LEAST_STEP_M: f64 = 1e3;
 /// Share of the speed by which they may differ at most. Velocities against inertial axes in an Earth-fixed frame are 7 % off.
 const VELOCITY_TOLERANCE: f64 = 0.05;
 
+/// The keyword that every message starts with.
+const VERSION: &str = "CCSDS_OEM_VERS";
+
 /// Whether a text whose first line is this one is an OEM.
 pub(crate) fn begins(line: &str) -> bool {
-    line.starts_with("CCSDS_OEM_VERS")
+    line.starts_with(VERSION)
 }
 
 /// Reads every segment; segments of one OBJECT_ID become one object.
@@ -43,6 +46,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     let mut reader = Reader {
         read: Segments::new(source),
         section: Section::Outside,
+        is_unknown: false,
     };
     let mut last = 0;
     for (number, line) in lines::numbered(text) {
@@ -69,6 +73,8 @@ fn is_header(line: &str) -> bool {
 struct Reader<'a> {
     read: Segments<'a>,
     section: Section,
+    /// Whether the message is of a version that is not read.
+    is_unknown: bool,
 }
 
 /// What was read of a message so far.
@@ -78,6 +84,8 @@ struct Segments<'a> {
     /// Places of the objects in `loaded`.
     places: HashMap<Key, usize>,
     ids: Ids,
+    /// START_TIME of the first segment.
+    first_start: Option<Epoch>,
 }
 
 /// Where in the message the reader is.
@@ -110,7 +118,7 @@ impl Reader<'_> {
     fn line(&mut self, number: usize, line: &str) {
         let section = std::mem::replace(&mut self.section, Section::Outside);
         let next = match (line, section) {
-            ("META_START", section) => {
+            ("META_START", section) if !self.is_unknown => {
                 self.section = section;
                 self.close(number);
                 Ok(Section::Meta(Meta::new(number)))
@@ -119,9 +127,18 @@ impl Reader<'_> {
             (line, section) if begins(line) => {
                 self.section = section;
                 self.close(number);
-                Ok(Section::Outside)
+                let version = line.split_once('=').map(|(_, version)| version);
+                let checked = version.map(|text| check_version(VERSION, text, OEM_VERSIONS));
+                let checked = checked.unwrap_or(Ok(()));
+                self.is_unknown = checked.is_err();
+                checked
+                    .map(|()| Section::Outside)
+                    .map_err(|reason| (number, reason))
             }
-            ("META_STOP", Section::Meta(meta)) => Data::new(&meta).map(Section::Data),
+            (_, section) if self.is_unknown => Ok(section),
+            ("META_STOP", Section::Meta(meta)) => {
+                Data::new(&meta, &mut self.read.first_start).map(Section::Data)
+            }
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
             // The rest of a segment that was rejected is passed over: one record, one reason.
@@ -161,6 +178,7 @@ impl<'a> Segments<'a> {
             loaded: Loaded::default(),
             places: HashMap::new(),
             ids: Ids::new(),
+            first_start: None,
         }
     }
 
@@ -225,7 +243,7 @@ impl<'a> Segments<'a> {
 
 impl Data {
     /// The segment that metadata begin.
-    fn new(meta: &Meta) -> At<Data> {
+    fn new(meta: &Meta, first_start: &mut Option<Epoch>) -> At<Data> {
         meta.check_once()?;
         let (center, line) = meta.need("CENTER_NAME")?;
         if !center.eq_ignore_ascii_case("EARTH") {
@@ -235,10 +253,12 @@ impl Data {
             );
             return Err((line, reason));
         }
-        let clock = meta.clock()?;
+        let ut1 = meta.ut1(first_start)?;
+        let clock = meta.clock(ut1)?;
         let (start, stop) = meta.span(clock)?;
-        let (axes, assumed) = meta.axes("REF_FRAME")?;
-        let mut remarks: Vec<_> = assumed.into_iter().map(|it| (meta.line, it)).collect();
+        let (axes, assumed) = meta.axes("REF_FRAME", ut1)?;
+        let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, axes, stop)?);
+        let mut remarks: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
         Ok(Data {
             line: meta.line,
             id: meta.object("OBJECT_ID")?,

@@ -1,7 +1,8 @@
 //! One element set as its file gives it, with the values that other formats need and a scene does not.
 
 use crate::elements::Elements;
-use crate::identity::{assigned, is_placeholder, unnumbered_id};
+use crate::identity::{assigned, unnumbered_id};
+use crate::is_placeholder;
 use crate::{Designator, Rejected, Theory};
 
 /// An element set and its metadata.
@@ -102,6 +103,25 @@ pub(crate) fn short_designator(text: &str) -> Option<String> {
 /// The first characters of what a message quotes.
 pub(crate) fn shorten(text: &str) -> String {
     text.chars().take(40).collect()
+}
+
+/// Major versions of the messages that are read: those of CCSDS 502.0-B-1 to B-3 and 504.0-B-1 and B-2.
+pub(crate) const OEM_VERSIONS: &[u32] = &[1, 2, 3];
+pub(crate) const OMM_VERSIONS: &[u32] = &[2, 3];
+
+/// Refuses a message of another major version than these: keywords and columns may have other meanings there.
+pub(crate) fn check_version(key: &str, text: &str, known: &[u32]) -> Result<(), String> {
+    let text = text.trim();
+    let major = text.split('.').next().and_then(|major| major.parse().ok());
+    if major.is_some_and(|major| known.contains(&major)) {
+        return Ok(());
+    }
+    let text = shorten(text);
+    let known: Vec<String> = known.iter().map(|major| format!("{major}.0")).collect();
+    let known = known.join(", ");
+    Err(format!(
+        "{key} '{text}'; read are {known}: export the message in one of these"
+    ))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Epochs as text, exact to the nanosecond.
 
-use crate::frames::DAY_NS;
+use crate::frames::{DAY_NS, J2000_NS};
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 
 /// Nanoseconds of a second.
@@ -23,6 +23,24 @@ pub fn leap_seconds(from: Epoch, to: Epoch) -> i32 {
     };
     let passed = to.to_tai_duration() - from.to_tai_duration();
     (passed - (shown(to) - shown(from))).to_seconds().round() as i32
+}
+
+/// TDB - TT at the Earth's centre, s, within 10 us from 1900 to 2100 (USNO Circular 179, Eq. 2.6; hifitime's is off by up to 36 us):
+/// `sum of a sin(w T + p) + 1e-5 T sin(628.3076 T + 4.2490)`, T Julian centuries of TT since J2000.0.
+pub(crate) fn tdb_minus_tt_s(tt: Epoch) -> f64 {
+    /// a (s), w (rad/century), p (rad).
+    const TERMS: [[f64; 3]; 6] = [
+        [1.657e-3, 628.3076, 6.2401],
+        [2.2e-5, 575.3385, 4.2970],
+        [1.4e-5, 1256.6152, 6.1969],
+        [5e-6, 606.9777, 4.0212],
+        [5e-6, 52.9691, 0.4444],
+        [2e-6, 21.3299, 5.5431],
+    ];
+    let ns = tt.to_tt_duration().total_nanoseconds() - J2000_NS;
+    let t = ns as f64 / (36_525.0 * DAY_NS as f64);
+    let terms = TERMS.iter().map(|[a, w, p]| a * libm::sin(w * t + p));
+    terms.sum::<f64>() + 1e-5 * t * libm::sin(628.3076 * t + 4.2490)
 }
 
 /// Reads a CCSDS ASCII time, code A `YYYY-MM-DDThh:mm:ss[.d..]` or code B
@@ -224,6 +242,21 @@ mod tests {
             ("2012-06-30T23:59:59.5Z", "2017-01-01T00:00:00.25Z", 3),
         ] {
             assert_eq!(leap_seconds(at(from), at(to)), count, "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn tdb_is_within_ten_microseconds_of_a_longer_series() {
+        // X-Val: pyerfa 2.0.1.5, dtdb at the Earth's centre, s.
+        for (tt, expected_s) in [
+            ("1950-04-03T00:00:00", 0.001_670_4),
+            ("2000-10-02T00:00:00", -0.001_635_9),
+            ("2019-06-15T00:00:20", 0.000_563_1),
+            ("2026-04-04T12:00:00", 0.001_631_1),
+            ("2049-12-24T06:00:00", -0.000_302_2),
+        ] {
+            let found_s = tdb_minus_tt_s(parse_ccsds(tt, TimeScale::TT).unwrap());
+            assert!((found_s - expected_s).abs() < 1e-5, "{tt}: {found_s} s");
         }
     }
 

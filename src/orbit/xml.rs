@@ -24,6 +24,13 @@ impl Tag<'_> {
     }
 }
 
+/// The value of the attribute `version` in the text of a tag.
+pub(crate) fn version(tag: &str) -> Option<&str> {
+    let (_, rest) = tag.split_once(" version")?;
+    let value = rest.trim_start().strip_prefix('=')?.trim_start();
+    value.split(['"', '\'']).nth(1)
+}
+
 /// The tags from an offset on; comments and quoted sections are passed over.
 pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     std::iter::from_fn(move || {

@@ -10,6 +10,7 @@ mod course;
 mod crossing;
 mod field;
 mod known;
+mod pointing;
 mod search;
 
 pub use crossing::{Glimpse, Lit, Pass};
@@ -26,6 +27,7 @@ use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::Seeker;
+use skyloop_firmware_sim::profile::ProfileError;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, Orbit};
 use std::cell::OnceCell;
@@ -59,6 +61,8 @@ pub struct Passes {
     pub passes: Vec<Pass>,
     /// Objects whose orbit has no answer at some time of the search, or one that is none (beyond 4e6 km or 100 km/s), each with one reason.
     pub unknown: BTreeMap<String, String>,
+    /// Times of the search, first and last instants, that were not searched, since the pointing has no direction then.
+    pub unpointed: Vec<[Epoch; 2]>,
 }
 
 /// Why nothing can be found.
@@ -94,6 +98,36 @@ pub fn passes(
     corrections: &Corrections,
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
+    let within = |search: &Search| through(search, flight, camera, population, corrections, &tick);
+    let whole = within(search);
+    let Err(NoPasses::Flight(FlightError::Profile(ProfileError::Target { .. }))) = &whole else {
+        return whole;
+    };
+    let parts = pointing::parts(search, flight);
+    if parts.is_empty() {
+        return whole;
+    }
+    let mut all = Passes {
+        unpointed: pointing::gaps(search, &parts),
+        ..Passes::default()
+    };
+    for part in &parts {
+        let found = within(part)?;
+        all.passes.extend(found.passes);
+        all.unknown.extend(found.unknown);
+    }
+    Ok(all)
+}
+
+/// The passes during a search through which the vehicle points somewhere.
+fn through(
+    search: &Search,
+    flight: &Flight,
+    camera: &Camera,
+    population: &Population,
+    corrections: &Corrections,
+    tick: &(impl Fn(f64) + Sync),
+) -> Result<Passes, NoPasses> {
     let Some(search) = &with_states(search, population.objects()) else {
         let middle = search.from + (search.to - search.from) * 0.5;
         let why = population.objects().iter().filter_map(|object| {
@@ -103,6 +137,7 @@ pub fn passes(
         return Ok(Passes {
             passes: Vec::new(),
             unknown: why.collect(),
+            unpointed: Vec::new(),
         });
     };
     let course = Course::new(
@@ -112,7 +147,7 @@ pub fn passes(
         STEP_S,
         search.shortest_s,
     )?;
-    let (candidates, mut unknown) = candidates(&course, camera, population, &tick);
+    let (candidates, mut unknown) = candidates(&course, camera, population, tick);
     let field = Field::new(camera);
     let found: Result<Vec<_>, NoPasses> = candidates
         .par_iter()
@@ -142,7 +177,11 @@ pub fn passes(
     }
     passes.sort_by_key(|pass| (pass.entry.point.epoch, pass.index));
     tick(1.0);
-    Ok(Passes { passes, unknown })
+    Ok(Passes {
+        passes,
+        unknown,
+        unpointed: Vec::new(),
+    })
 }
 
 /// The part of a search in which any object may have a state, and a step on either side of it, so that a stay that begins or ends with the

@@ -6,7 +6,7 @@ use super::{Area, Body, Hidden, World};
 use crate::sky::Observer;
 use crate::sky::apparent::parabola;
 use crate::sky::moon::{Cell, MoonDisc};
-use crate::sky::photometry::photon_irradiance;
+use crate::sky::photometry::{phase_angle, photon_irradiance};
 use crate::sky::planets;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
@@ -37,10 +37,10 @@ pub struct SeenWanderer {
     pub centre: Vector3<f64>,
     /// V magnitude of all of it, in full sunlight.
     pub mag: f64,
-    /// Angle Sun - body - observer, rad.
+    /// Angle Sun - body - observer at the middle of the view's time, geometric: without light time and aberration, rad.
     pub phase: f64,
-    /// From the observer, m.
-    pub distance_m: f64,
+    /// From the observer, m, geometric likewise.
+    pub range_m: f64,
     /// Angular radius, rad. Planets are drawn as points all the same.
     pub angular_radius: f64,
     /// What it is cut into where it is larger than a pixel; else nothing.
@@ -49,6 +49,13 @@ pub struct SeenWanderer {
     pub area: Option<Area>,
     /// How many points its image is made of, or would be in the same time.
     pub points: usize,
+}
+
+/// Range (m) and phase angle (rad) of a body, `body_m` from the observer.
+fn geometric(observer: &Observer, body_m: &Vector3<f64>) -> (f64, f64) {
+    let to_sun = observer.bodies.sun_geocentric_m - observer.position_m - body_m;
+    let phase = phase_angle(&to_sun.normalize(), &-body_m.normalize());
+    (body_m.norm(), phase)
 }
 
 /// A small part of a disc.
@@ -195,13 +202,15 @@ impl View {
             Some(_) => AREA_POINTS + self.camera.detector.pixels() / PIXELS_A_POINT,
             None => elements.len().max(1),
         };
+        let moon_m = shutter[1].bodies.moon_geocentric_m - shutter[1].position_m;
+        let (range_m, phase) = geometric(&shutter[1], &moon_m);
         let seen = SeenWanderer {
             name: MOON,
             directions,
             centre: disc.direction,
             mag,
-            phase: disc.phase,
-            distance_m: disc.distance_m,
+            phase,
+            range_m,
             angular_radius: disc.angular_radius,
             elements,
             area,
@@ -235,13 +244,14 @@ impl View {
         let rows = seen.iter().zip(ends[0].iter().zip(&ends[1]));
         let rows = rows.filter(|(planet, _)| near(planet) && planet.magnitude.is_finite());
         let candidates = rows.map(|(planet, (start, end))| {
+            let (range_m, phase) = geometric(&shutter[1], &planet.geometric_m);
             let body = SeenWanderer {
                 name: planet.name,
                 directions: [start.direction, planet.direction, end.direction],
                 centre: planet.direction,
                 mag: planet.magnitude,
-                phase: planet.phase,
-                distance_m: planet.distance_m,
+                phase,
+                range_m,
                 angular_radius: planet.angular_radius,
                 elements: Vec::new(),
                 area: None,

@@ -44,13 +44,15 @@ pub struct Planet {
     pub name: &'static str,
     /// Where it appears: unit vector, ICRF.
     pub direction: Vector3<f64>,
-    /// Observer to planet, m.
+    /// Observer to planet at the observer's epoch, without light time: m, ICRF.
+    pub geometric_m: Vector3<f64>,
+    /// From where the planet was when the light left to the observer, m.
     pub distance_m: f64,
-    /// Sun to planet, m.
+    /// From there to the Sun, m.
     pub sun_distance_m: f64,
-    /// Angular radius of its equator, rad.
+    /// Angular radius of its equator, from there, rad.
     pub angular_radius: f64,
-    /// Phase angle Sun - planet - observer, rad.
+    /// Phase angle Sun - planet - observer, there, rad.
     pub phase: f64,
     /// V magnitude.
     pub magnitude: f64,
@@ -79,6 +81,7 @@ pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
         let ([position, velocity], _) = sofars::eph::plan94(J2000_JD, days, *number).ok()?;
         let mut from_sun = Vector3::from(position) * AU_M;
         let to_sun = observer.bodies.sun_geocentric_m - observer.position_m;
+        let geometric_m = to_sun + from_sun;
         if corrections.light_time {
             // The planet as it was; in hours the Sun moves 200 km at most.
             let velocity = Vector3::from(velocity) * (AU_M / DAY_S);
@@ -105,6 +108,7 @@ pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
         Some(Planet {
             name,
             direction,
+            geometric_m,
             distance_m,
             sun_distance_m,
             angular_radius: libm::asin((radius_km * 1e3 / distance_m).min(1.0)),

@@ -349,3 +349,90 @@ fn durations_over_a_leap_second_are_si_seconds() {
     assert_eq!(json["leap_seconds"], 1);
     assert_eq!(json["passes"][0]["duration_s"], 31.0);
 }
+
+/// A scene's state holds at its first exposure and not at --from, and the option's at --from.
+#[test]
+fn a_state_holds_where_the_readme_says() {
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
+    const GEO: &str = "42164,0,0,0,3.0747,0";
+    let scene = format!(
+        "[objects]\nfiles = [\"round.oem\"]\n[observer]\nstate = [{GEO}]\n\
+         [sequence]\nepoch = \"2019-06-15T12:00:00Z\"\nframes = 2\nperiod_s = 1.0\nnadir = true\n"
+    );
+    std::fs::write(here.path().join("scene.toml"), scene).unwrap();
+    let last_px = |from: &str, more: &[&str]| -> [f64; 2] {
+        let to = "2019-06-15T12:05:00Z";
+        let flags = [
+            "--scene",
+            "scene.toml",
+            "--json",
+            "--from",
+            from,
+            "--to",
+            to,
+        ];
+        let (code, text, log) = passes(here.path(), &[&flags[..], more].concat());
+        assert_eq!(code, 0, "{log}");
+        let json: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["passes"][0]["in_field_at_end"], true, "{text}");
+        [0, 1].map(|axis| {
+            json["passes"][0]["leaves"]["place_px"][axis]
+                .as_f64()
+                .unwrap()
+        })
+    };
+    let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    let (first, later) = ("2019-06-15T12:00:00Z", "2019-06-15T12:03:00Z");
+    let whole = last_px(first, &[]);
+    assert!(apart(whole, last_px(later, &[])) < 0.01);
+    assert!(apart(whole, last_px(first, &["--state", GEO])) < 0.01);
+    assert!(apart(whole, last_px(later, &["--state", GEO])) > 1.0);
+}
+
+/// Where the object of --look-at has no states nothing is searched, which one line says.
+#[test]
+fn a_search_goes_on_where_the_target_has_states() {
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
+    // Another object, so that there are states all through the search.
+    let synth = [
+        "catalog",
+        "synth",
+        "--out",
+        "my.3le",
+        "--objects",
+        "1",
+        "--epoch",
+        "2019-06-15T00:00:00Z",
+    ];
+    assert!(
+        skyloop(here.path())
+            .args(synth)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
+    std::fs::write(
+        here.path().join("scene.toml"),
+        "[objects]\nfiles = [\"round.oem\", \"my.3le\"]\n",
+    )
+    .unwrap();
+    let flags = "--scene scene.toml --from 2019-06-15T11:59:00Z --to 2019-06-15T12:12:00Z --look-at ROUND --state 42164,0,0,0,3.0747,0 --json";
+    let flags: Vec<&str> = flags.split_whitespace().collect();
+    let (code, text, log) = passes(here.path(), &flags);
+    assert_eq!(code, 0, "{log}");
+    let warned = "not searched, since the pointing has no direction: 2019-06-15T11:59:00.000Z to 2019-06-15T12:00:0";
+    assert!(
+        log.contains(warned) && log.contains("to 2019-06-15T12:12:00.000Z"),
+        "{log}"
+    );
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let mut rows = json["passes"].as_array().unwrap().iter();
+    let row = rows.find(|row| row["id"] == "UNKNOWN ROUND");
+    let row = row.unwrap_or_else(|| panic!("{text}"));
+    // 12:00:00 to 12:09:50, less a light time at the beginning.
+    let duration_s = row["duration_s"].as_f64().unwrap();
+    assert!((589.0..590.0).contains(&duration_s), "{duration_s}");
+}

@@ -252,8 +252,10 @@ fn focal(text: &str) -> Result<Answer, String> {
 
 fn aperture(text: &str) -> Result<Answer, String> {
     if let Some(ratio) = text.strip_prefix("f/").or(text.strip_prefix("F/")) {
-        let ratio = number(ratio.trim(), 0.5, 500.0, "(focal ratio)");
-        return ratio.map(|(value, _)| (value, true));
+        let ratio = ratio.trim().parse::<f64>().ok();
+        let ratio = ratio.filter(|ratio| (0.5..=500.0).contains(ratio));
+        let ratio = ratio.ok_or("must be a focal ratio of 0.5 to 500, such as f/1.4")?;
+        return Ok(([ratio, 0.0], true));
     }
     let aperture = number(text, 0.01, 1e5, "mm");
     aperture.map_err(|why| why + "; or a focal ratio, such as f/1.4")

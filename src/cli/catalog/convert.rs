@@ -66,8 +66,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (format, written) = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
     let count = records.len() - written.left_out.len();
     lost.extend(written.left_out);
-    lost.extend(written.changed);
-    args.records.settle_lines(&lost)?;
+    args.records.settle_lines("refused", &lost)?;
+    args.records.settle_lines("changed", &written.changed)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");
     }

@@ -4,8 +4,9 @@ use super::{Data, Segments};
 use crate::lines::LineFinder;
 use crate::load::Loaded;
 use crate::meta::Meta;
-use crate::record::{At, shorten};
-use crate::xml::{Element, read_elements, tags, unit};
+use crate::record::{At, OEM_VERSIONS, check_version, shorten};
+use crate::xml::{Element, read_elements, tags, unit, version};
+use hifitime::Epoch;
 use memchr::memmem;
 use quick_xml::events::BytesStart;
 
@@ -47,6 +48,13 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
         }
         if tag.name == "oem" {
             in_oem = !tag.closing;
+            let version = text.get(tag.start..tag.end).and_then(version);
+            if let Some(version) = version.filter(|_| in_oem)
+                && let Err(reason) = check_version("CCSDS_OEM_VERS", version, OEM_VERSIONS)
+            {
+                in_oem = false;
+                read.reject(finder.line(tag.start), &reason);
+            }
         }
         // Other messages of an NDM have segments too.
         if tag.name != "segment" || tag.closing || !in_oem {
@@ -58,7 +66,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
             continue;
         };
         let segment = text.get(tag.start..end.end).unwrap_or_default();
-        match self::segment(segment, tag.start, &mut finder) {
+        match self::segment(segment, tag.start, &mut finder, &mut read.first_start) {
             Ok(data) => read.add(data),
             Err((line, reason)) => read.reject(line, &reason),
         }
@@ -71,10 +79,16 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
 }
 
 /// A segment that starts at an offset of the text.
-fn segment(text: &str, start: usize, finder: &mut LineFinder) -> At<Data> {
+fn segment(
+    text: &str,
+    start: usize,
+    finder: &mut LineFinder,
+    first_start: &mut Option<Epoch>,
+) -> At<Data> {
     let line = finder.line(start);
     let mut segment = Reader {
         meta: Meta::new(line),
+        first_start,
         data: None,
         in_metadata: false,
         state: None,
@@ -88,14 +102,16 @@ fn segment(text: &str, start: usize, finder: &mut LineFinder) -> At<Data> {
 }
 
 /// What is read of a segment so far, and the element that is open.
-struct Reader {
+struct Reader<'a> {
     meta: Meta,
+    /// START_TIME of the first segment of the file.
+    first_start: &'a mut Option<Epoch>,
     data: Option<Data>,
     in_metadata: bool,
     state: Option<State>,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn start(&mut self, tag: &BytesStart, line: usize) -> At<()> {
         match (tag.local_name().into_inner(), &self.state) {
             ("metadata", _) if self.data.is_some() => {
@@ -115,7 +131,7 @@ impl Reader {
         match name {
             "metadata" => {
                 self.in_metadata = false;
-                self.data = Some(Data::new(&self.meta)?);
+                self.data = Some(Data::new(&self.meta, self.first_start)?);
             }
             "stateVector" => {
                 if let Some(state) = self.state.take() {

@@ -2,8 +2,8 @@
 
 use super::{Fields, Metadata, index_of};
 use crate::lines::LineFinder;
-use crate::record::{At, Found, Record};
-use crate::xml::{Element, read_elements, tags, unit};
+use crate::record::{At, Found, OMM_VERSIONS, Record, check_version};
+use crate::xml::{Element, read_elements, tags, unit, version};
 use std::borrow::Cow;
 
 /// Whether an XML text has a message of this kind.
@@ -24,6 +24,13 @@ pub(crate) fn read(text: &str, found: &mut Found) {
         match messages.next_if(|next| next.closing) {
             Some(end) => {
                 let message = text.get(tag.start..end.end).unwrap_or_default();
+                let version = text.get(tag.start..tag.end).and_then(version);
+                if let Some(version) = version
+                    && let Err(reason) = check_version("CCSDS_OMM_VERS", version, OMM_VERSIONS)
+                {
+                    found.take(Err((line, reason)));
+                    continue;
+                }
                 let record = record(message, tag.start, &mut finder);
                 found.take(record.map(|record| Record { line, ..record }));
             }

@@ -1,6 +1,7 @@
 //! OEM against independent programs: the states between the states, and the frames.
 
 use hifitime::{Epoch, Unit};
+use nalgebra::Vector3;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Loaded, Object, StateVector, parse};
 
@@ -309,4 +310,59 @@ fn frames_are_turned_as_by_independent_programs() {
         worst[2] > 1e-8 && worst[2] < 2.9e-6 && worst[3] < 2.9e-6,
         "{worst:?}"
     );
+}
+
+/// UT1 has no leap seconds: UT1 - UTC steps with UTC's, within a segment too.
+#[test]
+fn ut1_runs_on_over_a_leap_second() {
+    // X-Val: pyerfa 2.0.1.5 (utcut1, gst06, pnm06a), GCRF (m) of 7000 km along the x axis of the Earth, with UT1 - UTC = -0.4 s before the leap
+    // second of 2016-12-31 (IERS Bulletin C 52) and 0.6 s after it; the times in UT1 are those in UTC with it.
+    let rows = [
+        (
+            "2016-12-31T23:58:00",
+            "2016-12-31T23:57:59.6",
+            [-1_229_619.379, 6_891_155.978, 2_339.414],
+        ),
+        (
+            "2016-12-31T23:59:60",
+            "2016-12-31T23:59:59.6",
+            [-1_289_872.776, 6_880_132.432, 2_437.657],
+        ),
+        (
+            "2017-01-01T00:00:30",
+            "2017-01-01T00:00:30.6",
+            [-1_305_422.369, 6_877_199.021, 2_463.007],
+        ),
+        (
+            "2017-01-01T00:01:00",
+            "2017-01-01T00:01:00.6",
+            [-1_320_464.012, 6_874_326.775, 2_487.527],
+        ),
+    ];
+    let [utc, ut1] = [rows.map(|row| row.0), rows.map(|row| row.1)];
+    for (system, times, first, is_step_reported) in [
+        ("UTC", &utc[..], "-0.4", true),
+        ("UT1", &ut1[..], "-0.4", true),
+        ("UTC", &utc[2..], "0.6", false),
+        ("UT1", &ut1[2..], "0.6", false),
+    ] {
+        let states = times.iter().map(|at| format!("{at} 7000 0 0 0 0 0\n"));
+        let states: String = states.collect();
+        let (start, stop) = (times[0], times[times.len() - 1]);
+        let text = format!(
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\nCOMMENT UT1-UTC = {first}\nOBJECT_NAME = A\nOBJECT_ID = A\nCENTER_NAME = EARTH\n\
+             REF_FRAME = ITRF2014\nTIME_SYSTEM = {system}\nSTART_TIME = {start}\nSTOP_TIME = {stop}\nMETA_STOP\n{states}"
+        );
+        let loaded = parse(&text, "leap").unwrap();
+        assert!(loaded.rejected.is_empty(), "{:?}", loaded.rejected);
+        let object = &loaded.objects[0];
+        let remarks = remarks(object);
+        let is_reported = remarks.iter().any(|remark| remark.contains("as 0.6 s at"));
+        assert_eq!(is_reported, is_step_reported, "{system}: {remarks:?}");
+        for (at, _, expected_m) in &rows[rows.len() - times.len()..] {
+            let state = object.state(parse_utc(at).unwrap()).unwrap();
+            let off_m = (state.position_m - Vector3::from(*expected_m)).norm();
+            assert!(off_m < 0.01, "{system} {at}: {off_m} m");
+        }
+    }
 }

@@ -133,3 +133,42 @@ fn axes_of_a_fixed_epoch_are_refused_where_they_differ() {
         }
     }
 }
+
+/// Messages of versions that are not published are refused by name.
+#[test]
+fn versions_of_messages_are_those_of_the_standards() {
+    let oem = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nOBJECT_ID = A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\n\
+               START_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T00:00:10\nMETA_STOP\n2019-06-15T00:00:00 7000 0 0 1 0 0\n\
+               2019-06-15T00:00:10 7010 0 0 1 0 0\n";
+    let omm = "CCSDS_OMM_VERS = 2.0\nOBJECT_NAME = A\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = TEME\nTIME_SYSTEM = UTC\n\
+               MEAN_ELEMENT_THEORY = SGP4\nEPOCH = 2019-06-15T00:00:00\nMEAN_MOTION = 15\nECCENTRICITY = 0.001\nINCLINATION = 50\n\
+               RA_OF_ASC_NODE = 0\nARG_OF_PERICENTER = 0\nMEAN_ANOMALY = 0\nNORAD_CAT_ID = 5\nBSTAR = 0\n";
+    // X-Val: CCSDS 502.0-B-1 (OEM 1.0), B-2 (OEM and OMM 2.0), B-3 (3.0).
+    for (message, version, is_read) in [
+        (oem, "1.0", true),
+        (oem, "2.0", true),
+        (oem, "3.0", true),
+        (oem, "4.0", false),
+        (oem, "0.9", false),
+        (oem, "", false),
+        (omm, "1.0", false),
+        (omm, "2.0", true),
+        (omm, "3.0", true),
+        (omm, "4.0", false),
+    ] {
+        let text = message.replacen("VERS = 2.0", &format!("VERS = {version}"), 1);
+        let contents = parse(&text, "f").unwrap();
+        assert_eq!(contents.objects.len(), usize::from(is_read), "{text}");
+        let refused: Vec<String> = contents
+            .rejected
+            .iter()
+            .map(|one| one.reason.clone())
+            .collect();
+        assert_eq!(refused.is_empty(), is_read, "{text}: {refused:?}");
+        let is_named = |reason: &String| reason.contains(&format!("_VERS '{version}'; read are"));
+        assert!(
+            refused.len() <= 1 && refused.iter().all(is_named),
+            "{refused:?}"
+        );
+    }
+}

@@ -1,0 +1,65 @@
+//! When the pointing has a direction: an object that it follows may have no states.
+
+use super::{STEP_S, Search};
+use crate::flight::Flight;
+use hifitime::{Epoch, Unit};
+use skyloop_orbit::time::seconds;
+
+/// Ends of a part are bisected down to this, s.
+const FINE_S: f64 = 1e-3;
+
+/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every step.
+pub(super) fn parts(search: &Search, flight: &Flight) -> Vec<Search> {
+    let has = |epoch: Epoch| {
+        let state = flight.state(epoch);
+        state.is_ok_and(|state| flight.vehicle(epoch, state).is_ok())
+    };
+    let mut parts = Vec::new();
+    let (mut last, mut had) = (search.from, has(search.from));
+    let mut start = had.then_some(last);
+    while last < search.to {
+        let next = (last + seconds(STEP_S)).min(search.to);
+        let has_next = has(next);
+        if has_next != had {
+            let edge = edge([last, next], had, &has);
+            match start.take() {
+                None => start = Some(edge),
+                Some(from) => parts.push([from, edge]),
+            }
+        }
+        (last, had) = (next, has_next);
+    }
+    parts.extend(start.map(|from| [from, search.to]));
+    let is_long = |[from, to]: &[Epoch; 2]| *to - *from > seconds(FINE_S);
+    let parts = parts.into_iter().filter(is_long);
+    let parts = parts.map(|[from, to]| Search {
+        from,
+        to,
+        ..*search
+    });
+    parts.collect()
+}
+
+/// The instant between two, of which one has an attitude, at which that changes: of those bisected the last that has one.
+fn edge([mut low, mut high]: [Epoch; 2], had: bool, has: &impl Fn(Epoch) -> bool) -> Epoch {
+    while high - low > seconds(FINE_S) {
+        let middle = low + (high - low) * 0.5;
+        if has(middle) == had {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    if had { low } else { high }
+}
+
+/// First and last instants of what lies between the parts of a search.
+pub(super) fn gaps(search: &Search, parts: &[Search]) -> Vec<[Epoch; 2]> {
+    let starts = [search.from]
+        .into_iter()
+        .chain(parts.iter().map(|part| part.to));
+    let ends = parts.iter().map(|part| part.from).chain([search.to]);
+    let gaps = starts.zip(ends).map(|(start, end)| [start, end]);
+    gaps.filter(|[start, end]| *end - *start > Unit::Second * 0.0)
+        .collect()
+}
