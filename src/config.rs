@@ -14,7 +14,7 @@ use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
     Allowed, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice, one_of,
-    orbits, read, schema_of,
+    orbits, read, schema_of, some_table, table, tables,
 };
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -147,24 +147,25 @@ struct Raw {
     #[serde(default = "default_label_snr")]
     label_snr: f64,
     /// each effect runs only where a scene needs it: `skyloop plan --scene FILE` says which, and why
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     effects: RawEffects,
     /// Which stars, and what moves and colours them.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     sky: RawSky,
     /// Objects in orbit.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     objects: RawObjects,
     /// Where the observer is in runs that make their own attitudes.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     observer: RawObserver,
     /// the exposures of `render` and `loopback`
+    #[serde(default, deserialize_with = "some_table")]
     sequence: Option<RawSequence>,
     /// How a live run listens and keeps time.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     run: RawRun,
     /// a further camera of the same vehicle, in `run` and `soak`; may be repeated
-    #[serde(default)]
+    #[serde(default, deserialize_with = "tables")]
     heads: Vec<RawHead>,
 }
 

@@ -2,7 +2,9 @@
 
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
 use crate::load::orbits::{Findings, Pool, Shelf, named};
-use crate::load::{Allowed, Check, ConfigError, Folder, Limit, advice, read, schema_of};
+use crate::load::{
+    Allowed, Check, ConfigError, Folder, Limit, advice, read, schema_of, some_table, some_tables,
+};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
@@ -73,6 +75,7 @@ parts = [{ kind = "sphere", diameter_m = 1.0 }]
 #[serde(deny_unknown_fields)]
 struct RawPopulation {
     /// Which objects there are, and what they look like.
+    #[serde(default, deserialize_with = "some_tables")]
     objects: Option<Vec<RawEntry>>,
     /// Shapes by name.
     #[serde(default)]
@@ -87,10 +90,12 @@ struct RawEntry {
     /// One object: FILE, or FILE:NAME by name, id or number
     object: Option<String>,
     /// A reflecting sphere.
+    #[serde(default, deserialize_with = "some_table")]
     sphere: Option<RawSphere>,
     /// Instead of a sphere: the name of a shape of this file, with an attitude
     shape: Option<String>,
     /// How its shape is turned.
+    #[serde(default, deserialize_with = "some_table")]
     attitude: Option<RawAttitude>,
 }
 

@@ -4,7 +4,7 @@ use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime, tables};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -20,7 +20,7 @@ pub(super) struct RawSequence {
     /// S
     period_s: f64,
     /// ICRF to body, [x, y, z, w]; slerp between
-    #[serde(default)]
+    #[serde(default, deserialize_with = "tables")]
     attitudes: Vec<RawAttitude>,
     /// Instead of attitudes: a file of them, a CCSDS AEM (KVN) or lines UTC x y z w
     attitude_file: Option<String>,
@@ -332,6 +332,12 @@ period_s = 1.0
             let text = format!("[run]\n{key} = {value}");
             both(&schema, &text, load, is_valid);
         }
+        // Values without their keys are no table.
+        for table in ["run", "sky", "effects", "objects", "observer"] {
+            both(&schema, &format!("[{table}]\n"), load, true);
+            both(&schema, &format!("[[{table}]]\n"), load, false);
+            both(&schema, &format!("{table} = []\n"), load, false);
+        }
     }
 
     #[test]
@@ -392,6 +398,10 @@ period_s = 1.0
             ),
             (
                 format!("[{{ {moving}0Z\" }}, {{ q = [0.0, 0.0, 0.0, 1.0] }}]"),
+                false,
+            ),
+            (
+                "[[\"2026-01-01T00:00:00Z\", [0.0, 0.0, 0.0, 1.0]]]".to_string(),
                 false,
             ),
         ] {

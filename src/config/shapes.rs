@@ -2,7 +2,7 @@
 
 use super::utc;
 use crate::attitude::Attitude;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, tables};
 use crate::sky::body_attitude::BodyAttitude;
 use crate::sky::photometry::Sphere;
 use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
@@ -40,6 +40,7 @@ impl Default for RawSphere {
 #[serde(deny_unknown_fields)]
 pub struct RawShape {
     /// 1 to 200 parts (required)
+    #[serde(deserialize_with = "tables")]
     parts: Vec<RawPart>,
 }
 

@@ -8,6 +8,7 @@ mod limits;
 pub mod orbits;
 mod report;
 mod syntax;
+mod table;
 mod words;
 
 pub(crate) use embedded::EXAMPLE_CAMERA;
@@ -17,6 +18,7 @@ pub use folder::Folder;
 pub(crate) use limits::{Allowed, Kind, Limit};
 use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
+pub(crate) use table::{some_table, some_tables, table, tables};
 pub(crate) use words::{MEANT, advice, nearest};
 
 use schemars::generate::SchemaSettings;

@@ -13,7 +13,7 @@ mod vignetting;
 use super::Camera;
 use crate::load::{
     Allowed, CAMERAS, Check, ConfigError, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
-    read_noticed, schema_of,
+    read_noticed, schema_of, some_table, table,
 };
 use detector::RawDetector;
 use optics::RawOptics;
@@ -32,15 +32,19 @@ struct RawCamera {
     #[serde(default = "first")]
     serial: u64,
     /// Lens, filter and image.
+    #[serde(deserialize_with = "table")]
     optics: RawOptics,
     /// The sensor and its electronics.
+    #[serde(deserialize_with = "table")]
     detector: RawDetector,
     /// Particles that cross the sensor; none without this table.
+    #[serde(default, deserialize_with = "some_table")]
     radiation: Option<RawRadiation>,
     /// Exposures.
+    #[serde(deserialize_with = "table")]
     timing: RawTiming,
     /// From body axes to camera axes.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "table")]
     mounting: RawMounting,
 }
 

@@ -6,7 +6,7 @@ use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, some_table, table};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -40,12 +40,16 @@ pub struct RawOptics {
     /// Where the boresight meets the detector; default: its centre (px)
     principal_px: Option<Fixed<f64, 2>>,
     /// The point spread function.
+    #[serde(deserialize_with = "table")]
     psf: RawPsf,
     /// From directions to pixels; a pinhole without this table.
+    #[serde(default, deserialize_with = "some_table")]
     projection: Option<RawProjection>,
     /// How the light falls towards the edge of the field.
+    #[serde(default, deserialize_with = "some_table")]
     vignetting: Option<RawVignetting>,
     /// Light from outside the field that is scattered onto the sensor.
+    #[serde(default, deserialize_with = "some_table")]
     stray: Option<RawStray>,
 }
 

@@ -3,7 +3,7 @@
 use super::images::RawImage;
 use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, one_of};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, one_of, some_tables};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -25,6 +25,7 @@ pub struct RawPsf {
     beta: Option<f64>,
     /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
     /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond
+    #[serde(default, deserialize_with = "some_tables")]
     images: Option<Vec<RawImage>>,
     /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
     /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond (cells/px)

@@ -393,6 +393,17 @@ fn schema_and_loader_agree_on_keys_that_go_together() {
         ("band = [400.0, 900.0]", "band = \"w\"", false),
         ("flux_cm2_s = 1.0", "flux_cm2_s = \"orbit\"", true),
         ("flux_cm2_s = 1.0", "flux_cm2_s = \"all\"", false),
+        // Values without their keys are no table.
+        (
+            "{ pst = [[0.0, 1e-3], [90.0, 1e-9]], sun_exclusion_deg = 40.0 }",
+            "[[[0.0, 1e-3], [90.0, 1e-9]], 40.0]",
+            false,
+        ),
+        ("{ table = [[0.0, 1.0], [40.0, 0.5]] }", "[false]", false),
+        ("[radiation]", "[[radiation]]", false),
+        ("[timing]", "[[timing]]", false),
+        ("[mounting]", "[[mounting]]", false),
+        ("[detector]", "[[detector]]", false),
     ] {
         assert!(base.contains(from), "{from}");
         both(&schema(), &base.replacen(from, to, 1), load, is_valid);

@@ -1,7 +1,7 @@
 //! The schedule of faults, a TOML file.
 
 use super::rule::{Rule, SEED};
-use crate::load::{Check, ConfigError, Folder, read};
+use crate::load::{Check, ConfigError, Folder, read, tables};
 use serde::Deserialize;
 use skyloop_protocols::{Direction, Fault, FaultKind};
 use std::path::Path;
@@ -31,7 +31,7 @@ pub fn impossible(kind: FaultKind) -> Option<&'static str> {
 struct Raw {
     #[serde(default = "default_seed")]
     seed: u64,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "tables")]
     faults: Vec<RawFault>,
 }
 
