@@ -148,7 +148,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let reached_hz = f64::from(attitudes) / (60.0 * minutes);
     print(
         &report,
-        format!("{reached_hz:.1} a second, of {rate_hz} asked for"),
+        format!("{reached_hz:.1} a second, of {rate_hz} requested"),
     )?;
     outputs.finish(&report)?;
     verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
