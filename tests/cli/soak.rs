@@ -56,7 +56,7 @@ fn a_run_is_measured_and_told_in_every_form() {
         "deadlines missed",
         "context switches",
         // Two for each frame of the first camera at 20 Hz; it alone is told of the vehicle.
-        "a second, of 40 asked for",
+        "a second, of 40 requested",
         // No machine that runs this has as many.
         "CPU 1023 not granted (run.cpus: ",
         "start to the first frame",
@@ -103,7 +103,7 @@ fn a_run_by_the_clients_clock_is_measured_likewise() {
     let log = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{log}");
     let said = String::from_utf8(output.stdout).unwrap();
-    for row in ["of 50 asked for", "kept: memory"] {
+    for row in ["of 50 requested", "kept: memory"] {
         assert!(said.contains(row), "no {row:?} in {said}");
     }
     let report: Value = serde_json::from_str(&read(here.path(), "verdict.json")).unwrap();
