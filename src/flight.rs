@@ -88,6 +88,13 @@ pub enum FlightError {
     Unobservable(#[from] Unobservable),
 }
 
+impl FlightError {
+    /// Whether the target of a pointing has no known direction at an instant.
+    pub fn lacks_direction(&self) -> bool {
+        matches!(self, FlightError::Profile(ProfileError::Target { .. }))
+    }
+}
+
 /// How long a flight computer waits for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 

@@ -27,7 +27,6 @@ use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::Seeker;
-use skyloop_firmware_sim::profile::ProfileError;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, Orbit};
 use std::cell::OnceCell;
@@ -100,9 +99,10 @@ pub fn passes(
 ) -> Result<Passes, NoPasses> {
     let within = |search: &Search| through(search, flight, camera, population, corrections, &tick);
     let whole = within(search);
-    let Err(NoPasses::Flight(FlightError::Profile(ProfileError::Target { .. }))) = &whole else {
-        return whole;
-    };
+    match &whole {
+        Err(NoPasses::Flight(error)) if error.lacks_direction() => {}
+        _ => return whole,
+    }
     let parts = pointing::parts(search, flight);
     if parts.is_empty() {
         return whole;
