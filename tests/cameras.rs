@@ -252,7 +252,7 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         (
             "name = \"rigel-l\"",
             "name = \" \"",
-            ["name = \"\"", "a name"],
+            ["name = \" \"", "a name"],
         ),
         (
             "name = \"rigel-l\"",

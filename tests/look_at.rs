@@ -200,7 +200,8 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
             "sequence.roll: unknown key `roll`: did you mean `roll_deg`?",
         ),
         ("look_at = [0, 91]", "a declination of -90 to 90 deg"),
-        ("look_at = 5", "sequence.look_at: must be \"Sun\""),
+        ("look_at = 5", "sequence.look_at: \"5\" is none of Sun"),
+        ("look_at = true", "sequence.look_at: must be \"Sun\""),
         (
             "radec = [0, 91, 0]",
             "sequence.radec: 0,91,0: must be RA -360 to 360",
