@@ -155,8 +155,8 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
     /// Samples the piece from `a` to `b`, halfway between which is `mid`.
     pub fn piece_by(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let (mut panels, mut near) = (1.0, false);
-        // The rows that the image passes, and how far it may leave them.
-        let (mut ys, mut bend) = ([0.0; 3], 0.0);
+        // The rows that the image passes, and how far it may leave them, where that is known.
+        let mut passed = None;
         let split;
         match (a.1, mid.1, b.1) {
             (None, None, None) => return,
@@ -164,7 +164,8 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 let ends = [from.at, middle.at, to.at];
                 let length = length(&[a.1, mid.1, b.1]);
                 let chord = [0, 1].map(|k| (from.at[k] + to.at[k]) / 2.0);
-                (ys, bend) = (ends.map(|at| at[1]), distance(middle.at, chord));
+                let (ys, bend) = (ends.map(|at| at[1]), distance(middle.at, chord));
+                passed = Some((ys, bend));
                 let seen = self
                     .course
                     .window
@@ -207,7 +208,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         for i in 0..panels {
             let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
             let ends = [part(i), part(i + 1)];
-            if !self.is_cut(ends, ys, bend) {
+            if let Some((ys, _)) = passed.filter(|(ys, bend)| !self.is_cut(ends, *ys, *bend)) {
                 // All rows near by collect light, or none does.
                 if self.collects((ends[0] + ends[1]) / 2.0, ys[1]) {
                     self.panel(ends, Lit::ALL, samples);

@@ -104,7 +104,10 @@ fn what_cannot_be_meant_is_refused() {
         ),
         (
             "[fidelity]\norbits = 1",
-            ["run.toml:2:10: fidelity.orbits: must be a text", "not 1"],
+            [
+                "run.toml:2:10: fidelity.orbits = 1",
+                "one of tracked, exact, scalar",
+            ],
         ),
         (
             "fidelity = 3",

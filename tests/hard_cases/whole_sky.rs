@@ -107,6 +107,7 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
             }
             Body::Wanderer(body) => {
                 body.directions = body.directions.map(|direction| turn.rotate(&direction));
+                body.centre = turn.rotate(&body.centre);
                 for element in &mut body.elements {
                     element.offset = turn.rotate(&element.offset);
                 }

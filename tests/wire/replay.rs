@@ -214,6 +214,8 @@ fn several_links_are_replayed_together() {
     says(&mut lines[1], &[grant, Command::Ping]);
     assert!(lines[1].recv(PATIENCE).is_some(), "the Ping's Ack");
     says(&mut lines[0], &[grant]);
+    // Its Challenge goes back: no frame is sent before.
+    assert!(lines[0].recv(Duration::from_millis(200)).is_none());
     for i in 0..3 {
         says(&mut lines[0], &[Command::Attitude(attitude(i))]);
         emulator.shot();
@@ -339,6 +341,8 @@ fn a_frame_that_was_given_up_is_given_up_again() {
     capture.tap(&mut wire, 0);
     let emulator = Running::start(small(), Clock::Stepped, wire);
     says(&mut line, &[Command::Credit { packets: 5 }]);
+    // Its Challenge goes back: no frame is sent before.
+    assert!(line.recv(Duration::from_millis(200)).is_none());
     says(&mut line, &[Command::Attitude(attitude(0))]);
     emulator.shot();
     says(&mut line, &[Command::Credit { packets: 50_000 }]);
