@@ -43,7 +43,9 @@ pub fn catalogue_number(text: &str) -> Option<u32> {
 pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
     let without = |text: &'a str, word: &str| {
         let (head, rest) = text.split_at_checked(word.len())?;
-        let rest = rest.trim_start_matches([' ', '_', '-', ':', '#']);
+        // A minus further on is one of a number.
+        let rest = rest.strip_prefix('-').unwrap_or(rest);
+        let rest = rest.trim_start_matches([' ', '_', ':', '#']);
         head.eq_ignore_ascii_case(word).then_some(rest)
     };
     let text = text.trim().trim_matches(['"', '\'']).trim();

@@ -1,7 +1,7 @@
 //! Texts that stand for no value where an id, a number or a name is expected.
 
 use crate::Designator;
-use crate::identity::{assigned, catalogue_number};
+use crate::identity::{assigned, catalogue_number, unlabelled};
 
 /// Placeholders. `UNKNOWN`, one of [`MISSING`], is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME).
 const PLACEHOLDERS: [&str; 14] = [
@@ -67,7 +67,8 @@ pub fn is_placeholder(text: &str) -> bool {
     if let Some(number) = catalogue_number(text) {
         return assigned(number).is_none();
     }
-    let is_negative = text.trim().parse().is_ok_and(|number: f64| number <= 0.0);
+    let number = unlabelled(text, "NORAD").trim().parse();
+    let is_negative = number.is_ok_and(|number: f64| number <= 0.0);
     if is_negative || Designator::is_impossible(text) {
         return true;
     }
@@ -103,6 +104,7 @@ mod tests {
     fn placeholders_tell_nothing_apart() {
         for text in [
             "UNKNOWN",
+            "NORAD -1",
             "unknown",
             "TBD",
             "tba",

@@ -351,7 +351,7 @@ impl<'a> Fields<'a> {
         };
         match alpha_5(&text.to_ascii_uppercase()) {
             Some(number) if number <= LARGEST_NUMBER => Ok(number),
-            None if is_placeholder(text) => Ok(0),
+            None if is_placeholder(text) && !text.parse().is_ok_and(f64::is_finite) => Ok(0),
             _ => Ok(self.counter(Key::Number, LARGEST_NUMBER)?.unwrap_or(0)),
         }
     }

@@ -265,7 +265,7 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
     let told = rejections(&text);
     assert_eq!(
         told[0],
-        "odd:1: record 2: INCLINATION '9\\n7' is not a number from 0 to 180 (SAME DEB, NORAD_CAT_ID 8)"
+        "odd:1: record 2: INCLINATION '9\\u000a7' is not a number from 0 to 180 (SAME DEB, NORAD_CAT_ID 8)"
     );
     assert!(told[1].starts_with("odd:1: record 4: not JSON"), "{told:?}");
     assert!(
