@@ -269,7 +269,7 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
     );
     assert!(told[1].starts_with("odd:1: record 4: not JSON"), "{told:?}");
     assert!(
-        told[2].starts_with("odd:2: '<a>\\n<b>' is outside"),
+        told[2].starts_with("odd:2: '<a>\\u000a<b>' is outside"),
         "{told:?}"
     );
     assert!(told.iter().all(|line| !line.contains('\n')), "{told:?}");
