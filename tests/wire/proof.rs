@@ -151,8 +151,6 @@ fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
 fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut deaf = Client::new(Deaf(line));
-    deaf.window = None;
-    deaf.send(Command::Credit { packets: 1 << 30 });
     deaf.point(attitude(0), EPOCH);
     let (begun, mut challenge) = (Instant::now(), None);
     while begun.elapsed() < Duration::from_millis(2500) {
@@ -165,7 +163,6 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
         late.filter(|packet| !is_challenge(packet) && identify(packet).unwrap().0 != STATUS);
     assert_eq!(frames.count(), 0);
     let mut client = Client::new(deaf.line.0);
-    client.window = None;
     client.good_frame(1);
     let (stats, _) = emulator.measured();
     let account = &stats.accounts[0].1;
