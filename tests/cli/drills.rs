@@ -212,14 +212,14 @@ fn a_full_disk_leaves_no_file_behind() {
     }
 }
 
-/// 900 blocks of 512 bytes a file: the frame and its label (391 kB) fit, the recording of both does not.
+/// 1500 blocks of 512 bytes a file: the files of a frame fit, a log of its CAN frames as text does not.
 #[test]
 fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     let mut sh = Command::new("sh");
-    sh.args(["-c", "trap '' XFSZ; ulimit -f 900; exec \"$0\" \"$@\""]);
-    let command = "loopback --frames 1 --capture c.pcapng --junit v.xml";
+    sh.args(["-c", "trap '' XFSZ; ulimit -f 1500; exec \"$0\" \"$@\""]);
+    let command = "loopback --link slcan --frames 1 --capture c.log --junit v.xml";
     sh.arg(env!("CARGO_BIN_EXE_skyloop"))
         .args(command.split(' '));
     let output = sh.current_dir(at).output().unwrap();
