@@ -162,9 +162,15 @@ fn follows(key: &str, error: &ConfigError, done: &str) -> bool {
         ConfigError::Syntax { .. } => String::new(),
         other => other.to_string(),
     };
+    // Behind the place, which may have any words.
+    let message = message.split_once(": ").map_or("", |(_, message)| message);
+    let speaks_of = |name: &str| {
+        let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');
+        words.any(|word| word == name)
+    };
     let misses = done
         .rsplit_once('.')
-        .is_some_and(|(table, name)| without_indices(table) == key && message.contains(name));
+        .is_some_and(|(table, name)| without_indices(table) == key && speaks_of(name));
     within(key, done) || misses || (done.contains('.') && message.contains(done))
 }
 

@@ -83,7 +83,9 @@ impl RawProjection {
         match (&self.model, &self.k, &self.p, self.strength) {
             (None, None, None, None) => {
                 let reason = "says nothing: name its model, or leave it out for a pinhole's";
-                Err(check.explain("optics.projection", reason))
+                Err(check
+                    .explain("optics.projection", reason)
+                    .needs(&["optics.projection"]))
             }
             _ => Ok(self),
         }
