@@ -303,6 +303,10 @@ impl Server {
             }
             let entry = channel.frames.open(&request);
             let number = channel.exchange.number;
+            // A proof that comes late is as good as a packet.
+            let proves_late = channel.exchange.withheld == Withheld::NoProof
+                && !channel.wire.tally.awaits_proof();
+            channel.exchange.deaf &= !proves_late;
             channel.exchange.deaf |= channel.wire.tally.has_ended(number);
             if channel.exchange.deaf || !channel.exchange.heard {
                 without.push((at, entry));

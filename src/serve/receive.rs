@@ -105,8 +105,8 @@ impl Server {
                     self.fail_refused("Attitude");
                 }
                 // What cannot be identified may be an attitude. Of another version all packets are refused: no frame will come.
-                let may_request = !matches!(apid, COMMAND | CHALLENGE);
-                if may_request || error.reason() == Reason::BadVersion {
+                let is_foreign = error.reason() == Reason::BadVersion;
+                if apid != CHALLENGE && (apid != COMMAND || is_foreign) {
                     self.report(at, Withheld::Refused, &error.to_string());
                 }
                 return self.nack(at, apid, count, error.reason(), &error.to_string());

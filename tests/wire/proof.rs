@@ -2,9 +2,12 @@
 
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
-use crate::support::{EPOCH, PATIENCE, attitude, await_that, later, on_memory, on_udp, scene};
+use crate::support::{
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, scene,
+};
 use skyloop::config::Clock;
-use skyloop_protocols::apid::STATUS;
+use skyloop::link::open_all;
+use skyloop_protocols::apid::{PIXEL_BLOCK, STATUS};
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{Challenge, Command, MAX_PACKET, Reason, Reply, WireTime};
 use std::time::{Duration, Instant};
@@ -169,6 +172,42 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     let why: Vec<_> = account.withheld.iter().collect();
     assert_eq!((account.requested, account.delivered), (2, 1));
     assert_eq!(why, [(&"address not proved", &1)]);
+}
+
+/// Likewise beside a link whose client proves its address: what is given up there is not sent, what follows is.
+#[test]
+fn a_link_whose_client_proves_late_gets_the_next_frames() {
+    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let links = open_all(&urls, &options(60.0)).unwrap();
+    let [line, late] = [0, 1].map(|at| UdpLine::to(&links[at].0.address));
+    let emulator = Running::at(scene(), Clock::Stepped, links);
+    let (mut client, mut late) = (Client::new(line), Client::new(Deaf(late)));
+    late.send(Command::Ping);
+    client.status();
+    client.point(attitude(0), EPOCH);
+    let (begun, mut challenge) = (Instant::now(), None);
+    let mut blocks = 0;
+    while begun.elapsed() < Duration::from_millis(3500) {
+        let elapsed = begun.elapsed();
+        client.recv(Duration::from_millis(1));
+        let came = late.line.recv(Duration::from_millis(1));
+        blocks += usize::from(
+            came.as_ref()
+                .is_some_and(|one| identify(one).unwrap().0 == PIXEL_BLOCK),
+        );
+        challenge = came.filter(|packet| is_challenge(packet)).or(challenge);
+        if elapsed > Duration::from_millis(2500)
+            && let Some(challenge) = challenge.take()
+        {
+            assert_eq!(blocks, 0);
+            late.line.send(&challenge);
+            client.point(attitude(1), later(EPOCH, 1.0));
+        }
+    }
+    assert!(blocks > 0);
+    let (stats, _) = emulator.measured();
+    let withheld: usize = stats.accounts[1].1.withheld.values().sum();
+    assert_eq!((stats.accounts[1].1.delivered > 0, withheld), (true, 1));
 }
 
 #[test]

@@ -91,6 +91,9 @@ impl Exchange {
             return Heard::Proof;
         }
         client.proof.received(from, packet.len());
+        // A proof may have lapsed since the last packet.
+        let holds = self.prover.holds(&client.proof, now);
+        self.tally.await_proof(!holds);
         Heard::Packet(self.number)
     }
 
@@ -174,6 +177,7 @@ impl Exchange {
     pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
         let client = self.client.as_mut().filter(|client| client.holds)?;
         let (proof, address) = (&mut client.proof, client.address);
+        self.tally.await_proof(!self.prover.holds(proof, now));
         let personality = self.options.personality;
         let packet = self.prover.challenge(proof, address, now, personality)?;
         Some((address, packet))
