@@ -144,7 +144,7 @@ def print_losses():
 def run():
     frames, expected, pause = {}, {}, 0.05
     whole = attitudes = newest = granted = 0
-    counted = told = 0  # frame packets that have left the emulator, by their sequence counts, and as the last Status has it
+    counted = reported = 0  # frame packets that have left the emulator, by their sequence counts, and as the last Status has it
     accepted = None  # attitudes that it had accepted before
     heard = asked = begin = said = time.monotonic()
     patience, reason = options.timeout, "no Status either: is `skyloop run` listening there?"
@@ -154,7 +154,7 @@ def run():
         if now - said > 1:
             print_losses()
             said = now
-        sent = max(counted, told)
+        sent = max(counted, reported)
         if accepted is not None and sent + ROOM > granted + ROOM // 4:
             granted = sent + ROOM
             send(COMMAND, struct.pack(">BI", CREDIT, granted & 0xFFFFFFFF))
@@ -184,8 +184,8 @@ def run():
             if accepted is None and tuple(body[7:9]) != (FRAME, TEXT):
                 continue  # Output has not come: it is sent again
             total = struct.unpack_from(">I", body, 107)[0]
-            ahead = (struct.unpack_from(">I", body, 41)[0] - told + (1 << 31)) % (1 << 32) - (1 << 31)
-            told += max(ahead, 0)  # an older Status may come late
+            ahead = (struct.unpack_from(">I", body, 41)[0] - reported + (1 << 31)) % (1 << 32) - (1 << 31)
+            reported += max(ahead, 0)  # an older Status may come late
             accepted = total if accepted is None else accepted
             for frame in frames.values():  # what was sent and has not come is lost
                 frame.request_missing()

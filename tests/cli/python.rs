@@ -109,8 +109,8 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
         let here = tempfile::tempdir().unwrap();
         let at = here.path();
         let process = emulator(at, &format!("camera = {camera:?}"), "", &[]);
-        let told = client(at, &process, &["--out", "got-"]);
-        assert!(told.starts_with("got-00000: "), "{told}");
+        let printed = client(at, &process, &["--out", "got-"]);
+        assert!(printed.starts_with("got-00000: "), "{printed}");
         process.signal("-INT");
         let (code, table) = process.end();
         assert_eq!(code, Some(0), "{table}");
@@ -159,24 +159,27 @@ fn the_client_requests_again_what_is_lost_damaged_or_late() {
         let text: String = faults.iter().map(fault).collect();
         std::fs::write(at.join("faults.toml"), text).unwrap();
         let process = emulator(at, "camera = \"rigel-l\"", "", &["--faults", "faults.toml"]);
-        let told = client(at, &process, &["--frames", "3"]);
+        let printed = client(at, &process, &["--frames", "3"]);
         process.signal("-INT");
         let (_, table) = process.end();
         // It checks the pixels itself against the checksum of each frame.
-        let frames = told.matches("1024 x 1024 pixels of 12 bits").count();
-        assert_eq!(frames, 3, "{faults:?}: {told}{table}");
+        let frames = printed.matches("1024 x 1024 pixels of 12 bits").count();
+        assert_eq!(frames, 3, "{faults:?}: {printed}{table}");
         assert!(table.contains("resent_blocks"), "{table}");
         // Runs of less than a second say it, too.
-        let last = told.lines().last().unwrap();
+        let last = printed.lines().last().unwrap();
         let numbers = last.split(' ').filter_map(|word| word.parse().ok());
         let numbers: Vec<i64> = numbers.collect();
         let [found_again, found_damaged, _] = numbers[..] else {
-            panic!("{told}");
+            panic!("{printed}");
         };
-        assert!(last.contains("requested again"), "{told}");
+        assert!(last.contains("requested again"), "{printed}");
         // Differences of counters do not wrap: no more than all packets, once a frame.
-        assert!((again..20_000).contains(&found_again), "{faults:?}: {told}");
-        assert!((damaged..20_000).contains(&found_damaged), "{told}");
+        assert!(
+            (again..20_000).contains(&found_again),
+            "{faults:?}: {printed}"
+        );
+        assert!((damaged..20_000).contains(&found_damaged), "{printed}");
     }
 }
 
@@ -211,8 +214,8 @@ fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
             .current_dir(at);
         let command = command.stderr(std::process::Stdio::piped());
         let process = Process::spawned(command, "listening on ");
-        let (is_success, told) = ended(at, &process, flags);
-        assert!(!is_success && told.contains(says), "{told}");
+        let (is_success, printed) = ended(at, &process, flags);
+        assert!(!is_success && printed.contains(says), "{printed}");
         process.signal("-INT");
         let (code, table, log) = process.end_with_log();
         assert_eq!(code, Some(0), "{table}{log}");
@@ -234,10 +237,14 @@ fn the_client_takes_large_frames_at_four_a_second() {
     std::fs::write(at.join("large.toml"), camera).unwrap();
     let run = "clock = \"wall\"";
     let process = emulator(at, "camera = \"large.toml\"\nfidelity = \"fast\"", run, &[]);
-    let told = client(at, &process, &["--frames", "4", "--wall", "4"]);
+    let printed = client(at, &process, &["--frames", "4", "--wall", "4"]);
     process.signal("-INT");
     process.end();
-    assert_eq!(told.matches("2048 x 2048 pixels").count(), 4, "{told}");
+    assert_eq!(
+        printed.matches("2048 x 2048 pixels").count(),
+        4,
+        "{printed}"
+    );
 }
 
 /// The README shows the first part of the file.
