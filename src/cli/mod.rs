@@ -229,22 +229,25 @@ impl Records {
         Ok(())
     }
 
-    /// The same for the lines of records, where there is no scene; `what` was done to them: `refused`, `changed`.
+    /// The same for the lines of records, where there is no scene; `what` was done to them: `refused`, `left out`, `changed`.
     fn settle_lines(&self, what: &str, rejected: &[String]) -> anyhow::Result<()> {
         let named = rejected.iter().take(NAMED);
         let others = rejected.len().saturating_sub(NAMED);
-        let more = format!("{others} more; skyloop catalog check FILE names them all");
+        let is_refused = what == "refused";
+        let more = match is_refused {
+            true => format!("{others} more; skyloop catalog check FILE names them all"),
+            false => format!("{others} more"),
+        };
         if self.strict && !rejected.is_empty() {
             let mut lines: Vec<&str> = named.map(String::as_str).collect();
             lines.extend((others > 0).then_some(more.as_str()));
             let count = counted(rejected.len(), "record");
-            let what = if what == "refused" {
-                "cannot be used"
-            } else {
-                what
+            let would = match is_refused {
+                true => "cannot be used",
+                false => &format!("would be {what}"),
             };
             bail!(
-                "--strict: {count} of orbit files {what}:\n  {}",
+                "--strict: {count} of orbit files {would}:\n  {}",
                 lines.join("\n  ")
             );
         }

@@ -43,9 +43,15 @@ pub fn catalogue_number(text: &str) -> Option<u32> {
 pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
     let without = |text: &'a str, word: &str| {
         let (head, rest) = text.split_at_checked(word.len())?;
-        // A minus further on is one of a number.
-        let rest = rest.strip_prefix('-').unwrap_or(rest);
-        let rest = rest.trim_start_matches([' ', '_', ':', '#']);
+        let bare = rest.trim_start_matches([' ', '_', ':', '#', '-']);
+        let (between, _) = rest.split_at_checked(rest.len() - bare.len())?;
+        // `NORAD-5` and `NORAD - 5` are 5; `NORAD -5` is a negative number.
+        let ends_in_minus = between.ends_with(" -") || between.ends_with(":-");
+        let is_negative = ends_in_minus && bare.starts_with(|c: char| c.is_ascii_digit());
+        let rest = match is_negative {
+            true => rest.split_at_checked(between.len() - 1)?.1,
+            false => bare,
+        };
         head.eq_ignore_ascii_case(word).then_some(rest)
     };
     let text = text.trim().trim_matches(['"', '\'']).trim();
@@ -313,6 +319,9 @@ mod tests {
             "NORAD_CAT_ID 5",
             "#5",
             "NORAD #5",
+            "NORAD-5",
+            "NORAD - 5",
+            "NORAD_-5",
             "'5'",
         ];
         for id in calls.iter().chain(&numbers) {
@@ -323,7 +332,16 @@ mod tests {
                 assert!(alike(&ephemeris(same[0]), &ephemeris(other)), "{other}");
             }
         }
-        for other in ["1958-002A", "1958-20B", "6", "NORAD 55", "NORADIA 5", "A"] {
+        for other in [
+            "1958-002A",
+            "1958-20B",
+            "6",
+            "NORAD 55",
+            "NORADIA 5",
+            "NORAD -5",
+            "NORAD ID: -5",
+            "A",
+        ] {
             assert!(!alike(&vanguard, &ephemeris(other)), "{other}");
             assert!(
                 !alike(&ephemeris("1958-002B"), &ephemeris(other)),

@@ -8,6 +8,7 @@ use crate::{
     Identity, Object, Orbit, Source, lines, oem, omm, path_text, printable_line, read_text, remedy,
     server, theory, tle, unite, unread, xml,
 };
+use hifitime::Epoch;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -37,6 +38,8 @@ pub struct Contents {
     pub rejected: Vec<Rejected>,
     /// What was assumed of records that were read, a line for each kind.
     pub assumed: Vec<String>,
+    /// START_TIME of the first segment of an OEM in the text.
+    first_start: Option<Epoch>,
 }
 
 /// A record that could not be read. Shown as `file:line: reason`.
@@ -187,6 +190,7 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         ephemerides: Vec::new(),
         rejected: Vec::new(),
         assumed: Vec::new(),
+        first_start: None,
     };
     // Texts in brackets are one part, whatever their lines begin with.
     let is_bracketed = !matches!(
@@ -297,13 +301,14 @@ impl Contents {
             Format::OmmJson => omm::json::read(text, &mut found),
             Format::OmmCsv => omm::csv::read(text, &mut found),
             Format::OemKvn => {
-                add_ephemerides(oem::parse(text, source), &mut ephemerides, &mut found)
+                let loaded = oem::parse(text, source, &mut self.first_start);
+                add_ephemerides(loaded, &mut ephemerides, &mut found);
             }
             Format::OemXml => {}
         }
         // An NDM may hold messages of both kinds.
         if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
-            let loaded = oem::xml::parse(text, source);
+            let loaded = oem::xml::parse(text, source, &mut self.first_start);
             add_ephemerides(loaded, &mut ephemerides, &mut found);
         }
         if matches!(format, Format::OmmXml | Format::OemXml) {

@@ -59,11 +59,12 @@ impl Ut1 {
     fn step(self, stop: Epoch) -> Option<String> {
         let count = time::leap_seconds(self.at, stop);
         let given_s = self.utc_s.unwrap_or(0.0);
+        // Bulletin A gives 1e-7 s.
+        let there_s = ((given_s + f64::from(count)) * 1e7).round() / 1e7;
         let [at, stop] = [self.at, stop].map(time::utc_text);
         (count != 0).then(|| {
             format!(
-                "UT1 - UTC is taken as {given_s} s at {at} and, after {count} leap second(s), as {} s at {stop}",
-                given_s + f64::from(count)
+                "UT1 - UTC is taken as {given_s} s at {at} and, with {count:+} s of leap seconds, as {there_s} s at {stop}"
             )
         })
     }
@@ -202,7 +203,7 @@ impl Meta {
 
     /// UT1 - UTC: a comment's at the START_TIME of its segment, the program's at that of the first segment of the file, which `first` keeps.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
-        // To tell on which side of a leap second it lies, UT1 is UTC.
+        // UT1 is read as UTC here: it only decides on which side of a leap second the instant lies.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
         let first = *first.get_or_insert(start);

@@ -42,9 +42,9 @@ pub(crate) fn begins(line: &str) -> bool {
 ///
 /// Covariance sections, comments and accelerations are passed over. A segment
 /// with a line that cannot be read is rejected whole, and the rest loads.
-pub(crate) fn parse(text: &str, source: &str) -> Loaded {
+pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -> Loaded {
     let mut reader = Reader {
-        read: Segments::new(source),
+        read: Segments::new(source, first_start),
         section: Section::Outside,
         is_unknown: false,
     };
@@ -84,8 +84,8 @@ struct Segments<'a> {
     /// Places of the objects in `loaded`.
     places: HashMap<Key, usize>,
     ids: Ids,
-    /// START_TIME of the first segment.
-    first_start: Option<Epoch>,
+    /// START_TIME of the first segment of the file.
+    first_start: &'a mut Option<Epoch>,
 }
 
 /// Where in the message the reader is.
@@ -137,7 +137,7 @@ impl Reader<'_> {
             }
             (_, section) if self.is_unknown => Ok(section),
             ("META_STOP", Section::Meta(meta)) => {
-                Data::new(&meta, &mut self.read.first_start).map(Section::Data)
+                Data::new(&meta, self.read.first_start).map(Section::Data)
             }
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
@@ -172,13 +172,13 @@ impl Reader<'_> {
 }
 
 impl<'a> Segments<'a> {
-    fn new(source: &'a str) -> Self {
+    fn new(source: &'a str, first_start: &'a mut Option<Epoch>) -> Self {
         Segments {
             source,
             loaded: Loaded::default(),
             places: HashMap::new(),
             ids: Ids::new(),
-            first_start: None,
+            first_start,
         }
     }
 

@@ -24,11 +24,11 @@ impl Tag<'_> {
     }
 }
 
-/// The value of the attribute `version` in the text of a tag.
-pub(crate) fn version(tag: &str) -> Option<&str> {
-    let (_, rest) = tag.split_once(" version")?;
-    let value = rest.trim_start().strip_prefix('=')?.trim_start();
-    value.split(['"', '\'']).nth(1)
+/// The value of the attribute `version` in the text of a start tag, brackets included.
+pub(crate) fn version(tag: &str) -> Option<String> {
+    let inside = tag.strip_prefix('<')?.trim_end_matches(['>', '/']);
+    let name = inside.find(char::is_whitespace)?;
+    attribute(&BytesStart::from_content(inside, name), &["version"])
 }
 
 /// The tags from an offset on; comments and quoted sections are passed over.
@@ -153,14 +153,17 @@ pub(crate) fn read_elements(
 
 /// The unit that a tag gives its element: `units` in the standard, `unit` in some files.
 pub(crate) fn unit(tag: &BytesStart) -> Option<String> {
+    attribute(tag, &["units", "unit"])
+}
+
+/// The value of the first attribute with one of these names.
+fn attribute(tag: &BytesStart, names: &[&str]) -> Option<String> {
     let mut attributes = tag.attributes().filter_map(Result::ok);
-    let unit = attributes.find(|attribute| {
+    let found = attributes.find(|attribute| {
         let name = attribute.key.local_name().into_inner();
-        ["units", "unit"]
-            .iter()
-            .any(|known| name.eq_ignore_ascii_case(known))
+        names.iter().any(|known| name.eq_ignore_ascii_case(known))
     })?;
-    Some(unit.value.trim().to_owned())
+    Some(found.value.trim().to_owned())
 }
 
 /// Adds what an event says to the text of the element that is open. Whether it is text.

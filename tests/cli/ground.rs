@@ -151,20 +151,18 @@ fn an_observer_inside_the_moon() {
 #[test]
 fn ut1_utc_comes_from_the_option_or_the_file() {
     let here = tempfile::tempdir().unwrap();
-    let message = |comment: &str| {
+    let message_at = |minute: &str, comment: &str| {
         let mut oem = format!(
             "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n\nMETA_START\n{comment}OBJECT_NAME = FLYER\n\
-             OBJECT_ID = 2026-001A\nCENTER_NAME = EARTH\nREF_FRAME = ITRF2014\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T23:35:00\n\
-             STOP_TIME = 2019-06-15T23:35:20\nINTERPOLATION = LINEAR\nMETA_STOP\n\n"
+             OBJECT_ID = 2026-001A\nCENTER_NAME = EARTH\nREF_FRAME = ITRF2014\nTIME_SYSTEM = UTC\nSTART_TIME = {minute}:00\n\
+             STOP_TIME = {minute}:20\nINTERPOLATION = LINEAR\nMETA_STOP\n\n"
         );
         for s in 0..=20 {
-            oem += &format!(
-                "2019-06-15T23:35:{s:02} 7000 {:.1} 0 0 7.5 0\n",
-                7.5 * f64::from(s)
-            );
+            oem += &format!("{minute}:{s:02} 7000 {:.1} 0 0 7.5 0\n", 7.5 * f64::from(s));
         }
         oem
     };
+    let message = |comment: &str| message_at("2019-06-15T23:35", comment);
     let write = |name: &str, text: String| std::fs::write(here.path().join(name), text).unwrap();
     write("plain.oem", message(""));
     write("given.oem", message("COMMENT UT1-UTC = -0.1634\n"));
@@ -192,6 +190,17 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
         (moved_km / (7.292115e-5 * 0.1634 * 7000.4) - 1.0).abs() < 2e-3,
         "{moved_km}"
     );
+    // The option is of the file's first START_TIME, whatever lies between: a leap second later (2016-12-31) UT1 - UTC is 1 s more.
+    let earlier = message_at("2016-12-31T23:00", "");
+    // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification set 00005.
+    let set = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+               2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+    let later = render("plain.oem", &["--ut1-utc", "0"]).0;
+    for between in ["", set] {
+        write("both.oem", format!("{earlier}{between}{}", message("")));
+        let both = render("both.oem:2026-001A", &["--ut1-utc", "-1"]).0;
+        assert!((both - later).norm() < 1e-9, "{between}: {both} {later}");
+    }
     let refused = skyloop(here.path())
         .args(["plan", "--ut1-utc", "37"])
         .assert();

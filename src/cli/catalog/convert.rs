@@ -66,7 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (format, written) = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
     let count = records.len() - written.left_out.len();
     lost.extend(written.left_out);
-    args.records.settle_lines("refused", &lost)?;
+    args.records.settle_lines("left out", &lost)?;
     args.records.settle_lines("changed", &written.changed)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");

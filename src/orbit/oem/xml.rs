@@ -30,9 +30,9 @@ pub(crate) fn looks_like(text: &str) -> bool {
 }
 
 /// Reads every segment by itself, as [`super::parse`] does.
-pub(crate) fn parse(text: &str, source: &str) -> Loaded {
+pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -> Loaded {
     let mut finder = LineFinder::new(text);
-    let mut read = Segments::new(source);
+    let mut read = Segments::new(source, first_start);
     let is_part = |name: &str| matches!(name, "oem" | "segment" | "ndm");
     let mut parts = tags(text, 0).filter(|tag| is_part(tag.name)).peekable();
     let (mut in_oem, mut open) = (false, 0);
@@ -50,7 +50,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
             in_oem = !tag.closing;
             let version = text.get(tag.start..tag.end).and_then(version);
             if let Some(version) = version.filter(|_| in_oem)
-                && let Err(reason) = check_version("CCSDS_OEM_VERS", version, OEM_VERSIONS)
+                && let Err(reason) = check_version("CCSDS_OEM_VERS", &version, OEM_VERSIONS)
             {
                 in_oem = false;
                 read.reject(finder.line(tag.start), &reason);
@@ -66,7 +66,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
             continue;
         };
         let segment = text.get(tag.start..end.end).unwrap_or_default();
-        match self::segment(segment, tag.start, &mut finder, &mut read.first_start) {
+        match self::segment(segment, tag.start, &mut finder, read.first_start) {
             Ok(data) => read.add(data),
             Err((line, reason)) => read.reject(line, &reason),
         }

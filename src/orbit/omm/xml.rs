@@ -26,7 +26,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
                 let message = text.get(tag.start..end.end).unwrap_or_default();
                 let version = text.get(tag.start..tag.end).and_then(version);
                 if let Some(version) = version
-                    && let Err(reason) = check_version("CCSDS_OMM_VERS", version, OMM_VERSIONS)
+                    && let Err(reason) = check_version("CCSDS_OMM_VERS", &version, OMM_VERSIONS)
                 {
                     found.take(Err((line, reason)));
                     continue;

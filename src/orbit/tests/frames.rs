@@ -171,4 +171,20 @@ fn versions_of_messages_are_those_of_the_standards() {
             "{refused:?}"
         );
     }
+    // Of XML 1.0, section 3.1: attributes come in any order, behind blanks, tabs or line breaks, in quotes of both kinds.
+    for (attributes, reason) in [
+        ("id='CCSDS_OEM_VERS' version='9.0'", "_VERS '9.0'; read are"),
+        (
+            "id=\"a version\"\n\tversion = \"9.0\"",
+            "_VERS '9.0'; read are",
+        ),
+        ("version=\"2.0\"\tid=\"version='9.0'\"", "no <metadata>"),
+    ] {
+        let text = format!("<oem {attributes}><body><segment></segment></body></oem>");
+        let rejected = parse(&text, "f").unwrap().rejected;
+        assert!(
+            rejected[0].reason.contains(reason),
+            "{attributes}: {rejected:?}"
+        );
+    }
 }
