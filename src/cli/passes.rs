@@ -114,10 +114,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let rows: Vec<Row> = bright
         .map(|pass| Row::new(pass, &population.objects()[pass.index]))
         .collect();
-    if !unpointed.is_empty() {
-        let times = unpointed.iter().take(5);
-        let times = times.map(|[from, to]| format!("{} to {}", utc_text(*from), utc_text(*to)));
-        let more = match unpointed.len() {
+    let unpointed = unpointed.into_iter().map(|times| times.map(utc_text));
+    let not_searched: Vec<[String; 2]> = unpointed.collect();
+    if !not_searched.is_empty() {
+        let times = not_searched.iter().take(5);
+        let times = times.map(|[from, to]| format!("{from} to {to}"));
+        let more = match not_searched.len() {
             ..=5 => String::new(),
             count => format!(" and {} more times", count - 5),
         };
@@ -142,6 +144,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         objects: population.objects().len(),
         fainter: all - rows.len(),
         without_state: unknown.into_keys().collect(),
+        not_searched,
         leap_seconds: leap_seconds(search.from, search.to),
     };
     let line = searched.line(rows.len());

@@ -266,6 +266,8 @@ pub struct Searched {
     pub fainter: usize,
     /// Objects whose orbits have no answer at some time.
     pub without_state: Vec<String>,
+    /// Times that were not searched, since the pointing has no direction then: first and last instants, UTC.
+    pub not_searched: Vec<[String; 2]>,
     /// Leap seconds between the first and the last instant: so many seconds more are searched than these differ by.
     pub leap_seconds: i32,
 }

@@ -35,6 +35,8 @@ use thiserror::Error;
 
 /// Seconds of a step: in them a low orbit goes 80 km.
 const STEP_S: f64 = 10.0;
+/// How often the pointing is looked at where it lacks a direction, s: the shorter ones only for gaps that the longer ones miss.
+const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 
 /// When to look, and how closely.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,25 +100,32 @@ pub fn passes(
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
     let within = |search: &Search| through(search, flight, camera, population, corrections, &tick);
-    let whole = within(search);
-    match &whole {
-        Err(NoPasses::Flight(error)) if error.lacks_direction() => {}
-        _ => return whole,
+    let mut found = within(search);
+    for step_s in GAP_STEPS_S {
+        match &found {
+            Err(NoPasses::Flight(error)) if error.lacks_direction() => {}
+            _ => break,
+        }
+        let parts = pointing::parts(search, flight, step_s);
+        let mut all = Passes {
+            unpointed: pointing::gaps(search, &parts),
+            ..Passes::default()
+        };
+        let searched: Result<Vec<Passes>, _> = parts.iter().map(within).collect();
+        found = match searched {
+            // Where it never has one, the error says why.
+            Ok(parts) if parts.is_empty() => break,
+            Ok(parts) => {
+                for part in parts {
+                    all.passes.extend(part.passes);
+                    all.unknown.extend(part.unknown);
+                }
+                Ok(all)
+            }
+            Err(error) => Err(error),
+        };
     }
-    let parts = pointing::parts(search, flight);
-    if parts.is_empty() {
-        return whole;
-    }
-    let mut all = Passes {
-        unpointed: pointing::gaps(search, &parts),
-        ..Passes::default()
-    };
-    for part in &parts {
-        let found = within(part)?;
-        all.passes.extend(found.passes);
-        all.unknown.extend(found.unknown);
-    }
-    Ok(all)
+    found
 }
 
 /// The passes during a search through which the vehicle points somewhere.

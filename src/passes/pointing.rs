@@ -1,6 +1,6 @@
 //! When the pointing has a direction: an object that it follows may have no states.
 
-use super::{STEP_S, Search};
+use super::Search;
 use crate::flight::Flight;
 use hifitime::{Epoch, Unit};
 use skyloop_orbit::time::seconds;
@@ -8,8 +8,8 @@ use skyloop_orbit::time::seconds;
 /// Ends of a part are bisected down to this, s.
 const FINE_S: f64 = 1e-3;
 
-/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every step.
-pub(super) fn parts(search: &Search, flight: &Flight) -> Vec<Search> {
+/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every `step_s`.
+pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search> {
     let has = |epoch: Epoch| {
         let state = flight.state(epoch);
         state.is_ok_and(|state| flight.vehicle(epoch, state).is_ok())
@@ -18,7 +18,7 @@ pub(super) fn parts(search: &Search, flight: &Flight) -> Vec<Search> {
     let (mut last, mut had) = (search.from, has(search.from));
     let mut start = had.then_some(last);
     while last < search.to {
-        let next = (last + seconds(STEP_S)).min(search.to);
+        let next = (last + seconds(step_s)).min(search.to);
         let has_next = has(next);
         if has_next != had {
             let edge = edge([last, next], had, &has);

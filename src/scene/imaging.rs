@@ -16,8 +16,8 @@ use std::f64::consts::TAU;
 /// Pieces of a track turn by at most this (rad), 3 degrees: they are nearly straight.
 const PIECE: f64 = 0.05;
 
-/// ns of a sample on a way that is already known.
-const WAY_NS: f64 = 30.0;
+/// ns of a sample on a track that is already known.
+const TRACK_NS: f64 = 30.0;
 
 /// The image of one point, or of what is made of points.
 struct Point {
@@ -84,7 +84,7 @@ impl View {
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
         let sample_ns = match self.even(candidate, simulated) {
-            Some(_) if !simulated.rolling => WAY_NS,
+            Some(_) if !simulated.rolling => TRACK_NS,
             _ => 2.0 * LOOK_NS,
         };
         let track_ns = self.track_ns(&track, sample_ns, candidate, fidelity);

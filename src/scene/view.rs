@@ -1,6 +1,6 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
-use super::area::{LOOK_NS, STEPS_PX, most_steps};
+use super::area::{AREA_LOOK_NS, STEPS_PX, most_steps};
 use super::observable::{Unobservable, shutter, turn_at};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::abort::WorkLimit;
@@ -295,7 +295,7 @@ impl View {
     pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
         Unobservable::TooMuchWork {
             sources: self.candidates.len(),
-            length_px: self.way_px(),
+            length_px: self.longest_path_px(),
             exposure_s: self.exposure.duration_s,
             limit_s: limit_s.unwrap_or(f64::INFINITY),
         }
@@ -382,7 +382,7 @@ impl View {
     }
 
     /// How far (px) images and the edges of area light move in the exposure, at most.
-    pub fn way_px(&self) -> f64 {
+    pub fn longest_path_px(&self) -> f64 {
         let seconds = self.exposure.duration_s;
         self.longest_track_px(seconds) + self.areas_swing_px(seconds)
     }
@@ -395,11 +395,11 @@ impl View {
         const STEP_NS: f64 = 200.0;
         // Places a pixel at which even light is looked at.
         const PLACES: f64 = 0.01;
-        // Looks at each place of light with details of a few pixels, for each that its panels begin with.
+        // Looks at each pixel of light with details below FEW_PX, for each look that its panels begin with.
         const HALVED: f64 = 6.0;
         const FEW_PX: f64 = 32.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
-        let px = self.way_px();
+        let px = self.longest_path_px();
         let pixels = self.camera.detector.pixels();
         let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
         let [columns, rows] = self.camera.detector.sides();
@@ -409,7 +409,7 @@ impl View {
             let is_fine = !area.has_edges() && area.detail() * self.scale_and_corner_px.0 < FEW_PX;
             area.looks_on(px) as f64 * if is_fine { HALVED } else { PLACES }
         });
-        let looking = pixels as f64 * looks.sum::<f64>() * LOOK_NS;
+        let looking = pixels as f64 * looks.sum::<f64>() * AREA_LOOK_NS;
         (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6
     }
 

@@ -435,4 +435,31 @@ fn a_search_goes_on_where_the_target_has_states() {
     // 12:00:00 to 12:09:50, less a light time at the beginning.
     let duration_s = row["duration_s"].as_f64().unwrap();
     assert!((589.0..590.0).contains(&duration_s), "{duration_s}");
+
+    // Two segments, with 2 s between that no step of the search meets.
+    let (first, later) = (circle(), circle());
+    let (_, segment) = later.split_once('\n').unwrap();
+    let first = first.replace(
+        "STOP_TIME = 2019-06-15T12:09:50",
+        "STOP_TIME = 2019-06-15T12:09:50\nUSEABLE_STOP_TIME = 2019-06-15T12:05:03",
+    );
+    let second = segment.replace(
+        "STOP_TIME = 2019-06-15T12:09:50",
+        "STOP_TIME = 2019-06-15T12:09:50\nUSEABLE_START_TIME = 2019-06-15T12:05:05",
+    );
+    std::fs::write(here.path().join("round.oem"), first + &second).unwrap();
+    let flags = flags
+        .join(" ")
+        .replace("11:59:00", "12:00:01")
+        .replace("12:12:00", "12:09:00");
+    let flags: Vec<&str> = flags.split(' ').collect();
+    let (code, text, log) = passes(here.path(), &flags);
+    assert_eq!(code, 0, "{log}");
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let gaps = json["not_searched"].as_array().unwrap();
+    assert_eq!(gaps.len(), 1, "{text}");
+    // A light time (0.1 s) later than the states.
+    let gap = gaps[0].to_string();
+    let ends = ["2019-06-15T12:05:03.", "2019-06-15T12:05:05."];
+    assert!(ends.iter().all(|end| gap.contains(end)), "{gap}");
 }

@@ -58,7 +58,7 @@ fn doubts(found: &Sensitivity) -> Vec<String> {
     let mut doubts = Vec::new();
     match (found.limiting_mag, found.stars_per_frame) {
         (None, _) if found.saturation_mag.is_some() => doubts.push(format!(
-            "no star reaches SNR {LIMIT_SNR} before it saturates: no limiting magnitude; check full_well_e, read_noise_e and gain"
+            "no star reaches SNR {LIMIT_SNR} before it saturates: no limiting magnitude; check full_well_e, read_noise_e and gain_e_per_dn"
         )),
         (None, _) => doubts.push(
             "no star can be seen: dark charge and sky fill every pixel, or no light passes"

@@ -7,7 +7,7 @@
 //! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
 
 use super::blur::Blur;
-use super::lay::LOOK_NS;
+use super::lay::AREA_LOOK_NS;
 use super::plane::Plane;
 use super::{Area, lay};
 use crate::camera::Blooming;
@@ -91,7 +91,7 @@ impl Full {
         let cells = |pixels: usize| pixels.div_ceil(side) + 2 * before;
         let [across, down] = [detector.width, detector.height].map(cells);
         let looks = (across + 1) as f64 * (down + 1) as f64 * sky.sources.len() as f64;
-        view.limit.spend(looks * LOOK_NS);
+        view.limit.spend(looks * AREA_LOOK_NS);
         if view.limit.is_over() {
             return Full::default();
         }

@@ -36,7 +36,7 @@ const KINK: f64 = 2.0;
 const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
 /// ns of a look: the pointing then, and the radiance.
-pub const LOOK_NS: f64 = 130.0;
+pub const AREA_LOOK_NS: f64 = 130.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
 
@@ -207,7 +207,7 @@ impl Grid<'_, '_> {
         };
         asked.lights += 1;
         asked.smeared += looks - 1;
-        let ns = self.plane.place_ns() + looks as f64 * LOOK_NS;
+        let ns = self.plane.place_ns() + looks as f64 * AREA_LOOK_NS;
         self.plane.limit().spend(ns);
         Some(mean)
     }
@@ -285,7 +285,7 @@ impl Grid<'_, '_> {
             missed: before,
         } = part;
         let [dx, dy] = [x, y].map(|i| (i + self.rim as i64) as usize);
-        // Places that are not known would be looked for down to the smallest squares.
+        // Once the limit of work is over no place is known, and squares would be halved to the smallest.
         if self.plane.limit().is_over() || !self.is_needed([dx, dy], side) {
             return;
         }

@@ -32,7 +32,7 @@ use crate::sky::shadow::Earth;
 pub use blur::{BLURRED_NS, SPREAD_NS};
 pub use sampled::EDGE_NS;
 
-pub(super) use lay::{LOOK_NS, panels};
+pub(super) use lay::{AREA_LOOK_NS, panels};
 pub(super) use sampled::{STEPS_PX, most_steps};
 
 use super::CELL;

@@ -1,7 +1,7 @@
 //! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
 
 use super::Asked;
-use super::lay::{Grid, LOOK_NS, SMALLEST};
+use super::lay::{AREA_LOOK_NS, Grid, SMALLEST};
 use super::lines::Square;
 use super::patch::Patch;
 use super::{Radiance, plane::Plane};
@@ -91,7 +91,7 @@ impl Grid<'_, '_> {
             }
         }
         let places = asked.lights as f64 * self.plane.place_ns();
-        let looks = places + (asked.lights + asked.smeared) as f64 * LOOK_NS;
+        let looks = places + (asked.lights + asked.smeared) as f64 * AREA_LOOK_NS;
         let edges = (asked.edges * skies[0].len()) as f64 * EDGE_NS;
         self.plane.limit().spend(looks + edges);
         (block, asked)
