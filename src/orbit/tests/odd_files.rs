@@ -303,6 +303,11 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
         // One name, and one object in however many segments.
         (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),
+        (
+            ("A", "YYYY-NNNP"),
+            ("B", "YYYY-NNNP"),
+            &["YYYY-NNNP A", "YYYY-NNNP B"],
+        ),
         (("CUBE", "TBD"), ("0 CUBE", "0"), &["TBD CUBE", "0 0 CUBE"]),
         // Names of unidentified objects are no identities (space-track.org).
         (
