@@ -2,7 +2,7 @@
 
 use crate::effect::{Cost, EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
 use crate::fidelity::{Choice, Fidelity};
-use crate::scene::{Scene, Simulated, View};
+use crate::scene::{Scene, Simulated, View, two_figures};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -177,8 +177,9 @@ impl<'s> Plan<'s> {
                 Verdict::Run {
                     because, price_ms, ..
                 } => tracing::debug!(
-                    "{}: runs, {because}; some {price_ms:.2} ms of a core",
-                    effect.name
+                    "{}: runs, {because}; some {} ms of a core",
+                    effect.name,
+                    two_figures(*price_ms)
                 ),
             }
         }

@@ -644,7 +644,7 @@ static inline bool skyloop_is_sync_state(uint8_t code)
 #define SKYLOOP_WITHHELD_LOST 5U /* Packets got lost on the way: the client grants less than was sent, or asks for packets again. Enlarge its receive buffer (SO_RCVBUF), grant less, or limit the link (`rate_mbit`). */
 #define SKYLOOP_WITHHELD_TOO_LONG 6U /* The frame cannot be encoded, such as a label text longer than 65,535 packets: ask for other labels. */
 #define SKYLOOP_WITHHELD_REFUSED 7U /* The attitude or Trigger was refused, or could not be decoded: a Nack says why. */
-#define SKYLOOP_WITHHELD_NO_CLIENT 8U /* No valid packet has come on this link. */
+#define SKYLOOP_WITHHELD_NO_CLIENT 8U /* No valid packet has come on this link, or its client has gone. */
 #define SKYLOOP_WITHHELD_NO_TRIGGER 9U /* Attitudes come and no Trigger, and `run.trigger` is `packet`: send Triggers, or set `run.trigger` to `own`. */
 
 static inline bool skyloop_is_withheld(uint8_t code)

@@ -15,10 +15,13 @@ pub(crate) fn rule(
     }
 }
 
-/// Refuses anything but finite numbers above zero.
-pub(crate) fn positive(field: &'static str, value: f64) -> Result<(), DecodeError> {
-    let holds = value.is_finite() && value > 0.0;
-    rule(holds, field, "must be finite and above 0")
+/// Refuses anything but finite numbers above zero. The text names the range, where the receiver has a narrower one.
+pub(crate) fn positive(
+    field: &'static str,
+    value: f64,
+    text: &'static str,
+) -> Result<(), DecodeError> {
+    rule(value.is_finite() && value > 0.0, field, text)
 }
 
 /// Refuses a NaN and an infinity in an attitude.

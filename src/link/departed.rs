@@ -1,6 +1,6 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
-use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -11,19 +11,33 @@ pub struct Departed {
     queued: AtomicU32,
     /// Packets that have left it for good, sent or lost, likewise.
     done: AtomicU32,
+    /// Where all packets since have been lost: the first of them, as a count of `done`, plus [`LOSING`]; else 0.
+    losing: AtomicU64,
     /// How many marks have not been reached.
     open: AtomicUsize,
     marks: Mutex<Vec<Marked>>,
 }
 
+/// Behind the counts of packets.
+const LOSING: u64 = 1 << 32;
+
 /// A place in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mark(u32);
 
+/// How a packet left the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Exit {
+    /// When.
+    pub at: Instant,
+    /// It was lost: its client had gone, or the system refused it.
+    pub is_lost: bool,
+}
+
 #[derive(Debug)]
 struct Marked {
     mark: Mark,
-    left: Option<Instant>,
+    left: Option<Exit>,
 }
 
 impl Departed {
@@ -51,15 +65,36 @@ impl Departed {
         answer
     }
 
+    /// A packet has left the queue.
     pub(super) fn done(&self) {
+        self.leave(false);
+    }
+
+    /// A packet has left the queue and was not sent.
+    pub(super) fn lost(&self) {
+        self.leave(true);
+    }
+
+    fn leave(&self, is_lost: bool) {
+        // Before the count: a mark that finds the packet gone finds this too.
+        let first = self.done.load(Ordering::SeqCst).wrapping_add(1);
+        let losing = self.losing.load(Ordering::SeqCst);
+        if is_lost != (losing > 0) {
+            let losing = if is_lost {
+                LOSING + u64::from(first)
+            } else {
+                0
+            };
+            self.losing.store(losing, Ordering::SeqCst);
+        }
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
         if self.open.load(Ordering::SeqCst) == 0 {
             return;
         }
-        let now = Instant::now();
+        let at = Instant::now();
         for marked in self.lock().iter_mut() {
             if marked.left.is_none() && is_reached(marked.mark, done) {
-                marked.left = Some(now);
+                marked.left = Some(Exit { at, is_lost });
                 self.open.fetch_sub(1, Ordering::SeqCst);
             }
         }
@@ -72,7 +107,7 @@ impl Departed {
         self.queued.load(Ordering::SeqCst).wrapping_sub(done)
     }
 
-    /// Marks the packet that was queued last: when it, and all before it, has left is kept until it is asked for.
+    /// Marks the packet that was queued last: how it left, after all before it, is stored until it is read.
     pub(crate) fn mark(&self) -> Mark {
         let mark = Mark(self.queued.load(Ordering::SeqCst));
         let mut marks = self.lock();
@@ -82,13 +117,22 @@ impl Departed {
         if reached {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
-        let left = reached.then(Instant::now);
+        let left = reached.then(|| Exit {
+            at: Instant::now(),
+            is_lost: self.is_losing(mark),
+        });
         marks.push(Marked { mark, left });
         mark
     }
 
-    /// When the marked packet left; none if it has not. It is told once, and then forgotten.
-    pub(crate) fn left(&self, mark: Mark) -> Option<Instant> {
+    /// Whether the marked packet, which has left, and all behind it were lost.
+    fn is_losing(&self, mark: Mark) -> bool {
+        let losing = self.losing.load(Ordering::SeqCst);
+        losing > 0 && is_reached(Mark(losing as u32), mark.0)
+    }
+
+    /// How the marked packet left; none if it has not. The mark is then forgotten.
+    pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
         let mut marks = self.lock();
         let at = marks.iter().position(|marked| marked.mark == mark)?;
         let left = marks.get(at)?.left?;
@@ -137,11 +181,12 @@ mod tests {
         let before = Instant::now();
         departed.done();
         let after = Instant::now();
-        departed.done();
+        departed.lost();
         let left = departed.left(mark).unwrap();
-        assert!((before..=after).contains(&left));
-        assert_eq!(departed.left(mark), None, "told once");
-        assert!(departed.left(later).unwrap() >= after);
+        assert!((before..=after).contains(&left.at) && !left.is_lost);
+        assert_eq!(departed.left(mark), None, "forgotten");
+        let left = departed.left(later).unwrap();
+        assert!(left.at >= after && left.is_lost);
         assert_eq!(departed.open.load(Ordering::SeqCst), 0);
     }
 
@@ -179,7 +224,26 @@ mod tests {
         departed.queued();
         departed.done();
         let mark = departed.mark();
-        assert!(departed.left(mark).is_some());
+        assert!(departed.left(mark).is_some_and(|left| !left.is_lost));
+        for (is_lost, behind) in [(true, 0), (true, 1), (false, 0), (true, 2)] {
+            departed.queued();
+            departed.leave(is_lost);
+            let place = departed.mark();
+            for _ in 0..behind {
+                departed.queued();
+                departed.lost();
+            }
+            assert!(
+                departed
+                    .left(departed.mark())
+                    .is_some_and(|left| left.is_lost == is_lost)
+            );
+            assert!(
+                departed
+                    .left(place)
+                    .is_some_and(|left| left.is_lost == is_lost)
+            );
+        }
         departed.queued();
         let mark = departed.mark();
         departed.forget(mark);

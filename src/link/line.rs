@@ -161,11 +161,10 @@ pub(super) fn write(
         line.clear();
         slip::encode(&packet, &mut |octet| line.push(octet));
         match put(exchange, &line, idle) {
-            Put::Sent => {}
-            Put::Lost => count(&tally.lost),
+            Put::Sent => tally.done(),
+            Put::Lost => tally.lose(),
             Put::Unwanted => return,
         }
-        tally.done();
     }
 }
 

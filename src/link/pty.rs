@@ -141,6 +141,7 @@ fn read(
     while !stop.load(Ordering::Relaxed) {
         let (heard, octets) = paced.hear(pseudo)?;
         if heard == Heard::Left {
+            tally.end(clients);
             if last.load(Ordering::Relaxed) {
                 tracing::debug!("nobody holds {} any more", pseudo.name());
             } else {

@@ -88,6 +88,12 @@ impl Tally {
         self.departed.done();
     }
 
+    /// Books a packet that has left the queue and was not sent: its client had gone, or the system refused it.
+    pub(super) fn lose(&self) {
+        count(&self.lost);
+        self.departed.lost();
+    }
+
     /// Books all that waits as lost; how much that is.
     pub(super) fn give_up(&self) -> u32 {
         let left = self.waiting();

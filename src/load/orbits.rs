@@ -103,9 +103,9 @@ impl Pool {
         let refused = united.refused.iter();
         let lines = refused.map(|refused| match self.names.get(refused.source) {
             Some(name) if !name.is_empty() => {
-                format!("{name}:{}: {}", refused.line, refused.reason)
+                format!("{name}:{}: {}", refused.line, refused.reason(&self.names))
             }
-            _ => refused.reason.clone(),
+            _ => refused.reason(&self.names),
         });
         findings.rejected.extend(lines);
         united
@@ -248,9 +248,9 @@ fn whole(files: Vec<(String, Contents)>) -> Loaded {
     for refused in united.refused {
         let source = names.get(refused.source).cloned().unwrap_or_default();
         loaded.rejected.push(Rejected {
-            source,
             line: refused.line,
-            reason: refused.reason,
+            reason: refused.reason(&names),
+            source,
         });
     }
     loaded

@@ -3,7 +3,7 @@
 use crate::frames::{Axes, FRAMES};
 use crate::identity::Key;
 use crate::meta::{Clock, Meta, Ut1, overlap};
-use crate::record::{At, shorten};
+use crate::record::{At, check_version, shorten};
 use crate::{lines, meta};
 use hifitime::Epoch;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
@@ -63,7 +63,7 @@ pub fn is_message(text: &str) -> bool {
 pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
     let mut reader = Reader {
         message: AttitudeMessage::default(),
-        version: None,
+        is_second: false,
         object: None,
         body: None,
         first_start: None,
@@ -88,8 +88,8 @@ pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
 
 struct Reader {
     message: AttitudeMessage,
-    /// 1 or 2.
-    version: Option<u8>,
+    /// Whether it is of version 2.0.
+    is_second: bool,
     object: Option<Key>,
     /// The body's frame, and its line.
     body: Option<(String, usize)>,
@@ -157,15 +157,8 @@ impl Reader {
             ));
         };
         if key.trim() == VERSION {
-            let version = match value.trim() {
-                "1" | "1.0" => 1,
-                "2" | "2.0" => 2,
-                other => {
-                    let other = shorten(other);
-                    return Err((number, format!("{VERSION} '{other}'; read are 1.0 and 2.0")));
-                }
-            };
-            self.version = Some(version);
+            check_version(VERSION, value).map_err(|reason| (number, reason))?;
+            self.is_second = value.trim() == "2.0";
         }
         Ok(())
     }
@@ -323,9 +316,9 @@ impl Reader {
                 format!("the metadata have no {key}, which version 1.0 needs"),
             )
         };
-        match (self.version, from_a, is_scalar_first) {
-            (Some(2), None | Some(true), None | Some(false)) => Ok((true, false)),
-            (Some(2), ..) => {
+        match (self.is_second, from_a, is_scalar_first) {
+            (true, None | Some(true), None | Some(false)) => Ok((true, false)),
+            (true, ..) => {
                 let reason = "ATTITUDE_DIR B2A or QUATERNION_TYPE FIRST in version 2.0, which has A to B and the scalar last: \
                               if the keyword is right, write CCSDS_AEM_VERS = 1.0";
                 Err((meta.line, reason.to_owned()))

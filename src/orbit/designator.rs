@@ -27,9 +27,10 @@ impl Designator {
         Self::read(text)?.ok()
     }
 
-    /// Whether a text has the form of a designator and no launch can have it: number 0, or a year before 1957 or after 2099.
+    /// Whether a text has the form of a designator and no launch can have it: number 0, a year before 1957 or after 2099, or other characters in place of
+    /// digits, as in `YYYY-NNNP`.
     pub(crate) fn is_impossible(text: &str) -> bool {
-        matches!(Self::read(text), Some(Err(Impossible)))
+        matches!(Self::read(text), Some(Err(Impossible))) || is_template(text)
     }
 
     /// What a text of the form of a designator says.
@@ -90,6 +91,57 @@ impl fmt::Display for Designator {
             .map(|letter| char::from(*letter))
             .try_for_each(|letter| write!(f, "{letter}"))
     }
+}
+
+/// Whether a text is a designator with other characters in place of the digits of year, number or both: the `YYYY-NNNP{PP}` of the standard
+/// (CCSDS 502.0-B-3, OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`; also zeros alone, `2026-000`.
+fn is_template(text: &str) -> bool {
+    // A `#` is a mark for a digit, or a label before all.
+    let is_marked = text.trim_start().starts_with("##");
+    let text = if is_marked {
+        text.trim()
+    } else {
+        unlabelled(text, "COSPAR")
+    };
+    let text = text.to_ascii_uppercase();
+    let text: Vec<char> = text.chars().filter(|c| !"{}[]()<>".contains(*c)).collect();
+    fn without_separator(text: &[char]) -> &[char] {
+        match text {
+            [first, rest @ ..] if SEPARATORS.contains(first) => rest,
+            text => text,
+        }
+    }
+    [4, 2].into_iter().any(|width| {
+        let Some((year, rest)) = text.split_at_checked(width) else {
+            return false;
+        };
+        let behind = without_separator(rest);
+        let is_separate = behind.len() < rest.len();
+        let Some((number, rest)) = behind.split_at_checked(3) else {
+            return false;
+        };
+        let piece = without_separator(rest);
+        let is_given = |field: &[char]| field.iter().all(char::is_ascii_digit);
+        // `A-1` and `B1234` may be names: one letter throughout, or the usual ones behind some digits.
+        let is_unknown = |field: &[char]| {
+            let last = field.last().copied().unwrap_or_default();
+            let known = field.iter().take_while(|c| c.is_ascii_digit()).count();
+            let is_mark = "XYN?#*".contains(last);
+            let is_usual = is_mark && (known == 0 || (is_separate && width == 4));
+            let is_whole = known == 0 && width == 4 && !SEPARATORS.contains(&last);
+            let is_zero = last == '0' && field.len() > 2;
+            let unknown = if is_zero { field } else { &field[known..] };
+            (is_usual || is_whole || is_zero) && unknown.iter().all(|c| *c == last)
+        };
+        (is_unknown(year) || is_unknown(number))
+            && [year, number]
+                .iter()
+                .all(|field| is_given(field) || is_unknown(field))
+            && piece.len() <= 3
+            && piece
+                .iter()
+                .all(|c| c.is_ascii_alphabetic() || "?#*".contains(*c))
+    })
 }
 
 /// The digits that a text begins with, and what follows.

@@ -7,7 +7,7 @@ use crate::frames::Axes;
 use crate::identity::{Key, Keys, unnumbered_id};
 use crate::load::{Loaded, Rejected};
 use crate::meta::{Clock, Meta, overlap};
-use crate::record::{At, OEM_VERSIONS, check_version, shorten};
+use crate::record::{At, check_version, shorten};
 use crate::unite::Ids;
 use crate::{Identity, Object, Orbit, StateVector, is_placeholder, lines, meta};
 use hifitime::Epoch;
@@ -128,7 +128,7 @@ impl Reader<'_> {
                 self.section = section;
                 self.close(number);
                 let version = line.split_once('=').map(|(_, version)| version);
-                let checked = version.map(|text| check_version(VERSION, text, OEM_VERSIONS));
+                let checked = version.map(|text| check_version(VERSION, text));
                 let checked = checked.unwrap_or(Ok(()));
                 self.is_unknown = checked.is_err();
                 checked

@@ -3,7 +3,7 @@
 
 use crate::read::not_input;
 use std::fs::{File, FileType, OpenOptions};
-use std::io::{Error, ErrorKind, Read, Result, Write};
+use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// How a file that skyloop wrote is recognised: it begins with the first text and has the others within its first bytes. Without any, the format
@@ -97,7 +97,7 @@ impl OutputFile {
         self.is_unused = false;
         if self.is_regular()? {
             self.file.set_len(0)?;
-            std::io::Seek::rewind(&mut self.file)?;
+            self.file.rewind()?;
         }
         Ok(())
     }
@@ -111,6 +111,20 @@ impl OutputFile {
         self.file.write_all(contents)?;
         self.is_broken = false;
         Ok(())
+    }
+
+    /// Adds a text behind what is written. One that cannot be written whole is cut off again, and an empty file is removed in the end.
+    ///
+    /// Errors: what the system says.
+    pub fn append(&mut self, text: &[u8]) -> Result<()> {
+        let length = self.file.metadata()?.len();
+        let written = self.file.write_all(text);
+        if written.is_err() && self.is_regular()? {
+            self.file.set_len(length)?;
+            self.file.seek(SeekFrom::Start(length))?;
+            self.discard_empty();
+        }
+        written
     }
 
     /// After an error: an empty file is removed in the end. What has been written of a longer one stays.

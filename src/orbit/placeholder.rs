@@ -62,7 +62,7 @@ fn is_empty_word(word: &str) -> bool {
 }
 
 /// Whether a text is a placeholder: words such as `UNKNOWN` or `TO BE ASSIGNED`, no letter or digit at all, a number such as 0, -1 or 99999,
-/// or a designator of a launch that cannot be, such as `0000-000A`.
+/// or a designator of a launch that cannot be, such as `0000-000A` and `YYYY-NNNP`.
 pub fn is_placeholder(text: &str) -> bool {
     if let Some(number) = catalogue_number(text) {
         return assigned(number).is_none();
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn placeholders_tell_nothing_apart() {
+    fn placeholders_are_no_identities() {
         for text in [
             "UNKNOWN",
             "NORAD -1",
@@ -148,6 +148,29 @@ mod tests {
             "XXX",
             "XXXX",
             "TBD TBD",
+            // Designators with other characters in place of digits. The first is that of CCSDS 502.0-B-3, OBJECT_ID.
+            "YYYY-NNNP{PP}",
+            "YYYY-NNNP",
+            "yyyy-nnnppp",
+            "YYYY-NNN",
+            "YYYY-NNN-A",
+            "YYYYNNNA",
+            "YYNNNAAA",
+            "YY-NNNA",
+            "XXXX-XXXA",
+            "XXXX-067A",
+            "XXXXXA",
+            "1998-XXXA",
+            "98XXXA",
+            "20YY-NNNA",
+            "2026-1XXA",
+            "????-???A",
+            "2026-###",
+            "####-###A",
+            "AAAA-NNNP",
+            "COSPAR YYYY-NNNA",
+            "0000-001",
+            "2026-000",
         ] {
             assert!(is_placeholder(text), "{text}");
         }
@@ -169,6 +192,23 @@ mod tests {
             "98067A",
             "ISS",
             "É",
+            // Such ids are in use.
+            "1998-067",
+            "OWN-1",
+            "SAT-001A",
+            "SAT1-001A",
+            "MMS1",
+            "AA001",
+            "CC-101A",
+            "B1234",
+            "B1-234A",
+            "X1234",
+            "XM-001",
+            "1N123A",
+            "NOAA-20",
+            "ABCD-EFGH",
+            "LLLL-101ABCD",
+            "É-001",
         ] {
             assert!(!is_placeholder(text), "{text}");
         }

@@ -105,20 +105,24 @@ pub(crate) fn shorten(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// Major versions of the messages that are read: those of CCSDS 502.0-B-1 to B-3 and 504.0-B-1 and B-2.
-pub(crate) const OEM_VERSIONS: &[u32] = &[1, 2, 3];
-pub(crate) const OMM_VERSIONS: &[u32] = &[2, 3];
+/// Versions of the messages that are read, by keyword: those of CCSDS 502.0-B-1 to B-3 and of 504.0-B-1 and B-2.
+const VERSIONS: [(&str, &[&str]); 3] = [
+    ("CCSDS_OEM_VERS", &["1.0", "2.0", "3.0"]),
+    ("CCSDS_OMM_VERS", &["2.0", "3.0"]),
+    ("CCSDS_AEM_VERS", &["1.0", "2.0"]),
+];
 
-/// Refuses a message of another major version than these: keywords and columns may have other meanings there.
-pub(crate) fn check_version(key: &str, text: &str, known: &[u32]) -> Result<(), String> {
+/// Refuses a message of a version that is not published: keywords and columns may have other meanings there.
+pub(crate) fn check_version(key: &str, text: &str) -> Result<(), String> {
     let text = text.trim();
-    let major = text.split('.').next().and_then(|major| major.parse().ok());
-    if major.is_some_and(|major| known.contains(&major)) {
+    let known = VERSIONS.iter().find(|(known, _)| *known == key);
+    let known = known.map_or(&[][..], |(_, known)| known);
+    let version = text.parse::<f64>().ok();
+    let is_same = |known: &&str| version.is_some() && known.parse().ok() == version;
+    if known.iter().any(is_same) {
         return Ok(());
     }
-    let text = shorten(text);
-    let known: Vec<String> = known.iter().map(|major| format!("{major}.0")).collect();
-    let known = known.join(", ");
+    let (text, known) = (shorten(text), known.join(", "));
     Err(format!(
         "{key} '{text}'; read are {known}: export the message in one of these"
     ))

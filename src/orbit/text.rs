@@ -79,7 +79,7 @@ pub fn files(path: &Path) -> Result<Listing> {
     let entries = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path()));
     let mut all = entries.collect::<Result<Vec<PathBuf>>>()?;
     all.sort();
-    // A link that leads nowhere is told of when it is read.
+    // A link that leads nowhere is reported when it is read.
     let is_file = |path: &PathBuf| path.metadata().map_or(true, |it| it.is_file());
     let (files, others) = all.into_iter().partition(is_file);
     Ok(Listing { files, others })
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_long_is_told_with_what_helps() {
+    fn what_is_too_long_is_reported_with_a_remedy() {
         let here = std::env::temp_dir().join(format!("skyloop-long-{}", std::process::id()));
         let mut file = std::fs::File::create(&here).unwrap();
         std::io::Write::write_all(&mut file, &[b' '; 1 << 16]).unwrap();

@@ -87,7 +87,7 @@ pub fn parse_utc(text: &str) -> Result<Epoch, String> {
     })
 }
 
-/// What is wrong with a time that cannot be read, behind a colon; nothing where that cannot be told.
+/// What is wrong with a time that cannot be read, behind a colon; nothing where that is not known.
 pub(crate) fn why_not(text: &str) -> String {
     let text = text.trim();
     let why = match text.split_once('T') {
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_there_is_not_is_told() {
+    fn a_time_that_does_not_exist_is_reported() {
         for (text, why) in [
             ("2026-02-30T00:00:00Z", "2026-02 has days 1 to 28"),
             ("2024-02-30T00:00:00Z", "2024-02 has days 1 to 29"),

@@ -35,8 +35,10 @@ pub struct Refused {
     pub source: usize,
     /// The line that it begins at; 1 where the source has no lines.
     pub line: usize,
-    /// Why.
-    pub reason: String,
+    /// What it is an orbit of besides which other one.
+    reason: String,
+    /// The source of the earlier orbit, as index.
+    earlier: usize,
 }
 
 /// What all records say of an object.
@@ -127,26 +129,34 @@ impl United {
             return;
         }
         first.identity.join(object.identity);
-        let is_here = self.sources.get(place) == Some(&source);
         let reason = format!(
-            "{} is {}in {}: keep one of the two",
+            "{} is {}",
             object.label(),
             if first.id == object.id {
                 String::new()
             } else {
                 format!("{} ", first.label())
             },
-            if is_here {
-                "this file already"
-            } else {
-                "an earlier file"
-            },
         );
         self.refused.push(Refused {
             source,
             line,
             reason,
+            earlier: self.sources.get(place).copied().unwrap_or(source),
         });
+    }
+}
+
+impl Refused {
+    /// Why, with the earlier orbit's file by its name among those of the sources.
+    pub fn reason(&self, names: &[String]) -> String {
+        let named = names.get(self.earlier).filter(|name| !name.is_empty());
+        let earlier = match named {
+            _ if self.earlier == self.source => "this file already",
+            Some(name) => name,
+            None => "an earlier file",
+        };
+        format!("{}in {earlier}: keep one of the two", self.reason)
     }
 }
 

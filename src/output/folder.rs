@@ -226,13 +226,23 @@ impl Folder {
 
     /// Creates a file; what may be replaced was checked before.
     pub fn create(&self, name: &str) -> Result<File, OutputError> {
-        let path = self.path(name);
-        let opened = OutputFile::open(&path, NO_MARK, true);
-        let begun = opened.and_then(|mut output| {
-            output.begin()?;
-            output.file()
-        });
+        let file = self.output(name)?.file();
+        file.map_err(|e| self.error("create", name, e))
+    }
+
+    /// Creates a file that can be removed again; what may be replaced was checked before.
+    pub fn output(&self, name: &str) -> Result<OutputFile, OutputError> {
+        let opened = OutputFile::open(&self.path(name), NO_MARK, true);
+        let begun = opened.and_then(|mut output| output.begin().map(|()| output));
         begun.map_err(|e| self.error("create", name, e))
+    }
+
+    /// Removes files, of which some may be missing.
+    pub fn remove(&self, names: &[String]) {
+        for name in names {
+            // Another error is reported already.
+            let _ = fs::remove_file(self.path(name));
+        }
     }
 
     /// Writes a whole file; after an error nothing of it is left.

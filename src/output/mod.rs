@@ -38,9 +38,7 @@ use crate::frame::Frame;
 use crate::label::Label;
 use folder::{ELECTRONS, FITS, Folder, PNG, PREVIEW};
 use sheet::ContactSheet;
-use skyloop_orbit::Mark;
-use std::fs::File;
-use std::io::Write;
+use skyloop_orbit::{Mark, OutputFile};
 use std::path::Path;
 use stretch::Levels;
 
@@ -66,7 +64,7 @@ const SHEET: &str = "contact_sheet.png";
 #[derive(Debug)]
 pub struct Writer {
     folder: Folder,
-    labels: File,
+    labels: OutputFile,
     sheet: ContactSheet,
 }
 
@@ -87,7 +85,7 @@ impl Writer {
     /// Errors: as there.
     pub fn create_over(dir: &Path, frames: u32, force: bool) -> Result<Writer, OutputError> {
         let folder = Folder::open(dir, force)?;
-        let labels = folder.create(LABELS)?;
+        let labels = folder.output(LABELS)?;
         Ok(Writer {
             folder,
             labels,
@@ -100,7 +98,7 @@ impl Writer {
     /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the label as it travels on the wire. Its
     /// line of `labels.jsonl` has the names of the frame's files besides, as `files`.
     ///
-    /// Errors: a file cannot be written; what was written of it is removed.
+    /// Errors: a file cannot be written; what was written of the frame is removed, and labels without a frame are.
     pub fn write_frame(
         &mut self,
         camera: &Camera,
@@ -109,11 +107,36 @@ impl Writer {
         frame: &Frame,
     ) -> Result<(), OutputError> {
         let name = folder::frame_name(label.frame);
+        let files = [FITS, PNG, PREVIEW, ELECTRONS].map(|end| format!("{name}{end}"));
+        let count = files.len() - usize::from(frame.expected_e.is_none());
+        let files = &files[..count];
+        // One call a line, unbuffered: a run that is cut short leaves whole lines.
+        let written = self
+            .write_files(camera, label, frame, files)
+            .and_then(|()| {
+                let line = with_files(label_json, files);
+                let added = self.labels.append(line.as_bytes());
+                added.map_err(|error| self.folder.error("write", LABELS, error))
+            });
+        if written.is_err() {
+            self.folder.remove(files);
+            self.labels.discard_empty();
+        } else {
+            self.sheet.see(camera, label, frame);
+        }
+        written
+    }
+
+    /// Writes the files of a frame, in the order of their names.
+    fn write_files(
+        &self,
+        camera: &Camera,
+        label: &Label,
+        frame: &Frame,
+        files: &[String],
+    ) -> Result<(), OutputError> {
         let size = [frame.width, frame.height];
         let header = || fits::Header::of_frame(camera, label);
-        let mut files = [FITS, PNG, PREVIEW]
-            .map(|end| format!("{name}{end}"))
-            .to_vec();
 
         self.folder.write(&files[0], |out| {
             fits::write_u16(out, header(), size, &frame.digits)
@@ -124,16 +147,10 @@ impl Writer {
         self.folder
             .write(&files[2], |out| png::write_grey8(out, size, &greys))?;
         if let Some(electrons) = &frame.expected_e {
-            let file = format!("{name}{ELECTRONS}");
-            self.folder
-                .write(&file, |out| fits::write_f32(out, header(), size, electrons))?;
-            files.push(file);
+            self.folder.write(&files[3], |out| {
+                fits::write_f32(out, header(), size, electrons)
+            })?;
         }
-        // One call a line, unbuffered: a run that is cut short leaves whole lines.
-        self.labels
-            .write_all(with_files(label_json, &files).as_bytes())
-            .map_err(|error| self.folder.error("write", LABELS, error))?;
-        self.sheet.see(camera, label, frame);
         Ok(())
     }
 

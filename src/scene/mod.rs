@@ -32,6 +32,7 @@ pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
 pub use lit::Lit;
+pub(crate) use observable::two_figures;
 pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};

@@ -52,8 +52,10 @@ pub enum Unobservable {
     Abandoned,
     /// The frame costs too much.
     #[error(
-        "the frame costs more than {limit_s:.1} s of a core ({sources} sources, images move by {length_px:.0} px in {exposure_s} s): lower rates \
-         or exposure, choose a coarser fidelity or raise run.work_limit_s"
+        "the frame costs more than {} s of a core ({sources} sources, images move by up to {} px in {exposure_s} s): lower rates \
+         or exposure, choose a coarser fidelity or raise run.work_limit_s",
+        two_figures(*limit_s),
+        two_figures(*length_px)
     )]
     TooMuchWork {
         /// Sources near the field.
@@ -78,6 +80,12 @@ pub enum Unobservable {
         /// From the Moon's centre, m.
         distance_m: f64,
     },
+}
+
+/// A number with two significant figures and no zeros behind them: 0.04, 1.5, 1200.
+pub(crate) fn two_figures(value: f64) -> String {
+    let rounded = format!("{value:.1e}").parse().unwrap_or(value);
+    format!("{rounded}")
 }
 
 /// Refuses a geocentric place (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's at that epoch.

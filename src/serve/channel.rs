@@ -229,6 +229,11 @@ impl Channel {
         self.deliveries.remove(at)
     }
 
+    /// Whether the client of an exchange has gone, or was followed by another.
+    pub fn has_gone(&self, exchange: u32) -> bool {
+        self.exchange.number != exchange || self.wire.tally.has_ended(exchange)
+    }
+
     /// Whether its client waits for that frame.
     pub fn awaits(&self, frame: u32) -> bool {
         let mut deliveries = self.deliveries.iter();

@@ -194,8 +194,7 @@ impl Server {
     fn step(&mut self, at: usize, delivery: &mut Delivery) -> Result<Step, LinkError> {
         let channel = &mut self.channels[at];
         // Its client has gone, or another has come: the one that this is for will never have all of it.
-        let has_ended = channel.wire.tally.has_ended(delivery.exchange);
-        if channel.exchange.number != delivery.exchange || has_ended {
+        if channel.has_gone(delivery.exchange) {
             return Ok(Step::ClientGone);
         }
         if channel.exchange.resets != delivery.resets {
@@ -307,7 +306,7 @@ impl Server {
             let proves_late = channel.exchange.withheld == Withheld::NoProof
                 && !channel.wire.tally.awaits_proof();
             channel.exchange.deaf &= !proves_late;
-            channel.exchange.deaf |= channel.wire.tally.has_ended(number);
+            channel.exchange.deaf |= channel.has_gone(number);
             if channel.exchange.deaf || !channel.exchange.heard {
                 without.push((at, entry));
                 continue;
@@ -321,16 +320,25 @@ impl Server {
         // Where nobody wants it nobody has all of it.
         picture.whole = picture.open > 0;
         for (at, entry) in without {
-            let exchange = &self.channels[at].exchange;
-            let (why, detail) = match (exchange.heard, exchange.withheld) {
-                (false, _) => (Withheld::NoClient, "no valid packet has come yet"),
+            let channel = &self.channels[at];
+            let exchange = &channel.exchange;
+            let (why, detail) = match exchange.withheld {
+                _ if !exchange.heard => (Withheld::NoClient, "no valid packet has come yet"),
+                _ if channel.has_gone(exchange.number) => {
+                    (Withheld::NoClient, "the client has gone")
+                }
                 // Why the link was given up.
-                (true, why @ (Withheld::NoCredit | Withheld::NoProof)) => {
+                why @ (Withheld::NoCredit | Withheld::NoProof) => {
                     (why, "nothing is sent until the client sends a packet")
                 }
-                (true, _) => (Withheld::NotRead, "the client takes nothing, or has gone"),
+                _ => (Withheld::NotRead, "the client takes nothing"),
             };
-            self.withhold(at, entry, why, &format!("frame {frame}: {detail}"));
+            let cause = match why {
+                Withheld::NoClient if exchange.heard => CLIENT_GONE,
+                why => name(why),
+            };
+            self.channels[at].frames.withhold(entry, cause);
+            self.report(at, why, &format!("frame {frame}: {detail}"));
         }
         for (at, older) in passed_over {
             let cause = self.report_older(at, older.frame);
@@ -354,7 +362,12 @@ impl Server {
     /// A frame's way over a link is over: all of it is in the link's queue, or it is withheld for a `cause`.
     fn end(&mut self, at: usize, delivery: Delivery, cause: Option<&'static str>) {
         self.lose_refused(at, &delivery);
-        let Delivery { frame, entry, .. } = delivery;
+        let Delivery {
+            frame,
+            entry,
+            exchange,
+            ..
+        } = delivery;
         let channel = &mut self.channels[at];
         let queued = match cause {
             None => {
@@ -372,7 +385,8 @@ impl Server {
             picture.whole &= cause.is_none();
             // After a Reset and at the run's end nobody waits for it: it misses no deadline.
             if !matches!(cause, Some(RESET | RUN_ENDED)) {
-                self.leaving.push(Leaving::of(picture, at, queued));
+                self.leaving
+                    .push(Leaving::of(picture, at, exchange, queued));
             }
         }
     }

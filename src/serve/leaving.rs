@@ -3,7 +3,7 @@
 use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
-use super::withheld::{HELD_BACK, name};
+use super::withheld::{CLIENT_GONE, HELD_BACK, name};
 use crate::link::{Mark, QUEUE};
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
@@ -42,12 +42,19 @@ pub(super) struct Leaving {
     at: usize,
     /// The place of its last packet in the link's queue, and its entry in the link's account; none: it was not put there whole.
     queued: Option<(Mark, Pending)>,
+    /// The exchange of its client.
+    exchange: u32,
     /// Whether the frame was counted as delivered.
     is_delivered: bool,
 }
 
 impl Leaving {
-    pub fn of(picture: &Picture, at: usize, queued: Option<(Mark, Pending)>) -> Leaving {
+    pub fn of(
+        picture: &Picture,
+        at: usize,
+        exchange: u32,
+        queued: Option<(Mark, Pending)>,
+    ) -> Leaving {
         let last_pixel = picture.since_trigger(picture.last_pixel);
         Leaving {
             left: Left {
@@ -65,6 +72,7 @@ impl Leaving {
             },
             ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
             at,
+            exchange,
             queued,
             is_delivered: false,
         }
@@ -88,15 +96,24 @@ impl Server {
             let departed = self.channels.get(leaving.at);
             let departed = departed.map(|channel| &channel.wire.tally.departed);
             let mark = leaving.queued.as_ref().map(|(mark, _)| *mark);
-            let last = mark.map(|mark| departed.and_then(|d| d.left(mark)));
-            match last {
+            let exit = mark.map(|mark| departed.and_then(|d| d.left(mark)));
+            match exit {
                 Some(None) => at += 1,
-                last => {
+                exit => {
                     let leaving = self.leaving.remove(at);
-                    self.book(leaving, last.flatten());
+                    // What the system refused for another reason counts as lost on the way.
+                    let exit = exit.flatten();
+                    let sent = exit.filter(|exit| !(exit.is_lost && self.has_gone(&leaving)));
+                    self.book(leaving, sent.map(|exit| exit.at));
                 }
             }
         }
+    }
+
+    /// Whether the client of a frame has gone, or was followed by another.
+    fn has_gone(&self, leaving: &Leaving) -> bool {
+        let channel = self.channels.get(leaving.at);
+        channel.is_some_and(|channel| channel.has_gone(leaving.exchange))
     }
 
     /// Notes that a frame counts as delivered: packets of it may still be queued.
@@ -127,11 +144,13 @@ impl Server {
     /// Books a frame that has left its link at `last`; none: it never will.
     fn book(&mut self, leaving: Leaving, last: Option<Instant>) {
         let mut left = leaving.left;
+        let has_gone = self.has_gone(&leaving);
         if let (Some((_, entry)), Some(channel)) =
             (leaving.queued, self.channels.get_mut(leaving.at))
         {
             match last {
                 Some(_) => channel.frames.deliver(entry),
+                None if has_gone => channel.frames.withhold(entry, CLIENT_GONE),
                 None if channel.wire.tally.is_held_back() => {
                     channel.frames.withhold(entry, HELD_BACK);
                 }

@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::deliver::Delivery;
 use crate::link::Every;
-use crate::stats::{FrameAccount, Pending, Request};
+use crate::stats::{FrameAccount, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -177,12 +177,6 @@ impl Server {
             false => remedy(why),
         };
         tracing::warn!("{address}: {message}; {remedy}{before}");
-    }
-
-    /// Counts a frame that a client has not got, and reports it.
-    pub(super) fn withhold(&mut self, at: usize, entry: Pending, why: Withheld, detail: &str) {
-        self.channels[at].frames.withhold(entry, name(why));
-        self.report(at, why, detail);
     }
 
     /// Counts a request that gives no frame, on all links.

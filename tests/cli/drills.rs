@@ -194,6 +194,14 @@ fn a_full_disk_leaves_no_file_behind() {
             "cannot write v.xml",
         ),
         (
+            "loopback --frames 1 --out .".to_string(),
+            "cannot write ./frame_00000.fits",
+        ),
+        (
+            "render --epoch 2026-07-12T03:04:05 --radec 10,20,0 --out .".to_string(),
+            "cannot write ./frame_00000.fits",
+        ),
+        (
             "camera new c.toml --size 64x64 --pixel 5 --focal 16 --aperture 8 --exposure 0.1 --full-well 10000".to_string(),
             "c.toml",
         ),

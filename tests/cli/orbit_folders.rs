@@ -155,8 +155,8 @@ fn check_refuses_what_a_scene_refuses() {
     file("orbits/d.oem", &ephemeris("59001A"));
     file("scene.toml", &scene("\"orbits\""));
     let refused = [
-        "orbits/b.oem:2: 58002B (V) is NORAD 5 (VANGUARD 1) in an earlier file: keep one of the two",
-        "orbits/d.oem:2: 59001A (V) is 1959-001A (V) in an earlier file: keep one of the two",
+        "orbits/b.oem:2: 58002B (V) is NORAD 5 (VANGUARD 1) in orbits/a.3le: keep one of the two",
+        "orbits/d.oem:2: 59001A (V) is 1959-001A (V) in orbits/c.oem: keep one of the two",
     ];
     let (code, out, log) = run(at, &["catalog", "check", "orbits"]);
     assert_eq!(code, Some(0), "{log}");

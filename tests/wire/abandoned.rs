@@ -128,7 +128,7 @@ fn a_frame_that_costs_too_much_is_refused_by_every_clock_and_the_next_is_made() 
         assert_eq!(nack.reason, Reason::ValueOutOfRange, "{clock:?}");
         for word in [
             "more than 0.3 s of a core",
-            "images move by",
+            "images move by up to ",
             "raise run.work_limit_s",
         ] {
             assert!(nack.detail.contains(word), "no {word:?} in {}", nack.detail);

@@ -217,7 +217,7 @@ pub fn cases() -> Vec<Case> {
             Command::Exposure { seconds: 0.0 },
             ValueOutOfRange,
             "bad_value",
-            &["Exposure.seconds", "above 0"],
+            &["Exposure.seconds must be 1e-9 to 1e4 s"],
         ),
         case(
             "exposure too long",
@@ -238,7 +238,7 @@ pub fn cases() -> Vec<Case> {
             Command::Gain { e_per_dn: -1.0 },
             ValueOutOfRange,
             "bad_value",
-            &["Gain.e_per_dn", "above 0"],
+            &["Gain.e_per_dn must be 1e-4 to 1e6 e-/DN"],
         ),
         case(
             "gain too large",
@@ -252,7 +252,7 @@ pub fn cases() -> Vec<Case> {
             Command::FrameRate { hz: 0.0 },
             ValueOutOfRange,
             "bad_value",
-            &["FrameRate.hz", "above 0"],
+            &["FrameRate.hz must be 1e-4 to 1e4 Hz"],
         ),
         case(
             "frame rate on the stepped clock",

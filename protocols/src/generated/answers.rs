@@ -142,9 +142,9 @@ impl Status {
         rule((1..).contains(&self.height), "Status.height", "must be 1 to 65535")?;
         rule((1..=16).contains(&self.bits), "Status.bits", "must be 1 to 16")?;
         self.output.check()?;
-        positive("Status.exposure_s", self.exposure_s)?;
-        positive("Status.gain_e_per_dn", self.gain_e_per_dn)?;
-        positive("Status.frame_rate_hz", self.frame_rate_hz)?;
+        positive("Status.exposure_s", self.exposure_s, "must be finite and above 0 s")?;
+        positive("Status.gain_e_per_dn", self.gain_e_per_dn, "must be finite and above 0 e-/DN")?;
+        positive("Status.frame_rate_hz", self.frame_rate_hz, "must be finite and above 0 Hz")?;
         rule(self.clock_offset_s.is_finite(), "Status.clock_offset_s", "must be finite")?;
         self.timing.check()?;
         rule(self.latency_p50_s.is_finite(), "Status.latency_p50_s", "must be finite")?;

@@ -125,7 +125,7 @@ wire_enum! {
         TooLong = 6,
         /// The attitude or Trigger was refused, or could not be decoded: a Nack says why.
         Refused = 7,
-        /// No valid packet has come on this link.
+        /// No valid packet has come on this link, or its client has gone.
         NoClient = 8,
         /// Attitudes come and no Trigger, and `run.trigger` is `packet`: send Triggers, or set `run.trigger` to `own`.
         NoTrigger = 9,

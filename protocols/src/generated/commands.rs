@@ -298,9 +298,9 @@ impl Command {
     pub fn check(&self) -> Result<(), DecodeError> {
         match self {
             Self::Attitude(inner) => inner.check()?,
-            Self::Exposure { seconds } => positive("Exposure.seconds", *seconds)?,
-            Self::Gain { e_per_dn } => positive("Gain.e_per_dn", *e_per_dn)?,
-            Self::FrameRate { hz } => positive("FrameRate.hz", *hz)?,
+            Self::Exposure { seconds } => positive("Exposure.seconds", *seconds, "must be 1e-9 to 1e4 s")?,
+            Self::Gain { e_per_dn } => positive("Gain.e_per_dn", *e_per_dn, "must be 1e-4 to 1e6 e-/DN")?,
+            Self::FrameRate { hz } => positive("FrameRate.hz", *hz, "must be 1e-4 to 1e4 Hz")?,
             Self::Output(inner) => inner.check()?,
             Self::Positions(inner) => inner.check()?,
             Self::Fault(inner) => inner.check()?,

@@ -117,7 +117,7 @@ impl FrameHeader {
         rule((1..).contains(&self.width), "FrameHeader.width", "must be 1 to 65535")?;
         rule((1..).contains(&self.height), "FrameHeader.height", "must be 1 to 65535")?;
         rule((1..=16).contains(&self.bits), "FrameHeader.bits", "must be 1 to 16")?;
-        positive("FrameHeader.gain_e_per_dn", self.gain_e_per_dn)?;
+        positive("FrameHeader.gain_e_per_dn", self.gain_e_per_dn, "must be finite and above 0 e-/DN")?;
         rule(self.offset_dn.is_finite(), "FrameHeader.offset_dn", "must be finite")?;
         Ok(())
     }

@@ -122,11 +122,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         objects, refused, ..
     } = unite(all);
     report.objects = objects.len();
+    let names = report.files.iter().map(|one| one.file.clone());
+    let names: Vec<String> = names.collect();
     for refused in refused {
         let file = &mut report.files[refused.source];
         file.rejected.push(Refusal {
             line: refused.line,
-            reason: refused.reason,
+            reason: refused.reason(&names),
         });
         file.rejected.sort_by_key(|refusal| refusal.line);
     }

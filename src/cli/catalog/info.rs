@@ -108,7 +108,7 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let refused = refused.iter();
     rejected.extend(refused.map(|refused| {
         let (name, line) = (&names[refused.source], refused.line);
-        format!("{name}:{line}: {}", refused.reason)
+        format!("{name}:{line}: {}", refused.reason(&names))
     }));
     args.records.settle_lines("refused", &rejected)?;
     if let Some(line) = passed_over(&foreign) {

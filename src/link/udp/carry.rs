@@ -3,7 +3,7 @@
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
 use crate::link::pace::Pace;
-use crate::link::{Inbound, Intake, Outbound, count};
+use crate::link::{Inbound, Intake, Outbound};
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
@@ -393,11 +393,13 @@ impl WayOut<'_> {
                 if sent.is_some() {
                     octets += packet.len();
                     tally.moved(packet.len());
-                } else if !tally.is_given_up() {
-                    // Else all that waited is counted already.
-                    count(&tally.lost);
+                    tally.done();
+                } else if tally.is_given_up() {
+                    // All that waited is counted already.
+                    tally.done();
+                } else {
+                    tally.lose();
                 }
-                tally.done();
             }
         }
         batch.packets.clear();

@@ -4,7 +4,7 @@ use super::{Data, Segments};
 use crate::lines::LineFinder;
 use crate::load::Loaded;
 use crate::meta::Meta;
-use crate::record::{At, OEM_VERSIONS, check_version, shorten};
+use crate::record::{At, check_version, shorten};
 use crate::xml::{Element, read_elements, tags, unit, version};
 use hifitime::Epoch;
 use memchr::memmem;
@@ -50,7 +50,7 @@ pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -
             in_oem = !tag.closing;
             let version = text.get(tag.start..tag.end).and_then(version);
             if let Some(version) = version.filter(|_| in_oem)
-                && let Err(reason) = check_version("CCSDS_OEM_VERS", &version, OEM_VERSIONS)
+                && let Err(reason) = check_version("CCSDS_OEM_VERS", &version)
             {
                 in_oem = false;
                 read.reject(finder.line(tag.start), &reason);

@@ -2,7 +2,7 @@
 
 use super::{Fields, Metadata, index_of, unit_of};
 use crate::lines;
-use crate::record::{Found, OMM_VERSIONS, check_version, shorten};
+use crate::record::{Found, check_version, shorten};
 use std::borrow::Cow;
 
 /// The keyword that every message starts with.
@@ -42,6 +42,11 @@ pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
             ..Message::default()
         });
         match (pair, index) {
+            (Some((_, value)), _) if version => {
+                if let Err(reason) = check_version(VERSION, value) {
+                    message.fields.refuse(number, reason);
+                }
+            }
             (Some((_, value)), Some(index)) => {
                 message.first.get_or_insert(index);
                 // Text may end in brackets of its own.
@@ -53,11 +58,6 @@ pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
                     message.fields.unit(index, unit, number);
                 }
                 message.fields.set(index, Cow::Borrowed(value), number);
-            }
-            (Some((_, value)), None) if version => {
-                if let Err(reason) = check_version(VERSION, value, OMM_VERSIONS) {
-                    message.fields.refuse(number, reason);
-                }
             }
             (Some(_), None) => {}
             (None, _) => {

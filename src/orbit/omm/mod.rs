@@ -9,7 +9,7 @@ pub(crate) mod kvn;
 pub(crate) mod xml;
 
 use crate::elements::Elements;
-use crate::record::{At, Record, long_designator, shorten};
+use crate::record::{At, Record, check_version, long_designator, shorten};
 use crate::theory::{self, Theory};
 use crate::two_line::alpha_5;
 use crate::units::{DEGREE, REV_PER_DAY};
@@ -54,10 +54,12 @@ pub(crate) enum Key {
     OldDesignator,
     /// What TEME must not have: SGP4 gives that of date.
     FrameEpoch,
+    /// In JSON and CSV; KVN and XML begin with it.
+    Version,
 }
 
 /// How they are written, in the order of [`Key`].
-pub(crate) const KEYWORDS: [&str; 27] = [
+pub(crate) const KEYWORDS: [&str; 28] = [
     "OBJECT_NAME",
     "OBJECT_ID",
     "CENTER_NAME",
@@ -85,6 +87,7 @@ pub(crate) const KEYWORDS: [&str; 27] = [
     "EPOCH_MICROSECONDS",
     "INTLDES",
     "REF_FRAME_EPOCH",
+    "CCSDS_OMM_VERS",
 ];
 
 /// The place of a keyword in [`KEYWORDS`].
@@ -191,6 +194,9 @@ impl<'a> Fields<'a> {
     fn read(&self, start: usize, metadata: Metadata) -> At<Record> {
         if let Some(wrong) = &self.wrong {
             return Err(wrong.clone());
+        }
+        if let Some((text, place)) = self.find(Key::Version) {
+            check_version(KEYWORDS[Key::Version as usize], text).map_err(|why| (place, why))?;
         }
         for (key, wanted) in [
             (Key::Centre, &["EARTH"][..]),

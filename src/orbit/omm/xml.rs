@@ -2,7 +2,7 @@
 
 use super::{Fields, Metadata, index_of};
 use crate::lines::LineFinder;
-use crate::record::{At, Found, OMM_VERSIONS, Record, check_version};
+use crate::record::{At, Found, Record, check_version};
 use crate::xml::{Element, read_elements, tags, unit, version};
 use std::borrow::Cow;
 
@@ -26,7 +26,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
                 let message = text.get(tag.start..end.end).unwrap_or_default();
                 let version = text.get(tag.start..tag.end).and_then(version);
                 if let Some(version) = version
-                    && let Err(reason) = check_version("CCSDS_OMM_VERS", &version, OMM_VERSIONS)
+                    && let Err(reason) = check_version("CCSDS_OMM_VERS", &version)
                 {
                     found.take(Err((line, reason)));
                     continue;

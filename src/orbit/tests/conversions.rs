@@ -1,4 +1,4 @@
-//! Element sets written and read again: the same elements, or what a format cannot hold is told.
+//! Element sets written and read again: the same elements, or what a format cannot hold is reported.
 
 use hifitime::{Epoch, Unit};
 use proptest::prelude::*;
@@ -87,7 +87,7 @@ fn a_3le_comes_back_octet_for_octet_from_every_notation() {
 }
 
 #[test]
-fn what_two_lines_cannot_hold_is_told() {
+fn what_two_lines_cannot_hold_is_reported() {
     let records = read(&sets());
     let with = |change: fn(&mut Record)| {
         let mut record = records[0].clone();

@@ -202,7 +202,7 @@ fn names_may_stand_behind_their_sets() {
 }
 
 #[test]
-fn objects_without_a_number_are_told_apart_by_name() {
+fn objects_without_a_number_differ_by_name() {
     for number in ["00000", "99999"] {
         let set = |node: &str| {
             let bare = [LOW_1, LOW_2].map(|line| {

@@ -378,7 +378,7 @@ fn every_kind_of_damage_says_what_and_where() {
 }
 
 #[test]
-fn time_systems_are_told_apart() {
+fn time_systems_differ() {
     // X-Val: UT1 - UTC as given. 2019: TAI = UTC + 37 s, TT = TAI + 32.184 s, GPS = TAI - 19 s (IERS Bulletin C 57)
     for (system, ahead_s) in [
         ("UTC", 0.0),

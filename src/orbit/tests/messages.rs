@@ -424,7 +424,7 @@ fn attitude_files_that_cannot_be_flown_say_why() {
         (
             attitudes("3.0", "", ""),
             1,
-            "CCSDS_AEM_VERS '3.0'; read are 1.0 and 2.0",
+            "CCSDS_AEM_VERS '3.0'; read are 1.0, 2.0: ",
         ),
         (
             v2(

@@ -78,9 +78,9 @@ fn theories_that_sgp4_flies_are_taken_and_others_refused_by_name() {
         (format!("{KVN}BTERM = 0.02 [m**2/kg]\n"), 18, xp),
         (format!("{KVN}AGOM = 0.01\n"), 18, xp),
     ] {
-        let told = rejections(&text);
-        assert!(told.len() == 1 && told[0].contains(reason), "{told:?}");
-        assert!(told[0].starts_with(&format!("odd:{line}: ")), "{told:?}");
+        let found = rejections(&text);
+        assert!(found.len() == 1 && found[0].contains(reason), "{found:?}");
+        assert!(found[0].starts_with(&format!("odd:{line}: ")), "{found:?}");
     }
     let old = read(&of_type("2"));
     assert_eq!(old.records[0].elements, wanted);
@@ -168,8 +168,8 @@ fn a_value_in_another_unit_is_refused() {
             format!("{keyword} in '{found}'; only {wanted} is read (MADE UP, NORAD_CAT_ID 100001)");
         let spoilt = KVN.replacen(unit, other, 1);
         for text in [spoilt.clone(), xml(&spoilt)] {
-            let told = rejections(&text);
-            assert!(told.len() == 1 && told[0].contains(&reason), "{told:?}");
+            let found = rejections(&text);
+            assert!(found.len() == 1 && found[0].contains(&reason), "{found:?}");
         }
         let upper = KVN.replace(unit, &unit.to_uppercase());
         for text in [
@@ -189,7 +189,7 @@ fn a_value_in_another_unit_is_refused() {
 }
 
 #[test]
-fn a_keyword_twice_is_told_as_such() {
+fn a_keyword_twice_is_reported_as_such() {
     let versioned = format!("CCSDS_OMM_VERS = 3.0\n{KVN}");
     let twice = "INCLINATION = 97.5 [deg]\nINCLINATION = 52\n";
     let reason = "INCLINATION twice: '97.5' and '52' (MADE UP, NORAD_CAT_ID 100001)";
@@ -197,9 +197,9 @@ fn a_keyword_twice_is_told_as_such() {
         let spoilt = text.replace("INCLINATION = 97.5 [deg]\n", twice);
         let second = text.replace("100001", "100002");
         let contents = read(&format!("{spoilt}{second}"));
-        let told = contents.rejected.iter().map(ToString::to_string);
+        let found = contents.rejected.iter().map(ToString::to_string);
         assert_eq!(
-            told.collect::<Vec<_>>(),
+            found.collect::<Vec<_>>(),
             [format!("odd:{line}: record 1: {reason}")]
         );
         assert_eq!(contents.records[0].elements.norad, 100_002);
@@ -221,11 +221,11 @@ fn a_csv_value_may_have_line_breaks() {
         let text = format!("{HEAD}{end}\"TWO{end}LINES\",{REST},7,0{end}ONE,{REST},8,0{end}");
         let contents = read(&text);
         assert_eq!(contents.rejected, []);
-        let told = contents
+        let found = contents
             .records
             .iter()
             .map(|it| (it.name.as_str(), it.line));
-        assert_eq!(told.collect::<Vec<_>>(), [("TWO LINES", 2), ("ONE", 4)]);
+        assert_eq!(found.collect::<Vec<_>>(), [("TWO LINES", 2), ("ONE", 4)]);
     }
     // Half of a value is never taken for the whole.
     for spoilt in [
@@ -242,10 +242,10 @@ fn a_csv_value_may_have_line_breaks() {
             "{:?}",
             contents.rejected
         );
-        let told = contents.rejected[0].to_string();
+        let found = contents.rejected[0].to_string();
         assert!(
-            told.starts_with("odd:2: record 1: a quotation mark without"),
-            "{told}"
+            found.starts_with("odd:2: record 1: a quotation mark without"),
+            "{found}"
         );
     }
 }
@@ -262,17 +262,20 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
         "[{fine},{spoilt},{fine},{}\n<a>\n<b>",
         fine.replace("1,", "1 ")
     );
-    let told = rejections(&text);
+    let found = rejections(&text);
     assert_eq!(
-        told[0],
+        found[0],
         "odd:1: record 2: INCLINATION '9\\u000a7' is not a number from 0 to 180 (SAME DEB, NORAD_CAT_ID 8)"
     );
-    assert!(told[1].starts_with("odd:1: record 4: not JSON"), "{told:?}");
     assert!(
-        told[2].starts_with("odd:2: '<a>\\u000a<b>' is outside"),
-        "{told:?}"
+        found[1].starts_with("odd:1: record 4: not JSON"),
+        "{found:?}"
     );
-    assert!(told.iter().all(|line| !line.contains('\n')), "{told:?}");
+    assert!(
+        found[2].starts_with("odd:2: '<a>\\u000a<b>' is outside"),
+        "{found:?}"
+    );
+    assert!(found.iter().all(|line| !line.contains('\n')), "{found:?}");
 }
 
 /// An ephemeris of so many minutes past three.
@@ -300,6 +303,11 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         (("A", "TBD"), ("B", "tbd"), &["TBD A", "tbd B"]),
         (("A", ""), ("B", ""), &["UNKNOWN A", "UNKNOWN B"]),
         (("A", "0"), ("B", "99999"), &["0 A", "99999 B"]),
+        (
+            ("A", "YYYY-NNNP"),
+            ("B", "YYYY-NNNP"),
+            &["YYYY-NNNP A", "YYYY-NNNP B"],
+        ),
         (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
         // One name, and one object in however many segments.
         (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),

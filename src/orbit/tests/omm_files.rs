@@ -206,7 +206,7 @@ fn line_ends_marks_and_remarks_change_nothing() {
     }
 }
 
-/// What is wrong with one value is told with its line, in every notation.
+/// What is wrong with one value is reported with its line, in every notation.
 #[test]
 fn a_value_that_cannot_be_used_is_named() {
     for (old, new, reason) in [
@@ -259,9 +259,9 @@ fn a_value_that_cannot_be_used_is_named() {
             );
             let at = text.find(old).unwrap();
             let line = text[..at].matches('\n').count() + 1;
-            let told: usize = found[0].split(':').nth(1).unwrap().parse().unwrap();
+            let reported: usize = found[0].split(':').nth(1).unwrap().parse().unwrap();
             assert!(
-                told == line || new.is_empty() || new == "0",
+                reported == line || new.is_empty() || new == "0",
                 "{found:?}, line {line}"
             );
         }
@@ -372,7 +372,7 @@ fn one_bad_record_does_not_take_others_with_it() {
 }
 
 #[test]
-fn what_is_cut_off_between_records_or_lost_its_start_is_told() {
+fn what_is_cut_off_between_records_or_lost_its_start_is_reported() {
     let headless = SPACE_TRACK_JSON.replace("[{", "[");
     let two = format!(
         "{},\n{}",

@@ -445,7 +445,7 @@ fn nobody_comes_into_a_cone_unseen() {
         };
         let ours = within(way.way_km);
         let found = find(&mut tracks, &ours);
-        // Whose place by tracks and by SGP4 lie on either side of the surface may be told either way.
+        // Whose place by tracks and by SGP4 lie on either side of the surface may count as either.
         let some = find(&mut exact, &within(way.way_km - BOUND_KM));
         let more = find(&mut exact, &within(way.way_km + BOUND_KM));
         assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);

@@ -351,7 +351,15 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
             &format!("        rule({range}.contains({borrowed}), {name}, \"must be {text}\")?;\n");
     }
     match (field.rule, field.error.as_deref()) {
-        (Some(Rule::Positive), _) => out += &format!("        positive({name}, {place})?;\n"),
+        (Some(Rule::Positive), _) => {
+            // What the emulator accepts of it.
+            let range = field.range.as_deref().unwrap_or("finite and above 0");
+            let text = format!("must be {range} {}", field.unit);
+            out += &format!(
+                "        positive({name}, {place}, {:?})?;\n",
+                text.trim_end()
+            );
+        }
         (Some(Rule::Finite), Some("NotFinite")) => {
             out += &format!("        finite({name}, &{place})?;\n")
         }
