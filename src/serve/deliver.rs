@@ -304,11 +304,14 @@ impl Server {
             let entry = channel.frames.open(&request);
             let number = channel.exchange.number;
             // A proof that comes late is as good as a packet.
-            let proves_late = channel.exchange.withheld == Withheld::NoProof
-                && !channel.wire.tally.awaits_proof();
-            channel.exchange.deaf &= !proves_late;
-            channel.exchange.deaf |= channel.wire.tally.has_ended(number);
-            if channel.exchange.deaf || !channel.exchange.heard {
+            let deaf = &mut channel.exchange.deaf;
+            if *deaf == Some(Withheld::NoProof) && !channel.wire.tally.awaits_proof() {
+                *deaf = None;
+            }
+            if channel.wire.tally.has_ended(number) {
+                deaf.get_or_insert(Withheld::NotRead);
+            }
+            if deaf.is_some() || !channel.exchange.heard {
                 without.push((at, entry));
                 continue;
             }
@@ -322,13 +325,12 @@ impl Server {
         picture.whole = picture.open > 0;
         for (at, entry) in without {
             let exchange = &self.channels[at].exchange;
-            let (why, detail) = match (exchange.heard, exchange.withheld) {
+            let (why, detail) = match (exchange.heard, exchange.deaf) {
                 (false, _) => (Withheld::NoClient, "no valid packet has come yet"),
-                // Why the link was given up.
-                (true, why @ (Withheld::NoCredit | Withheld::NoProof)) => {
-                    (why, "nothing is sent until the client sends a packet")
+                (true, None | Some(Withheld::NotRead)) => {
+                    (Withheld::NotRead, "the client takes nothing, or has gone")
                 }
-                (true, _) => (Withheld::NotRead, "the client takes nothing, or has gone"),
+                (true, Some(why)) => (why, "nothing is sent until the client sends a packet"),
             };
             self.withhold(at, entry, why, &format!("frame {frame}: {detail}"));
         }
@@ -384,10 +386,10 @@ impl Server {
             others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
         let is_alone = others.next().is_none();
         let channel = &mut self.channels[at];
-        channel.exchange.deaf = !is_alone;
         let (why, detail) = standstill(channel, has_room);
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
         self.report(at, why, &detail);
+        channel.exchange.deaf = (!is_alone).then_some(why);
         self.end(at, delivery, Some(name(why)));
     }
 
