@@ -241,7 +241,7 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault by which nothing passes any more. None if no packet met one after `since`.
+    /// The fault by which nothing passes any more. None if no packet met one after `since`, or it is over.
     pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
