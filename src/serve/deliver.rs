@@ -219,8 +219,7 @@ impl Server {
             }
             channel.keep(delivery.frame);
             if let Some(cut) = &delivery.cut {
-                let packets = cut.packets();
-                self.report_slow(at, delivery.frame, packets);
+                self.report_slow(at, delivery.frame, cut);
                 return Ok(Step::Moved);
             }
         }

@@ -2,6 +2,7 @@
 
 use super::Server;
 use super::channel::{Channel, Exchange};
+use super::cut::Cut;
 use super::deliver::Delivery;
 use crate::link::Every;
 use crate::stats::{FrameAccount, Pending, Request};
@@ -134,11 +135,17 @@ impl Channel {
                 // Of packets sent the client knows all but those that it does not grant for.
                 let known = credit.granted().wrapping_sub(*window);
                 let lost = credit.sent().wrapping_sub(known);
-                let is_due = !waits && !*reported && now.saturating_duration_since(*since) >= SOON;
                 // A grant far ahead says nothing.
                 let is_lost = *step > 0 && lost > *step && lost <= *window;
-                *reported |= is_due;
-                (is_due && is_lost).then_some(lost)
+                if !is_lost || waits || *reported {
+                    return None;
+                }
+                // A slow line may carry them still.
+                let airtime = self.wire.airtime.as_ref();
+                let takes = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
+                let patience = SOON + takes.saturating_mul(lost);
+                *reported = now.saturating_duration_since(*since) >= patience;
+                reported.then_some(lost)
             }
             _ => {
                 *silent = Some((state, now, false));
@@ -225,12 +232,16 @@ impl Server {
         name(why)
     }
 
-    /// Reports a frame of so many packets that its link takes long for.
-    pub(super) fn report_slow(&mut self, at: usize, frame: u32, packets: u32) {
+    /// Reports a frame that its link takes long for.
+    pub(super) fn report_slow(&mut self, at: usize, frame: u32, cut: &Cut) {
         let Some(airtime) = &self.channels[at].wire.airtime else {
             return;
         };
-        let takes = airtime(MAX_PACKET).saturating_mul(packets);
+        let packets = cut.packets();
+        if airtime(MAX_PACKET).saturating_mul(packets) < SLOW {
+            return;
+        }
+        let takes: Duration = cut.lengths().map(|bytes| airtime(bytes)).sum();
         if takes >= SLOW {
             let s = takes.as_secs_f64();
             let message =
