@@ -60,9 +60,12 @@ pub(super) fn name(why: Withheld) -> &'static str {
     }
 }
 
-/// What to do about it.
-fn remedy(why: Withheld) -> &'static str {
+/// What to do about it, on a link of which a fault holds packets back or not.
+fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
     match why {
+        Withheld::NotRead | Withheld::NoCredit | Withheld::Lost if is_held_back => {
+            "a fault holds packets of this link back (--faults, Fault): end it first"
+        }
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
@@ -178,11 +181,7 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
-        let is_delivery = !matches!(why, Withheld::Refused | Withheld::NoTrigger);
-        let remedy = match channel.wire.tally.is_held_back() && is_delivery {
-            true => "a fault holds packets of this link back (--faults, Fault): end it first",
-            false => remedy(why),
-        };
+        let remedy = remedy(why, channel.wire.tally.is_held_back());
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
@@ -223,8 +222,11 @@ impl Server {
     pub(super) fn report_older(&mut self, at: usize, frame: u32) -> &'static str {
         let channel = &self.channels[at];
         let may_send = channel.exchange.credit.may_send();
+        let is_held_back = channel.wire.tally.is_held_back();
         let (why, detail) = match standstill(channel, !may_send) {
-            (Withheld::NotRead, _) => (Withheld::SlowLink, "the one before still leaves".into()),
+            (Withheld::NotRead, _) if !is_held_back => {
+                (Withheld::SlowLink, "the one before still leaves".into())
+            }
             other => other,
         };
         let detail = format!("frame {frame} gives way to a newer one: {detail}");
@@ -287,6 +289,31 @@ impl Server {
             let (why, detail) = standstill(&self.channels[at], has_room);
             let detail = format!("frame {} waits: {detail}", delivery.frame);
             self.report(at, why, &detail);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only these causes can come of packets that a fault holds back.
+    #[test]
+    fn a_fault_that_holds_packets_back_is_the_remedy_where_they_do_not_arrive() {
+        for (why, ends_fault) in [
+            (Withheld::NoCredit, true),
+            (Withheld::NotRead, true),
+            (Withheld::Lost, true),
+            (Withheld::SlowLink, false),
+            (Withheld::NoProof, false),
+            (Withheld::TooLong, false),
+            (Withheld::Refused, false),
+            (Withheld::NoClient, false),
+            (Withheld::NoTrigger, false),
+        ] {
+            let found = remedy(why, true).contains("end it first");
+            assert_eq!(found, ends_fault, "{why:?}");
+            assert!(!remedy(why, false).contains("end it first"), "{why:?}");
         }
     }
 }
