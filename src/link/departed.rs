@@ -1,5 +1,6 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -13,7 +14,8 @@ pub struct Departed {
     done: AtomicU32,
     /// How many marks have not been reached.
     open: AtomicUsize,
-    marks: Mutex<Vec<Marked>>,
+    /// The oldest first: in the order of their places in the queue.
+    marks: Mutex<VecDeque<Marked>>,
 }
 
 /// A place in the queue.
@@ -57,11 +59,11 @@ impl Departed {
             return;
         }
         let now = Instant::now();
-        for marked in self.lock().iter_mut() {
-            if marked.left.is_none() && is_reached(marked.mark, done) {
-                marked.left = Some(now);
-                self.open.fetch_sub(1, Ordering::SeqCst);
-            }
+        let mut marks = self.lock();
+        let open = marks.iter_mut().filter(|marked| marked.left.is_none());
+        for marked in open.take_while(|marked| is_reached(marked.mark, done)) {
+            marked.left = Some(now);
+            self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
@@ -83,16 +85,18 @@ impl Departed {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
         let left = reached.then(Instant::now);
-        marks.push(Marked { mark, left });
+        marks.push_back(Marked { mark, left });
         mark
     }
 
-    /// When the marked packet left; none if it has not. It is told once, and then forgotten.
+    /// When the marked packet left; none if it has not, or an older mark has not been asked for. It is told once, and then forgotten.
     pub(crate) fn left(&self, mark: Mark) -> Option<Instant> {
+        if !is_reached(mark, self.done.load(Ordering::SeqCst)) {
+            return None;
+        }
         let mut marks = self.lock();
-        let at = marks.iter().position(|marked| marked.mark == mark)?;
-        let left = marks.get(at)?.left?;
-        marks.swap_remove(at);
+        let left = marks.front().filter(|oldest| oldest.mark == mark)?.left?;
+        marks.pop_front();
         Some(left)
     }
 
@@ -100,13 +104,13 @@ impl Departed {
     pub(crate) fn forget(&self, mark: Mark) {
         let mut marks = self.lock();
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
-            && marks.swap_remove(at).left.is_none()
+            && marks.remove(at).is_some_and(|marked| marked.left.is_none())
         {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Marked>> {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Marked>> {
         // What a thread that panicked leaves behind is a list like any other.
         self.marks.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -138,6 +142,7 @@ mod tests {
         departed.done();
         let after = Instant::now();
         departed.done();
+        assert_eq!(departed.left(later), None, "the oldest first");
         let left = departed.left(mark).unwrap();
         assert!((before..=after).contains(&left));
         assert_eq!(departed.left(mark), None, "told once");
@@ -171,6 +176,20 @@ mod tests {
         departed.done();
         assert!(departed.left(mark).is_some());
         assert_eq!(departed.waiting(), 0);
+    }
+
+    /// A packet leaves while the one before it is booked: its mark is reached at once, the older one a moment later.
+    #[test]
+    fn a_mark_that_is_reached_first_hides_no_older_one() {
+        let departed = Departed::default();
+        (0..2).for_each(|_| departed.queued());
+        for (place, left) in [(1, None), (2, Some(Instant::now()))] {
+            let mark = Mark(place);
+            departed.lock().push_back(Marked { mark, left });
+        }
+        departed.open.store(1, Ordering::SeqCst);
+        (0..2).for_each(|_| departed.done());
+        assert!(departed.left(Mark(1)).is_some() && departed.left(Mark(2)).is_some());
     }
 
     #[test]
