@@ -356,6 +356,10 @@ impl Server {
     fn end(&mut self, at: usize, delivery: Delivery, cause: Option<&'static str>) {
         self.lose_refused(at, &delivery);
         let Delivery { frame, entry, .. } = delivery;
+        let mut pictures = self.pictures.iter_mut();
+        let picture = pictures.find(|picture| picture.number == frame);
+        // A frame without a picture was refused while it was made.
+        let cause = cause.or(picture.is_none().then_some(name(Withheld::Refused)));
         let channel = &mut self.channels[at];
         let queued = match cause {
             None => {
@@ -367,8 +371,7 @@ impl Server {
                 None
             }
         };
-        let mut pictures = self.pictures.iter_mut();
-        if let Some(picture) = pictures.find(|picture| picture.number == frame) {
+        if let Some(picture) = picture {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= cause.is_none();
             // After a Reset and at the run's end nobody waits for it: it misses no deadline.
@@ -386,9 +389,9 @@ impl Server {
         let is_alone = others.next().is_none();
         let channel = &mut self.channels[at];
         let (why, detail) = standstill(channel, has_room);
+        channel.exchange.deaf = (!is_alone).then_some(why);
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
         self.report(at, why, &detail);
-        channel.exchange.deaf = (!is_alone).then_some(why);
         self.end(at, delivery, Some(name(why)));
     }
 
