@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// What one link is expected to have delivered, and withheld by cause.
 type Expected<'e> = (usize, &'e [(&'static str, usize)]);
 
-/// Ends a run and checks the rule of README.md, "Talking to it": on each link the requests are the frames delivered and those withheld by cause. The run's
+/// Ends a run and checks the rule of README.md, "Frames withheld": on each link the requests are the frames delivered and those withheld by cause. The run's
 /// counters say the same of all links together.
 fn balance(name: &str, emulator: Running, requested: usize, links: &[Expected<'_>]) {
     let (stats, counters) = emulator.measured();
