@@ -12,6 +12,7 @@ ATTITUDE, COMMAND = 0x101, 0x102
 HEADER, PIXELS, LABELS, STATUS, ACK, NACK, END, CHALLENGE = 0x201, 0x202, 0x203, 0x204, 0x205, 0x206, 0x20A, 0x20B
 FRAME_PACKETS = HEADER, PIXELS, LABELS, 0x207, 0x208, 0x209, END
 CREDIT, RESEND, PING, RESET, OUTPUT = 7, 10, 6, 5, 8
+TRIES = 3  # of a frame whose pixels do not have their checksum
 FRAME, TEXT = 2, 2  # levels of Output: all pixels, the whole label
 VALUE_OUT_OF_RANGE, NOT_SUPPORTED = 8, 10  # reasons of a Nack
 WITHHELD = ("none", "no credit", "link not read", "link too slow", "no proof of the address", "packets lost", "frame too long",
@@ -64,7 +65,7 @@ class Frame:
         (self.number, self.attitude, self.width, self.height, self.bits, self.packing, self.blocks, parts,
          length) = struct.unpack_from(">IIHHBB5xIHI", body)
         self.last = self.blocks + parts + 1
-        self.missing, self.requested, self.is_written = set(range(1, self.last + 1)), set(), False
+        self.missing, self.requested, self.is_written, self.tries = set(range(1, self.last + 1)), set(), False, 0
         self.pixels = bytearray((self.width * self.height * self.packing + 7) // 8)
         self.label = bytearray(length)
 
@@ -102,9 +103,13 @@ class Frame:
         return bytes.fromhex(wide.decode())
 
     def write(self):
-        """Writes the frame; False where its pixels do not have the checksum of its FrameEnd, and all of it is requested again."""
+        """Writes the frame; False where its pixels do not have the checksum of its FrameEnd: all of it is requested again, twice."""
         image, name = self.image(), f"{options.out}{self.number:05}"
         if binascii.crc32(image) != self.crc:
+            self.tries += 1
+            if self.tries == TRIES:
+                raise SystemExit(f"frame {self.number}: its pixels have the CRC-32 {binascii.crc32(image):08x}, and its FrameEnd gives "
+                                 f"{self.crc:08x} (pixels_crc32), {TRIES} times: emulator and client differ in what they sum up")
             self.missing = set(range(1, self.last + 1))
             self.request_missing()
             return False

@@ -6,7 +6,8 @@ use crate::effect::counted;
 use crate::engine::Shot;
 use crate::timing::Latencies;
 pub use crate::timing::text as times;
-pub use frames::{FrameAccount, Pending, Request};
+pub use frames::FrameAccount;
+pub(crate) use frames::{Pending, Request};
 use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeMap;
 

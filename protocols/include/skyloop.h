@@ -934,7 +934,7 @@ typedef struct {
     uint32_t attitudes_stale; /* Frames whose attitude was older than the limit */
     uint32_t attitudes_future; /* Frames whose only attitude was of the future */
     uint32_t triggers; /* Triggers accepted */
-    uint32_t triggers_missed; /* Triggers accepted that gave no frame: there was no attitude, the client's clock was set, or it would have come too late */
+    uint32_t triggers_missed; /* Triggers accepted that gave no frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end came first */
 } skyloop_status_t;
 
 /* A command was carried out. */

@@ -1,6 +1,6 @@
 //! What `run` and `loopback` can put between a link and the emulator: faults and a recording.
 
-use anyhow::{anyhow, bail};
+use anyhow::{Error, anyhow, bail};
 use clap::Args;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin, remedy_of};
@@ -10,6 +10,7 @@ use skyloop::orbit::path_text;
 use skyloop::orbit::{Input, OutputFile, inputs, is_same_file};
 use skyloop::output::is_of_run;
 use skyloop::stats::row;
+use skyloop_firmware_sim::console::in_one_line;
 use skyloop_protocols::Output;
 use skyloop_protocols::can::isotp::Parameters;
 use skyloop_protocols::personality::NATIVE;
@@ -171,6 +172,17 @@ fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
     }
 }
 
+/// Two errors as one.
+pub fn both(first: Option<Error>, second: Option<Error>) -> Option<Error> {
+    match (first, second) {
+        (Some(first), Some(second)) => {
+            let [first, second] = [first, second].map(|error| in_one_line(error.as_ref()));
+            Some(anyhow!("{first}; {second}"))
+        }
+        (first, second) => first.or(second),
+    }
+}
+
 /// Whether a recording holds CAN frames: that of a run with one link, a bus. Of several links it holds packets.
 fn records_frames(buses: &[bool]) -> bool {
     buses == [true]
@@ -241,7 +253,7 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault by which nothing passes any more. None if no packet met one after `since`.
+    /// The fault by which nothing passes any more. None if no packet met one after `since`, or it is over.
     pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
@@ -270,18 +282,17 @@ impl Instruments {
         Some(book.summary())
     }
 
-    /// Ends their files; an error if one of them is not whole.
+    /// Ends their files; an error that names those that are not whole.
     pub fn finish(mut self) -> anyhow::Result<()> {
         let captured = self.capture.map_or(Ok(0), Capture::finish);
-        if let Some((_, book)) = self.faults {
+        let logged = self.faults.map_or(Ok(()), |(_, book)| {
             let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
             book.finish().map_err(|why| {
                 let log = self.log.iter_mut();
                 log.for_each(|(_, output)| output.discard_empty());
                 anyhow!("--fault-log {why}")
-            })?;
-        }
-        captured?;
-        Ok(())
+            })
+        });
+        both(logged.err(), captured.err().map(Error::from)).map_or(Ok(()), Err)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
-use super::instruments::{Instruments, settings};
+use super::instruments::{Instruments, both, settings};
 use super::{
     Force, Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level,
 };
@@ -151,7 +151,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     suite.table = table(&rows);
     suite.seconds = started.elapsed().as_secs_f64();
     // A recording that is not whole fails the run, in the JUnit file too.
-    let cut_short = cut_short.or(instruments.finish().err());
+    let cut_short = both(cut_short, instruments.finish().err());
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     cut_short.map_or(Ok(()), Err)?;
     came_whole(&report, &interrupted)?;

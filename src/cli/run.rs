@@ -3,12 +3,12 @@
 use super::budget::{Budget, FRAMES, around};
 use super::cameras::Links;
 use super::cost::spread;
-use super::instruments::{Instruments, settings};
+use super::instruments::{Instruments, both, settings};
 use super::ready::{self, Head, Ready, ReadyFile};
 use super::{
     Force, Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level,
 };
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::attitude::VehicleState;
 use skyloop::config::{Clock, Config, Run, Trigger};
@@ -104,15 +104,15 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let served = serve(&args, &config, server, heads, &seen, &stop);
     drop(ready);
     report(&config, &served, &instruments)?;
-    instruments.finish()?;
-    match served.ended {
+    let ended = match served.ended {
         Ended::AsAsked => ended_in_time(&args, served.cut, served.stats.frames),
-        Ended::Panicked => bail!(PANICKED),
-        Ended::LinkGone => bail!(
+        Ended::Panicked => Err(anyhow!(PANICKED)),
+        Ended::LinkGone => Err(anyhow!(
             "link {}: it has gone (see the log above); open it again",
             served.gone
-        ),
-    }
+        )),
+    };
+    both(ended.err(), instruments.finish().err()).map_or(Ok(()), Err)
 }
 
 /// Checks and opens the output files.

@@ -1,5 +1,6 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -15,7 +16,8 @@ pub struct Departed {
     losing: AtomicU64,
     /// How many marks have not been reached.
     open: AtomicUsize,
-    marks: Mutex<Vec<Marked>>,
+    /// The oldest first: in the order of their places in the queue.
+    marks: Mutex<VecDeque<Marked>>,
 }
 
 /// Behind the counts of packets.
@@ -92,11 +94,11 @@ impl Departed {
             return;
         }
         let at = Instant::now();
-        for marked in self.lock().iter_mut() {
-            if marked.left.is_none() && is_reached(marked.mark, done) {
-                marked.left = Some(Exit { at, is_lost });
-                self.open.fetch_sub(1, Ordering::SeqCst);
-            }
+        let mut marks = self.lock();
+        let open = marks.iter_mut().filter(|marked| marked.left.is_none());
+        for marked in open.take_while(|marked| is_reached(marked.mark, done)) {
+            marked.left = Some(Exit { at, is_lost });
+            self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
@@ -121,7 +123,7 @@ impl Departed {
             at: Instant::now(),
             is_lost: self.is_losing(mark),
         });
-        marks.push(Marked { mark, left });
+        marks.push_back(Marked { mark, left });
         mark
     }
 
@@ -131,12 +133,14 @@ impl Departed {
         losing > 0 && is_reached(Mark(losing as u32), mark.0)
     }
 
-    /// How the marked packet left; none if it has not. The mark is then forgotten.
+    /// How the marked packet left; none if it has not, or an older mark has not been read. The mark is then forgotten.
     pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
+        if !is_reached(mark, self.done.load(Ordering::SeqCst)) {
+            return None;
+        }
         let mut marks = self.lock();
-        let at = marks.iter().position(|marked| marked.mark == mark)?;
-        let left = marks.get(at)?.left?;
-        marks.swap_remove(at);
+        let left = marks.front().filter(|oldest| oldest.mark == mark)?.left?;
+        marks.pop_front();
         Some(left)
     }
 
@@ -144,13 +148,13 @@ impl Departed {
     pub(crate) fn forget(&self, mark: Mark) {
         let mut marks = self.lock();
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
-            && marks.swap_remove(at).left.is_none()
+            && marks.remove(at).is_some_and(|marked| marked.left.is_none())
         {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Marked>> {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Marked>> {
         // What a thread that panicked leaves behind is a list like any other.
         self.marks.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -182,6 +186,7 @@ mod tests {
         departed.done();
         let after = Instant::now();
         departed.lost();
+        assert_eq!(departed.left(later), None, "the oldest first");
         let left = departed.left(mark).unwrap();
         assert!((before..=after).contains(&left.at) && !left.is_lost);
         assert_eq!(departed.left(mark), None, "forgotten");
@@ -218,6 +223,21 @@ mod tests {
         assert_eq!(departed.waiting(), 0);
     }
 
+    /// A packet leaves while the one before it is booked: its mark is reached at once, the older one a moment later.
+    #[test]
+    fn a_mark_that_is_reached_first_hides_no_older_one() {
+        let departed = Departed::default();
+        (0..2).for_each(|_| departed.queued());
+        let at = Instant::now();
+        for (place, left) in [(1, None), (2, Some(Exit { at, is_lost: false }))] {
+            let mark = Mark(place);
+            departed.lock().push_back(Marked { mark, left });
+        }
+        departed.open.store(1, Ordering::SeqCst);
+        (0..2).for_each(|_| departed.done());
+        assert!(departed.left(Mark(1)).is_some() && departed.left(Mark(2)).is_some());
+    }
+
     #[test]
     fn what_has_left_already_is_reached_at_once_and_what_is_forgotten_never() {
         let departed = Departed::default();
@@ -233,16 +253,11 @@ mod tests {
                 departed.queued();
                 departed.lost();
             }
-            assert!(
-                departed
-                    .left(departed.mark())
-                    .is_some_and(|left| left.is_lost == is_lost)
-            );
-            assert!(
-                departed
-                    .left(place)
-                    .is_some_and(|left| left.is_lost == is_lost)
-            );
+            let last = departed.mark();
+            for mark in [place, last] {
+                let left = departed.left(mark);
+                assert!(left.is_some_and(|left| left.is_lost == is_lost));
+            }
         }
         departed.queued();
         let mark = departed.mark();

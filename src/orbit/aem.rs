@@ -158,7 +158,7 @@ impl Reader {
         };
         if key.trim() == VERSION {
             check_version(VERSION, value).map_err(|reason| (number, reason))?;
-            self.is_second = value.trim() == "2.0";
+            self.is_second = value.trim().starts_with('2');
         }
         Ok(())
     }

@@ -55,8 +55,8 @@ pub(super) struct Exchange {
     pub number: u32,
     /// Whether its client has sent a valid packet: nobody else gets frames.
     pub heard: bool,
-    /// Whether its client took nothing for so long that it gets no frames until it says something.
-    pub deaf: bool,
+    /// Why its client gets no frames until it sends a packet: it took nothing for too long.
+    pub deaf: Option<Withheld>,
     /// Why its client has not got the last frame whole.
     pub withheld: Withheld,
     /// Whether its client has sent a valid Trigger.

@@ -5,16 +5,19 @@ use super::picture::Picture;
 use super::select::{brightest_objects, windows};
 use crate::link::Roles;
 use skyloop_firmware_sim::time::to_wire;
+use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,
     object_parts, packed_length, pixels_per_block, windows_per_block,
 };
 use skyloop_protocols::reply::window_length;
 use skyloop_protocols::{
-    CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
-    Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
+    CompressedBlock, EncodeError, FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET,
+    ObjectPart, Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime,
+    rice,
 };
 use std::borrow::Cow;
+use std::iter::once;
 use std::time::{Duration, Instant};
 
 /// The packets of one frame, one after the other. What the pixels themselves decide (windows, compressed blocks, object records) is worked out as the
@@ -134,6 +137,43 @@ impl Cut {
     /// How many packets the frame has.
     pub fn packets(&self) -> u32 {
         self.header.blocks + u32::from(self.header.label_parts) + 2
+    }
+
+    /// How many bytes each of its packets has.
+    pub fn lengths(&self) -> impl Iterator<Item = usize> {
+        let header = &self.header;
+        let (packing, size) = (header.packing, header.window_size);
+        // Of so many items, with at most so many in a packet, those of one packet.
+        let share =
+            |all: usize, most: usize, place: usize| all.saturating_sub(place * most).min(most);
+        let blocks = (0..header.blocks as usize).map(move |place| match header.pixel_level {
+            PixelLevel::Windows => {
+                let most = windows_per_block(packing, size);
+                let windows = share(self.windows.len(), most, place);
+                WindowBlock::FIELDS_LENGTH + windows * window_length(packing, size)
+            }
+            PixelLevel::Compressed => {
+                let code = self.compressed.get(place);
+                CompressedBlock::FIELDS_LENGTH + code.map_or(0, |(_, _, code)| code.len())
+            }
+            _ => {
+                let pixels = header.pixels() as usize;
+                let pixels = share(pixels, pixels_per_block(packing), place);
+                PixelBlock::FIELDS_LENGTH + packed_length(packing, pixels)
+            }
+        });
+        let parts = (0..usize::from(header.label_parts)).map(move |part| {
+            let (fields, most) = match header.label_level {
+                LabelLevel::Objects => {
+                    (ObjectPart::FIELDS_LENGTH, OBJECTS_PER_PART * OBJECT_LENGTH)
+                }
+                _ => (LabelPart::FIELDS_LENGTH, LABEL_TEXT_PER_PART),
+            };
+            fields + share(header.label_bytes as usize, most, part)
+        });
+        let fields = once(FrameHeader::FIELDS_LENGTH).chain(blocks).chain(parts);
+        let fields = fields.chain(once(FrameEnd::FIELDS_LENGTH));
+        fields.map(|fields| HEADER_LENGTH + fields + CRC_LENGTH)
     }
 
     /// Whether all packets have been given.

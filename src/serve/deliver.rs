@@ -218,8 +218,7 @@ impl Server {
             }
             channel.keep(delivery.frame);
             if let Some(cut) = &delivery.cut {
-                let packets = cut.packets();
-                self.report_slow(at, delivery.frame, packets);
+                self.report_slow(at, delivery.frame, cut);
                 return Ok(Step::Moved);
             }
         }
@@ -303,11 +302,12 @@ impl Server {
             let entry = channel.frames.open(&request);
             let number = channel.exchange.number;
             // A proof that comes late is as good as a packet.
-            let proves_late = channel.exchange.withheld == Withheld::NoProof
-                && !channel.wire.tally.awaits_proof();
-            channel.exchange.deaf &= !proves_late;
-            channel.exchange.deaf |= channel.has_gone(number);
-            if channel.exchange.deaf || !channel.exchange.heard {
+            let has_gone = channel.has_gone(number);
+            let deaf = &mut channel.exchange.deaf;
+            if *deaf == Some(Withheld::NoProof) && !channel.wire.tally.awaits_proof() {
+                *deaf = None;
+            }
+            if has_gone || deaf.is_some() || !channel.exchange.heard {
                 without.push((at, entry));
                 continue;
             }
@@ -322,16 +322,13 @@ impl Server {
         for (at, entry) in without {
             let channel = &self.channels[at];
             let exchange = &channel.exchange;
-            let (why, detail) = match exchange.withheld {
+            let (why, detail) = match exchange.deaf {
                 _ if !exchange.heard => (Withheld::NoClient, "no valid packet has come yet"),
                 _ if channel.has_gone(exchange.number) => {
                     (Withheld::NoClient, "the client has gone")
                 }
-                // Why the link was given up.
-                why @ (Withheld::NoCredit | Withheld::NoProof) => {
-                    (why, "nothing is sent until the client sends a packet")
-                }
-                _ => (Withheld::NotRead, "the client takes nothing"),
+                None | Some(Withheld::NotRead) => (Withheld::NotRead, "the client takes nothing"),
+                Some(why) => (why, "nothing is sent until the client sends a packet"),
             };
             let cause = match why {
                 Withheld::NoClient if exchange.heard => CLIENT_GONE,
@@ -368,6 +365,10 @@ impl Server {
             exchange,
             ..
         } = delivery;
+        let mut pictures = self.pictures.iter_mut();
+        let picture = pictures.find(|picture| picture.number == frame);
+        // A frame without a picture was refused while it was made.
+        let cause = cause.or(picture.is_none().then_some(name(Withheld::Refused)));
         let channel = &mut self.channels[at];
         let queued = match cause {
             None => {
@@ -379,8 +380,7 @@ impl Server {
                 None
             }
         };
-        let mut pictures = self.pictures.iter_mut();
-        if let Some(picture) = pictures.find(|picture| picture.number == frame) {
+        if let Some(picture) = picture {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= cause.is_none();
             // After a Reset and at the run's end nobody waits for it: it misses no deadline.
@@ -398,8 +398,8 @@ impl Server {
             others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
         let is_alone = others.next().is_none();
         let channel = &mut self.channels[at];
-        channel.exchange.deaf = !is_alone;
         let (why, detail) = standstill(channel, has_room);
+        channel.exchange.deaf = (!is_alone).then_some(why);
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
         self.report(at, why, &detail);
         self.end(at, delivery, Some(name(why)));

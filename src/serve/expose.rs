@@ -131,6 +131,11 @@ impl Server {
     /// An exposure has no frame.
     pub(super) fn miss(&mut self, due: &Due) {
         self.missed = self.missed.wrapping_add(1);
+        self.miss_trigger(due);
+    }
+
+    /// Counts the Trigger of an exposure that has no frame, if one asked for it.
+    fn miss_trigger(&mut self, due: &Due) {
         let triggers = &mut self.counters.triggers_missed;
         *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
     }
@@ -223,6 +228,7 @@ impl Server {
         if let Some(request) = picture.request {
             self.fail(request, RUN_ENDED);
         }
+        self.miss_trigger(&picture.asked.due);
         self.makes(None);
         self.next_frame = self.next_frame.wrapping_add(1);
         let abandoned = &mut self.counters.frames_abandoned;

@@ -189,7 +189,7 @@ impl Server {
     fn leads(&self, at: usize) -> bool {
         let channels = self.channels.iter();
         let first = |brings: fn(&Channel) -> bool| {
-            let brings = |channel: &Channel| brings(channel) && !channel.exchange.deaf;
+            let brings = |channel: &Channel| brings(channel) && channel.exchange.deaf.is_none();
             channels.clone().position(brings)
         };
         let pixels = first(|channel| channel.roles.pixels);

@@ -77,7 +77,7 @@ impl Server {
         if newer != 0 {
             self.open_exchange(at, inbound.exchange);
         }
-        self.channels[at].exchange.deaf = false;
+        self.channels[at].exchange.deaf = None;
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {

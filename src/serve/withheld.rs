@@ -2,6 +2,7 @@
 
 use super::Server;
 use super::channel::{Channel, Exchange};
+use super::cut::Cut;
 use super::deliver::Delivery;
 use crate::link::Every;
 use crate::stats::{FrameAccount, Request};
@@ -59,9 +60,12 @@ pub(super) fn name(why: Withheld) -> &'static str {
     }
 }
 
-/// What to do about it.
-fn remedy(why: Withheld) -> &'static str {
+/// What to do about it, on a link of which a fault holds packets back or not.
+fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
     match why {
+        Withheld::NotRead | Withheld::NoCredit | Withheld::Lost if is_held_back => {
+            "a fault holds packets of this link back (--faults, Fault): end it first"
+        }
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
@@ -134,11 +138,17 @@ impl Channel {
                 // Of packets sent the client knows all but those that it does not grant for.
                 let known = credit.granted().wrapping_sub(*window);
                 let lost = credit.sent().wrapping_sub(known);
-                let is_due = !waits && !*reported && now.saturating_duration_since(*since) >= SOON;
                 // A grant far ahead says nothing.
                 let is_lost = *step > 0 && lost > *step && lost <= *window;
-                *reported |= is_due;
-                (is_due && is_lost).then_some(lost)
+                if !is_lost || waits || *reported {
+                    return None;
+                }
+                // A slow line may carry them still.
+                let airtime = self.wire.airtime.as_ref();
+                let takes = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
+                let patience = SOON + takes.saturating_mul(lost);
+                *reported = now.saturating_duration_since(*since) >= patience;
+                reported.then_some(lost)
             }
             _ => {
                 *silent = Some((state, now, false));
@@ -171,11 +181,7 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
-        let is_delivery = !matches!(why, Withheld::Refused | Withheld::NoTrigger);
-        let remedy = match channel.wire.tally.is_held_back() && is_delivery {
-            true => "a fault holds packets of this link back (--faults, Fault): end it first",
-            false => remedy(why),
-        };
+        let remedy = remedy(why, channel.wire.tally.is_held_back());
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
@@ -210,8 +216,11 @@ impl Server {
     pub(super) fn report_older(&mut self, at: usize, frame: u32) -> &'static str {
         let channel = &self.channels[at];
         let may_send = channel.exchange.credit.may_send();
+        let is_held_back = channel.wire.tally.is_held_back();
         let (why, detail) = match standstill(channel, !may_send) {
-            (Withheld::NotRead, _) => (Withheld::SlowLink, "the one before still leaves".into()),
+            (Withheld::NotRead, _) if !is_held_back => {
+                (Withheld::SlowLink, "the one before still leaves".into())
+            }
             other => other,
         };
         let detail = format!("frame {frame} gives way to a newer one: {detail}");
@@ -219,12 +228,16 @@ impl Server {
         name(why)
     }
 
-    /// Reports a frame of so many packets that its link takes long for.
-    pub(super) fn report_slow(&mut self, at: usize, frame: u32, packets: u32) {
+    /// Reports a frame that its link takes long for.
+    pub(super) fn report_slow(&mut self, at: usize, frame: u32, cut: &Cut) {
         let Some(airtime) = &self.channels[at].wire.airtime else {
             return;
         };
-        let takes = airtime(MAX_PACKET).saturating_mul(packets);
+        let packets = cut.packets();
+        if airtime(MAX_PACKET).saturating_mul(packets) < SLOW {
+            return;
+        }
+        let takes: Duration = cut.lengths().map(|bytes| airtime(bytes)).sum();
         if takes >= SLOW {
             let s = takes.as_secs_f64();
             let message =
@@ -270,6 +283,31 @@ impl Server {
             let (why, detail) = standstill(&self.channels[at], has_room);
             let detail = format!("frame {} waits: {detail}", delivery.frame);
             self.report(at, why, &detail);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only these causes can come of packets that a fault holds back.
+    #[test]
+    fn a_fault_that_holds_packets_back_is_the_remedy_where_they_do_not_arrive() {
+        for (why, ends_fault) in [
+            (Withheld::NoCredit, true),
+            (Withheld::NotRead, true),
+            (Withheld::Lost, true),
+            (Withheld::SlowLink, false),
+            (Withheld::NoProof, false),
+            (Withheld::TooLong, false),
+            (Withheld::Refused, false),
+            (Withheld::NoClient, false),
+            (Withheld::NoTrigger, false),
+        ] {
+            let found = remedy(why, true).contains("end it first");
+            assert_eq!(found, ends_fault, "{why:?}");
+            assert!(!remedy(why, false).contains("end it first"), "{why:?}");
         }
     }
 }

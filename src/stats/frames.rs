@@ -1,7 +1,8 @@
 //! The account of the frames of one link: how many were requested, and how each request ended.
 //!
-//! The rule, for each link that brings frames: requested = delivered + withheld, once the run has ended. The types enforce it: an entry is opened by a
-//! [`Request`] alone, and its [`Pending`] can be neither copied nor used twice.
+//! The rule, for each link that brings frames: requested = delivered + withheld, once the run has ended. The types help to keep it: an entry is opened by a
+//! [`Request`] alone, and its [`Pending`] can be neither copied nor used twice. A `Pending` that is dropped breaks the sum, and a request that is dropped is
+//! missing from it.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +10,12 @@ use std::collections::BTreeMap;
 /// entry for it, when the frame is put on its way or when it is known that there will be none.
 #[derive(Debug, Default)]
 #[must_use = "each link opens an entry for a request"]
-pub struct Request(());
+pub(crate) struct Request(());
 
 /// An open entry: a frame that is on its way to a link's client.
 #[derive(Debug)]
 #[must_use = "an entry ends as delivered or as withheld"]
-pub struct Pending(());
+pub(crate) struct Pending(());
 
 /// The frames of one link.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -29,18 +30,18 @@ pub struct FrameAccount {
 
 impl FrameAccount {
     /// Opens the entry of this link for a request.
-    pub fn open(&mut self, _: &Request) -> Pending {
+    pub(crate) fn open(&mut self, _: &Request) -> Pending {
         self.requested += 1;
         Pending(())
     }
 
     /// Ends an entry: the frame's last packet has left the link.
-    pub fn deliver(&mut self, Pending(()): Pending) {
+    pub(crate) fn deliver(&mut self, Pending(()): Pending) {
         self.delivered += 1;
     }
 
     /// Ends an entry: the frame has not left whole.
-    pub fn withhold(&mut self, Pending(()): Pending, cause: &'static str) {
+    pub(crate) fn withhold(&mut self, Pending(()): Pending, cause: &'static str) {
         *self.withheld.entry(cause).or_default() += 1;
     }
 

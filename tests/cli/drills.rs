@@ -223,21 +223,47 @@ fn a_full_disk_leaves_no_file_behind() {
 /// 1500 blocks of 512 bytes a file: the files of a frame fit, a log of its CAN frames as text does not.
 #[test]
 fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let mut sh = Command::new("sh");
-    sh.args(["-c", "trap '' XFSZ; ulimit -f 1500; exec \"$0\" \"$@\""]);
-    let command = "loopback --link slcan --frames 1 --capture c.log --junit v.xml";
-    sh.arg(env!("CARGO_BIN_EXE_skyloop"))
-        .args(command.split(' '));
-    let output = sh.current_dir(at).output().unwrap();
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{text}");
-    let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
-    for text in [&text, &junit] {
-        assert!(text.contains("the recording is not whole"), "{text}");
+    const CUT: &str = "the recording is not whole";
+    const LOG: &str = "--fault-log /dev/full: No space left on device";
+    for (fault, flags, failures, says) in [
+        ("", "--link slcan --capture c.log", 1, &[CUT][..]),
+        (
+            "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
+            "--link slcan --capture c.log --faults f.toml --fault-log /dev/full",
+            1,
+            &[LOG, CUT],
+        ),
+        // The frame is missing, too.
+        (
+            "direction = \"out\"\nkind = \"stuck\"\nvalue = 1.0",
+            "--link memory --faults f.toml --fault-log /dev/full",
+            2,
+            &[
+                "nothing passes any more: the fault stuck, out has no end",
+                LOG,
+            ],
+        ),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        std::fs::write(at.join("f.toml"), format!("[[faults]]\n{fault}\n")).unwrap();
+        let mut sh = Command::new("sh");
+        sh.args(["-c", "trap '' XFSZ; ulimit -f 1500; exec \"$0\" \"$@\""]);
+        let command = format!("loopback --frames 1 --junit v.xml {flags}");
+        sh.arg(env!("CARGO_BIN_EXE_skyloop"))
+            .args(command.split(' '));
+        let output = sh.current_dir(at).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        let error = text.lines().rfind(|line| line.starts_with("error: "));
+        let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
+        for text in [error.unwrap(), &junit] {
+            let is_said = says.iter().all(|says| text.contains(says));
+            assert!(is_said, "{command}: {text}");
+        }
+        let failures = format!("failures=\"{failures}\"");
+        assert!(junit.contains(&failures), "{command}: {junit}");
     }
-    assert!(junit.contains("failures=\"1\""), "{junit}");
 }
 
 #[test]

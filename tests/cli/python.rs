@@ -4,6 +4,10 @@
 use crate::run::Process;
 use crate::{EPOCH, Q, repository, skyloop};
 use skyloop::load::CAMERAS;
+use skyloop_protocols::MAX_PACKET;
+use skyloop_protocols::apid::FRAME_END;
+use skyloop_protocols::packet::{identify, reseal};
+use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -223,6 +227,54 @@ fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
         assert!(!log.contains("has not read"), "{log}");
         assert!(!table.contains("lost_outbound"), "{table}");
     }
+}
+
+/// Where to send packets to the emulator at `address`, such that each FrameEnd comes with another `pixels_crc32` (ICD, section 3.12). After ten nothing comes.
+fn spoiling(address: &str) -> String {
+    let near = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let far = UdpSocket::bind("127.0.0.1:0").unwrap();
+    far.connect(address).unwrap();
+    let place = near.local_addr().unwrap().to_string();
+    let [client, emulator] = [&near, &far].map(|socket| socket.try_clone().unwrap());
+    let (sender, senders) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut buffer = [0; MAX_PACKET];
+        while let Ok((length, from)) = client.recv_from(&mut buffer) {
+            let _ = (sender.send(from), emulator.send(&buffer[..length]));
+        }
+    });
+    std::thread::spawn(move || {
+        let client = senders.recv().unwrap();
+        let (mut buffer, mut ends) = ([0; MAX_PACKET], 0);
+        while ends < 10
+            && let Ok(length) = far.recv(&mut buffer)
+        {
+            let packet = &mut buffer[..length];
+            if matches!(identify(packet), Some((FRAME_END, _))) {
+                // Behind the header's 15 bytes and the number of the frame.
+                packet[15 + 4] ^= 1;
+                reseal(packet);
+                ends += 1;
+            }
+            let _ = near.send_to(packet, client);
+        }
+    });
+    place
+}
+
+#[test]
+fn the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let process = emulator(at, "camera = \"fai-nir\"", "", &[]);
+    let address = spoiling(process.address.strip_prefix("udp://").unwrap());
+    let (is_success, printed) = client_at(at, &address, &["--timeout", "3"]);
+    process.signal("-INT");
+    process.end();
+    let says = ["frame 0: ", "CRC-32", "(pixels_crc32), 3 times"];
+    let is_said = says.iter().all(|says| printed.contains(says));
+    assert!(!is_success && is_said, "{printed}");
+    assert!(!at.join("frame-00000.pgm").exists());
 }
 
 /// 24,000 packets a second.

@@ -1,5 +1,6 @@
 //! Whom frames go to over UDP: clients that prove their address, and only while they are there.
 
+use crate::abandoned::{limited, turning};
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
 use crate::support::{
@@ -155,21 +156,22 @@ fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
     assert!((1..40).contains(&lost), "{counters:?}");
 }
 
-/// The proof comes when the frame was given up, after 2 s (ICD, section 5.3).
+/// The last Challenge that has come.
+fn last_challenge(line: &mut Deaf) -> Vec<u8> {
+    let came = std::iter::from_fn(|| line.recv(Duration::from_millis(100)));
+    let challenges = came.filter(|packet| is_challenge(packet));
+    challenges.last().expect("a Challenge comes")
+}
+
+/// The proof comes when the frame has been given up, after 2 s (ICD, section 5.3).
 #[test]
 fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut deaf = Client::new(Deaf(line));
     deaf.point(attitude(0), EPOCH);
-    let mut challenge = None;
-    await_that("the frame is given up", || {
-        let came = deaf.line.recv(Duration::from_millis(100));
-        challenge = came
-            .filter(|packet| is_challenge(packet))
-            .or(challenge.take());
-        emulator.shots.try_recv().is_ok()
-    });
-    deaf.line.send(&challenge.unwrap());
+    drop(emulator.shot());
+    let challenge = last_challenge(&mut deaf.line);
+    deaf.line.send(&challenge);
     let late = std::iter::from_fn(|| deaf.line.recv(Duration::from_millis(300)));
     let frames =
         late.filter(|packet| !is_challenge(packet) && identify(packet).unwrap().0 != STATUS);
@@ -183,42 +185,46 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     assert_eq!(why, [(&"address not proved", &1)]);
 }
 
-/// Likewise beside a link whose client proves its address: what is given up there is not sent, what follows is.
+/// Likewise beside a link whose client proves its address: what is given up there is not sent, what follows is, whatever was refused in between.
 #[test]
 fn a_link_whose_client_proves_late_gets_the_next_frames() {
-    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
-    let links = open_all(&urls, &options(60.0)).unwrap();
-    let [line, late] = [0, 1].map(|at| UdpLine::to(&links[at].0.address));
-    let emulator = Running::at(scene(), Clock::Stepped, links);
-    let (mut client, mut late) = (Client::new(line), Client::new(Deaf(late)));
-    late.send(Command::Ping);
-    client.status();
-    client.point(attitude(0), EPOCH);
-    let (mut challenge, mut is_proved) = (None, false);
-    let (mut blocks, mut shots) = (0, 0);
-    await_that("the first frame is given up and the second comes", || {
-        client.recv(Duration::from_millis(1));
-        let came = late.line.recv(Duration::from_millis(1));
-        let is_block = |one: &Vec<u8>| identify(one).unwrap().0 == PIXEL_BLOCK;
-        blocks += usize::from(came.as_ref().is_some_and(is_block));
-        challenge = came
-            .filter(|packet| is_challenge(packet))
-            .or(challenge.take());
-        shots += emulator.shots.try_iter().count();
-        if shots == 1
-            && !is_proved
-            && let Some(challenge) = challenge.take()
-        {
-            assert_eq!(blocks, 0);
-            late.line.send(&challenge);
-            client.point(attitude(1), later(EPOCH, 1.0));
-            is_proved = true;
+    for is_refused in [false, true] {
+        let urls =
+            ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+        let links = open_all(&urls, &options(60.0)).unwrap();
+        let [line, late] = [0, 1].map(|at| UdpLine::to(&links[at].0.address));
+        let emulator = Running::at(limited(0.3), Clock::Stepped, links);
+        let (mut client, mut late) = (Client::new(line), Client::new(Deaf(late)));
+        late.send(Command::Ping);
+        client.point(attitude(0), EPOCH);
+        client.parcel();
+        drop(emulator.shot());
+        let mut expected = vec![(&"address not proved", &1)];
+        if is_refused {
+            // It costs too much.
+            client.point(turning(1), later(EPOCH, 1.0));
+            client.nack();
+            expected.push((&"refused", &1));
         }
-        shots == 2 && blocks > 0
-    });
-    let (stats, _) = emulator.measured();
-    let withheld: usize = stats.accounts[1].1.withheld.values().sum();
-    assert_eq!((stats.accounts[1].1.delivered > 0, withheld), (true, 1));
+        let is_pixels = |packet: &Vec<u8>| identify(packet).unwrap().0 == PIXEL_BLOCK;
+        let challenge = last_challenge(&mut late.line);
+        late.line.send(&challenge);
+        await_that("the address is proved", || {
+            let came = late.line.recv(Duration::from_millis(50));
+            assert!(!came.as_ref().is_some_and(is_pixels));
+            came.is_some_and(|packet| identify(&packet).unwrap().0 == STATUS)
+        });
+        client.point(attitude(2), later(EPOCH, 2.0));
+        await_that("pixels come", || {
+            late.line.recv(PATIENCE).as_ref().is_some_and(is_pixels)
+        });
+        client.parcel();
+        drop(emulator.shot());
+        let (stats, _) = emulator.measured();
+        let account = &stats.accounts[1].1;
+        let withheld: Vec<_> = account.withheld.iter().collect();
+        assert_eq!((account.delivered, withheld), (1, expected));
+    }
 }
 
 #[test]

@@ -3,12 +3,13 @@
 #[path = "../support/flight.rs"]
 mod flight;
 
+use crate::replay::small;
 use crate::support::client::Client;
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, options, scene};
+use crate::support::{EPOCH, Running, attitude, await_that, on_memory, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::link;
-use skyloop_protocols::Command;
+use skyloop_protocols::{Command, LabelLevel, Output, Reply, Withheld};
 use std::time::{Duration, Instant};
 
 /// The built-in scene with a small detector, behind `link`.
@@ -52,6 +53,81 @@ fn what_is_on_its_way_is_waited_for() {
         (counters.frames_delivered, counters.frames_abandoned),
         (1, 0)
     );
+}
+
+/// X-Val: 10 bit times a byte; SLIP (RFC 1055) with a CRC-32 of 4 bytes, an END on both sides and an escape for two bytes of 256. Frames that take 5 s or more
+/// are slow.
+#[test]
+fn a_frame_is_slow_by_the_bytes_of_its_packets() {
+    for level in ["frame", "compressed", "windows"] {
+        let config = || {
+            let mut config = small();
+            config.run.output = Output::preset(level).unwrap();
+            config
+        };
+        let (_emulator, line) = on_memory(config(), Clock::Stepped);
+        let mut client = Client::new(line);
+        client.window = None;
+        client.point(attitude(0), EPOCH);
+        let (mut bytes, mut packets) = (0.0, 0);
+        loop {
+            let packet = client.next(true);
+            bytes += (packet.len() as f64 + 4.0) * (1.0 + 2.0 / 256.0) + 2.0;
+            packets += 1;
+            if matches!(Reply::decode(&packet), Ok((_, Reply::FrameEnd(_)))) {
+                break;
+            }
+        }
+        for (takes_s, withheld) in [(4.95, Withheld::None), (5.05, Withheld::SlowLink)] {
+            let baud = (bytes * 10.0 / takes_s).round();
+            assert!(
+                baud >= 9600.0,
+                "{level}: {bytes} bytes in {packets} packets"
+            );
+            // Credit for the header alone: the frame stays on its way. A client that is late for half a second finds that cause.
+            let look = || {
+                let link = format!("pty?baud={baud}");
+                let (wire, port) = link::loopback(&link, &options(5.0)).unwrap();
+                let _emulator = Running::start(config(), Clock::Stepped, wire);
+                let mut client = Client::new(MemoryLine(port));
+                client.window = None;
+                client.send(Command::Credit { packets: 1 });
+                client.point(attitude(0), EPOCH);
+                let header = client.next(true);
+                client.put_back(header);
+                client.status().withheld
+            };
+            let mut looks = (0..5).map(|_| look());
+            let found = looks.find(|found| *found != Withheld::NoCredit);
+            let found = found.expect("the client is in time");
+            assert_eq!(found, withheld, "{level}: {bytes} bytes, {packets} packets");
+        }
+    }
+}
+
+/// Packets are lost when the client has not granted for them 0.5 s after the line may have carried them: 1.5 s each at 9,600 baud.
+#[test]
+fn packets_that_a_slow_line_may_carry_are_not_reported_as_lost() {
+    let mut config = small();
+    config.run.output = Output {
+        windows: 5,
+        labels: LabelLevel::None,
+        ..Output::preset("windows").unwrap()
+    };
+    let (wire, port) = link::loopback("pty?baud=9600", &options(5.0)).unwrap();
+    let _emulator = Running::start(config, Clock::Stepped, wire);
+    let mut client = Client::new(MemoryLine(port));
+    client.window = None;
+    client.send(Command::Credit { packets: 64 });
+    client.point(attitude(0), EPOCH);
+    let header = client.next(true);
+    client.send(Command::Credit { packets: 65 });
+    client.put_back(header);
+    client.parcel();
+    assert_eq!(client.status().withheld, Withheld::None);
+    await_that("they are reported as lost", || {
+        client.status().withheld == Withheld::Lost
+    });
 }
 
 #[test]

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// What one link is expected to have delivered, and withheld by cause.
 type Expected<'e> = (usize, &'e [(&'static str, usize)]);
 
-/// Ends a run and checks the rule of README.md, "Talking to it": on each link the requests are the frames delivered and those withheld by cause. The run's
+/// Ends a run and checks the rule of README.md, "Frames withheld": on each link the requests are the frames delivered and those withheld by cause. The run's
 /// counters say the same of all links together.
 fn balance(name: &str, emulator: Running, requested: usize, links: &[Expected<'_>]) {
     let (stats, counters) = emulator.measured();
@@ -241,6 +241,52 @@ fn requests_are_triggers_where_these_give_the_frames() {
         };
         client.status();
         balance(&format!("{clock:?}"), emulator, requested, &[(1, withheld)]);
+    }
+}
+
+/// A Trigger whose frame is being made counts as missed, whatever ends it. The frames of [`turning`] take minutes.
+#[test]
+fn triggers_whose_frames_are_being_made_are_missed() {
+    let config = || {
+        let mut config = limited(1e6);
+        config.run.trigger = Trigger::Packet;
+        config
+    };
+    let trigger = |client: &mut Client<_>| {
+        client.point(turning(1), EPOCH);
+        let start = later(EPOCH, -2.0);
+        client.send(Command::Trigger { number: 1, start });
+        client.status();
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(client.status().counters.frames_abandoned, 0);
+    };
+    for (clock, cause) in [
+        (Clock::Stepped, "client sent Reset"),
+        (Clock::Stepped, "client gone"),
+        (Clock::Stepped, "run ended"),
+        (Clock::External, "client sent Reset"),
+        (Clock::External, "run ended"),
+    ] {
+        let (emulator, line) = on_udp(config(), clock, 1.0);
+        let mut second = Client::new(line.another());
+        let mut client = Client::new(line);
+        trigger(&mut client);
+        match cause {
+            "client sent Reset" => client.done(Command::Reset),
+            "client gone" => await_that("the second client is answered", || {
+                second.send(Command::Ping);
+                second.recv(Duration::from_millis(20)).is_some()
+            }),
+            _ => {}
+        }
+        let (stats, counters) = emulator.measured();
+        let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
+        assert_eq!(withheld, [(&cause, &1)], "{clock:?}");
+        assert_eq!(
+            (counters.triggers, counters.triggers_missed),
+            (1, 1),
+            "{clock:?} {cause}: {counters:?}"
+        );
     }
 }
 

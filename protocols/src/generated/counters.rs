@@ -73,7 +73,7 @@ counters! {
     attitudes_future,
     /// Triggers accepted.
     triggers,
-    /// Triggers accepted that gave no frame: there was no attitude, the client's clock was set, or it would have come too late.
+    /// Triggers accepted that gave no frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end came first.
     triggers_missed,
 }
 

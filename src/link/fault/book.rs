@@ -88,17 +88,17 @@ impl Book {
         format!("in: {}; out: {}", of(false), of(true))
     }
 
-    /// Adds what the faults without an end did to packets in and out.
+    /// Adds what lasting faults did to packets in and out.
     pub(super) fn foresee(&mut self, seen: [Outlook; 2]) {
         let [way_in, way_out] = seen;
         self.stopped.add(Direction::In, way_in);
         self.stopped.add(Direction::Out, way_out);
     }
 
-    /// The fault without an end by which nothing passes any more, such as `stuck, out`, and how many packets (on CAN: frames) met it. None if no packet
-    /// met one after `since`.
+    /// The fault without an end, or that lasts 30 s longer, by which nothing passes any more, such as `stuck, out`, and how many packets (on CAN: frames)
+    /// met it. None if no packet met one after `since`, or it is over.
     pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<Stop> {
-        self.stopped.since(since, needs)
+        self.stopped.since(since, Instant::now(), needs)
     }
 
     /// Lets what is written reach the file.

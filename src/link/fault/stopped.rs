@@ -1,4 +1,4 @@
-//! Recognizes faults without an end in reach that let no packet through: a client gives up before one arrives.
+//! Recognizes faults without an end, and those that last 30 s longer, that let no packet through: a client gives up before one arrives.
 
 use super::plan::name;
 use super::rule::Rule;
@@ -41,7 +41,7 @@ pub struct Needs {
     pub long_packets: bool,
 }
 
-/// What the faults without an end do to the items of one direction, since the last call.
+/// What lasting faults (those without an end, and those that last `LASTING` longer) do to the items of one direction, since the last call.
 #[derive(Debug, Default)]
 pub(super) struct Outlook {
     /// The kind that lets the fewest pass, and how many items had no chance.
@@ -137,39 +137,64 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
     }
 }
 
-/// How many packets, when the last came, and how much longer the fault lasted then, by direction (out: true) and kind.
-type Lost = BTreeMap<(bool, &'static str), (u64, Instant, Option<Duration>)>;
+/// Packets that met a fault.
+#[derive(Debug, Clone, Copy)]
+struct Met {
+    packets: u64,
+    /// When the last of them came.
+    at: Instant,
+    /// How much longer the fault lasted then; none: it has no end.
+    lasts: Option<Duration>,
+}
+
+impl Met {
+    /// Whether the last of them came after `since`, and the fault lasts at `now`.
+    fn counts(&self, since: Instant, now: Instant) -> bool {
+        let ended = |lasts| now.saturating_duration_since(self.at) >= lasts;
+        self.at > since && !self.lasts.is_some_and(ended)
+    }
+}
+
+/// By direction (out: true) and kind.
+type Lost = BTreeMap<(bool, &'static str), Met>;
 
 /// Packets of both directions that have no chance to pass.
 #[derive(Debug, Default)]
 pub(super) struct Stopped {
     lost: Lost,
     lost_if_long: Lost,
-    late: [Late; 2],
+    /// Delays and jitter of packets in and out: how much later they come on average, by which kind mostly.
+    late: [Option<(Duration, FaultKind, Met)>; 2],
 }
 
 impl Stopped {
     /// Adds what one direction has seen.
     pub fn add(&mut self, direction: Direction, seen: Outlook) {
         let out = direction == Direction::Out;
+        let met = |before: u64, count, lasts| Met {
+            packets: before + count,
+            at: Instant::now(),
+            lasts,
+        };
         for (lost, seen) in [
             (&mut self.lost, seen.lost),
             (&mut self.lost_if_long, seen.lost_if_long),
         ] {
             if let Some(((kind, lasts), count)) = seen {
                 let key = (out, name(kind));
-                let before = lost.get(&key).map_or(0, |(count, ..)| *count);
-                lost.insert(key, (before + count, Instant::now(), lasts));
+                let before = lost.get(&key).map_or(0, |before| before.packets);
+                lost.insert(key, met(before, count, lasts));
             }
         }
-        if seen.late.1 > 0 {
+        if let (delay, count, Some((kind, lasts))) = seen.late {
             let late = &mut self.late[usize::from(out)];
-            *late = (seen.late.0, late.1 + seen.late.1, seen.late.2);
+            let before = late.map_or(0, |(_, _, before)| before.packets);
+            *late = Some((delay, kind, met(before, count, lasts)));
         }
     }
 
-    /// The fault by which nothing passes any more; none if no packet met one after `since`.
-    pub fn since(&self, since: Instant, needs: &Needs) -> Option<Stop> {
+    /// The fault without an end, or that lasts 30 s longer, by which nothing passes any more; none if no packet met one after `since`, or it is over at `now`.
+    pub fn since(&self, since: Instant, now: Instant, needs: &Needs) -> Option<Stop> {
         let way = |out: bool| if out { "out" } else { "in" };
         let frames = self.lost_if_long.iter();
         let frames = frames.filter(|((out, _), _)| *out && needs.long_packets);
@@ -177,25 +202,26 @@ impl Stopped {
             .lost
             .iter()
             .chain(frames)
-            .filter(|(_, (_, at, _))| *at > since);
-        if let Some(((out, name), (count, _, lasts))) = lost.next() {
+            .filter(|(_, met)| met.counts(since, now));
+        if let Some(((out, name), met)) = lost.next() {
             return Some(Stop {
                 fault: format!("{name}, {}", way(*out)),
-                packets: *count,
-                lasts: *lasts,
+                packets: met.packets,
+                lasts: met.lasts,
             });
         }
-        let [(late_in, ..), (late_out, ..)] = self.late;
+        let late = self.late;
+        let late = late.map(|late| late.filter(|(_, _, met)| met.counts(since, now)));
+        let [late_in, late_out] = late.map(|late| late.map_or(Duration::ZERO, |(delay, ..)| delay));
         if late_in + late_out < needs.patience {
             return None;
         }
         let out = late_out > late_in;
-        let (_, packets, culprit) = self.late[usize::from(out)];
-        let (kind, lasts) = culprit?;
+        let (_, kind, met) = late[usize::from(out)]?;
         Some(Stop {
             fault: format!("{}, {}", name(kind), way(out)),
-            packets,
-            lasts,
+            packets: met.packets,
+            lasts: met.lasts,
         })
     }
 }
@@ -284,30 +310,56 @@ mod tests {
                 lasts: until,
             });
             let case = format!("{kind:?} {value} {until:?} {bytes} x {items} {long_packets}");
-            assert_eq!(stopped.since(begin, &needs), expected, "{case}");
-            assert_eq!(stopped.since(Instant::now(), &needs), None, "{case}");
+            let now = Instant::now();
+            assert_eq!(stopped.since(begin, now, &needs), expected, "{case}");
+            assert_eq!(stopped.since(now, now, &needs), None, "{case}");
+            // A fault that has ended stops nothing.
+            let over = now + until.unwrap_or_default();
+            let lasts = expected.filter(|_| until.is_none());
+            assert_eq!(stopped.since(begin, over, &needs), lasts, "{case}");
         }
     }
 
     #[test]
     fn delays_of_both_ways_add_up() {
         use FaultKind::{Delay, Jitter};
-        for (delays, fault) in [
-            ([(Delay, 0.0), (Delay, 29.9)], None),
-            ([(Delay, 0.0), (Delay, 30.0)], Some("delay, out")),
-            ([(Delay, 16.0), (Delay, 14.0)], Some("delay, in")),
-            ([(Delay, 16.0), (Delay, 13.0)], None),
+        // That of packets in lasts for so long, s, and is looked at after so long.
+        for (delays, for_s, after_s, fault) in [
+            ([(Delay, 0.0), (Delay, 29.9)], None, 0, None),
+            ([(Delay, 0.0), (Delay, 30.0)], None, 0, Some("delay, out")),
+            ([(Delay, 16.0), (Delay, 14.0)], None, 0, Some("delay, in")),
+            ([(Delay, 16.0), (Delay, 13.0)], None, 0, None),
+            (
+                [(Delay, 20.0), (Delay, 15.0)],
+                Some(60),
+                59,
+                Some("delay, in"),
+            ),
+            ([(Delay, 20.0), (Delay, 15.0)], Some(60), 61, None),
+            (
+                [(Delay, 15.0), (Delay, 30.0)],
+                Some(60),
+                61,
+                Some("delay, out"),
+            ),
             // Even from 0 to the value: half of it on average.
-            ([(Jitter, 60.0), (Delay, 0.0)], Some("jitter, in")),
-            ([(Delay, 0.0), (Jitter, 59.9)], None),
-            ([(Delay, 14.0), (Jitter, 32.0)], Some("jitter, out")),
+            ([(Jitter, 60.0), (Delay, 0.0)], None, 0, Some("jitter, in")),
+            ([(Delay, 0.0), (Jitter, 59.9)], None, 0, None),
+            (
+                [(Delay, 14.0), (Jitter, 32.0)],
+                None,
+                0,
+                Some("jitter, out"),
+            ),
         ] {
             let mut stopped = Stopped::default();
+            let begin = Instant::now();
             for (direction, (kind, value)) in
                 [Direction::In, Direction::Out].into_iter().zip(delays)
             {
                 let mut outlook = Outlook::default();
-                let rules = [rule(kind, value, None)];
+                let until = for_s.filter(|_| direction == Direction::In);
+                let rules = [rule(kind, value, until.map(Duration::from_secs))];
                 let shape = Shape::one(18);
                 outlook.see(&rules, shape, shape, Duration::ZERO);
                 stopped.add(direction, outlook);
@@ -316,8 +368,12 @@ mod tests {
                 patience: Duration::from_secs(30),
                 long_packets: false,
             };
-            let found = stopped.since(Instant::now(), &needs);
-            assert_eq!(found.as_ref().map(|stop| stop.fault.as_str()), fault);
+            let now = begin + Duration::from_secs(after_s);
+            let found = stopped.since(begin, now, &needs);
+            let case = format!("{delays:?} {for_s:?} {after_s}");
+            assert_eq!(found.map(|stop| stop.fault).as_deref(), fault, "{case}");
+            let later = Instant::now();
+            assert_eq!(stopped.since(later, later, &needs), None, "{case}");
         }
     }
 }
