@@ -75,7 +75,7 @@ type Stopping = (
     &'static str,
 );
 
-const STOPPING: [Stopping; 16] = [
+const STOPPING: [Stopping; 18] = [
     ("memory", "out", "stuck", 1.0, 0.0, ""),
     ("memory", "in", "stuck", 1.0, 0.2, ""),
     ("udp", "in", "drop", 1.0, 0.2, ""),
@@ -86,6 +86,8 @@ const STOPPING: [Stopping; 16] = [
     ("serial", "out", "bit_flips", 0.001, 0.2, ""),
     ("memory", "in", "delay", 60.0, 0.0, ""),
     ("udp", "out", "delay", 31.0, 0.2, ""),
+    ("memory", "in", "jitter", 60.0, 0.0, ""),
+    ("udp", "out", "jitter", 60.0, 0.0, ""),
     ("slcan", "out", "duplicate", 1.0, 0.0, ""),
     ("slcan", "in", "bit_flips", 0.01, 0.0, ""),
     ("slcan", "in", "bus_off", 1.0, 0.3, ""),
@@ -98,7 +100,7 @@ const STOPPING: [Stopping; 16] = [
 #[test]
 fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
     // They wait most of the time.
-    for together in STOPPING.chunks(8) {
+    for together in STOPPING.chunks(9) {
         std::thread::scope(|scope| {
             for stopping in together {
                 scope.spawn(|| ends_in_seconds(stopping));

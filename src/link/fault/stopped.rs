@@ -48,8 +48,20 @@ pub(super) struct Outlook {
     lost: Option<(Culprit, u64)>,
     /// The same if these items had been of the longest packets.
     lost_if_long: Option<(Culprit, u64)>,
-    /// How much later items come at least, how many did, and how much longer that lasts.
-    late: (Duration, u64, Option<Duration>),
+    /// How much later items come.
+    late: Late,
+}
+
+/// How much later items come on average, how many did, and the fault that does most of it.
+type Late = (Duration, u64, Option<Culprit>);
+
+/// How much later (s) a fault lets items come on average: a jitter is even from 0 to its value.
+fn late_s(rule: &Rule) -> f64 {
+    match rule.fault.kind {
+        FaultKind::Delay => rule.fault.value,
+        FaultKind::Jitter => rule.fault.value / 2.0,
+        _ => 0.0,
+    }
 }
 
 impl Outlook {
@@ -59,13 +71,13 @@ impl Outlook {
         let lasts = |rule: &Rule| rule.until.map(|until| until.saturating_sub(now));
         let is_endless = |rule: &&Rule| lasts(rule).is_none_or(|lasts| lasts >= LASTING);
         let endless = endless.filter(|rule| rule.is_on(now)).filter(is_endless);
-        let delays = endless
-            .clone()
-            .filter(|rule| rule.fault.kind == FaultKind::Delay);
-        let late_s: f64 = delays.clone().map(|rule| rule.fault.value).sum();
-        if late_s > 0.0 {
-            let lasts = delays.filter_map(lasts).min();
-            self.late = (Duration::from_secs_f64(late_s), self.late.1 + 1, lasts);
+        let mean_s: f64 = endless.clone().map(late_s).sum();
+        if mean_s > 0.0 {
+            let most = endless
+                .clone()
+                .max_by(|a, b| late_s(a).total_cmp(&late_s(b)));
+            let culprit = most.map(|rule| (rule.fault.kind, lasts(rule)));
+            self.late = (Duration::from_secs_f64(mean_s), self.late.1 + 1, culprit);
         }
         for (shape, lost) in [(item, &mut self.lost), (longest, &mut self.lost_if_long)] {
             let chances = endless
@@ -133,7 +145,7 @@ type Lost = BTreeMap<(bool, &'static str), (u64, Instant, Option<Duration>)>;
 pub(super) struct Stopped {
     lost: Lost,
     lost_if_long: Lost,
-    late: [(Duration, u64, Option<Duration>); 2],
+    late: [Late; 2],
 }
 
 impl Stopped {
@@ -178,9 +190,10 @@ impl Stopped {
             return None;
         }
         let out = late_out > late_in;
-        let (_, packets, lasts) = self.late[usize::from(out)];
+        let (_, packets, culprit) = self.late[usize::from(out)];
+        let (kind, lasts) = culprit?;
         Some(Stop {
-            fault: format!("{}, {}", name(FaultKind::Delay), way(out)),
+            fault: format!("{}, {}", name(kind), way(out)),
             packets,
             lasts,
         })
@@ -238,11 +251,11 @@ mod tests {
             (Duplicate, 0.3, None, 64, 23, false, true),
             (Reorder, 1.0, None, 1400, 1, false, false),
             (Reorder, 1.0, None, 64, 2, false, true),
-            (Jitter, 60.0, None, 1400, 1, false, false),
+            (Jitter, 59.9, None, 1400, 1, false, false),
             (Jitter, 0.02, None, 64, 7, false, true),
             (Jitter, 0.02, None, 64, 6, false, false),
             // 15 frames of an attitude, in any order within 1 s.
-            (Jitter, 60.0, None, 8, 15, false, true),
+            (Jitter, 50.0, None, 8, 15, false, true),
             (Jitter, 2.0, None, 8, 15, false, false),
             (Reorder, 1.0, None, 8, 15, false, false),
             (BitFlips, 1e-2, None, 8, 15, false, true),
@@ -278,16 +291,23 @@ mod tests {
 
     #[test]
     fn delays_of_both_ways_add_up() {
+        use FaultKind::{Delay, Jitter};
         for (delays, fault) in [
-            ([0.0, 29.9], None),
-            ([0.0, 30.0], Some("delay, out")),
-            ([16.0, 14.0], Some("delay, in")),
-            ([16.0, 13.0], None),
+            ([(Delay, 0.0), (Delay, 29.9)], None),
+            ([(Delay, 0.0), (Delay, 30.0)], Some("delay, out")),
+            ([(Delay, 16.0), (Delay, 14.0)], Some("delay, in")),
+            ([(Delay, 16.0), (Delay, 13.0)], None),
+            // Even from 0 to the value: half of it on average.
+            ([(Jitter, 60.0), (Delay, 0.0)], Some("jitter, in")),
+            ([(Delay, 0.0), (Jitter, 59.9)], None),
+            ([(Delay, 14.0), (Jitter, 32.0)], Some("jitter, out")),
         ] {
             let mut stopped = Stopped::default();
-            for (direction, delay) in [(Direction::In, delays[0]), (Direction::Out, delays[1])] {
+            for (direction, (kind, value)) in
+                [Direction::In, Direction::Out].into_iter().zip(delays)
+            {
                 let mut outlook = Outlook::default();
-                let rules = [rule(FaultKind::Delay, delay, None)];
+                let rules = [rule(kind, value, None)];
                 let shape = Shape::one(18);
                 outlook.see(&rules, shape, shape, Duration::ZERO);
                 stopped.add(direction, outlook);
