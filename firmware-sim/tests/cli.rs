@@ -64,7 +64,7 @@ fn a_run_over_udp_prints_its_table() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let link = format!("udp://{}", socket.local_addr().unwrap());
     socket
-        .set_read_timeout(Some(Duration::from_secs(4)))
+        .set_read_timeout(Some(Duration::from_secs(10)))
         .unwrap();
     let thread = spawn(move || {
         let mut emulator = Emulator::new(|_, _| {});
@@ -180,7 +180,7 @@ fn ends_with_its_report(signal: &str) {
         .unwrap();
     let mut running = Running(child);
     socket
-        .set_read_timeout(Some(Duration::from_secs(4)))
+        .set_read_timeout(Some(Duration::from_secs(10)))
         .unwrap();
     let mut buffer = [0; 2048];
     // Three frames, then the signal; the second Reset ends the exchange.

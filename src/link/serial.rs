@@ -356,7 +356,7 @@ mod tests {
         std::thread::sleep(3 * READ_TIMEOUT);
         for round in 0..5 {
             send(&mut client, b"hello");
-            let heard = wire.inbox.recv_timeout(5 * READ_TIMEOUT);
+            let heard = wire.inbox.recv_timeout(200 * READ_TIMEOUT);
             assert_eq!(&heard.expect("it is heard").packet[..], b"hello", "{round}");
             std::thread::sleep(2 * READ_TIMEOUT);
         }

@@ -195,7 +195,7 @@ fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
         ),
         (
             "trigger = \"packet\"",
-            &["--timeout", "3"],
+            &["--timeout", "6"],
             "Status gives as the reason (withheld): no Trigger, and run.trigger is packet",
         ),
     ] {

@@ -131,7 +131,7 @@ fn ends_in_seconds((link, direction, kind, value, at_s, further): &Stopping) {
         assert!(text.contains(words), "no {words:?} in {text}");
     }
     // 5 s without a frame; a busy machine needs time for the frames before.
-    assert!(took < Duration::from_secs(30), "{took:?}: {text}");
+    assert!(took < Duration::from_secs(60), "{took:?}: {text}");
     let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
     assert!(
         junit.contains("<testcase name=\"run\"") && junit.contains(&reported),

@@ -91,6 +91,7 @@ impl Running {
     ) -> Running {
         let stop = Arc::new(AtomicBool::new(false));
         let (to_test, shots) = channel();
+        let (ready, is_ready) = channel();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
             let output = config.run.output;
@@ -98,6 +99,7 @@ impl Running {
             let mut server = Server::new(emulator, links, output, clock, personality);
             server.set_run(&config.run);
             prepare(&mut server);
+            let _ = ready.send(());
             // A client may have hung up before it is told to end.
             let ended = server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot.clone());
@@ -105,6 +107,10 @@ impl Running {
             assert_ne!(ended, Ended::Panicked);
             server
         });
+        // What a test waits for is not the catalogue of stars.
+        is_ready
+            .recv_timeout(PATIENCE)
+            .expect("the emulator is there");
         Running {
             shots,
             stop,

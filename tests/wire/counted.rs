@@ -119,7 +119,7 @@ fn a_client_that_closes_its_port_makes_room_for_the_next() {
     let counters = || {
         let counters = Client::new(PtyLine::at(&name)).status().counters;
         // Time to notice that it has gone: who opens the port at that instant goes on where the last one was.
-        std::thread::sleep(PATIENCE / 100);
+        std::thread::sleep(PATIENCE / 20);
         counters
     };
     let (first, second, third) = (counters(), counters(), counters());

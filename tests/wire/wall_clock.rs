@@ -84,7 +84,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
     let mut client = Client::new(line);
     client.point(attitude(1), EPOCH);
-    client.done(Command::Exposure { seconds: 0.5 });
+    client.done(Command::Exposure { seconds: 2.0 });
     let asked = Instant::now();
     client.done(Command::SingleShot);
     // One at a time, and as it was asked for, whatever rate follows it.
@@ -101,7 +101,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     }
     assert_eq!(client.frame().header.frame, 0);
     // The exposure starts with the command, not before it.
-    assert!(asked.elapsed() >= Duration::from_secs_f64(0.5));
+    assert!(asked.elapsed() >= Duration::from_secs(2));
     client.done(Command::Exposure { seconds: 0.01 });
     client.point(attitude(2), later(EPOCH, asked.elapsed().as_secs_f64()));
     client.done(Command::SingleShot);
@@ -113,9 +113,12 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     assert_eq!(client.status().next_frame, 2);
     client.done(Command::FrameRate { hz: 50.0 });
     assert_eq!(client.status().frame_rate_hz, 50.0);
-    for frame in 2..6 {
-        assert_eq!(client.frame().header.frame, frame);
-    }
+    // A client that stands still gets no frames of that time.
+    let frames = [(); 4].map(|()| client.frame().header.frame);
+    assert!(
+        frames[0] >= 2 && frames.is_sorted_by(|a, b| a < b),
+        "{frames:?}"
+    );
     let rate = |hz| Command::FrameRate { hz };
     for (command, words) in [
         (rate(0.0), ["FrameRate.hz", "1e-4 to 1e4 Hz"]),

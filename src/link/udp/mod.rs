@@ -213,7 +213,7 @@ mod tests {
             wire.close(Standstill::of(&wire.tally, patience));
         });
         client
-            .set_read_timeout(Some(Duration::from_millis(500)))
+            .set_read_timeout(Some(Duration::from_secs(2)))
             .unwrap();
         let mut buffer = [0; 2 * OCTETS];
         let mut arrivals = Vec::new();
@@ -272,7 +272,7 @@ mod tests {
         }
         let wire = start(&url, &options, socket, datagrams, local).unwrap();
         let mut taken = 0;
-        while wire.inbox.recv_timeout(Duration::from_millis(200)).is_ok() {
+        while wire.inbox.recv_timeout(Duration::from_secs(2)).is_ok() {
             taken += 1;
         }
         client.send_to(b"next", local).unwrap();
