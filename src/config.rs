@@ -287,6 +287,8 @@ epoch = "2026-01-01T00:00:00Z"
 frames = 1
 period_s = 1.0
 nadir = true
+[spare.sequence]
+attitudes = [{ utc = "2026-01-01T00:00:00Z", q = [0.0, 0.0, 0.0, 1.0] }]
 "#;
 
 impl Raw {
@@ -464,3 +466,6 @@ fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
     let text = time.to_string();
     parse_utc(&text).map_err(|why| check.explain(key, why))
 }
+
+#[cfg(test)]
+mod tests;

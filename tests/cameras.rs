@@ -96,7 +96,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         (
             "[run]\nclock = \"sundial\"",
             [
-                "run.clock: must be \"stepped\" or \"wall\"",
+                "run.clock: must be one of \"stepped\", \"wall\"",
                 "not \"sundial\"",
             ],
         ),
@@ -142,7 +142,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         ),
         (
             "[objects]\nfiles = [\"\"]",
-            ["objects.files: \"\": No such file", "check the path"],
+            ["objects.files[0]: \"\": No such file", "check the path"],
         ),
         (
             "[objects]\nfiles = [\"none.tle\"]",

@@ -1,7 +1,7 @@
 //! The key `fidelity`: the name of a preset, or a table of a preset and the knobs that differ from it.
 
 use crate::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
-use crate::load::{Check, ConfigError, advice};
+use crate::load::{Check, ConfigError, END, advice};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
@@ -11,6 +11,8 @@ use std::sync::LazyLock;
 
 /// As it stands in the file.
 pub struct RawFidelity {
+    /// Where the preset stands.
+    key: &'static str,
     preset: String,
     knobs: Vec<(&'static Knob, Raw)>,
 }
@@ -71,6 +73,7 @@ impl JsonSchema for RawFidelity {
 impl Default for RawFidelity {
     fn default() -> Self {
         RawFidelity {
+            key: "fidelity.preset",
             preset: "realtime".to_string(),
             knobs: Vec::new(),
         }
@@ -83,7 +86,7 @@ impl RawFidelity {
         let mut fidelity = Fidelity::preset(&self.preset).ok_or_else(|| {
             let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
             let given = format!("{:?}", self.preset);
-            check.refuse("fidelity", given, format!("one of {}", names.join(", ")))
+            check.refuse(self.key, given, format!("one of {}", names.join(", ")))
         })?;
         for (knob, raw) in self.knobs {
             let key = format!("fidelity.{}", knob.name);
@@ -104,7 +107,7 @@ pub fn step_form() -> String {
         format!(r"\s*{}\s*=\s*{value}\s*", knob.name)
     });
     let knobs: Vec<String> = knobs.collect();
-    format!("^({}|{})$", presets.join("|"), knobs.join("|"))
+    format!("^({}|{}){END}", presets.join("|"), knobs.join("|"))
 }
 
 /// What each of `run.coarsen` asks for: a preset, or a knob.
@@ -136,8 +139,13 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
             Ok(number) => Raw::Number(number),
             Err(_) => Raw::Word(given.trim_matches('"').to_string()),
         };
-        let key = format!("{key} {name}");
-        Ok(Coarser::Knob(knob, value(&key, knob, raw, check)?))
+        let value = value(name, knob, raw, check).map_err(|error| match error {
+            ConfigError::Value { value, allowed, .. } => {
+                check.explain(&key, format!("{name} = {value}: must be {allowed}"))
+            }
+            other => other,
+        });
+        Ok(Coarser::Knob(knob, value?))
     };
     texts.iter().enumerate().map(step).collect()
 }
@@ -162,7 +170,10 @@ fn value(key: &str, knob: &Knob, raw: Raw, check: &Check) -> Result<Value, Confi
             };
             let refused = || {
                 let allowed = match allowed {
-                    Allowed::Numbers([least, most]) => format!("{least} to {most} {}", knob.unit),
+                    Allowed::Numbers([least, most]) => match knob.unit {
+                        "1" => format!("{least} to {most}"),
+                        unit => format!("{least} to {most} {unit}"),
+                    },
                     Allowed::Words(words) => format!("one of {}", words.join(", ")),
                 };
                 check.refuse(key, given, allowed)
@@ -185,6 +196,7 @@ impl<'de> Deserialize<'de> for RawFidelity {
 
             fn visit_str<E: Error>(self, preset: &str) -> Result<RawFidelity, E> {
                 Ok(RawFidelity {
+                    key: "fidelity",
                     preset: preset.to_string(),
                     knobs: Vec::new(),
                 })

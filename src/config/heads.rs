@@ -79,12 +79,14 @@ pub(super) fn validate(
         .map(|(at, head)| head.validate(at, check, folder))
         .collect::<Result<_, _>>()?;
     for (at, head) in heads.iter().enumerate() {
-        let mut others = heads.iter().take(at).map(|other| &other.name);
-        if head.name == camera.name || others.any(|other| *other == head.name) {
+        let mut others = heads.iter().take(at);
+        let other = others.position(|other| other.name == head.name);
+        if head.name == camera.name || other.is_some() {
             let key = format!("heads[{at}].name");
             let allowed = "a name that no other camera has";
             let error = check.refuse(&key, format!("{:?}", head.name), allowed);
-            return Err(error.needs(&["camera"]));
+            let other = other.map(|other| format!("heads[{other}].name"));
+            return Err(error.needs(&[other.as_deref().unwrap_or("camera")]));
         }
     }
     Ok(heads)

@@ -1,9 +1,9 @@
 //! Where the camera of a run looks that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]` and of the command line.
 
-use crate::load::{Check, ConfigError, Fixed, MEANT, advice, nearest};
+use crate::load::{Check, ConfigError, Fixed, MEANT, TextOrList, advice, nearest};
 use crate::sky::planets;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use skyloop_orbit::{Loaded, Object};
 use std::ops::RangeInclusive;
 
@@ -52,16 +52,24 @@ pub enum Up {
 }
 
 /// A target in words, or right ascension and declination in deg.
-#[derive(Deserialize, JsonSchema)]
-#[serde(
-    untagged,
-    expecting = "must be \"Sun\", \"Moon\", a planet, an object's name or number, \"limb:HEIGHT_KM\", \"velocity\", or [ra, dec] in deg"
-)]
+#[derive(JsonSchema)]
+#[schemars(untagged)]
 pub(super) enum RawTarget {
     Named(String),
     /// The number of an object.
     Number(u32),
     Direction(Fixed<f64, 2>),
+}
+
+impl<'de> Deserialize<'de> for RawTarget {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(TextOrList {
+            expected: "\"Sun\", \"Moon\", a planet, an object's name or number, \"limb:HEIGHT_KM\", \"velocity\", or [ra, dec] in deg",
+            text: RawTarget::Named,
+            number: Some(RawTarget::Number),
+            list: RawTarget::Direction,
+        })
+    }
 }
 
 /// Right ascensions and rolls, deg.

@@ -3,7 +3,8 @@
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
 use crate::load::orbits::{Findings, Pool, Shelf, named};
 use crate::load::{
-    Allowed, Check, ConfigError, Folder, Limit, advice, read, schema_of, some_table, some_tables,
+    Allowed, Check, ConfigError, Folder, Limit, advice, named_tables, read, schema_of, some_table,
+    some_tables,
 };
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
@@ -69,6 +70,8 @@ const EXAMPLE: &str = r#"
 objects = []
 [shapes.NAME]
 parts = [{ kind = "sphere", diameter_m = 1.0 }]
+[[spare.objects]]
+attitude = { mode = "spin", q = [0.0, 0.0, 0.0, 1.0], utc = "2026-01-01T00:00:00Z", rates_deg_s = [0.0, 0.0, 0.0] }
 "#;
 
 #[derive(Deserialize, JsonSchema)]
@@ -78,7 +81,7 @@ struct RawPopulation {
     #[serde(default, deserialize_with = "some_tables")]
     objects: Option<Vec<RawEntry>>,
     /// Shapes by name.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "named_tables")]
     shapes: BTreeMap<String, RawShape>,
 }
 
@@ -139,10 +142,10 @@ impl RawObjects {
             );
             entries = read.map_err(|error| check.named("objects.population", error))?;
         }
-        for name in &self.files {
+        for (i, name) in self.files.iter().enumerate() {
             let read = &mut entries.pool;
             read.read(folder, name, FILES, &mut entries.findings)
-                .map_err(|error| check.explain("objects.files", error))?;
+                .map_err(|error| check.explain(&format!("objects.files[{i}]"), error))?;
         }
         entries.add_to(&mut all);
         Ok(all)
@@ -305,21 +308,19 @@ impl RawEntry {
                 Ok(Look::Sphere(sphere))
             }
             (None, Some(name), Some(attitude)) => {
+                let attitude = attitude.validate(&format!("{key}.attitude"), check)?;
                 let Some(shape) = shapes.get(name) else {
                     let known: Vec<&str> = shapes.keys().map(String::as_str).collect();
                     let allowed = match known.is_empty() {
                         true => format!("a shape of this file: add [shapes.{name}]"),
                         false => format!("one of the shapes{}", advice(name, &known)),
                     };
-                    return Err(check.refuse(
-                        &format!("{key}.shape"),
-                        format!("{name:?}"),
-                        allowed,
-                    ));
+                    let error = check.refuse(&format!("{key}.shape"), format!("{name:?}"), allowed);
+                    return Err(error.needs(&[&format!("shapes.{name}")]));
                 };
                 Ok(Look::Body(Arc::new(Body {
                     shape: shape.clone(),
-                    attitude: attitude.validate(&format!("{key}.attitude"), check)?,
+                    attitude,
                 })))
             }
             (None, Some(_), None) => {
@@ -341,11 +342,11 @@ impl RawEntry {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::load::{agree, both};
 
-    fn load(text: &str) -> Option<String> {
+    pub fn load(text: &str) -> Option<String> {
         let folder = Folder::current();
         let read = read(
             "population.toml",

@@ -3,10 +3,10 @@
 use super::fidelity;
 use crate::fidelity::Coarser;
 use crate::link::{self, LINKS};
-use crate::load::{Allowed, Check, ConfigError, Limit, one_of};
+use crate::load::{Allowed, Check, ConfigError, END, Limit, TextOrList, one_of, word};
 use crate::realtime;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -211,8 +211,8 @@ pub(super) fn link_form() -> String {
 
 /// A port, or the address of an interface and a port.
 fn metrics_form() -> String {
-    r"^([0-9]{1,5}|[0-9]{1,3}(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[[0-9A-Fa-f:.]+\]:[0-9]{1,5})$"
-        .to_string()
+    let forms = r"[0-9]{1,5}|[0-9]{1,3}(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[[0-9A-Fa-f:.]+\]:[0-9]{1,5}";
+    format!("^({forms}){END}")
 }
 
 /// The address of `run.metrics`; a port alone is of 127.0.0.1.
@@ -244,8 +244,10 @@ pub(super) struct RawRun {
     objects: u16,
     /// Stepped: each attitude gives its frame; wall: the camera's own rate; external: that rate by the client's clock, which its
     /// attitudes tell
+    #[serde(deserialize_with = "word")]
     clock: Clock,
     /// What asks for a frame: own (an attitude, or the camera's rate), packet (Trigger packets; stepped and external)
+    #[serde(deserialize_with = "word")]
     trigger: Trigger,
     /// In s: silence after which another client may take over the exchange
     idle_s: f64,
@@ -256,6 +258,7 @@ pub(super) struct RawRun {
     /// In s: and up to this later, another time for each frame
     jitter_s: f64,
     /// Where a frame would miss its deadline: late (it comes late), drop (no frame), coarsen
+    #[serde(deserialize_with = "word")]
     on_overrun: OnOverrun,
     /// By what, one after another until it is in time: presets, or knobs such as "wing_e = 0.5", of what stands before; nothing is made
     /// finer
@@ -265,8 +268,10 @@ pub(super) struct RawRun {
     /// In s: an attitude that is older in the middle of an exposure is stale; one that lies further ahead of it, of the future
     stale_s: f64,
     /// Extrapolate (carried by its rates all the same), hold (the body stands still at the limit), invalid (likewise, and marked so)
+    #[serde(deserialize_with = "word")]
     on_stale: OnStale,
     /// Attitudes earlier than the last one: refuse, or use (they take their place for exposures between others)
+    #[serde(deserialize_with = "word")]
     out_of_order: OutOfOrder,
     /// In s: without a word of the client for so long its clock is not followed any more (external)
     holdover_s: f64,
@@ -281,14 +286,22 @@ pub(super) struct RawRun {
 }
 
 /// One text, or an array of them.
-#[derive(Deserialize, JsonSchema)]
-#[serde(
-    untagged,
-    expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""
-)]
+#[derive(JsonSchema)]
+#[schemars(untagged)]
 pub(super) enum OneOrMore {
     One(String),
     More(Vec<String>),
+}
+
+impl<'de> Deserialize<'de> for OneOrMore {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(TextOrList {
+            expected: "a link or a list of links, such as \"udp://127.0.0.1:4810\"",
+            text: OneOrMore::One,
+            number: None,
+            list: OneOrMore::More,
+        })
+    }
 }
 
 impl OneOrMore {

@@ -4,7 +4,7 @@ use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime, tables};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -32,6 +32,7 @@ pub(super) struct RawSequence {
     /// Instead of attitudes: what the boresight points at and follows: "Sun", "Moon", a planet, an object's name or number, "limb:HEIGHT_KM,AZIMUTH_DEG", "velocity", or [ra, dec] in deg
     look_at: Option<RawTarget>,
     /// What is up in the image (-Y) of look_at; default: north, of the limb and the velocity zenith
+    #[serde(default, deserialize_with = "some_word")]
     up: Option<Up>,
     /// Position angle of -Y from up, in the sense from north through east, deg; default 0
     roll_deg: Option<f64>,
@@ -208,23 +209,23 @@ impl RawSequence {
         let mut attitudes = Vec::new();
         for (i, raw) in self.attitudes.iter().enumerate() {
             let key = format!("sequence.attitudes[{i}]");
-            attitudes.push(TimedAttitude {
-                epoch: match &raw.utc {
-                    Some(time) => utc(check, &format!("{key}.utc"), time)?,
-                    None if self.attitudes.len() == 1 => epoch,
-                    None => {
-                        let reason = "no utc; each of several attitudes needs one";
-                        return Err(check.explain(&key, reason));
-                    }
-                },
-                attitude: Attitude::from_xyzw(raw.q.0)
-                    .map_err(|error| check.explain(&format!("{key}.q"), error))?,
-            });
+            let attitude = Attitude::from_xyzw(raw.q.0)
+                .map_err(|error| check.explain(&format!("{key}.q"), error))?;
+            let epoch = match &raw.utc {
+                Some(time) => utc(check, &format!("{key}.utc"), time)?,
+                None if self.attitudes.len() == 1 => epoch,
+                None => {
+                    let reason = "no utc; each of several attitudes needs one";
+                    return Err(check.explain(&key, reason));
+                }
+            };
+            attitudes.push(TimedAttitude { epoch, attitude });
         }
         if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
             let reason =
                 "the utc of an attitude is not after that of the one before it: sort them by time";
-            return Err(check.explain("sequence.attitudes", reason));
+            let key = "sequence.attitudes";
+            return Err(check.explain(key, reason).needs(&[key]));
         }
         Ok(attitudes)
     }

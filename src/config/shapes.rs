@@ -324,7 +324,8 @@ impl RawPart {
                 0.0 => "means nothing where nothing is mirrored: give specular, or leave it out",
                 _ => "means nothing to a sphere, which mirrors the same to all sides: leave it out",
             };
-            return Err(check.explain(&format!("{key}.lobe_deg"), reason));
+            let error = check.explain(&format!("{key}.lobe_deg"), reason);
+            return Err(error.needs(&[&format!("{key}.specular"), &format!("{key}.kind")]));
         }
         Ok(surface)
     }
@@ -339,11 +340,11 @@ impl RawPart {
         let Some(Fixed(axes)) = self.sun_axis else {
             return Ok(None);
         };
-        let key = format!("{key}.sun_axis");
-        let hinge = direction(&key, &self.sun_axis, check)?;
+        let hinge = direction(&format!("{key}.sun_axis"), &self.sun_axis, check)?;
         if hinge.cross(normal).norm() < ALONG {
             let allowed = "at an angle to the normal: about its normal a plate turns towards no Sun; give the axis it is hinged on, or leave it out";
-            return Err(check.refuse(&key, format!("{axes:?}"), allowed));
+            let error = check.refuse(&format!("{key}.sun_axis"), format!("{axes:?}"), allowed);
+            return Err(error.needs(&[&format!("{key}.normal")]));
         }
         Ok(Some(hinge))
     }
@@ -420,7 +421,7 @@ fn only_its_keys(
             "the key `{name}` is missing: {what} {kind:?} needs {}",
             needed.join(", ")
         );
-        return Err(check.explain(key, reason));
+        return Err(check.explain(&format!("{key}.{name}"), reason));
     }
     Ok(())
 }

@@ -45,9 +45,8 @@ pub const EXAMPLE_CAMERA: &str = concat!(
     include_str!("../../configs/cameras/cots-wide.toml"),
     r#"
 [spare.optics]
-psf = { obscuration = 0.0, fwhm_px = 2.0, beta = 2.5, oversampling = 4.0, wavelength_exponent = 0.0 }
+psf = { images = [{ file = "x", at_px = [0.0, 0.0] }], obscuration = 0.0, fwhm_px = 2.0, beta = 2.5, oversampling = 4.0, wavelength_exponent = 0.0 }
 vignetting = { cos4 = false, table = [[0.0, 1.0]] }
-projection = { strength = 1.0 }
 [spare.radiation]
 flux_cm2_s = 0.0
 thickness_um = 10.0

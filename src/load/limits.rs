@@ -1,11 +1,15 @@
 //! Limits of the values of a file: one table a room, read by the checks and by the JSON Schema.
 
+use super::document::steps;
 use schemars::Schema;
 use serde_json::{Map, Value, json};
 use std::ops::RangeInclusive;
 
 /// A key and what its value may be. In the key `[]` stands for any place in a list, `*` for any name.
 pub(crate) type Limit = (&'static str, Allowed);
+
+/// The end of a text in a [`Allowed::Form`]: `$` would match before a last line feed in Python.
+pub(crate) const END: &str = r"(?![\s\S])";
 
 /// What the value of a key may be.
 #[derive(Clone)]
@@ -49,24 +53,86 @@ pub(crate) fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64
     })
 }
 
-/// What a key may be, in words, if it has a limit of its own.
-pub(crate) fn text_of(limits: &[&[Limit]], key: &str) -> Option<String> {
-    let mut own = limits.iter().copied().flatten();
-    let (table, last) = key.rsplit_once('.').unwrap_or(("", key));
-    own.find_map(|(pattern, allowed)| match allowed {
-        Allowed::Kind(kind, kinds) if *kind == last && matches(pattern, table) => {
-            let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
-            Some(super::one_of(&names))
+/// What a key may be, in words, if its schema has a range, a length or a choice of words.
+pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
+    let forms = forms_of(schema, key);
+    let mut words = Vec::new();
+    let mut texts = Vec::new();
+    for (form, around) in &forms {
+        let own = |name: &str| form.get(name).or(around.get(name));
+        let number = |name: &str| own(name).and_then(Value::as_f64);
+        let listed = own("enum").and_then(Value::as_array);
+        let listed = listed.into_iter().flatten().chain(form.get("const"));
+        let listed: Vec<&str> = listed.filter_map(Value::as_str).collect();
+        if !listed.is_empty() {
+            words.extend(listed);
+        } else if let (Some(least), Some(most)) = (number("minimum"), number("maximum")) {
+            texts.push(super::range_text(key, &(least..=most)));
+        } else if let (Some(least), Some(most)) = (number("minLength"), number("maxLength")) {
+            texts.push(format!("a text of {least} to {most} characters in quotes"));
+        } else if form.get("properties").is_some() && forms.len() > 1 {
+            texts.push("a table of keys".to_string());
+        } else {
+            return None;
         }
-        _ if !matches(pattern, key) => None,
-        Allowed::Number(range) => Some(super::range_text(key, range)),
-        Allowed::Word(words) => Some(super::one_of(&words())),
-        Allowed::Length(range) => {
-            let [least, most] = [range.start(), range.end()];
-            Some(format!("a text of {least} to {most} characters in quotes"))
-        }
-        _ => None,
-    })
+    }
+    if !words.is_empty() {
+        texts.insert(0, super::one_of(&words));
+    }
+    (!texts.is_empty()).then(|| texts.join(" or "))
+}
+
+/// Whether the value of a key is a number by the schema.
+pub(crate) fn is_number(schema: &Schema, key: &str) -> bool {
+    let is_number = |(form, _): &(&Value, &Value)| {
+        let kind = form.get("type").and_then(Value::as_str);
+        kind.is_some_and(|kind| ["number", "integer"].contains(&kind))
+    };
+    forms_of(schema, key).iter().any(is_number)
+}
+
+/// The schemas of the value of a key, one for each form that it may have, and the schema around them, which may have limits too.
+fn forms_of<'s>(schema: &'s Schema, key: &str) -> Vec<(&'s Value, &'s Value)> {
+    let root = schema.as_value();
+    let mut found = vec![(root, root)];
+    for step in steps(key) {
+        let inner = found.into_iter().filter_map(|(form, _)| match step {
+            Ok(name) => {
+                let named = form.get("properties").and_then(|own| own.get(name));
+                named.or(form.get("additionalProperties"))
+            }
+            Err(index) => {
+                let placed = form.get("prefixItems").and_then(|own| own.get(index));
+                placed.or(form.get("items"))
+            }
+        });
+        let forms = inner.flat_map(|around| {
+            let forms = forms(schema, around).into_iter();
+            forms.map(move |form| (form, around))
+        });
+        found = forms.collect();
+    }
+    found
+}
+
+/// A schema behind its reference, or each of those that it is a choice of; null, for a key that is left out, is none.
+fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
+    if let Some(reference) = node.get("$ref").and_then(Value::as_str) {
+        let pointer = reference.strip_prefix('#').unwrap_or_default();
+        let node = schema.pointer(pointer);
+        return node.map_or(Vec::new(), |node| forms(schema, node));
+    }
+    let choices = node
+        .get("anyOf")
+        .or(node.get("oneOf").filter(|_| node.get("type").is_none()));
+    match choices.and_then(Value::as_array) {
+        Some(choices) => choices
+            .iter()
+            .flat_map(|choice| forms(schema, choice))
+            .collect(),
+        None if node.get("type") == Some(&json!("null")) => Vec::new(),
+        None => vec![node],
+    }
 }
 
 /// Whether `key` is one of those that `pattern` stands for.

@@ -1,6 +1,7 @@
 //! Loading text files: folders on disk or built in, checked TOML, errors that name file, key, value and
 //! the allowed range. Unknown keys are refused.
 
+mod document;
 mod embedded;
 mod fixed;
 mod folder;
@@ -15,10 +16,12 @@ pub(crate) use embedded::EXAMPLE_CAMERA;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
-pub(crate) use limits::{Allowed, Kind, Limit};
+pub(crate) use limits::{Allowed, END, Kind, Limit};
 use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
-pub(crate) use table::{some_table, some_tables, table, tables};
+pub(crate) use table::{
+    TextOrList, named_tables, some_table, some_tables, some_word, table, tables, word,
+};
 pub(crate) use words::{MEANT, advice, nearest};
 
 use schemars::generate::SchemaSettings;
@@ -138,8 +141,8 @@ impl ConfigError {
         }
     }
 
-    /// The same with the place of the key in the file, where the error is of this file.
-    fn at(self, of_file: &str, place: &str) -> ConfigError {
+    /// The same with the place of the key in the file, where the error is of this file; `given`: keys as the file has them.
+    fn at(self, of_file: &str, place: &str, given: &impl Fn(&str) -> String) -> ConfigError {
         match self {
             ConfigError::Value {
                 file,
@@ -148,18 +151,18 @@ impl ConfigError {
                 allowed,
             } if file == of_file => ConfigError::Value {
                 file: place.to_string(),
-                key,
+                key: given(&key),
                 value,
                 allowed,
             },
             ConfigError::Key { file, key, reason } if file == of_file => ConfigError::Key {
                 file: place.to_string(),
-                key,
+                key: given(&key),
                 reason,
             },
             ConfigError::Rule { needs, error } => ConfigError::Rule {
-                needs,
-                error: Box::new(error.at(of_file, place)),
+                needs: needs.iter().map(|key| given(key)).collect(),
+                error: Box::new(error.at(of_file, place, given)),
             },
             other => other,
         }
@@ -173,12 +176,17 @@ impl ConfigError {
         }
     }
 
-    /// The key that is meant by an unknown one.
-    fn meant(&self) -> Option<&str> {
+    /// What is said of an unknown key.
+    fn unknown_key(&self) -> Option<&str> {
         let ConfigError::Syntax { reason, .. } = self else {
             return None;
         };
-        let (_, meant) = reason.split_once("unknown key ")?.1.split_once(MEANT)?;
+        Some(reason.split_once("unknown key ")?.1)
+    }
+
+    /// The key that is meant by an unknown one.
+    fn meant(&self) -> Option<&str> {
+        let (_, meant) = self.unknown_key()?.split_once(MEANT)?;
         meant.strip_suffix("`?")
     }
 }
@@ -298,8 +306,11 @@ impl Check<'_> {
 
 /// The choice between words.
 pub(crate) fn one_of(words: &[&str]) -> String {
-    let words: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
-    format!("one of {}", words.join(", "))
+    let quoted: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
+    match quoted.as_slice() {
+        [only] => only.clone(),
+        all => format!("one of {}", all.join(", ")),
+    }
 }
 
 /// A number as it was written, one of many digits by its power of ten.
@@ -384,7 +395,13 @@ impl JsonSchema for RawTime {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "description": "A UTC time such as 2019-06-15T23:35:50.500Z, in quotes or not" })
+        let date = "[0-9]{4}-((0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])|[0-3][0-9]{2})";
+        let clock = r"([01][0-9]|2[0-3]):[0-5][0-9]:([0-5][0-9]|60)(\.[0-9]*)?";
+        json_schema!({
+            "type": "string",
+            "pattern": format!(r"^\s*{date}T{clock}Z?\s*{END}"),
+            "description": "A UTC time such as 2019-06-15T23:35:50.500Z, in quotes or not",
+        })
     }
 }
 

@@ -1,15 +1,22 @@
 //! Reads a TOML file and reports everything that is wrong with it at once, a line for each fault.
 //!
 //! Parser and checks stop at the first fault. Here each faulty key is then replaced by that of an example file, or removed where the example
-//! has none, and the file is read again until it is valid. Faults that only follow from a replaced key are not reported.
+//! has none, and the file is read again until it is valid. Faults that only follow from a replaced key are not reported. Values that no check
+//! came to, because a rule between keys or another key of their table failed before, are compared with their limits last.
 
+use super::document::{
+    as_entry, each_leaf, key_in, parent, placeless, rename, set, span_of, value_at, within,
+    without_indices,
+};
 use super::syntax::{locate, not_toml, position};
-use super::{Check, ConfigError, Limit};
+use super::{Allowed, Check, ConfigError, Limit, limits, one_of, schema_of};
+use schemars::{JsonSchema, Schema};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::borrow::Cow;
+use std::cell::LazyCell;
 use std::ops::Range;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, Deserializer};
+use toml::de::{DeInteger, DeTable, DeValue, Deserializer, ValueDeserializer};
 
 /// Faults that are listed at most.
 pub(super) const MAX_FAULTS: usize = 30;
@@ -19,9 +26,9 @@ const MAX_READS: usize = 100;
 /// A value and what was noticed while it was checked, a line each.
 pub(crate) type Noticed<T> = (T, Vec<String>);
 
-/// Parses `text`, the contents of `file`, and checks it with `validate`. `example`: a valid file with all required keys; `limits`: of its
-/// keys. What is noticed of a valid file is logged.
-pub(crate) fn read<Raw: DeserializeOwned, T>(
+/// Parses `text`, the contents of `file`, and checks it with `validate`. `example`: a valid file with all required keys, and in its table `spare`
+/// values of others; `limits`: of its keys. What is noticed of a valid file is logged.
+pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
     example: &'static str,
@@ -36,7 +43,7 @@ pub(crate) fn read<Raw: DeserializeOwned, T>(
 }
 
 /// The same; what is noticed is returned instead of logged.
-pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
+pub(crate) fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
     example: &'static str,
@@ -45,112 +52,281 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
 ) -> Result<Noticed<T>, ConfigError> {
     let original = DeTable::parse(text).map_err(|error| not_toml(file, text, &error))?;
     let example = DeTable::parse(example).map_err(|error| not_toml("example", example, &error))?;
-    let mut document = original.clone();
-    let mut faults: Vec<(Range<usize>, ConfigError)> = Vec::new();
-    let mut repaired: Vec<String> = Vec::new();
-    // Names that misspelt keys got here: the file does not have them.
-    let mut meant_keys: Vec<String> = Vec::new();
+    let schema = LazyCell::new(|| schema_of::<Raw>("", limits));
+    let mut report = Report::of(file, text, &original);
     for _ in 0..MAX_READS {
         let check = Check::of(file);
-        let raw = Raw::deserialize(Deserializer::from(document.clone()));
+        let raw = Raw::deserialize(Deserializer::from(report.document.clone()));
         let outcome = match raw {
-            Ok(raw) => validate(raw, &check).map_err(|error| {
-                let key = error.key().unwrap_or_default().to_string();
-                let span = span_of(document.get_ref(), &key);
-                let place = shown(file, text, &span);
-                (key, span, error.at(file, &place))
-            }),
-            Err(error) => Err(locate(file, text, &original, &error, limits)),
+            Ok(raw) => validate(raw, &check).map_err(|error| report.of_check(error)),
+            Err(error) => Err(report.of_parser(&error, &schema)),
         };
-        let (key, span, error) = match outcome {
-            Ok(value) if faults.is_empty() => return Ok((value, check.notices.into_inner())),
+        match outcome {
+            Ok(value) if report.faults.is_empty() => {
+                return Ok((value, check.notices.into_inner()));
+            }
             Ok(_) => break,
-            Err(fault) => fault,
-        };
-        // Of a key that does not belong here no value is right.
-        let is_value = error.is_of_value();
-        let key = without_indices(&key).to_string();
-        let is_guess = !is_value && meant_keys.contains(&key);
-        if !is_guess && !repaired.iter().any(|done| follows(&key, &error, done)) {
-            let renamed = error.meant().is_some_and(|meant| {
-                let (table, _) = key.rsplit_once('.').unwrap_or_default();
-                let new = format!("{table}.{meant}");
-                meant_keys.push(new.trim_start_matches('.').to_string());
-                // The value of a misspelt key is checked as well.
-                rename(document.get_mut(), &key, meant)
-            });
-            faults.push((span, error));
-            if faults.len() == MAX_FAULTS {
-                break;
+            Err(fault) => {
+                if !report.take(fault, example.get_ref(), &schema) {
+                    break;
+                }
             }
-            if renamed {
-                continue;
-            }
-        }
-        if !repair(document.get_mut(), &example, key, is_value, &mut repaired) {
-            break;
         }
     }
-    faults.sort_by_key(|(span, _)| span.start);
-    let mut faults: Vec<ConfigError> = faults.into_iter().map(|(_, error)| error).collect();
-    Err(match faults.len() {
-        1 => faults.remove(0),
-        _ => ConfigError::Several {
-            file: file.to_string(),
-            faults,
-        },
+    report.compare_with(limits);
+    Err(report.into_error())
+}
+
+/// A fault, the key that it is of, and where that stands.
+struct Fault {
+    /// As the file has it.
+    key: String,
+    /// In the repaired document.
+    place: String,
+    span: Range<usize>,
+    error: ConfigError,
+}
+
+/// The faults of a file so far.
+struct Report<'a> {
+    file: &'a str,
+    text: &'a str,
+    original: &'a Spanned<DeTable<'a>>,
+    /// The same without its faults.
+    document: Spanned<DeTable<'a>>,
+    faults: Vec<Fault>,
+    /// The keys that were replaced or removed.
+    repaired: Vec<String>,
+    /// Names that misspelt keys got: the file does not have them.
+    meant_keys: Vec<String>,
+    /// Tables with keys that are unknown: keys that they lack may be meant.
+    misread: Vec<String>,
+}
+
+impl<'a> Report<'a> {
+    fn of(file: &'a str, text: &'a str, original: &'a Spanned<DeTable<'a>>) -> Report<'a> {
+        Report {
+            file,
+            text,
+            original,
+            document: original.clone(),
+            faults: Vec::new(),
+            repaired: Vec::new(),
+            meant_keys: Vec::new(),
+            misread: Vec::new(),
+        }
+    }
+
+    /// A key of the repaired document as the file has it.
+    fn given(&self, place: &str) -> String {
+        key_in(self.original.get_ref(), self.document.get_ref(), place)
+    }
+
+    /// A fault that a check found.
+    fn of_check(&self, error: ConfigError) -> Fault {
+        let place = error.key().unwrap_or_default().to_string();
+        let span = span_of(self.document.get_ref(), &place);
+        let shown = shown(self.file, self.text, &span);
+        Fault {
+            key: self.given(&place),
+            error: error.at(self.file, &shown, &|key| self.given(key)),
+            place,
+            span,
+        }
+    }
+
+    /// A fault that the parser found.
+    fn of_parser(&self, error: &toml::de::Error, schema: &Schema) -> Fault {
+        let (place, span, error) = locate(self.file, self.text, &self.document, error, |key| {
+            (self.given(key), limits::text_of(schema, key))
+        });
+        Fault {
+            key: self.given(&place),
+            place,
+            span,
+            error,
+        }
+    }
+
+    /// Reports a fault, unless it follows from an earlier one, and repairs the document; false if nothing more can be found.
+    fn take(&mut self, fault: Fault, example: &DeTable<'static>, schema: &Schema) -> bool {
+        let Fault {
+            key, place, error, ..
+        } = &fault;
+        // Of a key that does not belong here no value is right.
+        let is_value = error.is_of_value();
+        let is_guess = !is_value
+            && self
+                .meant_keys
+                .iter()
+                .any(|meant| meant == without_indices(key));
+        let place = place.clone();
+        if !is_guess && !self.follows(key, error) {
+            let renamed = error.meant().is_some_and(|meant| {
+                let (table, _) = place.rsplit_once('.').unwrap_or_default();
+                let new = format!("{table}.{meant}");
+                self.meant_keys
+                    .push(new.trim_start_matches('.').to_string());
+                // The value of a misspelt key is checked as well.
+                rename(self.document.get_mut(), &place, meant)
+            });
+            if !renamed && error.unknown_key().is_some() {
+                self.misread.push(parent(&place).to_string());
+            }
+            self.faults.push(fault);
+            if self.faults.len() == MAX_FAULTS {
+                return false;
+            }
+            if renamed {
+                return true;
+            }
+        }
+        self.repair(place, is_value, example, schema)
+    }
+
+    /// Whether a fault of `key` follows from what was repaired, or is of a rule that needs a key that a table lacks: an unknown key of that table
+    /// may be the one that is meant.
+    fn follows(&self, key: &str, error: &ConfigError) -> bool {
+        let is_misread = |need: &String| {
+            let is_missing = value_at(self.original.get_ref(), need, false).is_none();
+            is_missing && self.misread.iter().any(|table| table == parent(need))
+        };
+        let needs = match error {
+            ConfigError::Rule { needs, .. } => needs.as_slice(),
+            _ => &[],
+        };
+        needs.iter().any(is_misread)
+            || self
+                .repaired
+                .iter()
+                .any(|done| follows_from(key, error, done))
+    }
+
+    /// Replaces the key, or the first table or list around it that has not been replaced before; false if there is none.
+    fn repair(
+        &mut self,
+        place: String,
+        is_value: bool,
+        example: &DeTable<'static>,
+        schema: &Schema,
+    ) -> bool {
+        let mut place = place;
+        let value = loop {
+            let value = self.replacement(&place, is_value, example, schema);
+            let is_missing = value_at(self.document.get_ref(), &place, false).is_none();
+            let is_lost = is_missing && as_entry(&place).is_some();
+            // A key that was removed may be needed.
+            let is_needed = is_missing && value.is_some();
+            if !is_lost && (is_needed || !self.repaired.contains(&self.given(&place))) {
+                break value;
+            }
+            place = parent(&place).to_string();
+        };
+        if place.is_empty() {
+            return false;
+        }
+        let key = self.given(&place);
+        self.repaired.push(key);
+        set(self.document.get_mut(), &place, value)
+    }
+
+    /// What a faulty key gets: a number in a list, which may need as many, 0; a key, or the only entry of a list, what the example has, or
+    /// where its value is wrong (`is_value`) or missing what the example's table `spare` has. Anything else is removed.
+    fn replacement(
+        &self,
+        place: &str,
+        is_value: bool,
+        example: &DeTable<'static>,
+        schema: &Schema,
+    ) -> Option<DeValue<'static>> {
+        let document = self.document.get_ref();
+        if let Some((list, _)) = as_entry(place) {
+            if limits::is_number(schema, place) {
+                return Some(DeValue::Integer(DeInteger::default()));
+            }
+            let list = value_at(document, list, false)?.get_ref().as_array()?;
+            if list.len() > 1 {
+                return None;
+            }
+        }
+        let is_missing = value_at(document, place, false).is_none();
+        let spare = || {
+            let spare = value_at(example, &format!("spare.{place}"), true);
+            spare.filter(|_| is_value || is_missing)
+        };
+        let value = value_at(example, place, true).or_else(spare)?;
+        Some(placeless(value.get_ref()))
+    }
+
+    /// Adds the values that are out of their limits and of which nothing has been reported.
+    fn compare_with(&mut self, limits: &[&[Limit]]) {
+        let check = Check::of(self.file);
+        let mut found = Vec::new();
+        let mut compare = |key: &str, value: &Spanned<DeValue<'_>>| {
+            let reported = self.faults.iter().any(|fault| {
+                let same_key = without_indices(&fault.key) == without_indices(key);
+                same_key && (within(key, &fault.key) || within(&fault.key, key))
+            });
+            let error = limits
+                .iter()
+                .find_map(|limits| beyond(limits, key, value, &check));
+            if let Some(error) = error.filter(|_| !reported) {
+                let (key, span) = (key.to_string(), value.span());
+                let shown = shown(self.file, self.text, &span);
+                found.push(Fault {
+                    place: key.clone(),
+                    key,
+                    error: error.at(self.file, &shown, &str::to_string),
+                    span,
+                });
+            }
+        };
+        for (name, value) in self.original.get_ref() {
+            each_leaf(name.get_ref(), value, &mut compare);
+        }
+        self.faults.extend(found);
+        self.faults.truncate(MAX_FAULTS);
+    }
+
+    fn into_error(self) -> ConfigError {
+        let mut faults = self.faults;
+        faults.sort_by_key(|fault| fault.span.start);
+        let mut faults: Vec<ConfigError> = faults.into_iter().map(|fault| fault.error).collect();
+        match faults.len() {
+            1 => faults.remove(0),
+            _ => ConfigError::Several {
+                file: self.file.to_string(),
+                faults,
+            },
+        }
+    }
+}
+
+/// The error of a number or a word beyond the limit of its key.
+fn beyond(
+    limits: &[Limit],
+    key: &str,
+    value: &Spanned<DeValue<'_>>,
+    check: &Check,
+) -> Option<ConfigError> {
+    if let Some(range) = limits::range_of(limits, key) {
+        let number = f64::deserialize(ValueDeserializer::from(value.clone())).ok()?;
+        return check.range(key, number, range).err();
+    }
+    let word = value.get_ref().as_str()?;
+    limits.iter().find_map(|(pattern, allowed)| match allowed {
+        Allowed::Word(words) if limits::matches(pattern, key) => {
+            let words = words();
+            let refused = || check.refuse(key, format!("{word:?}"), one_of(&words));
+            (!words.contains(&word)).then(refused)
+        }
+        _ => None,
     })
 }
 
-/// Replaces the key, or the first table around it that has not been replaced before; false if there is none. A key that the example lacks is removed,
-/// or where its value is wrong (`is_value`) or missing replaced by the one in the example's table `spare`.
-fn repair(
-    document: &mut DeTable<'_>,
-    example: &Spanned<DeTable<'static>>,
-    key: String,
-    is_value: bool,
-    repaired: &mut Vec<String>,
-) -> bool {
-    let mut key = key;
-    while repaired.contains(&key) {
-        let parent = key.rsplit_once('.').map_or("", |(parent, _)| parent);
-        key = without_indices(parent).to_string();
-    }
-    if key.is_empty() {
-        return false;
-    }
-    let is_missing = value_at(document, &key, false).is_none();
-    let spare = || {
-        let spare = value_at(example.get_ref(), &format!("spare.{key}"), true);
-        spare.filter(|_| is_value || is_missing)
-    };
-    let value = value_at(example.get_ref(), &key, true)
-        .or_else(spare)
-        .cloned();
-    let done = match table_around(document, &key) {
-        Some((table, name)) => {
-            table.remove(name);
-            if let Some(value) = value {
-                table.insert(
-                    Spanned::new(value.span(), Cow::Owned(name.to_string())),
-                    value,
-                );
-            }
-            true
-        }
-        None => false,
-    };
-    repaired.push(key);
-    done
-}
-
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, or is of a rule that needs it or whose message speaks of it,
-/// as that of a table does where a key of its own is missing.
-fn follows(key: &str, error: &ConfigError, done: &str) -> bool {
-    let within = |key: &str, table: &str| {
-        let rest = key.strip_prefix(table);
-        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
-    };
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, or is of the list that holds it, of a rule that needs it or
+/// whose message speaks of it, as that of a table does where a key of its own is missing.
+fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
     if let ConfigError::Rule { needs, .. } = error
         && needs
             .iter()
@@ -168,104 +344,11 @@ fn follows(key: &str, error: &ConfigError, done: &str) -> bool {
         let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');
         words.any(|word| word == name)
     };
+    let is_of_list = within(done, key) && without_indices(done) == without_indices(key);
     let misses = done
         .rsplit_once('.')
-        .is_some_and(|(table, name)| without_indices(table) == key && speaks_of(name));
-    within(key, done) || misses || (done.contains('.') && message.contains(done))
-}
-
-/// Gives the entry of a misspelt key the name that is meant, unless that is there.
-fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
-    let Some((table, name)) = table_around(document, key) else {
-        return false;
-    };
-    if table.contains_key(meant) {
-        return false;
-    }
-    let Some((old, value)) = table.remove_entry(name) else {
-        return false;
-    };
-    table.insert(
-        Spanned::new(old.span(), Cow::Owned(meant.to_string())),
-        value,
-    );
-    true
-}
-
-/// `heads[1].dead_px` of `heads[1].dead_px[3][0]`.
-fn without_indices(key: &str) -> &str {
-    let mut key = key;
-    while let Some(at) = key.rfind('[').filter(|_| key.ends_with(']')) {
-        key = &key[..at];
-    }
-    key
-}
-
-/// The names and places in lists that a key is made of: `heads`, `[1]`, `dead_px`.
-fn steps(key: &str) -> impl Iterator<Item = Result<&str, usize>> {
-    let parts = key.split(['.', '[']).filter(|part| !part.is_empty());
-    parts.map(|part| match part.strip_suffix(']').map(str::parse) {
-        Some(Ok(index)) => Err(index),
-        _ => Ok(part),
-    })
-}
-
-/// The value of a key; `first`: of the first entry of every list, whatever the key's place in it.
-fn value_at<'t, 'i>(
-    table: &'t DeTable<'i>,
-    key: &str,
-    first: bool,
-) -> Option<&'t Spanned<DeValue<'i>>> {
-    let mut steps = steps(key);
-    let mut value = table.get(steps.next()?.ok()?)?;
-    for step in steps {
-        value = match (step, value.get_ref()) {
-            (Ok(name), DeValue::Table(table)) => table.get(name)?,
-            (Err(_), DeValue::Array(values)) if first => values.iter().next()?,
-            (Err(index), DeValue::Array(values)) => values.get(index)?,
-            _ => return None,
-        };
-    }
-    Some(value)
-}
-
-/// The table that holds a key, and the key's name in it.
-fn table_around<'t, 'i, 'k>(
-    table: &'t mut DeTable<'i>,
-    key: &'k str,
-) -> Option<(&'t mut DeTable<'i>, &'k str)> {
-    let steps: Vec<_> = steps(key).collect();
-    let (last, around) = steps.split_last()?;
-    let mut table = table;
-    let mut places = around.iter().peekable();
-    while let Some(step) = places.next() {
-        let mut value = table.get_mut((*step).ok()?)?.get_mut();
-        while let Some(Err(index)) = places.peek() {
-            let DeValue::Array(values) = value else {
-                return None;
-            };
-            value = values.get_mut(*index)?.get_mut();
-            places.next();
-        }
-        let DeValue::Table(inner) = value else {
-            return None;
-        };
-        table = inner;
-    }
-    Some((table, (*last).ok()?))
-}
-
-/// Where a key's value stands, or the innermost of the tables around it that is there.
-fn span_of(table: &DeTable<'_>, key: &str) -> Range<usize> {
-    let mut key = key;
-    while !key.is_empty() {
-        if let Some(value) = value_at(table, key, false) {
-            return value.span();
-        }
-        let cut = key.rfind(['.', '[']).unwrap_or(0);
-        key = &key[..cut];
-    }
-    0..0
+        .is_some_and(|(table, name)| table == key && speaks_of(without_indices(name)));
+    within(key, done) || is_of_list || misses || (done.contains('.') && message.contains(done))
 }
 
 /// File, line and column of a span.

@@ -1,8 +1,8 @@
 //! TOML into raw keys. Each fault is one line: file, line, column, key, and what is expected there.
 
-use super::limits::text_of;
+use super::ConfigError;
+use super::document::{as_entry, value_at};
 use super::words::{missing_key, no_toml, plain};
-use super::{ConfigError, Limit};
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
@@ -18,13 +18,14 @@ pub(super) fn not_toml(file: &str, text: &str, error: &Error) -> ConfigError {
     }
 }
 
-/// The key that the parser's error is about, where it stands in the text, and the error in words of the files.
+/// The key that the parser's error is about, where it stands in the text, and the error in words of the files. `known`: of a key its name in the
+/// file and what it may be.
 pub(super) fn locate(
     file: &str,
     text: &str,
     table: &Spanned<DeTable<'_>>,
     error: &Error,
-    limits: &[&[Limit]],
+    known: impl Fn(&str) -> (String, Option<String>),
 ) -> (String, Range<usize>, ConfigError) {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
@@ -32,12 +33,23 @@ pub(super) fn locate(
     let inside = (table.span() != span).then(|| in_table(table.get_ref(), &span));
     let key = inside.flatten().unwrap_or_default();
     let key = key.trim_start_matches('.');
-    let allowed = text_of(limits, key);
+    // A list of one table that has its own header has the place of that.
+    let is_list =
+        |key| value_at(table.get_ref(), key, false).is_some_and(|it| it.get_ref().is_array());
+    let key = match as_entry(key) {
+        Some((list, _))
+            if error.message().starts_with("invalid type: sequence") && !is_list(key) =>
+        {
+            list
+        }
+        _ => key,
+    };
+    let (name, allowed) = known(key);
     let given = text.get(span.clone()).unwrap_or_default();
     let reason = plain(error.message(), given, allowed.as_deref());
-    let reason = match key {
+    let reason = match &*name {
         "" => reason,
-        key => format!("{key}: {reason}"),
+        name => format!("{name}: {reason}"),
     };
     let missing = missing_key(error.message());
     let key = match (key, missing) {
@@ -86,9 +98,10 @@ fn holds(outer: &Range<usize>, inner: &Range<usize>) -> bool {
 #[cfg(test)]
 mod tests {
     use crate::load::{Fixed, read};
+    use schemars::JsonSchema;
     use serde::Deserialize;
 
-    #[derive(Deserialize, Debug)]
+    #[derive(Deserialize, JsonSchema, Debug)]
     #[serde(deny_unknown_fields)]
     #[allow(dead_code)]
     struct Raw {
@@ -98,7 +111,7 @@ mod tests {
         table: Option<Table>,
     }
 
-    #[derive(Deserialize, Debug)]
+    #[derive(Deserialize, JsonSchema, Debug)]
     #[serde(deny_unknown_fields)]
     #[allow(dead_code)]
     struct Table {
@@ -106,14 +119,14 @@ mod tests {
         inner: Option<Inner>,
     }
 
-    #[derive(Deserialize, Debug)]
+    #[derive(Deserialize, JsonSchema, Debug)]
     #[serde(deny_unknown_fields)]
     #[allow(dead_code)]
     struct Inner {
         size: f64,
     }
 
-    #[derive(Deserialize, Debug)]
+    #[derive(Deserialize, JsonSchema, Debug)]
     #[serde(deny_unknown_fields)]
     #[allow(dead_code)]
     struct Row {

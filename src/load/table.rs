@@ -1,7 +1,10 @@
 //! Tables of keys that a list cannot stand for: serde takes the values of a list for the keys of a struct, in their order.
 
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{
+    Deserialize, Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor,
+};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -44,6 +47,68 @@ pub(crate) fn some_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<Vec<T>>, D::Error> {
     tables(from).map(Some)
+}
+
+/// The same for tables by name.
+///
+/// # Errors
+/// As of [`table`], of an entry.
+pub(crate) fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+    from: D,
+) -> Result<BTreeMap<String, T>, D::Error> {
+    let entries = BTreeMap::<String, Entry<T>>::deserialize(from)?;
+    let entries = entries.into_iter();
+    Ok(entries.map(|(name, Entry(entry))| (name, entry)).collect())
+}
+
+/// A value that is a text or a list, or a whole number where `number` makes something of it. Serde's untagged enums refuse a list as a whole; here
+/// the error is of the entry.
+pub(crate) struct TextOrList<T, L> {
+    /// What the value is, in errors.
+    pub expected: &'static str,
+    pub text: fn(String) -> T,
+    pub number: Option<fn(u32) -> T>,
+    pub list: fn(L) -> T,
+}
+
+impl<'de, T, L: Deserialize<'de>> Visitor<'de> for TextOrList<T, L> {
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.expected)
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<T, E> {
+        Ok((self.text)(text.to_string()))
+    }
+
+    fn visit_i64<E: Error>(self, given: i64) -> Result<T, E> {
+        let number = self.number.zip(u32::try_from(given).ok());
+        let refused = || E::invalid_type(Unexpected::Signed(given), &self);
+        number.map(|(of, number)| of(number)).ok_or_else(refused)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<T, A::Error> {
+        L::deserialize(SeqAccessDeserializer::new(list)).map(self.list)
+    }
+}
+
+/// A choice of words: serde takes tables for them too.
+///
+/// # Errors
+/// It is no text, or none of the words of `T`.
+pub(crate) fn word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+    T::deserialize(String::deserialize(from)?.into_deserializer())
+}
+
+/// The same for an optional word.
+///
+/// # Errors
+/// As of [`word`].
+pub(crate) fn some_word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    word(from).map(Some)
 }
 
 struct Entry<T>(T);

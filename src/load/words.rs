@@ -1,5 +1,7 @@
 //! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
 
+use super::one_of;
+
 /// What serde says of a key or of a value, `text` in the file. `allowed`: what the key may be, in words, if it has a limit.
 pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
     let quoted = |text: &str| -> Vec<String> {
@@ -27,8 +29,8 @@ pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
             return format!("unknown key `{given}`{}", advice(given, known));
         }
         if message.starts_with("unknown variant ") {
-            let known: Vec<String> = known.iter().map(|word| format!("{word:?}")).collect();
-            return format!("must be {}, not {given:?}", known.join(" or "));
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            return format!("must be {}, not {given:?}", one_of(&known));
         }
         if missing_key(message).is_some() {
             return format!("the key `{given}` is missing");
@@ -38,12 +40,9 @@ pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
         let wanted = allowed.unwrap_or("a number that 64 bits hold");
         return format!("must be {wanted}, not {text}");
     }
-    if let (Some(allowed), Some(others)) = (allowed, message.strip_prefix("must be a number")) {
-        return format!("must be {allowed}{others}, not {text}");
-    }
-    match message {
-        "wanted string or table" => "must be a text in quotes".to_string(),
-        _ => message.to_string(),
+    match allowed.filter(|_| message.starts_with("must be a number")) {
+        Some(allowed) => format!("must be {allowed}, not {text}"),
+        None => message.to_string(),
     }
 }
 
@@ -73,7 +72,8 @@ pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
     let given = alike(given);
     let far = |word: &&str| {
         let word = alike(word);
-        let unit_apart = given.len() >= 3 && (word.starts_with(&given) || given.starts_with(&word));
+        let is_long = given.len().min(word.len()) >= 3;
+        let unit_apart = is_long && (word.starts_with(&given) || given.starts_with(&word));
         match strsim::osa_distance(&given, &word) {
             slips if unit_apart => slips.min(1),
             slips => slips,
@@ -89,9 +89,7 @@ pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
 fn wanted_value(serde: &str) -> String {
     let text = match serde {
         "f64" => "a number",
-        "u8" => "a whole number from 0 to 255",
-        "u16" => "a whole number from 0 to 65535",
-        "u32" | "u64" => "a whole number, 0 or more",
+        "u8" | "u16" | "u32" | "u64" => "a whole number, 0 or more",
         "i64" => "a whole number",
         "a boolean" => "true or false",
         "a string" => "a text in quotes",
@@ -173,6 +171,7 @@ mod tests {
         assert_eq!(nearest("x", &[]), None);
         assert_eq!(nearest("t", &["q", "utc"]), None);
         assert_eq!(nearest("k1", &["k", "p"]), Some("k"));
+        assert_eq!(nearest("kind", &["model", "k", "p"]), None);
         for (given, words) in [
             ("integer `-3`", "a whole number, 0 or more, not -3"),
             ("floating point `3.5`", "a whole number, 0 or more, not 3.5"),
@@ -194,7 +193,7 @@ mod tests {
                 "",
                 None
             ),
-            "must be \"stepped\" or \"wall\", not \"sun\""
+            "must be one of \"stepped\", \"wall\", not \"sun\""
         );
         assert_eq!(
             plain(

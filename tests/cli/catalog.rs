@@ -373,5 +373,5 @@ fn a_scene_takes_folders_and_says_what_it_passed_over() {
     file("empty.toml", "\"empty\"");
     let (code, _, log) = run(here.path(), &["plan", "--scene", "empty.toml"]);
     assert_eq!(code, Some(1));
-    has(&log, &["objects.files: empty: no usable object"]);
+    has(&log, &["objects.files[0]: empty: no usable object"]);
 }

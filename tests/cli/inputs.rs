@@ -258,7 +258,7 @@ fn scenes() {
         &[
             "clock.toml:2:9: run.clock: ",
             "sundial",
-            "must be \"stepped\" or \"wall\" or \"external\", not \"sundial\"",
+            "must be one of \"stepped\", \"wall\", \"external\", not \"sundial\"",
         ],
     );
     scene("camera.toml", &["nope", "fai-nir"]);

@@ -182,11 +182,11 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
         ),
         (
             "[\"psf_loss = 2\"]",
-            ["run.coarsen[0] psf_loss = 2", "to 0.01"],
+            ["run.coarsen[0]: psf_loss = 2", "to 0.01"],
         ),
         (
             "[\"wing_e = much\"]",
-            ["run.coarsen[0] wing_e = \"much\"", "0.001 to 1000 e-"],
+            ["run.coarsen[0]: wing_e = \"much\"", "0.001 to 1000 e-"],
         ),
     ] {
         let error = read(&format!("[run]\ncoarsen = {value}")).unwrap_err();

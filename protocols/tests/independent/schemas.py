@@ -27,7 +27,7 @@ def plain(value):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list):
         return [plain(entry) for entry in value]
-    return value.isoformat() if isinstance(value, datetime.date) else value
+    return value.isoformat().replace("+00:00", "Z") if isinstance(value, datetime.date) else value
 
 
 def tables(value):

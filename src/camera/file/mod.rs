@@ -12,7 +12,7 @@ mod vignetting;
 
 use super::Camera;
 use crate::load::{
-    Allowed, CAMERAS, Check, ConfigError, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
+    Allowed, CAMERAS, Check, ConfigError, END, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
     read_noticed, schema_of, some_table, table,
 };
 use detector::RawDetector;
@@ -73,7 +73,7 @@ const LIMITS: &[&[Limit]] = &[
 /// Texts without control characters (C0, DEL and C1) that are not blank.
 fn printable() -> String {
     let controls = r"\x00-\x1f\x7f-\x9f";
-    format!(r"^[^{controls}]*[^\s{controls}][^{controls}]*$")
+    format!(r"^[^{controls}]*[^\s{controls}][^{controls}]*{END}")
 }
 
 /// The JSON Schema of camera files.
@@ -185,12 +185,12 @@ fn rising_angles(
     }
     match table.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {
         Some(i) => {
-            let (key, given) = (format!("{key}[{}]", i + 1), format!("{:?}", table[i + 1]));
+            let (entry, given) = (format!("{key}[{}]", i + 1), format!("{:?}", table[i + 1]));
             let allowed = format!(
                 "at a greater angle than the point before it, {:?}",
                 table[i]
             );
-            Err(check.refuse(&key, given, allowed))
+            Err(check.refuse(&entry, given, allowed).needs(&[key]))
         }
         None => Ok(()),
     }

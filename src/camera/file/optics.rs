@@ -6,10 +6,12 @@ use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, some_table, table};
+use crate::load::{
+    Allowed, Check, ConfigError, Fixed, Folder, Limit, TextOrList, some_table, table,
+};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use std::ops::RangeInclusive;
 
 /// Usual ratios of focal length to aperture: from Abbe's sine condition to pinholes.
@@ -53,14 +55,22 @@ pub struct RawOptics {
     stray: Option<RawStray>,
 }
 
-#[derive(Deserialize, Debug, JsonSchema)]
-#[serde(
-    untagged,
-    expecting = "must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
-)]
+#[derive(Debug, JsonSchema)]
+#[schemars(untagged)]
 enum RawBand {
     Named(#[schemars(extend("enum" = Band::NAMES))] String),
     Nanometres(Fixed<f64, 2>),
+}
+
+impl<'de> Deserialize<'de> for RawBand {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(TextOrList {
+            expected: "\"v\", \"silicon\" or two wavelengths [from, to] in nm",
+            text: RawBand::Named,
+            number: None,
+            list: RawBand::Nanometres,
+        })
+    }
 }
 
 impl RawOptics {

@@ -83,12 +83,12 @@ impl RawStray {
 fn falling(key: &str, points: &[[f64; 2]], check: &Check) -> Result<(), ConfigError> {
     match points.windows(2).position(|pair| pair[1][1] > pair[0][1]) {
         Some(i) => {
-            let (key, given) = (format!("{key}[{}]", i + 1), format!("{:?}", points[i + 1]));
+            let (entry, given) = (format!("{key}[{}]", i + 1), format!("{:?}", points[i + 1]));
             let allowed = format!(
                 "no greater than at the point before it, {:?}: a point-source transmittance falls with the angle from the boresight",
                 points[i]
             );
-            Err(check.refuse(&key, given, allowed))
+            Err(check.refuse(&entry, given, allowed).needs(&[key]))
         }
         None => Ok(()),
     }

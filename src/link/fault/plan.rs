@@ -1,9 +1,11 @@
 //! The schedule of faults, a TOML file.
 
 use super::rule::{Rule, SEED};
-use crate::load::{Check, ConfigError, Folder, read, tables};
+use crate::load::{Allowed, Check, ConfigError, Folder, Limit, one_of, read, tables};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_protocols::{Direction, Fault, FaultKind};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 
@@ -26,7 +28,7 @@ pub fn impossible(kind: FaultKind) -> Option<&'static str> {
     (kind == FaultKind::BusOff).then_some("only a CAN bus goes off: on other links use down")
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Raw {
     #[serde(default = "default_seed")]
@@ -35,7 +37,7 @@ struct Raw {
     faults: Vec<RawFault>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawFault {
     #[serde(default)]
@@ -54,8 +56,24 @@ fn default_seed() -> u64 {
     SEED
 }
 
-/// Longest time that a schedule may name, s.
-const LONGEST_S: f64 = 1e6;
+/// Times that a schedule may name, s.
+const TIMES_S: RangeInclusive<f64> = 0.0..=1e6;
+
+/// Limits of the keys; the most of value follows from kind.
+const LIMITS: &[Limit] = &[
+    ("faults[].at_s", Allowed::Number(TIMES_S)),
+    ("faults[].for_s", Allowed::Number(TIMES_S)),
+    ("faults[].direction", Allowed::Word(directions)),
+    ("faults[].kind", Allowed::Word(kinds)),
+];
+
+fn directions() -> Vec<&'static str> {
+    vec!["in", "out"]
+}
+
+fn kinds() -> Vec<&'static str> {
+    FaultKind::NAMES.iter().map(|(name, _)| *name).collect()
+}
 
 impl Plan {
     /// Reads the schedule for a link that is a CAN bus (`can`) or carries whole packets.
@@ -66,7 +84,7 @@ impl Plan {
 
     /// Reads the text of a schedule called `file`.
     pub fn parse(file: &str, text: &str, can: bool) -> Result<Plan, ConfigError> {
-        read(file, text, EXAMPLE, &[], |raw: Raw, check| {
+        read(file, text, EXAMPLE, &[LIMITS], |raw: Raw, check| {
             let rules = raw.faults.iter().enumerate();
             let rules = rules.map(|(place, fault)| rule(check, place, fault, raw.seed, can));
             Ok(Plan {
@@ -107,15 +125,14 @@ fn rule(
         }
     };
     let Some((_, kind)) = FaultKind::NAMES.iter().find(|(name, _)| *name == raw.kind) else {
-        let names: Vec<&str> = FaultKind::NAMES.iter().map(|(name, _)| *name).collect();
-        return Err(check.refuse(&key("kind"), format!("{:?}", raw.kind), names.join(", ")));
+        return Err(check.refuse(&key("kind"), format!("{:?}", raw.kind), one_of(&kinds())));
     };
     if let Some(why) = impossible(*kind).filter(|_| !can) {
         return Err(check.explain(&key("kind"), format!("{:?}: {why}", raw.kind)));
     }
-    let at_s = check.range(&key("at_s"), raw.at_s, 0.0..=LONGEST_S)?;
+    let at_s = check.limit(LIMITS, &key("at_s"), raw.at_s)?;
     let for_s = match raw.for_s {
-        Some(for_s) => Some(check.range(&key("for_s"), for_s, 0.0..=LONGEST_S)?),
+        Some(for_s) => Some(check.limit(LIMITS, &key("for_s"), for_s)?),
         None => None,
     };
     if for_s == Some(0.0) {
@@ -126,24 +143,24 @@ fn rule(
         (Some(value), _) => value,
         (None, kind) if kind.is_switch() => 1.0,
         (None, _) => {
-            return Err(check.explain(
-                &key("value"),
-                "missing: a probability, or seconds of delay and jitter",
-            ));
+            let why = "missing: a probability, or seconds of delay and jitter";
+            return Err(check.explain(&key("value"), why).needs(&[&key("kind")]));
         }
     };
     let most = match kind {
         FaultKind::Delay | FaultKind::Jitter => 60.0,
         _ => 1.0,
     };
-    let value = check.range(&key("value"), value, 0.0..=most)?;
+    let inside = check.range(&key("value"), value, 0.0..=most);
+    let value = inside.map_err(|error| error.needs(&[&key("kind")]))?;
     if value == 0.0 {
         let why = "0: the fault would do nothing; an earlier one ends by its for_s";
         return Err(check.explain(&key("value"), why));
     }
     if kind.is_switch() && value != 1.0 {
         let allowed = format!("1, as {} is on or off", raw.kind);
-        return Err(check.refuse(&key("value"), value, allowed));
+        let error = check.refuse(&key("value"), value, allowed);
+        return Err(error.needs(&[&key("kind")]));
     }
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
@@ -224,6 +241,30 @@ mod tests {
             (
                 one("value = 0.5\nfor_s = 0"),
                 vec!["faults[0].for_s", "do nothing", "leave for_s out"],
+            ),
+            (
+                one("value = \"a\"\nat_s = \"b\"\nfor_s = true").replace("\"in\"", "7") + "\n[[faults]]\n",
+                vec![
+                    "6 faults",
+                    "faults[0].direction: must be one of \"in\", \"out\", not 7",
+                    "faults[0].value: must be a number, not \"a\"",
+                    "faults[0].at_s: must be 0 to 1000000 s, not \"b\"",
+                    "faults[0].for_s: must be 0 to 1000000 s, not true",
+                    "faults[1]: the key `direction` is missing",
+                    "faults[1]: the key `kind` is missing",
+                ],
+            ),
+            (
+                "faults = [7, { direction = \"in\", kind = 3, value = 1 }, [1], { direction = \"up\", kind = \"drop\", at_s = -1 }]".to_string(),
+                vec![
+                    "6 faults",
+                    "faults[0]: must be a table of keys, not 7",
+                    "faults[1].kind: must be one of \"bit_flips\", \"drop\"",
+                    "faults[2]: must be a table of keys, not a list",
+                    "faults[3].direction = \"up\"",
+                    "faults[3].at_s = -1: must be 0 to 1000000 s",
+                    "faults[3].value: missing",
+                ],
             ),
             (
                 one("value = 61.0").replace("drop", "delay"),

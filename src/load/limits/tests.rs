@@ -221,7 +221,9 @@ fn flaw(root: &Schema, schema: &Value, value: &Value) -> Option<String> {
             "minLength" => characters(rule).is_none_or(|(n, least)| n as u64 >= least),
             "maxLength" => characters(rule).is_none_or(|(n, most)| n as u64 <= most),
             "pattern" => value.as_str().is_none_or(|text| {
-                let pattern = regex_lite::Regex::new(rule.as_str().unwrap());
+                // This library has no look-ahead; its `$` matches at the end alone.
+                let pattern = rule.as_str().unwrap().replace(END, "$");
+                let pattern = regex_lite::Regex::new(&pattern);
                 pattern.unwrap().is_match(text)
             }),
             "contains" => value

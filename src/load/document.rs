@@ -1,0 +1,200 @@
+//! The keys of a TOML document, such as `heads[1].dead_px[3][0]`: their values, places, and replacement.
+
+use std::borrow::Cow;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeArray, DeTable, DeValue};
+
+/// `heads[1].dead_px` of `heads[1].dead_px[3][0]`.
+pub(super) fn without_indices(key: &str) -> &str {
+    let mut key = key;
+    while let Some((list, _)) = as_entry(key) {
+        key = list;
+    }
+    key
+}
+
+/// Whether `key` is `table` or lies within it.
+pub(super) fn within(key: &str, table: &str) -> bool {
+    let rest = key.strip_prefix(table);
+    rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+}
+
+/// The key of the table or list around a key.
+pub(super) fn parent(key: &str) -> &str {
+    key.rfind(['.', '[']).map_or("", |at| &key[..at])
+}
+
+/// The list and the index of a key that is an entry of a list.
+pub(super) fn as_entry(key: &str) -> Option<(&str, usize)> {
+    let (list, index) = key.strip_suffix(']')?.rsplit_once('[')?;
+    Some((list, index.parse().ok()?))
+}
+
+/// The names (`Ok`) and indices (`Err`) that a key is made of.
+pub(super) fn steps(key: &str) -> impl Iterator<Item = Result<&str, usize>> {
+    let parts = key.split(['.', '[']).filter(|part| !part.is_empty());
+    parts.map(|part| match part.strip_suffix(']').map(str::parse) {
+        Some(Ok(index)) => Err(index),
+        _ => Ok(part),
+    })
+}
+
+/// The value of a key; `first`: of the first entry of every list, whatever the index.
+pub(super) fn value_at<'t, 'i>(
+    table: &'t DeTable<'i>,
+    key: &str,
+    first: bool,
+) -> Option<&'t Spanned<DeValue<'i>>> {
+    let mut steps = steps(key);
+    let mut value = table.get(steps.next()?.ok()?)?;
+    for step in steps {
+        value = match (step, value.get_ref()) {
+            (Ok(name), DeValue::Table(table)) => table.get(name)?,
+            (Err(_), DeValue::Array(values)) if first => values.first()?,
+            (Err(index), DeValue::Array(values)) => values.get(index)?,
+            _ => return None,
+        };
+    }
+    Some(value)
+}
+
+fn value_mut<'t, 'i>(table: &'t mut DeTable<'i>, key: &str) -> Option<&'t mut DeValue<'i>> {
+    let mut steps = steps(key);
+    let mut value = table.get_mut(steps.next()?.ok()?)?.get_mut();
+    for step in steps {
+        value = match (step, value) {
+            (Ok(name), DeValue::Table(table)) => table.get_mut(name)?.get_mut(),
+            (Err(index), DeValue::Array(values)) => values.get_mut(index)?.get_mut(),
+            _ => return None,
+        };
+    }
+    Some(value)
+}
+
+/// The table that holds a named key, and the key's name in it.
+fn table_around<'t, 'i, 'k>(
+    table: &'t mut DeTable<'i>,
+    key: &'k str,
+) -> Option<(&'t mut DeTable<'i>, &'k str)> {
+    let Some((around, name)) = key.rsplit_once('.') else {
+        return Some((table, key));
+    };
+    match value_mut(table, around)? {
+        DeValue::Table(table) => Some((table, name)),
+        _ => None,
+    }
+}
+
+/// Sets the value of a key; without a value the key, or the entry of the list, is removed. False where nothing holds the key.
+pub(super) fn set<'i>(document: &mut DeTable<'i>, key: &str, value: Option<DeValue<'i>>) -> bool {
+    let Some((list, index)) = as_entry(key) else {
+        let Some((table, name)) = table_around(document, key) else {
+            return false;
+        };
+        let old = table.remove(name).map_or(0..0, |old| old.span());
+        if let Some(value) = value {
+            let name = Cow::Owned(name.to_string());
+            table.insert(Spanned::new(old.clone(), name), Spanned::new(old, value));
+        }
+        return true;
+    };
+    let Some(DeValue::Array(values)) = value_mut(document, list) else {
+        return false;
+    };
+    match (value, values.get_mut(index)) {
+        (Some(value), Some(old)) => *old.get_mut() = value,
+        (None, Some(_)) => {
+            let old = std::mem::replace(values, DeArray::new()).into_iter();
+            let kept = old.enumerate().filter(|(place, _)| *place != index);
+            *values = kept.map(|(_, value)| value).collect();
+        }
+        _ => return false,
+    }
+    true
+}
+
+/// Gives the entry of a misspelt key the name that is meant, unless that is there.
+pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
+    let Some((table, name)) = table_around(document, key) else {
+        return false;
+    };
+    if table.contains_key(meant) {
+        return false;
+    }
+    let Some((old, value)) = table.remove_entry(name) else {
+        return false;
+    };
+    table.insert(
+        Spanned::new(old.span(), Cow::Owned(meant.to_string())),
+        value,
+    );
+    true
+}
+
+/// A value without places, so that none of them is taken for a place in another text.
+pub(super) fn placeless<'i>(value: &DeValue<'i>) -> DeValue<'i> {
+    let spanned = |value: &Spanned<DeValue<'i>>| Spanned::new(0..0, placeless(value.get_ref()));
+    match value {
+        DeValue::Array(values) => DeValue::Array(values.iter().map(spanned).collect()),
+        DeValue::Table(table) => {
+            let keys = table.iter();
+            let keys = keys
+                .map(|(key, value)| (Spanned::new(0..0, key.get_ref().clone()), spanned(value)));
+            DeValue::Table(keys.collect())
+        }
+        other => other.clone(),
+    }
+}
+
+/// A key of `document` as `original` has it, from which entries of lists were removed: these are known by their places in the text.
+pub(super) fn key_in(original: &DeTable<'_>, document: &DeTable<'_>, key: &str) -> String {
+    let Some(at) = key.rfind('[') else {
+        return key.to_string();
+    };
+    let (list, rest) = key.split_at(at);
+    let list_there = key_in(original, document, list);
+    let place = rest.find(']').and_then(|end| {
+        let (entry, rest) = key.split_at(at + end + 1);
+        let span = value_at(document, entry, false)?.span();
+        let DeValue::Array(values) = value_at(original, &list_there, false)?.get_ref() else {
+            return None;
+        };
+        let index = values.iter().position(|value| value.span() == span)?;
+        Some(format!("[{index}]{rest}"))
+    });
+    list_there + place.as_deref().unwrap_or(rest)
+}
+
+/// Where a key's value stands, or the innermost of the tables around it that is there.
+pub(super) fn span_of(table: &DeTable<'_>, key: &str) -> Range<usize> {
+    let mut key = key;
+    while !key.is_empty() {
+        if let Some(value) = value_at(table, key, false) {
+            return value.span();
+        }
+        key = parent(key);
+    }
+    0..0
+}
+
+/// Calls `each` with every value within `value`, which `key` stands for, that is neither a table nor a list.
+pub(super) fn each_leaf(
+    key: &str,
+    value: &Spanned<DeValue<'_>>,
+    each: &mut impl FnMut(&str, &Spanned<DeValue<'_>>),
+) {
+    match value.get_ref() {
+        DeValue::Array(values) => {
+            for (index, value) in values.iter().enumerate() {
+                each_leaf(&format!("{key}[{index}]"), value, each);
+            }
+        }
+        DeValue::Table(table) => {
+            for (name, value) in table {
+                each_leaf(&format!("{key}.{}", name.get_ref()), value, each);
+            }
+        }
+        _ => each(key, value),
+    }
+}
