@@ -422,6 +422,25 @@ impl Server {
         }
     }
 
+    /// Ends the deliveries of a frame whose clients have gone, been followed by others, or begun anew.
+    pub(super) fn end_unwanted(&mut self, frame: u32) {
+        for at in 0..self.channels.len() {
+            let channel = &mut self.channels[at];
+            let is_unwanted = |one: &Delivery| one.frame == frame && !one.is_for(&channel.exchange);
+            let Some(place) = channel.deliveries.iter().position(is_unwanted) else {
+                continue;
+            };
+            let Some(delivery) = channel.deliveries.remove(place) else {
+                continue;
+            };
+            let cause = match channel.has_gone(delivery.exchange) {
+                true => CLIENT_GONE,
+                false => RESET,
+            };
+            self.end(at, delivery, Some(cause));
+        }
+    }
+
     /// Sends packets of a kept frame once more; false if there are none such.
     pub(super) fn resend(
         &mut self,

@@ -224,6 +224,8 @@ impl Server {
 
     /// The frame that was made is given up. It has a number, however far it came.
     pub(super) fn abandon_picture(&mut self, at: usize) {
+        // While it has a picture: a frame that did not leave whole for its client has missed its deadline.
+        self.end_unwanted(self.pictures[at].number);
         let picture = self.pictures.remove(at);
         if let Some(request) = picture.request {
             self.fail(request, RUN_ENDED);
