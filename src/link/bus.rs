@@ -3,7 +3,7 @@
 use super::inbox::{Watch, inbox};
 use super::{
     AroundBus, Inbound, Intake, LinkError, LinkUrl, NO_FAULTS, Options, Outbound, Outbox, QUEUE,
-    Tally, Wire, count,
+    Tally, Unsent, Wire, count, is_of_frame,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note, Waker};
@@ -210,6 +210,14 @@ impl Above for End {
         self.watch.is_wanted()
     }
 
+    fn ended(&mut self, packet: Bytes, is_sent: bool) {
+        if is_sent {
+            self.tally.done();
+        } else {
+            self.tally.let_go(is_of_frame(&packet), Unsent::NotRead);
+        }
+    }
+
     fn note(&mut self, note: Note) {
         let tally = &self.tally;
         let address = &self.address;
@@ -218,7 +226,6 @@ impl Above for End {
         };
         match note {
             Note::Moved(octets) => tally.moved(octets),
-            Note::Done => tally.done(),
             Note::Unsent(more) => some(&tally.lost, more),
             Note::Incomplete(more) => some(&tally.incomplete, more),
             Note::Oversize(more) => some(&tally.oversize, more),

@@ -1,7 +1,7 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -12,28 +12,59 @@ pub struct Departed {
     queued: AtomicU32,
     /// Packets that have left it for good, sent or lost, likewise.
     done: AtomicU32,
-    /// Where all packets since have been lost: the first of them, as a count of `done`, plus [`LOSING`]; else 0.
-    losing: AtomicU64,
     /// How many marks have not been reached.
     open: AtomicUsize,
-    /// The oldest first: in the order of their places in the queue.
-    marks: Mutex<VecDeque<Marked>>,
+    book: Mutex<Book>,
 }
 
-/// Behind the counts of packets.
-const LOSING: u64 = 1 << 32;
+#[derive(Debug, Default)]
+struct Book {
+    /// The oldest first: in the order of their places in the queue.
+    marks: VecDeque<Marked>,
+    /// The frame packet that was lost last, as a count of packets that have left, and why.
+    lost: Option<(u32, Unsent)>,
+}
 
-/// A place in the queue.
+/// The packets of a frame in the queue: those after `before`, up to `last`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Mark(u32);
+pub struct Mark {
+    before: u32,
+    last: u32,
+}
 
-/// How a packet left the queue.
+impl Mark {
+    /// Why one of its packets was lost, if the last one that was lost is among them.
+    fn loss(&self, lost: Option<(u32, Unsent)>) -> Option<Unsent> {
+        let (place, why) = lost?;
+        let is_within = is_reached(place, self.last) && !is_reached(place, self.before);
+        is_within.then_some(why)
+    }
+}
+
+/// Why a packet was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unsent {
+    /// Its client has gone, or another has followed it.
+    ClientGone,
+    /// The client has not proved its address.
+    NotProved,
+    /// The client does not read.
+    NotRead,
+    /// The system refused it, or the line was lost.
+    Failed,
+    /// A fault held it back until the run had ended.
+    HeldBack,
+    /// The run ended before the link could carry it.
+    RunEnded,
+}
+
+/// How the packets of a frame left the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Exit {
-    /// When.
+    /// When the last one did.
     pub at: Instant,
-    /// It was lost: its client had gone, or the system refused it.
-    pub is_lost: bool,
+    /// Why one of them was not sent.
+    pub lost: Option<Unsent>,
 }
 
 #[derive(Debug)]
@@ -69,35 +100,27 @@ impl Departed {
 
     /// A packet has left the queue.
     pub(super) fn done(&self) {
-        self.leave(false);
-    }
-
-    /// A packet has left the queue and was not sent.
-    pub(super) fn lost(&self) {
-        self.leave(true);
-    }
-
-    fn leave(&self, is_lost: bool) {
-        // Before the count: a mark that finds the packet gone finds this too.
-        let first = self.done.load(Ordering::SeqCst).wrapping_add(1);
-        let losing = self.losing.load(Ordering::SeqCst);
-        if is_lost != (losing > 0) {
-            let losing = if is_lost {
-                LOSING + u64::from(first)
-            } else {
-                0
-            };
-            self.losing.store(losing, Ordering::SeqCst);
-        }
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
-        if self.open.load(Ordering::SeqCst) == 0 {
-            return;
+        if self.open.load(Ordering::SeqCst) > 0 {
+            self.reach(&mut self.lock(), done);
         }
+    }
+
+    /// A packet of a frame has left the queue and was not sent.
+    pub(super) fn lost(&self, why: Unsent) {
+        // A mark that finds the packet gone finds its loss too.
+        let mut book = self.lock();
+        let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
+        book.lost = Some((done, why));
+        self.reach(&mut book, done);
+    }
+
+    fn reach(&self, book: &mut Book, done: u32) {
         let at = Instant::now();
-        let mut marks = self.lock();
-        let open = marks.iter_mut().filter(|marked| marked.left.is_none());
-        for marked in open.take_while(|marked| is_reached(marked.mark, done)) {
-            marked.left = Some(Exit { at, is_lost });
+        let open = book.marks.iter_mut().filter(|marked| marked.left.is_none());
+        for marked in open.take_while(|marked| is_reached(marked.mark.last, done)) {
+            let lost = marked.mark.loss(book.lost);
+            marked.left = Some(Exit { at, lost });
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
@@ -109,36 +132,36 @@ impl Departed {
         self.queued.load(Ordering::SeqCst).wrapping_sub(done)
     }
 
-    /// Marks the packet that was queued last: how it left, after all before it, is stored until it is read.
-    pub(crate) fn mark(&self) -> Mark {
-        let mark = Mark(self.queued.load(Ordering::SeqCst));
-        let mut marks = self.lock();
+    /// Packets queued so far, modulo 2^32.
+    pub(crate) fn place(&self) -> u32 {
+        self.queued.load(Ordering::SeqCst)
+    }
+
+    /// Marks the packets of a frame, all that were queued after the place `before`: how they left is stored until it is read.
+    pub(crate) fn mark(&self, before: u32) -> Mark {
+        let last = self.place();
+        let mark = Mark { before, last };
+        let mut book = self.lock();
         // Before the look at what has left: a packet that leaves meanwhile finds the mark, or the look finds the packet.
         self.open.fetch_add(1, Ordering::SeqCst);
-        let reached = is_reached(mark, self.done.load(Ordering::SeqCst));
+        let reached = is_reached(last, self.done.load(Ordering::SeqCst));
         if reached {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
         let left = reached.then(|| Exit {
             at: Instant::now(),
-            is_lost: self.is_losing(mark),
+            lost: mark.loss(book.lost),
         });
-        marks.push_back(Marked { mark, left });
+        book.marks.push_back(Marked { mark, left });
         mark
     }
 
-    /// Whether the marked packet, which has left, and all behind it were lost.
-    fn is_losing(&self, mark: Mark) -> bool {
-        let losing = self.losing.load(Ordering::SeqCst);
-        losing > 0 && is_reached(Mark(losing as u32), mark.0)
-    }
-
-    /// How the marked packet left; none if it has not, or an older mark has not been read. The mark is then forgotten.
+    /// How the marked packets left; none if they have not, or an older mark has not been read. The mark is then forgotten.
     pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
-        if !is_reached(mark, self.done.load(Ordering::SeqCst)) {
+        if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
-        let mut marks = self.lock();
+        let marks = &mut self.lock().marks;
         let left = marks.front().filter(|oldest| oldest.mark == mark)?.left?;
         marks.pop_front();
         Some(left)
@@ -146,7 +169,7 @@ impl Departed {
 
     /// Nobody wants to know any more.
     pub(crate) fn forget(&self, mark: Mark) {
-        let mut marks = self.lock();
+        let marks = &mut self.lock().marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())
         {
@@ -154,14 +177,14 @@ impl Departed {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Marked>> {
+    fn lock(&self) -> MutexGuard<'_, Book> {
         // What a thread that panicked leaves behind is a list like any other.
-        self.marks.lock().unwrap_or_else(PoisonError::into_inner)
+        self.book.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn is_reached(mark: Mark, done: u32) -> bool {
-    done.wrapping_sub(mark.0) as i32 >= 0
+fn is_reached(place: u32, done: u32) -> bool {
+    done.wrapping_sub(place) as i32 >= 0
 }
 
 #[cfg(test)]
@@ -176,22 +199,22 @@ mod tests {
             count.store(u32::MAX - 1, Ordering::SeqCst);
         }
         (0..3).for_each(|_| departed.queued());
-        let mark = departed.mark();
+        let mark = departed.mark(u32::MAX - 1);
         departed.queued();
-        let later = departed.mark();
+        let later = departed.mark(1);
         assert_eq!((departed.waiting(), departed.left(mark)), (4, None));
         (0..2).for_each(|_| departed.done());
         assert_eq!(departed.left(mark), None);
         let before = Instant::now();
         departed.done();
         let after = Instant::now();
-        departed.lost();
+        departed.lost(Unsent::Failed);
         assert_eq!(departed.left(later), None, "the oldest first");
         let left = departed.left(mark).unwrap();
-        assert!((before..=after).contains(&left.at) && !left.is_lost);
+        assert!((before..=after).contains(&left.at) && left.lost.is_none());
         assert_eq!(departed.left(mark), None, "forgotten");
         let left = departed.left(later).unwrap();
-        assert!(left.at >= after && left.is_lost);
+        assert!(left.at >= after && left.lost == Some(Unsent::Failed));
         assert_eq!(departed.open.load(Ordering::SeqCst), 0);
     }
 
@@ -200,7 +223,7 @@ mod tests {
     fn what_is_refused_or_handed_on_has_not_left() {
         let departed = Departed::default();
         (0..3).for_each(|_| departed.queued());
-        let mark = departed.mark();
+        let mark = departed.mark(0);
         for _ in 0..100 {
             departed.queued();
             departed.refused();
@@ -229,13 +252,17 @@ mod tests {
         let departed = Departed::default();
         (0..2).for_each(|_| departed.queued());
         let at = Instant::now();
-        for (place, left) in [(1, None), (2, Some(Exit { at, is_lost: false }))] {
-            let mark = Mark(place);
-            departed.lock().push_back(Marked { mark, left });
+        let marks = [1, 2].map(|last| Mark {
+            before: last - 1,
+            last,
+        });
+        for (mark, left) in marks.into_iter().zip([None, Some(Exit { at, lost: None })]) {
+            let marks = &mut departed.lock().marks;
+            marks.push_back(Marked { mark, left });
         }
         departed.open.store(1, Ordering::SeqCst);
         (0..2).for_each(|_| departed.done());
-        assert!(departed.left(Mark(1)).is_some() && departed.left(Mark(2)).is_some());
+        assert!(marks.iter().all(|mark| departed.left(*mark).is_some()));
     }
 
     #[test]
@@ -243,28 +270,66 @@ mod tests {
         let departed = Departed::default();
         departed.queued();
         departed.done();
-        let mark = departed.mark();
-        assert!(departed.left(mark).is_some_and(|left| !left.is_lost));
-        for (is_lost, behind) in [(true, 0), (true, 1), (false, 0), (true, 2)] {
-            departed.queued();
-            departed.leave(is_lost);
-            let place = departed.mark();
-            for _ in 0..behind {
-                departed.queued();
-                departed.lost();
-            }
-            let last = departed.mark();
-            for mark in [place, last] {
-                let left = departed.left(mark);
-                assert!(left.is_some_and(|left| left.is_lost == is_lost));
-            }
-        }
+        let mark = departed.mark(0);
+        assert!(departed.left(mark).is_some_and(|left| left.lost.is_none()));
         departed.queued();
-        let mark = departed.mark();
+        let mark = departed.mark(1);
         departed.forget(mark);
         departed.done();
         assert_eq!(departed.left(mark), None);
         assert_eq!(departed.open.load(Ordering::SeqCst), 0);
-        assert_eq!(departed.lock().len(), 0);
+        assert_eq!(departed.lock().marks.len(), 0);
+    }
+
+    /// Frames of three packets, the second of which has an answer before it. A frame is lost with any of its packets, and with no other's.
+    #[test]
+    fn a_frame_is_lost_with_any_of_its_packets() {
+        use Unsent::{ClientGone, NotProved};
+        for (lost, expected) in [
+            ([None; 7], [None; 2]),
+            (
+                [Some(NotProved), None, None, None, None, None, None],
+                [Some(NotProved), None],
+            ),
+            (
+                [
+                    None,
+                    None,
+                    Some(NotProved),
+                    None,
+                    None,
+                    Some(ClientGone),
+                    None,
+                ],
+                [Some(NotProved), Some(ClientGone)],
+            ),
+            (
+                [None, None, None, None, Some(ClientGone), None, None],
+                [None, Some(ClientGone)],
+            ),
+        ] {
+            for marked_late in [false, true] {
+                let departed = Departed::default();
+                let leave = |lost: &[Option<Unsent>]| {
+                    lost.iter().for_each(|lost| match lost {
+                        None => departed.done(),
+                        Some(why) => departed.lost(*why),
+                    });
+                };
+                let mut marks = Vec::new();
+                for (before, packets, lost) in [(0, 3, &lost[..3]), (4, 4, &lost[3..])] {
+                    (0..packets).for_each(|_| departed.queued());
+                    if marked_late {
+                        leave(lost);
+                    }
+                    marks.push(departed.mark(before));
+                }
+                if !marked_late {
+                    leave(&lost);
+                }
+                let found = marks.iter().map(|mark| departed.left(*mark).unwrap().lost);
+                assert_eq!(found.collect::<Vec<_>>(), expected, "{lost:?}");
+            }
+        }
     }
 }

@@ -1,7 +1,9 @@
 //! Packets on a line of octets, common to serial ports and pseudo-terminals: SLIP frames in, SLIP frames out.
 
 use super::inbox::Gone;
-use super::{Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, count};
+use super::{
+    Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, Unsent, count,
+};
 use bytes::Bytes;
 use skyloop_protocols::slip::{self, FrameError};
 use std::ops::RangeInclusive;
@@ -136,8 +138,8 @@ impl Outbox for LineOutbox {
 /// What became of a frame.
 pub(super) enum Put {
     Sent,
-    /// Its client has gone, or the line in the midst of it.
-    Lost,
+    /// Not all of it.
+    Lost(Unsent),
     /// The emulator has gone.
     Unwanted,
 }
@@ -162,7 +164,7 @@ pub(super) fn write(
         slip::encode(&packet, &mut |octet| line.push(octet));
         match put(exchange, &line, idle) {
             Put::Sent => tally.done(),
-            Put::Lost => tally.lose(),
+            Put::Lost(why) => tally.lose(&packet, why),
             Put::Unwanted => return,
         }
     }

@@ -28,14 +28,14 @@ mod tally;
 mod udp;
 mod url;
 
-pub(crate) use departed::Mark;
+pub(crate) use departed::{Exit, Mark, Unsent};
 pub(crate) use every::Every;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
 pub(crate) use relay::{Relay, relay};
-pub(crate) use tally::Standstill;
 pub use tally::Tally;
+pub(crate) use tally::{Standstill, is_of_frame};
 pub use url::LinkUrl;
 
 use bytes::Bytes;
@@ -211,12 +211,14 @@ impl Wire {
             return;
         };
         while !sender.is_finished() && !standstill.is_over() {}
-        let is_held_back = self.tally.is_held_back();
-        let left = self.tally.give_up();
+        let why = standstill.why(self.airtime.as_ref());
+        let left = self.tally.give_up(why);
         if left > 0 {
-            let why = match is_held_back {
-                true => "a fault holds packets back",
-                false => "the client has not read them",
+            let why = match why {
+                Unsent::HeldBack => "a fault holds packets back",
+                Unsent::NotProved => "the client has not proved its address",
+                Unsent::RunEnded => "the run ends before the link has carried them",
+                _ => "the client has not read them",
             };
             tracing::warn!(
                 "{}: {left} packets are lost (lost_outbound): {why}",

@@ -8,7 +8,8 @@ use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo, Refusal};
 use super::{
-    BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Wire, count, thread,
+    BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Unsent, Wire, count,
+    thread,
 };
 use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
 use std::io;
@@ -181,10 +182,10 @@ fn put(
                 }
             }
             Ok(None) if !wanted() => return Put::Unwanted,
-            Ok(None) => return Put::Lost,
+            Ok(None) => return Put::Lost(Unsent::ClientGone),
             Err(error) => {
                 tracing::error!(%error, "{} can no longer be written", pseudo.name());
-                return Put::Lost;
+                return Put::Lost(Unsent::Failed);
             }
         }
     }

@@ -4,7 +4,8 @@ use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, outbox, write};
 #[cfg(target_os = "linux")]
 use super::low_latency;
 use super::{
-    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Wire, count, inbox::inbox, thread,
+    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Unsent, Wire, count, inbox::inbox,
+    thread,
 };
 use serialport::SerialPort;
 use skyloop_firmware_sim::port::Refusal;
@@ -155,7 +156,7 @@ impl Line {
                 Err(error) if is_passing(&error) && wanted() && is_there() => {}
                 _ => {
                     self.lose(known);
-                    return Put::Lost;
+                    return Put::Lost(Unsent::Failed);
                 }
             }
         }

@@ -1,9 +1,12 @@
 //! What a link counts, and whether it moves.
 
-use super::departed::Departed;
-use skyloop_protocols::Counters;
-use std::sync::Arc;
+use super::Airtime;
+use super::departed::{Departed, Unsent};
+use skyloop_protocols::credit::PAID;
+use skyloop_protocols::packet::identify;
+use skyloop_protocols::{Counters, MAX_PACKET};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// What a link counts.
@@ -13,8 +16,8 @@ pub struct Tally {
     pub(crate) departed: Departed,
     /// Octets that have left, modulo 2^32.
     moved: AtomicU32,
-    /// Whether nobody waits any more for what has not left.
-    given_up: AtomicBool,
+    /// Why what has not left is lost, once nothing waits for it any more.
+    given_up: OnceLock<Unsent>,
     /// Whether the client is to prove its address before it gets frames.
     awaits_proof: AtomicBool,
     /// Whether a fault holds back packets that are to leave.
@@ -88,23 +91,41 @@ impl Tally {
         self.departed.done();
     }
 
-    /// Books a packet that has left the queue and was not sent: its client had gone, or the system refused it.
-    pub(super) fn lose(&self) {
-        count(&self.lost);
-        self.departed.lost();
+    /// Books a packet that has left the queue and was not sent. Its frame is not delivered.
+    pub(super) fn lose(&self, packet: &[u8], why: Unsent) {
+        if !self.is_given_up() {
+            // Else all that waited is counted already.
+            count(&self.lost);
+        }
+        self.let_go(is_of_frame(packet), why);
+    }
+
+    /// Books a packet, of a frame or not, that has left the queue, was not sent, and is counted.
+    pub(super) fn let_go(&self, is_of_frame: bool, why: Unsent) {
+        if is_of_frame {
+            self.departed.lost(self.why_given_up().unwrap_or(why));
+        } else {
+            self.departed.done();
+        }
     }
 
     /// Books all that waits as lost; how much that is.
-    pub(super) fn give_up(&self) -> u32 {
+    pub(super) fn give_up(&self, why: Unsent) -> u32 {
         let left = self.waiting();
         self.lost.fetch_add(left, Ordering::Relaxed);
-        self.given_up.store(true, Ordering::Relaxed);
+        // Nobody has set it before: a link is closed once.
+        let _ = self.given_up.set(why);
         left
+    }
+
+    /// Why all that waited is lost; none before.
+    pub(crate) fn why_given_up(&self) -> Option<Unsent> {
+        self.given_up.get().copied()
     }
 
     /// Whether all that waits is lost: who holds a link lets go of it.
     pub(super) fn is_given_up(&self) -> bool {
-        self.given_up.load(Ordering::Relaxed)
+        self.given_up.get().is_some()
     }
 
     /// Whether the client is to prove its address before it gets frames.
@@ -153,6 +174,11 @@ impl Tally {
     }
 }
 
+/// Whether a packet is of a frame.
+pub(crate) fn is_of_frame(packet: &[u8]) -> bool {
+    identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid))
+}
+
 /// One more.
 pub(super) fn count(counter: &AtomicU32) {
     counter.fetch_add(1, Ordering::Relaxed);
@@ -164,9 +190,20 @@ pub(crate) struct Standstill {
     patience: Duration,
     bytes: u32,
     begun: Instant,
+    /// When bytes left last, as far as is known.
+    moved: Instant,
     since: Instant,
     until: Instant,
     is_logged: bool,
+}
+
+/// A link of which no byte leaves for so long stands still, where a packet takes less on it.
+pub(crate) const SOON: Duration = Duration::from_millis(500);
+
+/// How long no byte leaves a link that a client reads: a packet may leave in one piece.
+pub(crate) fn pause(airtime: Option<&Airtime>) -> Duration {
+    let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
+    SOON.max(2 * packet)
 }
 
 impl Standstill {
@@ -177,6 +214,7 @@ impl Standstill {
             patience,
             bytes: tally.octets(),
             begun: Instant::now(),
+            moved: Instant::now(),
             since: Instant::now(),
             until: Instant::now() + 3 * patience,
             is_logged: false,
@@ -191,13 +229,30 @@ impl Standstill {
         }
     }
 
+    /// Bytes left last at `moved`.
+    pub fn moved(self, moved: Instant) -> Standstill {
+        Standstill { moved, ..self }
+    }
+
+    /// Why what waits has not left.
+    pub fn why(&self, airtime: Option<&Airtime>) -> Unsent {
+        if self.tally.is_held_back() {
+            Unsent::HeldBack
+        } else if self.tally.awaits_proof() {
+            Unsent::NotProved
+        } else if self.moved.elapsed() < pause(airtime) {
+            Unsent::RunEnded
+        } else {
+            Unsent::NotRead
+        }
+    }
+
     /// Pauses for a moment; true if nothing has left for so long that nobody takes it.
     pub fn is_over(&mut self) -> bool {
-        const SOON: Duration = Duration::from_millis(500);
         std::thread::sleep(Duration::from_millis(2));
         let (bytes, now) = (self.tally.octets(), Instant::now());
         if bytes != self.bytes {
-            (self.bytes, self.since) = (bytes, now);
+            (self.bytes, self.since, self.moved) = (bytes, now, now);
         }
         if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.is_logged, true) {
             let what = match self.tally.is_held_back() {

@@ -3,12 +3,11 @@
 use super::deliver::Delivery;
 use super::leaving::Left;
 use super::withheld::Messages;
-use crate::link::{LinkError, Outbound, Roles, Wire};
+use crate::link::{LinkError, Outbound, Roles, Wire, is_of_frame};
 use crate::stats::FrameAccount;
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
-use skyloop_protocols::credit::{CreditAccount, PAID};
-use skyloop_protocols::packet::identify;
+use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{MAX_PACKET, Output, Positions, Withheld};
 use std::collections::VecDeque;
@@ -181,8 +180,7 @@ impl Channel {
     /// Hands one packet to the link; false if it has no room.
     pub fn offer(&mut self, packet: &Bytes) -> Result<bool, LinkError> {
         let exchange = self.exchange.number;
-        let paid = identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid));
-        let packet = packet.clone();
+        let (paid, packet) = (is_of_frame(packet), packet.clone());
         let back = self.give(Outbound::Packet { exchange, packet })?;
         let Some(Outbound::Packet { .. }) = back else {
             self.behind = if paid { 0 } else { self.behind.wrapping_add(1) };

@@ -28,6 +28,8 @@ pub(super) struct Delivery {
     entry: Pending,
     /// None while too little is known of the frame.
     cut: Option<Cut>,
+    /// Where in the link's queue its first packet comes: after so many.
+    before: u32,
     /// What has to stay as it is for the frame to be delivered.
     exchange: u32,
     resets: u32,
@@ -74,6 +76,7 @@ impl Delivery {
             frame,
             entry,
             cut: None,
+            before: 0,
             exchange: channel.exchange.number,
             resets: channel.exchange.resets,
             waiting: None,
@@ -217,6 +220,7 @@ impl Server {
                 Err(why) => return Ok(Step::TooLong(why)),
             }
             channel.keep(delivery.frame);
+            delivery.before = channel.wire.tally.departed.place();
             if let Some(cut) = &delivery.cut {
                 self.report_slow(at, delivery.frame, cut);
                 return Ok(Step::Moved);
@@ -363,6 +367,7 @@ impl Server {
             frame,
             entry,
             exchange,
+            before,
             ..
         } = delivery;
         let mut pictures = self.pictures.iter_mut();
@@ -373,7 +378,7 @@ impl Server {
         let queued = match cause {
             None => {
                 channel.exchange.withheld = Withheld::None;
-                Some((channel.wire.tally.departed.mark(), entry))
+                Some((channel.wire.tally.departed.mark(before), entry))
             }
             Some(cause) => {
                 channel.frames.withhold(entry, cause);

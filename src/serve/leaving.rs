@@ -3,13 +3,12 @@
 use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
-use super::withheld::{CLIENT_GONE, HELD_BACK, name};
-use crate::link::{Mark, QUEUE};
+use super::withheld::of_unsent;
+use crate::link::{Exit, Mark, QUEUE, Unsent};
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
 use crate::stats::Pending;
 use crate::timing::FrameTimes;
-use skyloop_protocols::Withheld;
 use std::time::{Duration, Instant};
 
 /// Frames of each link whose times are waited for at most: as many as its queue may hold.
@@ -101,19 +100,37 @@ impl Server {
                 Some(None) => at += 1,
                 exit => {
                     let leaving = self.leaving.remove(at);
-                    // What the system refused for another reason counts as lost on the way.
-                    let exit = exit.flatten();
-                    let sent = exit.filter(|exit| !(exit.is_lost && self.has_gone(&leaving)));
-                    self.book(leaving, sent.map(|exit| exit.at));
+                    self.book(leaving, exit.flatten());
                 }
             }
         }
     }
 
-    /// Whether the client of a frame has gone, or was followed by another.
-    fn has_gone(&self, leaving: &Leaving) -> bool {
-        let channel = self.channels.get(leaving.at);
-        channel.is_some_and(|channel| channel.has_gone(leaving.exchange))
+    /// Withholds a frame that was put into its link's queue and did not leave it whole, because of `lost` where that is known.
+    fn lose(&mut self, leaving: &Leaving, entry: Pending, lost: Option<Unsent>) {
+        let frame = leaving.left.times.frame;
+        let Some(channel) = self.channels.get_mut(leaving.at) else {
+            return;
+        };
+        let given_up = channel.wire.tally.why_given_up();
+        let lost = match lost.or(given_up) {
+            _ if channel.has_gone(leaving.exchange) => Unsent::ClientGone,
+            lost => lost.unwrap_or(Unsent::NotRead),
+        };
+        let (why, cause) = of_unsent(lost);
+        channel.frames.withhold(entry, cause);
+        // At the run's end the link has said so; another client has lost nothing.
+        if given_up.is_none() && channel.exchange.number == leaving.exchange {
+            let detail = format!("packets of frame {frame} were given up in the link's queue");
+            self.report(leaving.at, why, &detail);
+        }
+        if leaving.is_delivered {
+            self.take_back(frame);
+        }
+        let mut pictures = self.pictures.iter_mut();
+        if let Some(picture) = pictures.find(|picture| picture.number == frame) {
+            picture.whole = false;
+        }
     }
 
     /// Notes that a frame counts as delivered: packets of it may still be queued.
@@ -141,23 +158,16 @@ impl Server {
         }
     }
 
-    /// Books a frame that has left its link at `last`; none: it never will.
-    fn book(&mut self, leaving: Leaving, last: Option<Instant>) {
+    /// Books a frame that has left its link; none: it never will.
+    fn book(&mut self, mut leaving: Leaving, exit: Option<Exit>) {
         let mut left = leaving.left;
-        let has_gone = self.has_gone(&leaving);
-        if let (Some((_, entry)), Some(channel)) =
-            (leaving.queued, self.channels.get_mut(leaving.at))
-        {
-            match last {
-                Some(_) => channel.frames.deliver(entry),
-                None if has_gone => channel.frames.withhold(entry, CLIENT_GONE),
-                None if channel.wire.tally.is_held_back() => {
-                    channel.frames.withhold(entry, HELD_BACK);
-                }
-                None => channel.frames.withhold(entry, name(Withheld::NotRead)),
-            }
-            if last.is_none() && leaving.is_delivered {
-                self.take_back(left.times.frame);
+        let lost = exit.and_then(|exit| exit.lost);
+        let last = exit.filter(|_| lost.is_none()).map(|exit| exit.at);
+        if let Some((_, entry)) = leaving.queued.take() {
+            if last.is_none() {
+                self.lose(&leaving, entry, lost);
+            } else if let Some(channel) = self.channels.get_mut(leaving.at) {
+                channel.frames.deliver(entry);
             }
         }
         left.missed = self.exposures_missed();

@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::Cut;
 use super::deliver::Delivery;
-use crate::link::Every;
+use crate::link::{Every, Unsent};
 use crate::stats::{FrameAccount, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
@@ -58,6 +58,19 @@ pub(super) fn name(why: Withheld) -> &'static str {
         Withheld::NoClient => "no client",
         Withheld::NoTrigger => "no Trigger",
     }
+}
+
+/// Why a frame is withheld of which packets were not sent, in Status and in the run's table.
+pub(super) fn of_unsent(lost: Unsent) -> (Withheld, &'static str) {
+    let why = match lost {
+        Unsent::ClientGone => return (Withheld::NoClient, CLIENT_GONE),
+        Unsent::HeldBack => return (Withheld::NotRead, HELD_BACK),
+        Unsent::RunEnded => return (Withheld::SlowLink, RUN_ENDED),
+        Unsent::NotProved => Withheld::NoProof,
+        Unsent::NotRead => Withheld::NotRead,
+        Unsent::Failed => Withheld::Lost,
+    };
+    (why, name(why))
 }
 
 /// What to do about it, on a link of which a fault holds packets back or not.

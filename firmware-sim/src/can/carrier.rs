@@ -27,6 +27,9 @@ pub trait Above: Send + 'static {
     /// Whether anybody still wants its packets: if not, the carrier ends, whatever is under way.
     fn is_wanted(&self) -> bool;
 
+    /// A packet has left, or has been given up: that is an `Unsent` too.
+    fn ended(&mut self, _: Self::Packet, _is_sent: bool) {}
+
     /// Something to book or to report.
     fn note(&mut self, note: Note);
 }
@@ -46,8 +49,6 @@ pub enum Next<P> {
 pub enum Note {
     /// A frame with so many data octets has left.
     Moved(usize),
-    /// A packet has left, or has been given up: that is an `Unsent` too.
-    Done,
     /// Packets that did not get through.
     Unsent(u32),
     /// Messages that began to arrive and were never whole.
@@ -124,7 +125,8 @@ pub fn start<A: Above>(
         pace: Pace::new(rates),
         above,
         waiting: None,
-        under_way: [false; 2],
+        under_way: [None, None],
+        unsent: 0,
         frame: None,
         restart: None,
         closed: false,
@@ -213,8 +215,10 @@ struct Carrier<A: Above> {
     above: A,
     /// A packet whose lane is busy.
     waiting: Option<A::Packet>,
-    /// Whether a packet of ours is under way in each lane.
-    under_way: [bool; 2],
+    /// The packet of ours that is under way in each lane.
+    under_way: [Option<A::Packet>; 2],
+    /// Of the packets that have ended, those that did not get through.
+    unsent: u32,
     /// A frame that the bus did not take yet.
     frame: Option<CanFrame>,
     /// When a controller that has left the bus is put back on it.
@@ -316,7 +320,11 @@ impl<A: Above> Carrier<A> {
                 self.waiting = Some(packet);
                 return;
             }
-            self.under_way[lane as usize] = true;
+            // The one before was given up just now, or its lane would be busy.
+            if let Some(before) = self.under_way[lane as usize].replace(packet) {
+                self.unsent = self.unsent.wrapping_add(1);
+                self.above.ended(before, false);
+            }
             self.finish();
         }
     }
@@ -324,10 +332,16 @@ impl<A: Above> Carrier<A> {
     /// Books the packets that have left their lane.
     fn finish(&mut self) {
         for lane in [Lane::Plain, Lane::Long] {
-            let under_way = &mut self.under_way[lane as usize];
-            if *under_way && self.node.is_idle(lane) {
-                *under_way = false;
-                self.above.note(Note::Done);
+            if !self.node.is_idle(lane) {
+                continue;
+            }
+            if let Some(packet) = self.under_way[lane as usize].take() {
+                let unsent = self.node.counts().unsent;
+                let is_sent = lane == Lane::Plain || unsent == self.unsent;
+                if !is_sent {
+                    self.unsent = unsent;
+                }
+                self.above.ended(packet, is_sent);
             }
         }
     }

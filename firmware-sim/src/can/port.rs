@@ -244,7 +244,7 @@ impl Above for End {
             Note::Back => self.set_gone(None),
             // The queue ends too, which `recv` tells.
             Note::Ended(error) => *self.shared.gone() = Some(error),
-            Note::Moved(_) | Note::Done | Note::Trouble(_) => {}
+            Note::Moved(_) | Note::Trouble(_) => {}
         }
     }
 }

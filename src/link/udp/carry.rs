@@ -3,7 +3,7 @@
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
 use crate::link::pace::Pace;
-use crate::link::{Inbound, Intake, Outbound};
+use crate::link::{Inbound, Intake, Outbound, Unsent};
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
@@ -385,20 +385,18 @@ impl WayOut<'_> {
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
             let sent = match self.permit(batch.exchange, rest).await {
                 Some((rest, to)) => self.hand_over(rest, to).await,
-                None => None,
+                None => Err(Unsent::ClientGone),
             };
             let gone = rest.iter().take(sent.unwrap_or(1).max(1));
             for packet in gone {
                 at += 1;
-                if sent.is_some() {
-                    octets += packet.len();
-                    tally.moved(packet.len());
-                    tally.done();
-                } else if tally.is_given_up() {
-                    // All that waited is counted already.
-                    tally.done();
-                } else {
-                    tally.lose();
+                match sent {
+                    Ok(_) => {
+                        octets += packet.len();
+                        tally.moved(packet.len());
+                        tally.done();
+                    }
+                    Err(why) => tally.lose(packet, why),
                 }
             }
         }
@@ -432,8 +430,8 @@ impl WayOut<'_> {
         }
     }
 
-    /// Hands the first of `packets` to the system; how many it took, none if it refuses the first.
-    async fn hand_over(&mut self, packets: &[Bytes], to: SocketAddr) -> Option<usize> {
+    /// Hands the first of `packets` to the system; how many it took, or why it refuses the first.
+    async fn hand_over(&mut self, packets: &[Bytes], to: SocketAddr) -> Result<usize, Unsent> {
         let own = self.shared.own().filter(|own| own.peer == to);
         let (socket, sending) = match &own {
             Some(own) => (&own.socket, &own.sending),
@@ -442,11 +440,12 @@ impl WayOut<'_> {
         let burst = &mut self.burst;
         let send = || burst.send(sending, packets, to);
         let sent = socket.async_io(Interest::WRITABLE, send).await;
-        if let (Err(error), Some(own)) = (&sent, &own)
-            && error.kind() == io::ErrorKind::ConnectionRefused
-        {
-            self.shared.end(own);
-        }
-        sent.ok()
+        sent.map_err(|error| match (error.kind(), &own) {
+            (io::ErrorKind::ConnectionRefused, Some(own)) => {
+                self.shared.end(own);
+                Unsent::ClientGone
+            }
+            _ => Unsent::Failed,
+        })
     }
 }
