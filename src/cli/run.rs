@@ -105,7 +105,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     drop(ready);
     report(&config, &served, &instruments)?;
     let ended = match served.ended {
-        Ended::AsAsked => ended_in_time(&args, served.cut, served.stats.frames),
+        Ended::AsAsked => ended_in_time(&args, served.cut, served.counters.frames_delivered),
         Ended::Panicked => Err(anyhow!(PANICKED)),
         Ended::LinkGone => Err(anyhow!(
             "link {}: it has gone (see the log above); open it again",
@@ -254,9 +254,14 @@ fn serve(
     stop: &AtomicBool,
 ) -> Served {
     let ended_flag = AtomicBool::new(false);
+    let begin = Instant::now();
+    let timeout = args.timeout.map(Duration::try_from_secs_f64);
+    let until = timeout.and_then(|timeout| begin.checked_add(timeout.ok()?));
+    server.end_by(until);
     let (mut ended, heads, cut) = std::thread::scope(|scope| {
         let heads = config.heads.iter().zip(heads).map(|(head, mut server)| {
             let (ended, name) = (&ended_flag, &head.name);
+            server.end_by(until);
             scope.spawn(move || {
                 let _of = live::of_head(name).entered();
                 let served = server.run(ended, None, |_| {});
@@ -267,7 +272,7 @@ fn serve(
             })
         });
         let heads: Vec<_> = heads.collect();
-        let limits = scope.spawn(|| limit(args, seen, &ended_flag, stop));
+        let limits = scope.spawn(|| limit(args, begin, [seen, &ended_flag], stop));
         let served = server.run(stop, args.frames, |_| {});
         ended_flag.store(true, Ordering::Relaxed);
         let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
@@ -319,10 +324,14 @@ enum Cut {
     TimedOut,
 }
 
-/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from now.
-fn limit(args: &Args, seen: &AtomicBool, ended: &AtomicBool, stop: &AtomicBool) -> Option<Cut> {
+/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from `begin`.
+fn limit(
+    args: &Args,
+    begin: Instant,
+    [seen, ended]: [&AtomicBool; 2],
+    stop: &AtomicBool,
+) -> Option<Cut> {
     const LOOK: Duration = Duration::from_millis(20);
-    let begin = Instant::now();
     let is_over = |s: Option<f64>| s.is_some_and(|s| begin.elapsed().as_secs_f64() >= s);
     while !ended.load(Ordering::Relaxed) {
         let cut = if is_over(args.wait_for_client) && !seen.load(Ordering::Relaxed) {
@@ -339,19 +348,23 @@ fn limit(args: &Args, seen: &AtomicBool, ended: &AtomicBool, stop: &AtomicBool) 
     None
 }
 
-/// Errors: a limit of time has ended the run before --frames were sent.
-fn ended_in_time(args: &Args, cut: Option<Cut>, frames: u32) -> anyhow::Result<()> {
+/// Errors: a limit of time has ended the run before --frames were sent, or they were not sent by then.
+fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()> {
     let seconds = |s: Option<f64>| s.unwrap_or_default();
     match (cut, args.frames) {
         (Some(Cut::NoClient), _) => bail!(
             "no client has come within {} s (--wait-for-client): check that it sends to the address above",
             seconds(args.wait_for_client)
         ),
-        (Some(Cut::TimedOut), Some(wanted)) if frames < wanted => bail!(
-            "stopped after {} s (--timeout) with {frames} of {}",
-            seconds(args.timeout),
-            counted(wanted as usize, "frame")
-        ),
+        (cut, Some(wanted)) if args.timeout.is_some() && sent < wanted => {
+            let (s, wanted) = (seconds(args.timeout), counted(wanted as usize, "frame"));
+            match cut {
+                Some(_) => bail!("stopped after {s} s (--timeout) with {sent} of {wanted} sent"),
+                None => bail!(
+                    "{sent} of {wanted} sent within {s} s (--timeout): `frames withheld` above says why"
+                ),
+            }
+        }
         _ => Ok(()),
     }
 }

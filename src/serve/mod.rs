@@ -156,6 +156,8 @@ pub struct Server {
     absent: Absent,
     /// When the run was stopped, if it was.
     stopped: Option<Instant>,
+    /// When nothing is sent any more, unless the run was stopped.
+    until: Option<Instant>,
 }
 
 /// How a run came to its end.
@@ -223,7 +225,13 @@ impl Server {
             darkroom: Arc::default(),
             absent: Absent::default(),
             stopped: None,
+            until: None,
         }
+    }
+
+    /// Ends the links at `until` at the latest, where the run ends of itself.
+    pub fn end_by(&mut self, until: Option<Instant>) {
+        self.until = until;
     }
 
     /// Leaves the figures of the run in `metrics` ten times a second.
@@ -411,10 +419,11 @@ impl Server {
         (0..waited).for_each(|_| self.fail(Request::default(), cause));
     }
 
-    /// Ends the links when everything queued has left, when nothing moves for 5 s, or 1.5 s after the run was stopped. Returns what the run measured
+    /// Ends the links when everything queued has left, when nothing moves for 5 s, 1.5 s after the run was stopped, or at [`Self::end_by`]. Returns what the run measured
     /// and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
-        let until = self.stopped.map(|stopped| stopped + GIVE_UP_ON_STOP);
+        let stopped = self.stopped.map(|stopped| stopped + GIVE_UP_ON_STOP);
+        let until = stopped.or(self.until);
         for channel in &mut self.channels {
             let mut standstill = Standstill::of(&channel.wire.tally, GIVE_UP);
             if let Some(until) = until {

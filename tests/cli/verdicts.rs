@@ -5,7 +5,9 @@ use crate::run::Process;
 use crate::skyloop;
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
+use crate::support::{EPOCH, attitude};
 use serde_json::Value;
+use skyloop_protocols::Command as Packet;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -168,6 +170,36 @@ fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
     let (code, _, log) = process(at, &["--timeout", "0.2", "--frames", "2"]).end_with_log();
     let says = "stopped after 0.2 s (--timeout) with 0 of 2 frames";
     assert!(code == Some(1) && log.contains(says), "{log}");
+    // A frame that its client does not grant is given up after 2 s; one that a slow link still carries ends with the time: 5 kB at 1.25 kB/s.
+    for (rate, packets, timeout_s, least_s) in [("", 0, "60", 0), ("?rate_mbit=0.01", 1000, "3", 3)]
+    {
+        let link = format!("udp://127.0.0.1:0{rate}");
+        let begun = Instant::now();
+        let served = process(
+            at,
+            &[
+                "--timeout",
+                timeout_s,
+                "--frames",
+                "1",
+                "--output",
+                "windows",
+                "--link",
+                &link,
+            ],
+        );
+        let mut client = Client::new(UdpLine::to(&served.address));
+        client.window = None;
+        client.send(Packet::Credit { packets });
+        client.status();
+        client.point(attitude(0), EPOCH);
+        let (code, table, log) = served.end_with_log();
+        let says = "0 of 1 frame sent";
+        assert!(code == Some(1) && log.contains(says), "{table}{log}");
+        assert!(!log.contains("does not read"), "{log}");
+        let took = begun.elapsed().as_secs();
+        assert!((least_s..least_s + 20).contains(&took), "{took} s");
+    }
     let served = process(
         at,
         &["--wait-for-client", "5", "--timeout", "60", "--frames", "2"],
