@@ -104,9 +104,13 @@ impl Server {
                 if is_value && apid == ATTITUDE {
                     self.fail_refused("Attitude");
                 }
-                // What cannot be identified may be an attitude. Of another version all packets are refused: no frame will come.
-                let is_foreign = error.reason() == Reason::BadVersion;
-                if apid != CHALLENGE && (apid != COMMAND || is_foreign) {
+                // Of another version all packets are refused: no frame will come.
+                let is_foreign = apid != CHALLENGE && error.reason() == Reason::BadVersion;
+                // What cannot be identified may be the first attitude.
+                let may_be_first =
+                    ![COMMAND, CHALLENGE].contains(&apid) && self.truth.history.latest().is_none();
+                let is_needed = apid == ATTITUDE && self.is_requested_by("Attitude");
+                if is_foreign || may_be_first || is_needed {
                     self.report(at, Withheld::Refused, &error.to_string());
                 }
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
@@ -143,8 +147,9 @@ impl Server {
             };
             if let Some(what) = requests {
                 self.fail_refused(what);
-                // By a cadence frames come without Triggers.
-                if what == "Attitude" || self.is_requested_by(what) {
+                // By a cadence frames come by the attitude before.
+                let is_first = what == "Attitude" && self.truth.history.latest().is_none();
+                if is_first || self.is_requested_by(what) {
                     self.report(at, Withheld::Refused, &detail);
                 }
             }

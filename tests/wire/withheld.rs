@@ -377,6 +377,8 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
     for (command, octet, value, cause) in [
         (Command::Ping, 15, 99, Withheld::None),
         (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
+        // An unknown APID: it may have been an attitude, and there is one.
+        (Command::Ping, 1, 0x66, Withheld::None),
         (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
     ] {
         let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
