@@ -446,22 +446,22 @@ impl Server {
         }
     }
 
-    /// Sends packets of a kept frame once more; false if there are none such.
+    /// Sends packets of a kept frame once more; how many, none if nothing of that frame is kept.
     pub(super) fn resend(
         &mut self,
         at: usize,
         frame: u32,
         first: u32,
         count: u32,
-    ) -> Result<bool, LinkError> {
+    ) -> Result<Option<usize>, LinkError> {
         let channel = &mut self.channels[at];
         let Some(kept) = channel
             .exchange
             .kept
             .iter()
-            .find(|kept| kept.frame == frame)
+            .find(|kept| kept.frame == frame && !kept.packets.is_empty())
         else {
-            return Ok(false);
+            return Ok(None);
         };
         let asked = kept.packets.iter().skip(first as usize);
         let again: Vec<Bytes> = asked
@@ -472,6 +472,7 @@ impl Server {
             self.counters.resent_blocks = self.counters.resent_blocks.wrapping_add(1);
             channel.answer(packet)?;
         }
-        Ok(true)
+        let sent = again.len();
+        Ok(Some(sent))
     }
 }

@@ -170,20 +170,24 @@ impl Server {
                 first,
                 count,
             } => {
-                let kept = self.resend(at, frame, first, count);
+                let sent = self.resend(at, frame, first, count);
                 // A link that has gone is noticed at its next packet.
-                if let Ok(false) = kept {
+                let Some(sent) = sent.unwrap_or(Some(0)) else {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
                             "Resend.frame = {frame}: only the packets of the last two frames are kept"
                         ),
                     });
-                }
-                // One that paces shows by its Credit what it has received.
-                if self.channels[at].exchange.window.is_none() {
+                };
+                // One that paces shows by its Credit what it has received. Without proof nothing more is sent.
+                let channel = &self.channels[at];
+                if sent > 0
+                    && channel.exchange.window.is_none()
+                    && !channel.wire.tally.awaits_proof()
+                {
                     let detail = format!(
-                        "{count} packets of frame {frame} are requested again, and the client sends no Credit"
+                        "{sent} packets of frame {frame} are requested again, and the client sends no Credit"
                     );
                     self.report(at, Withheld::Lost, &detail);
                 }
