@@ -117,6 +117,7 @@ impl CanBus for Memory {
 struct End {
     outbound: Receiver<Vec<u8>>,
     inbound: Sender<Vec<u8>>,
+    ended: Sender<(Vec<u8>, bool)>,
     notes: Sender<Note>,
 }
 
@@ -139,6 +140,10 @@ impl Above for End {
         true
     }
 
+    fn ended(&mut self, packet: Vec<u8>, is_sent: bool) {
+        let _ = self.ended.send((packet, is_sent));
+    }
+
     fn note(&mut self, note: Note) {
         // The test may have heard enough.
         let _ = self.notes.send(note);
@@ -150,6 +155,7 @@ struct Rig {
     bus: Memory,
     send: Sender<Vec<u8>>,
     received: Receiver<Vec<u8>>,
+    ended: Receiver<(Vec<u8>, bool)>,
     notes: Receiver<Note>,
     waker: carrier::Waker,
     thread: std::thread::JoinHandle<()>,
@@ -162,10 +168,12 @@ impl Rig {
         let [ours, theirs] = Memory::pair();
         let (send, outbound) = channel();
         let (inbound, received) = channel();
+        let (sent, ended) = channel();
         let (noted, notes) = channel();
         let end = End {
             outbound,
             inbound,
+            ended: sent,
             notes: noted,
         };
         let node = Node::new(Side::Emulator, settings.fd);
@@ -186,6 +194,7 @@ impl Rig {
             bus: ours,
             send,
             received,
+            ended,
             notes,
             waker,
             thread,
@@ -239,6 +248,26 @@ fn packets_pass_both_ways_classic_and_fd() {
         assert_eq!(rig.client.dropped(), 0);
         rig.close();
     }
+}
+
+/// Each packet ends once, sent or given up: after 1 s without flow control (ISO 15765-2, N_Bs), while others wait for its lane.
+#[test]
+fn packets_that_nobody_lets_go_on_end_as_given_up() {
+    let mut rig = Rig::new("bitrate=1000000");
+    rig.reply(&long(1));
+    assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(1));
+    drop(rig.client);
+    for packet in 2..5 {
+        rig.send.send(long(packet)).unwrap();
+    }
+    rig.waker.wake();
+    for packet in 1..5 {
+        let ended = rig.ended.recv_timeout(LONG).unwrap();
+        assert_eq!(ended, (long(packet), packet == 1));
+    }
+    drop(rig.send);
+    rig.waker.wake();
+    rig.thread.join().unwrap();
 }
 
 /// Sends a packet over a bus of so many bit/s, of which half may be used: what it took at least, and what it took, which is no less.

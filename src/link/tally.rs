@@ -197,13 +197,13 @@ pub(crate) struct Standstill {
     is_logged: bool,
 }
 
-/// A link of which no byte leaves for so long stands still, where a packet takes less on it.
+/// The end of a run waits so long before it says so; a link of which no byte leaves for so long stands still.
 pub(crate) const SOON: Duration = Duration::from_millis(500);
 
-/// How long no byte leaves a link that a client reads: a packet may leave in one piece.
-pub(crate) fn pause(airtime: Option<&Airtime>) -> Duration {
+/// After what time without a byte a link stands still, `least` or twice as long as a packet takes: it may leave in one piece.
+pub(crate) fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
-    SOON.max(2 * packet)
+    least.max(2 * packet)
 }
 
 impl Standstill {
@@ -240,7 +240,7 @@ impl Standstill {
             Unsent::HeldBack
         } else if self.tally.awaits_proof() {
             Unsent::NotProved
-        } else if self.moved.elapsed() < pause(airtime) {
+        } else if self.moved.elapsed() < patience(airtime, SOON) {
             Unsent::RunEnded
         } else {
             Unsent::NotRead

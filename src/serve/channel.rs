@@ -3,7 +3,7 @@
 use super::deliver::Delivery;
 use super::leaving::Left;
 use super::withheld::Messages;
-use crate::link::{LinkError, Outbound, Roles, Wire, is_of_frame};
+use crate::link::{LinkError, Outbound, Roles, Wire, is_of_frame, patience};
 use crate::stats::FrameAccount;
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
@@ -42,6 +42,7 @@ pub(super) struct Channel {
     pub latest: Option<Left>,
     /// What the log says about frames that its client does not get.
     pub messages: Messages,
+    pub flow: Flow,
     /// Whether the link has ended.
     pub gone: bool,
     /// Packets that the link got after the last frame packet.
@@ -54,8 +55,8 @@ pub(super) struct Exchange {
     pub number: u32,
     /// Whether its client has sent a valid packet: nobody else gets frames.
     pub heard: bool,
-    /// Why its client gets no frames until it sends a packet: it took nothing for too long.
-    pub deaf: Option<Withheld>,
+    /// Set where its client took nothing for too long: it gets no frames.
+    pub deaf: Option<Deaf>,
     /// Why its client has not got the last frame whole.
     pub withheld: Withheld,
     /// Whether its client has sent a valid Trigger.
@@ -80,6 +81,26 @@ pub(super) struct Exchange {
     overrun: bool,
     /// When the client asked to be released, until the link has been told.
     release: Option<Instant>,
+}
+
+/// Why a client gets no frames until it takes some again.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Deaf {
+    pub why: Withheld,
+    /// Bytes that had left its link.
+    pub bytes: u32,
+    /// Whether it has sent a packet since.
+    pub heard: bool,
+}
+
+/// When bytes left a link last in whose queue packets of frames wait.
+#[derive(Debug)]
+pub(super) struct Flow {
+    bytes: u32,
+    moved: Instant,
+    /// Whether it is reported that none leaves, and whether Status still says so.
+    pub reported: bool,
+    pub in_status: bool,
 }
 
 /// A frame's packets as they were sent.
@@ -108,6 +129,12 @@ impl Channel {
             last: None,
             latest: None,
             messages: Messages::default(),
+            flow: Flow {
+                bytes: 0,
+                moved: Instant::now(),
+                reported: false,
+                in_status: false,
+            },
             gone: false,
             behind: 0,
         }
@@ -130,6 +157,10 @@ impl Channel {
             number: before.number,
             heard: true,
             resets: before.resets.wrapping_add(1),
+            // What the link lacks it lacks still.
+            deaf: before
+                .deaf
+                .filter(|deaf| matches!(deaf.why, Withheld::NoProof | Withheld::NotRead)),
             answers: before.answers,
             overrun: before.overrun,
             release: Some(asked),
@@ -199,6 +230,50 @@ impl Channel {
     /// grant for them yet.
     pub fn carries_frames(&self) -> bool {
         self.wire.tally.waiting() > self.behind
+    }
+
+    /// Looks whether bytes leave while packets of frames wait.
+    pub fn watch(&mut self, now: Instant) {
+        let bytes = self.wire.tally.octets();
+        if bytes == self.flow.bytes && self.carries_frames() {
+            return;
+        }
+        if self.flow.in_status {
+            self.exchange.withheld = Withheld::None;
+        }
+        self.flow = Flow {
+            bytes,
+            moved: now,
+            reported: false,
+            in_status: false,
+        };
+    }
+
+    /// When bytes left last, as far as packets of frames waited.
+    pub fn moved(&self) -> Instant {
+        self.flow.moved
+    }
+
+    /// Whether for `least` no byte has left its link, where a packet takes less on it. A fault that holds packets back is no standstill.
+    pub fn stands_still(&self, least: Duration) -> bool {
+        let airtime = self.wire.airtime.as_ref();
+        self.flow.moved.elapsed() >= patience(airtime, least) && !self.wire.tally.is_held_back()
+    }
+
+    /// Whether its client gets no frames: it took nothing for too long, and what it lacked then it lacks still.
+    pub fn is_deaf(&mut self) -> bool {
+        let tally = &self.wire.tally;
+        let is_over = |deaf: Deaf| match deaf.why {
+            Withheld::NoProof => !tally.awaits_proof(),
+            Withheld::NotRead => {
+                deaf.heard && (tally.octets() != deaf.bytes || tally.waiting() == 0)
+            }
+            _ => self.exchange.credit.may_send(),
+        };
+        if self.exchange.deaf.is_some_and(is_over) {
+            self.exchange.deaf = None;
+        }
+        self.exchange.deaf.is_some()
     }
 
     /// How long what the link has got takes until it has left, where that is known.

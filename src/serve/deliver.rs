@@ -1,11 +1,11 @@
 //! To the wire: pictures as their packets, on every link that brings frames, paced by each client's credit.
 
 use super::Server;
-use super::channel::{Channel, Exchange};
+use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, SOON, name, standstill};
-use crate::link::LinkError;
+use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, name, standstill};
+use crate::link::{LinkError, SOON};
 use crate::stats::Pending;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
@@ -58,11 +58,11 @@ impl Watch {
     }
 
     /// How long the client has done nothing. While octets of frame packets leave, or such that a frame packet waits
-    /// for (`blocked`), it can do nothing: on a slow line that takes longer than its patience.
-    fn standstill(&mut self, channel: &Channel, blocked: bool) -> Duration {
+    /// for (`blocked`), it can do nothing: on a slow line that takes longer than its patience. New credit makes no room on a link that `is_full`.
+    fn standstill(&mut self, channel: &Channel, blocked: bool, is_full: bool) -> Duration {
         let now = Watch::of(channel);
         let moves = now.octets != self.octets && (blocked || channel.carries_frames());
-        if moves || now.credit != self.credit {
+        if moves || (now.credit != self.credit && !is_full) {
             *self = now;
         }
         self.since.elapsed()
@@ -177,7 +177,8 @@ impl Server {
                     let is_full = matches!(step, Step::NoRoom);
                     round.soon(if is_full { BREATH } else { LISTEN });
                     let blocked = delivery.waiting.is_some();
-                    let standstill = delivery.watch.standstill(&self.channels[at], blocked);
+                    let channel = &self.channels[at];
+                    let standstill = delivery.watch.standstill(channel, blocked, is_full);
                     if standstill >= STALL {
                         self.give_up(at, delivery, !is_full);
                         continue;
@@ -307,11 +308,8 @@ impl Server {
             let number = channel.exchange.number;
             // A proof that comes late is as good as a packet.
             let has_gone = channel.has_gone(number);
-            let deaf = &mut channel.exchange.deaf;
-            if *deaf == Some(Withheld::NoProof) && !channel.wire.tally.awaits_proof() {
-                *deaf = None;
-            }
-            if has_gone || deaf.is_some() || !channel.exchange.heard {
+            let is_deaf = channel.is_deaf();
+            if has_gone || is_deaf || !channel.exchange.heard {
                 without.push((at, entry));
                 continue;
             }
@@ -326,7 +324,7 @@ impl Server {
         for (at, entry) in without {
             let channel = &self.channels[at];
             let exchange = &channel.exchange;
-            let (why, detail) = match exchange.deaf {
+            let (why, detail) = match exchange.deaf.map(|deaf| deaf.why) {
                 _ if !exchange.heard => (Withheld::NoClient, "no valid packet has come yet"),
                 _ if channel.has_gone(exchange.number) => {
                     (Withheld::NoClient, "the client has gone")
@@ -377,7 +375,9 @@ impl Server {
         let channel = &mut self.channels[at];
         let queued = match cause {
             None => {
-                channel.exchange.withheld = Withheld::None;
+                if !channel.flow.in_status {
+                    channel.exchange.withheld = Withheld::None;
+                }
                 Some((channel.wire.tally.departed.mark(before), entry))
             }
             Some(cause) => {
@@ -404,7 +404,11 @@ impl Server {
         let is_alone = others.next().is_none();
         let channel = &mut self.channels[at];
         let (why, detail) = standstill(channel, has_room);
-        channel.exchange.deaf = (!is_alone).then_some(why);
+        channel.exchange.deaf = (!is_alone).then_some(Deaf {
+            why,
+            bytes: channel.wire.tally.octets(),
+            heard: false,
+        });
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
         self.report(at, why, &detail);
         self.end(at, delivery, Some(name(why)));
@@ -468,11 +472,11 @@ impl Server {
             .take((count as usize).min(channel.room()))
             .cloned()
             .collect();
+        let sent = again.len();
         for packet in again {
             self.counters.resent_blocks = self.counters.resent_blocks.wrapping_add(1);
             channel.answer(packet)?;
         }
-        let sent = again.len();
         Ok(Some(sent))
     }
 }

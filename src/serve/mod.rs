@@ -425,7 +425,9 @@ impl Server {
         let stopped = self.stopped.map(|stopped| stopped + GIVE_UP_ON_STOP);
         let until = stopped.or(self.until);
         for channel in &mut self.channels {
-            let mut standstill = Standstill::of(&channel.wire.tally, GIVE_UP);
+            let standstill = Standstill::of(&channel.wire.tally, GIVE_UP);
+            channel.watch(Instant::now());
+            let mut standstill = standstill.moved(channel.moved());
             if let Some(until) = until {
                 standstill = standstill.until(until);
             }

@@ -77,7 +77,9 @@ impl Server {
         if newer != 0 {
             self.open_exchange(at, inbound.exchange);
         }
-        self.channels[at].exchange.deaf = None;
+        if let Some(deaf) = &mut self.channels[at].exchange.deaf {
+            deaf.heard = true;
+        }
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {

@@ -4,14 +4,14 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::Cut;
 use super::deliver::Delivery;
-use crate::link::{Every, Unsent};
+use crate::link::{Every, SOON, Unsent};
 use crate::stats::{FrameAccount, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// A client that holds a frame up for so long is reported, before the frame is given up.
-pub(super) const SOON: Duration = Duration::from_millis(500);
+/// Where a frame gives way to a newer one, a link of which no byte has left for so long is not read.
+const UNREAD: Duration = Duration::from_millis(100);
 /// A client that sends attitudes for so long and no Trigger, where frames need one, is reported.
 const UNTRIGGERED: Duration = Duration::from_secs(2);
 /// A frame that takes longer on its link is reported: a client may not wait for it.
@@ -185,6 +185,7 @@ impl Server {
     fn warn(&mut self, at: usize, why: Withheld, message: &str) {
         let channel = &mut self.channels[at];
         channel.exchange.withheld = why;
+        channel.flow.in_status = false;
         let every = channel.messages.every.entry(why.code()).or_default();
         let Some(times) = every.count(Instant::now()) else {
             return;
@@ -231,7 +232,7 @@ impl Server {
         let may_send = channel.exchange.credit.may_send();
         let is_held_back = channel.wire.tally.is_held_back();
         let (why, detail) = match standstill(channel, !may_send) {
-            (Withheld::NotRead, _) if !is_held_back => {
+            (Withheld::NotRead, _) if !is_held_back && !channel.stands_still(UNREAD) => {
                 (Withheld::SlowLink, "the one before still leaves".into())
             }
             other => other,
@@ -278,9 +279,24 @@ impl Server {
         }
     }
 
-    /// Reports clients that for a while have not granted for what was sent, or send no Trigger.
+    /// Reports once packets of frames that wait in a link's queue of which for a while no byte leaves.
+    fn report_stalled(&mut self, at: usize, now: Instant) {
+        let channel = &mut self.channels[at];
+        channel.watch(now);
+        if !channel.stands_still(SOON) || std::mem::replace(&mut channel.flow.reported, true) {
+            return;
+        }
+        let packets = channel.wire.tally.waiting();
+        let (why, _) = standstill(channel, false);
+        let detail = format!("{packets} packets wait in the link's queue, and none leaves");
+        self.report(at, why, &detail);
+        self.channels[at].flow.in_status = true;
+    }
+
+    /// Reports links that stand still, and clients that for a while have not granted for what was sent, or send no Trigger.
     pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
+            self.report_stalled(at, now);
             self.report_untriggered(at, now);
             if let Some(lost) = self.channels[at].is_silent_about(now) {
                 let detail =

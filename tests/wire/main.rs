@@ -24,5 +24,6 @@ mod slow_line;
 mod steering;
 #[path = "../support/mod.rs"]
 mod support;
+mod unread;
 mod wall_clock;
 mod withheld;

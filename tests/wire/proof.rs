@@ -19,9 +19,9 @@ fn on_the_wire(packet: &[u8]) -> usize {
 }
 
 /// A client of a line that never returns a Challenge.
-struct Deaf(UdpLine);
+pub struct Silent(pub UdpLine);
 
-impl Line for Deaf {
+impl Line for Silent {
     fn send(&mut self, packet: &[u8]) {
         self.0.send(packet);
     }
@@ -40,7 +40,7 @@ impl Line for Deaf {
 fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
     for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
         let (_emulator, line) = on_udp(scene(), clock, 5.0);
-        let mut forged = Client::new(Deaf(line));
+        let mut forged = Client::new(Silent(line));
         let (mut sent, mut came, mut challenges) = (0, 0, 0);
         for sequence in 0..40 {
             let time = later(EPOCH, 0.05 * f64::from(sequence));
@@ -74,7 +74,7 @@ fn a_client_that_sends_nothing_any_more_gets_no_stream() {
     // Credit is not what holds the stream back.
     client.send(Command::Credit { packets: 1 << 30 });
     // From now on it returns nothing.
-    let mut deaf = Deaf(client.line);
+    let mut deaf = Silent(client.line);
     let started = Instant::now();
     // Challenges go on, as far as three times what was sent allows.
     let mut last = started;
@@ -117,7 +117,7 @@ fn a_wrong_challenge_is_refused_in_words() {
         let (udp, line) = on_udp(scene(), Clock::Stepped, 5.0);
         let (memory, over_memory) = on_memory(scene(), Clock::Stepped);
         let lines: [Box<dyn Line>; 3] = [
-            Box::new(Deaf(line.another())),
+            Box::new(Silent(line.another())),
             Box::new(line),
             Box::new(over_memory),
         ];
@@ -138,7 +138,7 @@ fn a_wrong_challenge_is_refused_in_words() {
 #[test]
 fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
-    let mut client = Client::new(Deaf(line));
+    let mut client = Client::new(Silent(line));
     client.point(attitude(1), EPOCH);
     for _ in 0..20 {
         client.send(Command::Ping);
@@ -157,7 +157,7 @@ fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
 }
 
 /// The last Challenge that has come.
-fn last_challenge(line: &mut Deaf) -> Vec<u8> {
+fn last_challenge(line: &mut Silent) -> Vec<u8> {
     let came = std::iter::from_fn(|| line.recv(Duration::from_millis(100)));
     let challenges = came.filter(|packet| is_challenge(packet));
     challenges.last().expect("a Challenge comes")
@@ -167,7 +167,7 @@ fn last_challenge(line: &mut Deaf) -> Vec<u8> {
 #[test]
 fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
-    let mut deaf = Client::new(Deaf(line));
+    let mut deaf = Client::new(Silent(line));
     deaf.point(attitude(0), EPOCH);
     drop(emulator.shot());
     let challenge = last_challenge(&mut deaf.line);
@@ -194,7 +194,7 @@ fn a_link_whose_client_proves_late_gets_the_next_frames() {
         let links = open_all(&urls, &options(60.0)).unwrap();
         let [line, late] = [0, 1].map(|at| UdpLine::to(&links[at].0.address));
         let emulator = Running::at(limited(0.3), Clock::Stepped, links);
-        let (mut client, mut late) = (Client::new(line), Client::new(Deaf(late)));
+        let (mut client, mut late) = (Client::new(line), Client::new(Silent(late)));
         late.send(Command::Ping);
         client.point(attitude(0), EPOCH);
         client.parcel();

@@ -408,7 +408,7 @@ static SHORT: Personality = Personality {
 };
 
 /// An emulator whose client tells of the vehicle over one link, `frames` brings the frames.
-fn beside(
+pub fn beside(
     config: Config,
     clock: Clock,
     frames: Wire,

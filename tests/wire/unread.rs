@@ -1,0 +1,154 @@
+//! Clients that do not read, do not grant or do not prove their address: they are reported, and hold up no other link.
+
+use crate::proof::Silent;
+use crate::support::client::Client;
+use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
+use crate::support::{
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, quick,
+};
+use crate::withheld::beside;
+use skyloop::config::Clock;
+use skyloop::link::{self, Roles};
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Withheld};
+use std::time::{Duration, Instant};
+
+/// A frame is given up after 2 s (ICD, section 5.3), whatever its client sends meanwhile; the frames after it wait for nothing.
+#[test]
+fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
+    let here = tempfile::tempdir().unwrap();
+    let name = here.path().join("tracker").display().to_string();
+    for (url, command, cause) in [
+        ("udp://127.0.0.1:0", None, "address not proved"),
+        (
+            "udp://127.0.0.1:0",
+            Some(Command::Ping),
+            "address not proved",
+        ),
+        // Labels of some 30 kB: the pseudo-terminal and the queue of the link take three.
+        (
+            &format!("pty://{name}?baud=3000000"),
+            None,
+            "client does not read",
+        ),
+    ] {
+        let wire = link::open(url, &options(3600.0)).unwrap();
+        let line: Box<dyn Line> = match wire.address.starts_with("udp") {
+            true => Box::new(Silent(UdpLine::to(&wire.address))),
+            false => Box::new(PtyLine::at(&name)),
+        };
+        let (truth, port) = link::loopback("memory", &options(5.0)).unwrap();
+        let links = [(truth, "truth+pixels"), (wire, "labels")];
+        let links = links.map(|(wire, roles)| (wire, Roles::parse(roles).unwrap()));
+        let emulator = Running::at(quick(1.0), Clock::Stepped, links.into());
+        let mut client = Client::new(MemoryLine(port));
+        client.window = None;
+        let mut other = Client::new(line);
+        other.window = None;
+        other.send(Command::Ping);
+        await_that("it is heard", || client.status().counters.commands >= 2);
+        let (begun, mut asked, mut packets) = (Instant::now(), 0, 1 << 20);
+        // Of twelve frames the queue of the link takes three. The others, with 2 s each, would take 18 s.
+        await_that("all frames have ended", || {
+            let counters = client.status().counters;
+            let ended = counters.frames_delivered + counters.frames_abandoned;
+            if ended == asked && asked < 12 {
+                client.point(attitude(asked), later(EPOCH, f64::from(asked)));
+                asked += 1;
+            }
+            packets += 10;
+            other.send(command.unwrap_or(Command::Credit { packets }));
+            std::thread::sleep(Duration::from_millis(100));
+            ended == 12
+        });
+        let took = begun.elapsed();
+        assert!(took < Duration::from_secs(8), "{url} {command:?}: {took:?}");
+        let account = &emulator.measured().0.accounts[1].1;
+        assert!(
+            account.withheld[cause] >= 5,
+            "{url} {command:?}: {account:?}"
+        );
+    }
+}
+
+/// Frames of which all packets are in the queue of a link that is not read, by Status over another link.
+#[test]
+fn a_client_that_does_not_read_what_is_queued_is_reported() {
+    let here = tempfile::tempdir().unwrap();
+    let name = here.path().join("tracker").display().to_string();
+    let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(3600.0)).unwrap();
+    let (emulator, mut client) = beside(quick(1.0), Clock::Stepped, wire, &NATIVE);
+    let mut other = Client::new(PtyLine::at(&name));
+    other.window = None;
+    other.send(Command::Ping);
+    await_that("it is heard", || client.status().counters.commands >= 2);
+    client.point(attitude(0), EPOCH);
+    await_that("it is reported", || {
+        client.status().withheld == Withheld::NotRead
+    });
+    assert_eq!(client.status().counters.frames_abandoned, 0);
+    // One that reads then has all of it.
+    other.parcel();
+    await_that("Status says so", || {
+        client.status().withheld == Withheld::None
+    });
+    let account = &emulator.measured().0.accounts[0].1;
+    assert_eq!((account.requested, account.delivered), (1, 1));
+}
+
+/// By the wall clock frames give way to newer ones: because the client does not read, not because the link is slow.
+#[test]
+fn a_fast_link_that_is_not_read_is_not_called_slow() {
+    let here = tempfile::tempdir().unwrap();
+    let name = here.path().join("tracker").display().to_string();
+    let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(3600.0)).unwrap();
+    let emulator = Running::start(quick(5.0), Clock::Wall, wire);
+    let mut client = Client::new(PtyLine::at(&name));
+    client.window = None;
+    client.point(attitude(0), EPOCH);
+    std::thread::sleep(Duration::from_secs(4));
+    let (stats, _) = emulator.measured();
+    let account = &stats.accounts[0].1;
+    assert!(account.withheld["client does not read"] > 5, "{account:?}");
+    assert!(
+        !account.withheld.contains_key("link too slow"),
+        "{account:?}"
+    );
+}
+
+/// A frame that the link could not carry before the end, though its client reads.
+#[test]
+fn a_frame_of_a_slow_link_ends_with_the_run() {
+    let wire = link::open("udp://127.0.0.1:0?rate_mbit=0.1", &options(3600.0)).unwrap();
+    let mut client = Client::new(UdpLine::to(&wire.address));
+    let emulator = Running::start(quick(1.0), Clock::Stepped, wire);
+    client.window = None;
+    client.status();
+    client.point(attitude(0), EPOCH);
+    drop(emulator.shot());
+    client.next(true);
+    let (stats, _) = emulator.measured();
+    let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
+    assert_eq!(withheld, [(&"run ended", &1)]);
+}
+
+/// A refused attitude, and what cannot be an attitude, where frames come by the one before.
+#[test]
+fn a_late_attitude_withholds_no_frame_by_the_wall_clock() {
+    let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 3600.0);
+    let mut client = Client::new(line);
+    client.send(Command::Credit { packets: 1 << 30 });
+    client.point(attitude(0), later(EPOCH, 10.0));
+    await_that("frames come", || {
+        client.status().counters.frames_delivered > 0
+    });
+    client.point(attitude(1), later(EPOCH, 9.9));
+    client.nack();
+    let begun = Instant::now();
+    let before = client.status().counters.frames_delivered;
+    assert_eq!(client.status().withheld, Withheld::None);
+    await_that("frames go on", || {
+        assert!(begun.elapsed() < PATIENCE);
+        client.status().counters.frames_delivered > before
+    });
+}
