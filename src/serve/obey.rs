@@ -118,7 +118,7 @@ impl Server {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
-                            "Credit.packets = {packets}: the first lies behind the {sent} packets sent, or 2^31 ahead"
+                            "Credit.packets = {packets}: it lies behind the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
                         ),
                     });
                 }
