@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, SOON, name, standstill};
+use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, SOON, name, standstill};
 use crate::link::LinkError;
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -36,6 +36,8 @@ pub(super) struct Delivery {
     watch: Watch,
     /// Whether the log says that it stands still.
     pub reported: bool,
+    /// Packets that the link had removed for want of proof when the first one of this frame was queued.
+    unproved: u32,
 }
 
 /// Since when nothing has moved, neither frame packets nor credit.
@@ -79,6 +81,7 @@ impl Delivery {
             waiting: None,
             watch: Watch::of(channel),
             reported: false,
+            unproved: channel.wire.tally.unproved(),
         }
     }
 
@@ -109,6 +112,8 @@ enum Step {
     TooLong(String),
     /// Its client has sent Reset.
     Reset,
+    /// The link has removed packets of it: the proof of the address has lapsed.
+    Unproved,
 }
 
 /// What a round over all links came to.
@@ -157,6 +162,11 @@ impl Server {
                 Step::Reset => Some(Some(RESET)),
                 Step::ClientGone => Some(Some(CLIENT_GONE)),
                 Step::Refused => Some(Some(name(Withheld::Refused))),
+                Step::Unproved => {
+                    let frame = delivery.frame;
+                    self.report(at, Withheld::NoProof, &format!("frame {frame}: {LAPSED}"));
+                    Some(Some(name(Withheld::NoProof)))
+                }
                 _ => None,
             };
             if let Some(cause) = end {
@@ -205,6 +215,11 @@ impl Server {
         let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
             return Ok(Step::Refused);
         };
+        if !delivery.has_begun() {
+            delivery.unproved = channel.wire.tally.unproved();
+        } else if delivery.unproved != channel.wire.tally.unproved() {
+            return Ok(Step::Unproved);
+        }
         if delivery.cut.is_none() {
             let wait = picture.asked.release.checked_duration_since(Instant::now());
             if let Some(wait) = wait.filter(|wait| !wait.is_zero()) {
@@ -354,7 +369,12 @@ impl Server {
     /// A frame's way over a link is over: all of it is in the link's queue, or it is withheld for a `cause`.
     fn end(&mut self, at: usize, delivery: Delivery, cause: Option<&'static str>) {
         self.lose_refused(at, &delivery);
-        let Delivery { frame, entry, .. } = delivery;
+        let Delivery {
+            frame,
+            entry,
+            unproved,
+            ..
+        } = delivery;
         let channel = &mut self.channels[at];
         let queued = match cause {
             None => {
@@ -372,7 +392,9 @@ impl Server {
             picture.whole &= cause.is_none();
             // After a Reset and at the run's end nobody waits for it: it misses no deadline.
             if !matches!(cause, Some(RESET | RUN_ENDED)) {
-                self.leaving.push(Leaving::of(picture, at, queued));
+                let mut leaving = Leaving::of(picture, at, queued);
+                leaving.unproved = unproved;
+                self.leaving.push(leaving);
             }
         }
     }

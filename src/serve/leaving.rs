@@ -3,7 +3,7 @@
 use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
-use super::withheld::{HELD_BACK, name};
+use super::withheld::{HELD_BACK, LAPSED, name};
 use crate::link::{Mark, QUEUE};
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
@@ -42,6 +42,8 @@ pub(super) struct Leaving {
     at: usize,
     /// The place of its last packet in the link's queue, and its entry in the link's account; none: it was not put there whole.
     queued: Option<(Mark, Pending)>,
+    /// Packets that the link had removed for want of proof when the first one of this frame was queued.
+    pub unproved: u32,
     /// Whether the frame was counted as delivered.
     is_delivered: bool,
 }
@@ -66,6 +68,7 @@ impl Leaving {
             ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
             at,
             queued,
+            unproved: 0,
             is_delivered: false,
         }
     }
@@ -93,10 +96,17 @@ impl Server {
                 Some(None) => at += 1,
                 last => {
                     let leaving = self.leaving.remove(at);
-                    self.book(leaving, last.flatten());
+                    let last = last.flatten().filter(|_| !self.is_unproved(&leaving));
+                    self.book(leaving, last);
                 }
             }
         }
+    }
+
+    /// Whether the link has removed packets since a frame was queued: the proof of its client's address has lapsed.
+    fn is_unproved(&self, leaving: &Leaving) -> bool {
+        let channel = self.channels.get(leaving.at);
+        channel.is_some_and(|channel| channel.wire.tally.unproved() != leaving.unproved)
     }
 
     /// Notes that a frame counts as delivered: packets of it may still be queued.
@@ -127,6 +137,11 @@ impl Server {
     /// Books a frame that has left its link at `last`; none: it never will.
     fn book(&mut self, leaving: Leaving, last: Option<Instant>) {
         let mut left = leaving.left;
+        let is_unproved = leaving.queued.is_some() && self.is_unproved(&leaving);
+        if last.is_none() && is_unproved {
+            let detail = format!("frame {}: {LAPSED}", left.times.frame);
+            self.report(leaving.at, Withheld::NoProof, &detail);
+        }
         if let (Some((_, entry)), Some(channel)) =
             (leaving.queued, self.channels.get_mut(leaving.at))
         {
@@ -134,6 +149,9 @@ impl Server {
                 Some(_) => channel.frames.deliver(entry),
                 None if channel.wire.tally.is_held_back() => {
                     channel.frames.withhold(entry, HELD_BACK);
+                }
+                None if is_unproved || channel.wire.tally.awaits_proof() => {
+                    channel.frames.withhold(entry, name(Withheld::NoProof));
                 }
                 None => channel.frames.withhold(entry, name(Withheld::NotRead)),
             }

@@ -170,6 +170,13 @@ impl Server {
                 first,
                 count,
             } => {
+                if self.channels[at].wire.tally.awaits_proof() {
+                    return Err(Refusal {
+                        reason: Reason::Busy,
+                        detail: "Resend: this address is not proved; return the Challenge first"
+                            .to_string(),
+                    });
+                }
                 let kept = self.resend(at, frame, first, count);
                 // A link that has gone is noticed at its next packet.
                 if let Ok(false) = kept {

@@ -410,7 +410,7 @@ impl WayOut<'_> {
         exchange: u32,
         rest: &'p [Bytes],
     ) -> Option<(&'p [Bytes], SocketAddr)> {
-        let length = rest.first()?.len();
+        let packet = rest.first()?;
         loop {
             let changed = self.shared.changed.notified();
             let permit = {
@@ -418,7 +418,7 @@ impl WayOut<'_> {
                 if exchanges.tally.is_given_up() {
                     return None;
                 }
-                exchanges.permit(exchange, length, Instant::now())
+                exchanges.permit(exchange, packet, Instant::now())
             };
             match permit {
                 Permit::All(to) => return Some((rest, to)),

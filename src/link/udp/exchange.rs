@@ -2,6 +2,8 @@
 
 use super::proof::{Proof, Prover};
 use crate::link::{Every, Options, Tally, count};
+use skyloop_protocols::credit::PAID;
+use skyloop_protocols::packet::identify;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -49,7 +51,7 @@ pub(super) enum Permit {
     One(SocketAddr),
     /// Not before the address is proved.
     Wait,
-    /// Its client has gone.
+    /// Its client has gone, or it must not leave without proof.
     Never,
 }
 
@@ -86,13 +88,15 @@ impl Exchange {
         client.holds |= valid && !proves;
         client.heard = now;
         if proves {
-            client.proof.returned(now);
+            client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
             return Heard::Proof;
         }
-        client.proof.received(from, packet.len());
         // A proof may have lapsed since the last packet.
         let holds = self.prover.holds(&client.proof, now);
+        if !holds {
+            client.proof.received(from, packet.len());
+        }
         self.tally.await_proof(!holds);
         Heard::Packet(self.number)
     }
@@ -157,14 +161,21 @@ impl Exchange {
         }
     }
 
-    /// Whether a packet of so many bytes of exchange `number` may leave. One that leaves without proof is booked.
-    pub fn permit(&mut self, number: u32, length: usize, now: Instant) -> Permit {
+    /// Whether a packet of exchange `number` may leave. One that leaves without proof is booked. Frame packets, and all that is queued for a client that
+    /// has been silent since its proof lapsed, never leave without.
+    pub fn permit(&mut self, number: u32, packet: &[u8], now: Instant) -> Permit {
         let Some(client) = self.client.as_mut().filter(|_| number == self.number) else {
             return Permit::Never;
         };
+        let is_of_frame = identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid));
         let permit = if self.prover.holds(&client.proof, now) {
             Permit::All(client.address)
-        } else if client.proof.spend(client.address, length) {
+        } else if is_of_frame || self.prover.has_lapsed(&client.proof, now) {
+            if is_of_frame {
+                self.tally.withhold();
+            }
+            Permit::Never
+        } else if client.proof.spend(client.address, packet.len()) {
             Permit::One(client.address)
         } else {
             Permit::Wait
@@ -212,7 +223,7 @@ impl Exchange {
 mod tests {
     use super::*;
     use skyloop_protocols::personality::NATIVE;
-    use skyloop_protocols::{Command, MAX_PACKET, WireTime};
+    use skyloop_protocols::{Command, MAX_PACKET, WireTime, apid};
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
@@ -232,6 +243,23 @@ mod tests {
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
         (buffer[..length].to_vec(), buffer[..length - 1].to_vec())
+    }
+
+    /// An answer of so many bytes: an Ack by its APID.
+    fn answer(length: usize) -> Vec<u8> {
+        of_apid(apid::ACK, length)
+    }
+
+    /// A packet of a frame, none shorter than a header and its CRC.
+    fn of_frame() -> Vec<u8> {
+        of_apid(apid::FRAME_HEADER, 17)
+    }
+
+    /// Zeros behind the packet's APID (ICD, section 2): version 0, with a secondary header.
+    fn of_apid(apid: u16, length: usize) -> Vec<u8> {
+        let mut packet = vec![0; length];
+        packet[..2].copy_from_slice(&(0x800 | apid).to_be_bytes());
+        packet
     }
 
     #[test]
@@ -264,8 +292,8 @@ mod tests {
             ],
         );
         let now = ms(80);
-        assert_eq!(exchange.permit(2, 9, now), Permit::Never);
-        assert_eq!(exchange.permit(3, 9, now), Permit::All(at(1)));
+        assert_eq!(exchange.permit(2, &good, now), Permit::Never);
+        assert_eq!(exchange.permit(3, &good, now), Permit::All(at(1)));
         // Another's release is none, nor one that its client has gone on from.
         exchange.release(2, ms(80));
         hear(
@@ -288,26 +316,38 @@ mod tests {
         let begun = Instant::now();
         let ms = |ms| begun + Duration::from_millis(ms);
         assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+        let (answer, long_answer) = (answer(21), answer(264));
+        let of_frame = of_frame();
         let (to, challenge) = exchange.challenge(ms(0)).unwrap();
         assert_eq!(to, at(1));
         assert_eq!(exchange.established(ms(0)), None);
-        assert_eq!(exchange.permit(1, 21, ms(0)), Permit::One(at(1)));
-        assert_eq!(exchange.permit(1, 264, ms(0)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &answer, ms(0)), Permit::One(at(1)));
+        assert_eq!(exchange.permit(1, &long_answer, ms(0)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &of_frame, ms(0)), Permit::Never);
+        assert_eq!(exchange.tally.unproved(), 1);
         assert!(exchange.tally.awaits_proof());
         assert_eq!(exchange.hear(at(2), &good, ms(999)), Heard::Stranger);
         // What another returns proves nothing of the client.
         assert_eq!(exchange.hear(at(2), &challenge, ms(999)), Heard::Stranger);
         assert_eq!(exchange.hear(at(1), &challenge, ms(999)), Heard::Proof);
         assert!(!exchange.tally.awaits_proof());
-        assert_eq!(exchange.permit(1, 1400, ms(999)), Permit::All(at(1)));
+        assert_eq!(exchange.permit(1, &of_frame, ms(999)), Permit::All(at(1)));
         assert_eq!(exchange.established(ms(999)), Some(at(1)));
         // Its packets go on, which anybody can forge, and no Challenge comes back.
         for when in [2000, 4000, 5900] {
             assert_eq!(exchange.hear(at(1), &good, ms(when)), Heard::Packet(1));
             assert_eq!(exchange.hear(at(2), &good, ms(when)), Heard::Stranger);
         }
-        assert_eq!(exchange.permit(1, 1400, ms(5998)), Permit::All(at(1)));
-        assert_eq!(exchange.permit(1, 1400, ms(5999)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &of_frame, ms(5998)), Permit::All(at(1)));
+        // What it has sent with proof pays for nothing now: what is queued is removed, until it sends more.
+        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
+        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::Never);
+        assert_eq!(exchange.tally.unproved(), 2);
+        assert_eq!(exchange.hear(at(1), &good, ms(5999)), Heard::Packet(1));
+        assert!(exchange.challenge(ms(5999)).is_some());
+        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
+        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::One(at(1)));
+        assert_eq!(exchange.permit(1, &long_answer, ms(5999)), Permit::Wait);
         assert_eq!(exchange.hear(at(2), &good, ms(5999)), Heard::Packet(2));
         // Without proof that one is out after 1 s, and what proves the next comes first.
         assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
@@ -341,7 +381,7 @@ mod tests {
         assert!(exchange.is_held(now) && !exchange.tally.has_ended(1));
         exchange.end(at(1));
         assert!(exchange.tally.has_ended(1));
-        assert_eq!(exchange.permit(1, 9, now), Permit::Never);
+        assert_eq!(exchange.permit(1, &good, now), Permit::Never);
         assert_eq!(exchange.hear(at(2), &good, now), Heard::Packet(2));
     }
 }

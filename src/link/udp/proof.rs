@@ -26,12 +26,12 @@ pub(super) struct Prover {
 /// What an address has proved.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
-    /// When it returned a Challenge last.
+    /// When it returned a Challenge last; none if it never has, or has sent a packet after the proof lapsed.
     returned: Option<Instant>,
     /// When it got one last, and how many in all.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes that came and left without proof.
+    /// Bytes that came and left without proof. The Challenge returned last is the first of those that came.
     received: usize,
     sent: usize,
 }
@@ -77,13 +77,19 @@ impl Prover {
         matches!(Reply::decode(packet), Ok((_, Reply::Challenge(Challenge { token }))) if valid.contains(&token))
     }
 
+    /// Whether the proof of an address has lapsed, and nothing has come from there since.
+    pub fn has_lapsed(&self, proof: &Proof, now: Instant) -> bool {
+        proof.returned.is_some() && !self.holds(proof, now)
+    }
+
     /// Whether the proof of an address holds.
     pub fn holds(&self, proof: &Proof, now: Instant) -> bool {
         let fresh = |at| now.saturating_duration_since(at) < self.lifetime;
         !self.is_on || proof.returned.is_some_and(fresh)
     }
 
-    /// The next Challenge for an address, if it is time for one and as much has come from there.
+    /// The next Challenge for an address, if it is time for one and as much has come from there. A silent address gets the few that the limit allows
+    /// at longer intervals: it may be out of reach for a while.
     pub fn challenge(
         &self,
         proof: &mut Proof,
@@ -92,7 +98,10 @@ impl Prover {
         personality: &Personality,
     ) -> Option<Vec<u8>> {
         let holds = self.holds(proof, now);
-        let wait = if holds { self.lifetime / 4 } else { RETRY };
+        let wait = match proof.returned {
+            Some(_) => self.lifetime / 4,
+            None => RETRY,
+        };
         let waits = |at| now.saturating_duration_since(at) < wait;
         if !self.is_on || proof.challenged.is_some_and(waits) {
             return None;
@@ -110,14 +119,15 @@ impl Prover {
 }
 
 impl Proof {
-    /// A Challenge has come back.
-    pub fn returned(&mut self, now: Instant) {
+    /// A Challenge of so many bytes has come back.
+    pub fn returned(&mut self, from: SocketAddr, length: usize, now: Instant) {
         self.returned = Some(now);
-        (self.received, self.sent) = (0, 0);
+        (self.received, self.sent) = (datagram(from, length), 0);
     }
 
     /// Books a packet that came without proof.
     pub fn received(&mut self, from: SocketAddr, length: usize) {
+        self.returned = None;
         self.received = self.received.saturating_add(datagram(from, length));
     }
 
@@ -166,13 +176,35 @@ mod tests {
         let other = Prover::new(true, Duration::from_secs(4));
         assert!(!other.is_returned(at(1), &packet, s(0.1)));
         assert!(!prover.holds(&proof, s(0.1)));
-        proof.returned(s(0.1));
+        proof.returned(at(1), packet.len(), s(0.1));
         assert!(prover.holds(&proof, s(4.0)) && !prover.holds(&proof, s(4.1)));
         assert!(
             prover
                 .challenge(&mut proof, at(1), s(1.0), &NATIVE)
                 .is_some()
         );
+    }
+
+    /// X-Val: ICD, section 5.1: a Challenge takes 25 + 28 bytes, and three times as many may leave for the last one that was returned.
+    #[test]
+    fn after_a_lapse_three_challenges_come_and_more_only_after_a_packet() {
+        let prover = Prover::new(true, Duration::from_secs(4));
+        let (mut proof, begin) = (Proof::default(), prover.begun);
+        let ms = |ms| begin + Duration::from_millis(ms);
+        let challenges = |proof: &mut Proof, from: u64, to: u64| -> Vec<u64> {
+            let mut due = |when| prover.challenge(proof, at(1), ms(when), &NATIVE).is_some();
+            let times = (from..to).step_by(100);
+            times.filter(|when| due(*when)).collect()
+        };
+        proof.returned(at(1), 25, ms(0));
+        // A quarter of 4 s apart, those of the time with proof too.
+        assert_eq!(
+            challenges(&mut proof, 500, 20_000),
+            [500, 1500, 2500, 3500, 4500, 5500, 6500]
+        );
+        // A Ping takes 46 bytes: three times as many are two Challenges.
+        proof.received(at(1), 18);
+        assert_eq!(challenges(&mut proof, 20_000, 25_000), [20_000, 20_200]);
     }
 
     /// X-Val: RFC 9000, section 8.1: three times what came. A Ping of 18 bytes takes 46 with its headers: 138.
