@@ -24,9 +24,12 @@ pub(super) struct Exchange {
 
 struct Client {
     address: SocketAddr,
-    /// Whether it has sent a valid packet, and no Reset since. Without, anybody may take its place.
-    holds: bool,
+    /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
+    is_valid: bool,
+    /// When it sent Reset, if no valid packet since: a valid packet of another address takes its place.
+    released: Option<Instant>,
     opened: Instant,
+    /// When it sent a packet last. Challenges that it returned do not count.
     heard: Instant,
     proof: Proof,
 }
@@ -77,20 +80,20 @@ impl Exchange {
             Some(client) if client.address == from => {}
             // It may be late, of an exchange that has ended.
             _ if proves => return Heard::Stranger,
-            Some(client) if client.holds && (self.stands(client, now) || !valid) => {
-                return Heard::Stranger;
-            }
+            Some(client) if !self.yields(client, valid, now) => return Heard::Stranger,
             _ => self.open(from, now),
         }
         let Some(client) = &mut self.client else {
             return Heard::Stranger;
         };
-        client.holds |= valid && !proves;
-        client.heard = now;
         if proves {
             client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
             return Heard::Proof;
+        }
+        client.heard = now;
+        if valid {
+            (client.is_valid, client.released) = (true, None);
         }
         // A proof may have lapsed since the last packet.
         let holds = self.prover.holds(&client.proof, now);
@@ -101,12 +104,23 @@ impl Exchange {
         Heard::Packet(self.number)
     }
 
-    /// Whether a client that has sent a valid packet keeps others out.
+    /// Whether a packet of another address, `valid` or not, takes the client's place.
+    fn yields(&self, client: &Client, valid: bool, now: Instant) -> bool {
+        match client.released {
+            _ if !client.is_valid => true,
+            // A Challenge that it has returned since then shows that it still takes what is sent.
+            Some(asked) => valid || client.proof.returned_at().is_none_or(|at| at <= asked),
+            None => valid && !self.stands(client, now),
+        }
+    }
+
+    /// Whether a client that has sent a valid packet, and no Reset since, keeps others out.
     fn stands(&self, client: &Client, now: Instant) -> bool {
         let within = |since, limit| now.saturating_duration_since(since) < limit;
         let idle = self.options.idle;
         if self.prover.holds(&client.proof, now) {
-            within(client.heard, idle)
+            let returned = client.proof.returned_at();
+            within(returned.unwrap_or(client.heard).max(client.heard), idle)
         } else {
             within(client.opened, GRACE.min(idle))
         }
@@ -118,7 +132,8 @@ impl Exchange {
         self.tally.await_proof(self.prover.is_on());
         self.client = Some(Client {
             address: from,
-            holds: false,
+            is_valid: false,
+            released: None,
             opened: now,
             heard: now,
             proof: Proof::default(),
@@ -128,7 +143,7 @@ impl Exchange {
     /// The client, if it is to have a socket of its own: its address is proved, and it has sent a valid packet.
     pub fn established(&self, now: Instant) -> Option<SocketAddr> {
         let client = self.client.as_ref();
-        let client = client.filter(|one| one.holds && self.prover.holds(&one.proof, now));
+        let client = client.filter(|one| one.is_valid && self.prover.holds(&one.proof, now));
         client.map(|client| client.address)
     }
 
@@ -140,7 +155,7 @@ impl Exchange {
     /// Whether a client keeps others out now.
     pub fn is_held(&self, now: Instant) -> bool {
         let client = self.client.as_ref();
-        client.is_some_and(|client| client.holds && self.stands(client, now))
+        client.is_some_and(|client| !self.yields(client, true, now))
     }
 
     /// Counts a packet of a stranger, and says now and then why such are not answered.
@@ -186,7 +201,7 @@ impl Exchange {
 
     /// The next Challenge and its address, if it is time for one.
     pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
-        let client = self.client.as_mut().filter(|client| client.holds)?;
+        let client = self.client.as_mut().filter(|client| client.is_valid)?;
         let (proof, address) = (&mut client.proof, client.address);
         self.tally.await_proof(!self.prover.holds(proof, now));
         let personality = self.options.personality;
@@ -202,7 +217,7 @@ impl Exchange {
         self.tally.end(self.number);
         self.tally.await_proof(false);
         // After a Reset it may go.
-        if client.holds {
+        if client.is_valid && client.released.is_none() {
             tracing::warn!(
                 "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
             );
@@ -214,7 +229,7 @@ impl Exchange {
             && number == self.number
             && client.heard <= asked
         {
-            client.holds = false;
+            client.released = Some(asked);
         }
     }
 }
@@ -352,6 +367,38 @@ mod tests {
         // Without proof that one is out after 1 s, and what proves the next comes first.
         assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
         assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
+    }
+
+    /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
+    #[test]
+    fn a_client_that_returns_challenges_after_its_reset_goes_on_until_a_valid_packet_of_another() {
+        let (good, bad) = packets();
+        // When the Challenge comes back; the Reset has been dealt with at 10 ms.
+        for returned in [5, 20] {
+            let mut exchange = exchange(5000, true);
+            let begun = Instant::now();
+            let ms = |ms| begun + Duration::from_millis(ms);
+            exchange.hear(at(1), &good, ms(0));
+            let (_, challenge) = exchange.challenge(ms(0)).unwrap();
+            let proves = |exchange: &mut Exchange| {
+                let heard = exchange.hear(at(1), &challenge, ms(returned));
+                assert_eq!(heard, Heard::Proof);
+            };
+            if returned < 10 {
+                proves(&mut exchange);
+            }
+            exchange.release(1, ms(0));
+            if returned > 10 {
+                proves(&mut exchange);
+            }
+            assert!(exchange.challenge(ms(1300)).is_some(), "{returned}");
+            assert_eq!(
+                exchange.permit(1, &of_frame(), ms(1300)),
+                Permit::All(at(1))
+            );
+            assert_eq!(exchange.hear(at(2), &bad, ms(1300)), Heard::Stranger);
+            assert_eq!(exchange.hear(at(2), &good, ms(1300)), Heard::Packet(2));
+        }
     }
 
     #[test]

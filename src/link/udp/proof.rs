@@ -31,7 +31,7 @@ pub(super) struct Proof {
     /// When it got one last, and how many in all.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes that came and left without proof. The Challenge returned last is the first of those that came.
+    /// Bytes that came and left without proof. As long as nothing has come since the proof lapsed: those of the Challenge returned last.
     received: usize,
     sent: usize,
 }
@@ -125,9 +125,16 @@ impl Proof {
         (self.received, self.sent) = (datagram(from, length), 0);
     }
 
+    /// When a Challenge came back last, where no packet has come after the proof lapsed.
+    pub fn returned_at(&self) -> Option<Instant> {
+        self.returned
+    }
+
     /// Books a packet that came without proof.
     pub fn received(&mut self, from: SocketAddr, length: usize) {
-        self.returned = None;
+        if self.returned.take().is_some() {
+            (self.received, self.sent) = (0, 0);
+        }
         self.received = self.received.saturating_add(datagram(from, length));
     }
 
