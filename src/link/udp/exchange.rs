@@ -1,6 +1,6 @@
 //! Who the emulator talks with over UDP: one client at a time.
 
-use super::proof::{Proof, Prover};
+use super::proof::{Party, Proof, Prover};
 use crate::link::{Every, Options, Tally, count};
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::identify;
@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a client without proof of its address keeps others out.
+/// How long a client without proof of its address keeps others out that have not proved theirs.
 const GRACE: Duration = Duration::from_secs(1);
 
 /// Who the emulator talks with.
@@ -16,6 +16,8 @@ pub(super) struct Exchange {
     pub number: u32,
     client: Option<Client>,
     prover: Prover,
+    /// A Challenge for an address that is not the client's. It leaves before any other.
+    for_other: Option<(SocketAddr, Vec<u8>)>,
     /// Messages about strangers.
     strangers: Every,
     options: Options,
@@ -65,28 +67,43 @@ impl Exchange {
             number: 0,
             client: None,
             prover: Prover::new(proves, options.idle),
+            for_other: None,
             strangers: Every::default(),
             options,
             tally,
         }
     }
 
-    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address; it opens no
-    /// exchange, and keeps none.
+    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address. It opens no exchange and
+    /// keeps none, but that of another address takes the place of a client that has proved nothing.
     pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
-        let proves = self.prover.is_returned(from, packet, now);
-        let valid = proves || (self.options.personality.decode_command)(packet).is_ok();
+        let returned = self.prover.returned(from, packet, now);
+        let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
         match &self.client {
             Some(client) if client.address == from => {}
+            Some(client) if returned == Some(Party::Other) && !self.is_proved(client, now) => {
+                // No packet of the new client says so yet.
+                self.tally.end(self.number);
+                self.open(from, now);
+            }
             // It may be late, of an exchange that has ended.
-            _ if proves => return Heard::Stranger,
-            Some(client) if !self.yields(client, valid, now) => return Heard::Stranger,
+            _ if returned.is_some() => return Heard::Stranger,
+            Some(client) if !self.yields(client, valid, now) => {
+                if valid && !self.is_proved(client, now) {
+                    let personality = self.options.personality;
+                    let challenge = self.prover.challenge_other(from, now, personality);
+                    self.for_other = challenge.map(|challenge| (from, challenge));
+                }
+                return Heard::Stranger;
+            }
             _ => self.open(from, now),
         }
         let Some(client) = &mut self.client else {
             return Heard::Stranger;
         };
-        if proves {
+        if returned.is_some() {
+            // It was sent in answer to a valid packet.
+            client.is_valid |= returned == Some(Party::Other);
             client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
             return Heard::Proof;
@@ -104,6 +121,10 @@ impl Exchange {
         Heard::Packet(self.number)
     }
 
+    fn is_proved(&self, client: &Client, now: Instant) -> bool {
+        self.prover.holds(&client.proof, now)
+    }
+
     /// Whether a packet of another address, `valid` or not, takes the client's place.
     fn yields(&self, client: &Client, valid: bool, now: Instant) -> bool {
         match client.released {
@@ -118,7 +139,7 @@ impl Exchange {
     fn stands(&self, client: &Client, now: Instant) -> bool {
         let within = |since, limit| now.saturating_duration_since(since) < limit;
         let idle = self.options.idle;
-        if self.prover.holds(&client.proof, now) {
+        if self.is_proved(client, now) {
             let returned = client.proof.returned_at();
             within(returned.unwrap_or(client.heard).max(client.heard), idle)
         } else {
@@ -168,10 +189,20 @@ impl Exchange {
                 1 => String::new(),
                 more => format!(" ({more} others before them)"),
             };
+            let idle = self.options.idle;
+            let until = match client.released {
+                Some(_) => "a valid packet comes from another address".to_string(),
+                None if self.is_proved(client, now) => {
+                    format!("it sends Reset or nothing for {} s", idle.as_secs_f64())
+                }
+                None => format!(
+                    "another address returns its Challenge, or for {} s",
+                    GRACE.min(idle).as_secs_f64()
+                ),
+            };
             tracing::warn!(
-                "packets from {from} are ignored{more}: {} is the client until it sends Reset or nothing for {} s",
+                "packets from {from} are ignored{more}: {} is the client until {until}",
                 client.address,
-                self.options.idle.as_secs_f64()
             );
         }
     }
@@ -201,6 +232,9 @@ impl Exchange {
 
     /// The next Challenge and its address, if it is time for one.
     pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
+        if let Some(for_other) = self.for_other.take() {
+            return Some(for_other);
+        }
         let client = self.client.as_mut().filter(|client| client.is_valid)?;
         let (proof, address) = (&mut client.proof, client.address);
         self.tally.await_proof(!self.prover.holds(proof, now));
@@ -258,16 +292,6 @@ mod tests {
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
         (buffer[..length].to_vec(), buffer[..length - 1].to_vec())
-    }
-
-    /// An answer of so many bytes: an Ack by its APID.
-    fn answer(length: usize) -> Vec<u8> {
-        of_apid(apid::ACK, length)
-    }
-
-    /// A packet of a frame, none shorter than a header and its CRC.
-    fn of_frame() -> Vec<u8> {
-        of_apid(apid::FRAME_HEADER, 17)
     }
 
     /// Zeros behind the packet's APID (ICD, section 2): version 0, with a secondary header.
@@ -331,8 +355,8 @@ mod tests {
         let begun = Instant::now();
         let ms = |ms| begun + Duration::from_millis(ms);
         assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
-        let (answer, long_answer) = (answer(21), answer(264));
-        let of_frame = of_frame();
+        let [answer, long_answer] = [21, 264].map(|length| of_apid(apid::ACK, length));
+        let of_frame = of_apid(apid::FRAME_HEADER, 17);
         let (to, challenge) = exchange.challenge(ms(0)).unwrap();
         assert_eq!(to, at(1));
         assert_eq!(exchange.established(ms(0)), None);
@@ -369,6 +393,45 @@ mod tests {
         assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
     }
 
+    /// Forged packets of four addresses keep a client out that returns its Challenge no longer than it takes to do so.
+    #[test]
+    fn an_address_that_returns_its_challenge_takes_the_place_of_one_that_has_proved_nothing() {
+        let (good, bad) = packets();
+        // Whether the client of the exchange returns its own Challenge first.
+        for is_proved in [false, true] {
+            let mut exchange = exchange(5000, true);
+            let begun = Instant::now();
+            let ms = |ms| begun + Duration::from_millis(ms);
+            assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+            let (_, own) = exchange.challenge(ms(0)).unwrap();
+            // What is no valid packet is not answered.
+            assert_eq!(exchange.hear(at(2), &bad, ms(10)), Heard::Stranger);
+            assert_eq!(exchange.challenge(ms(10)), None);
+            assert_eq!(exchange.hear(at(2), &good, ms(10)), Heard::Stranger);
+            let (to, challenge) = exchange.challenge(ms(10)).unwrap();
+            assert_eq!(to, at(2));
+            for forged in [3, 4, 5] {
+                assert_eq!(exchange.hear(at(forged), &good, ms(20)), Heard::Stranger);
+                let heard = exchange.hear(at(forged), &challenge, ms(20));
+                assert_eq!(heard, Heard::Stranger);
+            }
+            if is_proved {
+                assert_eq!(exchange.hear(at(1), &own, ms(30)), Heard::Proof);
+            }
+            let heard = exchange.hear(at(2), &challenge, ms(40));
+            assert_eq!(heard == Heard::Stranger, is_proved);
+            let client = if is_proved { 1 } else { 2 };
+            assert_eq!(exchange.established(ms(40)), Some(at(client)));
+            assert_eq!(exchange.tally.has_ended(1), !is_proved);
+            // From now on others are not answered.
+            while exchange.challenge(ms(40)).is_some() {}
+            assert_eq!(exchange.hear(at(3), &good, ms(50)), Heard::Stranger);
+            assert_eq!(exchange.challenge(ms(50)), None);
+            let heard = exchange.hear(at(client), &good, ms(60));
+            assert_eq!(heard, Heard::Packet(client.into()));
+        }
+    }
+
     /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
     #[test]
     fn a_client_that_returns_challenges_after_its_reset_goes_on_until_a_valid_packet_of_another() {
@@ -380,22 +443,18 @@ mod tests {
             let ms = |ms| begun + Duration::from_millis(ms);
             exchange.hear(at(1), &good, ms(0));
             let (_, challenge) = exchange.challenge(ms(0)).unwrap();
-            let proves = |exchange: &mut Exchange| {
-                let heard = exchange.hear(at(1), &challenge, ms(returned));
-                assert_eq!(heard, Heard::Proof);
-            };
-            if returned < 10 {
-                proves(&mut exchange);
-            }
-            exchange.release(1, ms(0));
             if returned > 10 {
-                proves(&mut exchange);
+                exchange.release(1, ms(0));
+            }
+            let heard = exchange.hear(at(1), &challenge, ms(returned));
+            assert_eq!(heard, Heard::Proof);
+            if returned < 10 {
+                exchange.release(1, ms(0));
             }
             assert!(exchange.challenge(ms(1300)).is_some(), "{returned}");
-            assert_eq!(
-                exchange.permit(1, &of_frame(), ms(1300)),
-                Permit::All(at(1))
-            );
+            let of_frame = of_apid(apid::FRAME_HEADER, 17);
+            let permit = exchange.permit(1, &of_frame, ms(1300));
+            assert_eq!(permit, Permit::All(at(1)));
             assert_eq!(exchange.hear(at(2), &bad, ms(1300)), Heard::Stranger);
             assert_eq!(exchange.hear(at(2), &good, ms(1300)), Heard::Packet(2));
         }

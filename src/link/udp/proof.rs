@@ -23,6 +23,15 @@ pub(super) struct Prover {
     lifetime: Duration,
 }
 
+/// Whom a Challenge is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Party {
+    /// The client of the exchange.
+    Client,
+    /// Another address, while the client's is not proved.
+    Other,
+}
+
 /// What an address has proved.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
@@ -63,18 +72,52 @@ impl Prover {
     }
 
     /// Known to this process alone: a keyed hash.
-    fn token(&self, address: SocketAddr, epoch: u64) -> u64 {
-        self.secret.hash_one((address, epoch))
+    fn token(&self, party: Party, address: SocketAddr, epoch: u64) -> u64 {
+        self.secret.hash_one((party, address, epoch))
     }
 
-    /// Whether `packet` is a Challenge that `from` has returned in time.
-    pub fn is_returned(&self, from: SocketAddr, packet: &[u8], now: Instant) -> bool {
+    /// Whom the Challenge was for, if `packet` is one that `from` has returned in time.
+    pub fn returned(&self, from: SocketAddr, packet: &[u8], now: Instant) -> Option<Party> {
         if identify(packet).is_none_or(|(apid, _)| apid != apid::CHALLENGE) {
-            return false;
+            return None;
         }
+        let Ok((_, Reply::Challenge(Challenge { token }))) = Reply::decode(packet) else {
+            return None;
+        };
         let epoch = self.epoch(now);
-        let valid = [epoch, epoch.saturating_sub(1)].map(|epoch| self.token(from, epoch));
-        matches!(Reply::decode(packet), Ok((_, Reply::Challenge(Challenge { token }))) if valid.contains(&token))
+        let epochs = [epoch, epoch.saturating_sub(1)];
+        let is_of = |party: &Party| {
+            epochs
+                .map(|at| self.token(*party, from, at))
+                .contains(&token)
+        };
+        [Party::Client, Party::Other].into_iter().find(is_of)
+    }
+
+    fn packet(
+        &self,
+        party: Party,
+        address: SocketAddr,
+        count: u16,
+        now: Instant,
+        personality: &Personality,
+    ) -> Option<Vec<u8>> {
+        let token = self.token(party, address, self.epoch(now));
+        let (reply, mut buffer) = (Reply::Challenge(Challenge { token }), [0; MAX_PACKET]);
+        let encode = personality.encode_reply;
+        let length = encode(&reply, count, WireTime(0), &mut buffer).ok()?;
+        buffer.get(..length).map(<[u8]>::to_vec)
+    }
+
+    /// A Challenge for an address that is not the client's, in answer to a valid packet. Nothing is stored of the address: even the shortest command, of
+    /// 18 bytes, allows the 25 of a Challenge.
+    pub fn challenge_other(
+        &self,
+        address: SocketAddr,
+        now: Instant,
+        personality: &Personality,
+    ) -> Option<Vec<u8>> {
+        self.packet(Party::Other, address, 0, now, personality)
     }
 
     /// Whether the proof of an address has lapsed, and nothing has come from there since.
@@ -106,15 +149,12 @@ impl Prover {
         if !self.is_on || proof.challenged.is_some_and(waits) {
             return None;
         }
-        let token = self.token(address, self.epoch(now));
-        let (reply, mut buffer) = (Reply::Challenge(Challenge { token }), [0; MAX_PACKET]);
-        let encode = personality.encode_reply;
-        let length = encode(&reply, proof.challenges, WireTime(0), &mut buffer).ok()?;
-        if !holds && !proof.spend(address, length) {
+        let packet = self.packet(Party::Client, address, proof.challenges, now, personality)?;
+        if !holds && !proof.spend(address, packet.len()) {
             return None;
         }
         (proof.challenged, proof.challenges) = (Some(now), proof.challenges.wrapping_add(1));
-        buffer.get(..length).map(<[u8]>::to_vec)
+        Some(packet)
     }
 }
 
@@ -168,20 +208,24 @@ mod tests {
         let packet = packet.unwrap();
         let again = prover.challenge(&mut proof, at(1), s(0.1), &NATIVE);
         assert!(again.is_none(), "not so soon");
+        let other = prover.challenge_other(at(1), s(0.0), &NATIVE).unwrap();
         for (from, when, holds) in [
             (at(1), 0.1, true),
             (at(1), 7.9, true),
             (at(1), 8.0, false),
             (at(2), 0.1, false),
         ] {
-            assert_eq!(prover.is_returned(from, &packet, s(when)), holds, "{when}");
+            for (packet, party) in [(&packet, Party::Client), (&other, Party::Other)] {
+                let returned = prover.returned(from, packet, s(when));
+                assert_eq!(returned, holds.then_some(party), "{when}");
+            }
         }
         let mut forged = packet.clone();
         // A bit of the token: the CRC does not fit.
         forged[20] ^= 1;
-        assert!(!prover.is_returned(at(1), &forged, s(0.1)));
-        let other = Prover::new(true, Duration::from_secs(4));
-        assert!(!other.is_returned(at(1), &packet, s(0.1)));
+        assert_eq!(prover.returned(at(1), &forged, s(0.1)), None);
+        let another = Prover::new(true, Duration::from_secs(4));
+        assert_eq!(another.returned(at(1), &packet, s(0.1)), None);
         assert!(!prover.holds(&proof, s(0.1)));
         proof.returned(at(1), packet.len(), s(0.1));
         assert!(prover.holds(&proof, s(4.0)) && !prover.holds(&proof, s(4.1)));
