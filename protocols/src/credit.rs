@@ -33,15 +33,16 @@ impl CreditAccount {
 
     /// Takes a `Credit` command's number; one that lies behind an earlier one (a late datagram) is ignored.
     ///
-    /// False for a first one that lies behind the packets sent, or 2^31 ahead of them, which is the same: it is
-    /// not taken.
+    /// False for any other one that lies behind the packets sent, or 2^31 or more ahead of them, which is the same: it
+    /// is not taken.
     pub fn grant(&mut self, packets: u32) -> bool {
-        match self.granted {
-            None if packets != self.sent && !is_ahead(packets, self.sent) => return false,
-            Some(granted) if !is_ahead(packets, granted) => {}
-            _ => self.granted = Some(packets),
+        let mut earlier = self.granted.into_iter();
+        let is_late = earlier.any(|granted| !is_ahead(packets, granted));
+        let is_in_range = packets == self.sent || is_ahead(packets, self.sent);
+        if is_in_range && !is_late {
+            self.granted = Some(packets);
         }
-        true
+        is_in_range || is_late
     }
 
     /// The last grant taken, 0 before the first.
@@ -74,6 +75,34 @@ const fn is_ahead(a: u32, b: u32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::CreditAccount;
+
+    /// ICD, section 5.3: at most 2^31 - 1 ahead of the number sent, here 9.
+    #[test]
+    fn a_grant_is_late_or_at_most_half_the_circle_ahead_of_what_was_sent() {
+        const MOST: u32 = 9 + 0x7FFF_FFFF;
+        for (before, packets, taken, granted) in [
+            (None, 9, true, 9),
+            (None, MOST, true, MOST),
+            (None, MOST + 1, false, 0),
+            (None, 8, false, 0),
+            (Some(20), MOST, true, MOST),
+            (Some(20), MOST + 1, false, 20),
+            (Some(20), 19, true, 20),
+            (Some(20), 5, true, 20),
+            (Some(MOST), 9, true, MOST),
+            (Some(MOST), 8, true, MOST),
+            (Some(MOST), 5, false, MOST),
+            (Some(MOST), MOST + 1, false, MOST),
+            (Some(MOST), u32::MAX, false, MOST),
+        ] {
+            let mut account = CreditAccount {
+                granted: before,
+                sent: 9,
+            };
+            let found = (account.grant(packets), account.granted());
+            assert_eq!(found, (taken, granted), "{packets} after {before:?}");
+        }
+    }
 
     #[test]
     fn credit_goes_on_over_the_wrap() {

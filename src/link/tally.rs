@@ -20,6 +20,8 @@ pub struct Tally {
     given_up: OnceLock<Unsent>,
     /// Whether the client is to prove its address before it gets frames.
     awaits_proof: AtomicBool,
+    /// Frame packets that did not leave since their client's address was not proved.
+    unproved: AtomicU32,
     /// Whether a fault holds back packets that are to leave.
     is_held_back: AtomicBool,
     /// The exchange whose client has gone, by its number; 0: none.
@@ -136,6 +138,16 @@ impl Tally {
     /// Notes whether it is.
     pub(super) fn await_proof(&self, awaits: bool) {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
+    }
+
+    /// Frame packets that were removed from the queue since their client's address was not proved: they count as lost, too.
+    pub(crate) fn unproved(&self) -> u32 {
+        self.unproved.load(Ordering::SeqCst)
+    }
+
+    /// Notes that one is removed: before it counts as lost.
+    pub(super) fn withhold(&self) {
+        self.unproved.fetch_add(1, Ordering::SeqCst);
     }
 
     /// Whether a fault holds back packets that are to leave: the client cannot have them.

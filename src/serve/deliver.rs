@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, name, standstill};
+use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
 use crate::link::{LinkError, SOON};
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -38,6 +38,8 @@ pub(super) struct Delivery {
     watch: Watch,
     /// Whether the log says that it stands still.
     pub reported: bool,
+    /// Packets that the link had removed for want of proof when the first one of this frame was queued.
+    unproved: u32,
 }
 
 /// Since when nothing has moved, neither frame packets nor credit.
@@ -82,6 +84,7 @@ impl Delivery {
             waiting: None,
             watch: Watch::of(channel),
             reported: false,
+            unproved: channel.wire.tally.unproved(),
         }
     }
 
@@ -112,6 +115,8 @@ enum Step {
     TooLong(String),
     /// Its client has sent Reset.
     Reset,
+    /// The link has removed packets of it: the proof of the address has lapsed.
+    Unproved,
 }
 
 /// What a round over all links came to.
@@ -160,6 +165,11 @@ impl Server {
                 Step::Reset => Some(Some(RESET)),
                 Step::ClientGone => Some(Some(CLIENT_GONE)),
                 Step::Refused => Some(Some(name(Withheld::Refused))),
+                Step::Unproved => {
+                    let frame = delivery.frame;
+                    self.report(at, Withheld::NoProof, &format!("frame {frame}: {LAPSED}"));
+                    Some(Some(name(Withheld::NoProof)))
+                }
                 _ => None,
             };
             if let Some(cause) = end {
@@ -208,6 +218,11 @@ impl Server {
         let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
             return Ok(Step::Refused);
         };
+        if !delivery.has_begun() {
+            delivery.unproved = channel.wire.tally.unproved();
+        } else if delivery.unproved != channel.wire.tally.unproved() {
+            return Ok(Step::Unproved);
+        }
         if delivery.cut.is_none() {
             let wait = picture.asked.release.checked_duration_since(Instant::now());
             if let Some(wait) = wait.filter(|wait| !wait.is_zero()) {

@@ -118,7 +118,7 @@ impl Server {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
-                            "Credit.packets = {packets}: the first lies behind the {sent} packets sent, or 2^31 ahead"
+                            "Credit.packets = {packets}: it lies behind the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
                         ),
                     });
                 }
@@ -170,6 +170,13 @@ impl Server {
                 first,
                 count,
             } => {
+                if self.channels[at].wire.tally.awaits_proof() {
+                    return Err(Refusal {
+                        reason: Reason::Busy,
+                        detail: "Resend: this address is not proved; return the Challenge first"
+                            .to_string(),
+                    });
+                }
                 let sent = self.resend(at, frame, first, count);
                 // A link that has gone is noticed at its next packet.
                 let Some(sent) = sent.unwrap_or(Some(0)) else {
@@ -180,12 +187,8 @@ impl Server {
                         ),
                     });
                 };
-                // One that paces shows by its Credit what it has received. Without proof nothing more is sent.
-                let channel = &self.channels[at];
-                if sent > 0
-                    && channel.exchange.window.is_none()
-                    && !channel.wire.tally.awaits_proof()
-                {
+                // One that paces shows by its Credit what it has received.
+                if sent > 0 && self.channels[at].exchange.window.is_none() {
                     let detail = format!(
                         "{sent} packets of frame {frame} are requested again, and the client sends no Credit"
                     );

@@ -33,7 +33,10 @@ pub(super) const RESET: &str = "client sent Reset";
 pub(super) const CLIENT_GONE: &str = "client gone";
 /// Likewise with the run.
 pub(super) const RUN_ENDED: &str = "run ended";
-/// Likewise: a fault held its packets back until the run had ended.
+/// In the log: packets of a frame were removed from the queue of a link.
+pub(super) const LAPSED: &str =
+    "packets of it are removed from the queue: the proof of the client's address has lapsed";
+/// In the run's table: a fault held its packets back until the run had ended.
 pub(super) const HELD_BACK: &str = "held back by a fault";
 /// Likewise: no attitude has come that its exposure could show.
 pub(super) const NO_ATTITUDE: &str = "no attitude for the exposure";
@@ -83,7 +86,7 @@ fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
         Withheld::NoProof => {
-            "let the client send the Challenge (APID 0x20B) back as it came, or add proof=off to the link where nobody can forge addresses"
+            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where nobody can forge addresses"
         }
         Withheld::Lost => {
             "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"

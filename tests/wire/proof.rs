@@ -4,11 +4,12 @@ use crate::abandoned::{limited, turning};
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, scene,
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, quick, scene,
 };
 use skyloop::config::Clock;
 use skyloop::link::open_all;
 use skyloop_protocols::apid::{PIXEL_BLOCK, STATUS};
+use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{Challenge, Command, MAX_PACKET, Reason, Reply, WireTime};
 use std::time::{Duration, Instant};
@@ -177,12 +178,66 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
         late.filter(|packet| !is_challenge(packet) && identify(packet).unwrap().0 != STATUS);
     assert_eq!(frames.count(), 0);
     let mut client = Client::new(deaf.line.0);
+    // Nothing of it was sent.
+    client.send(Command::Resend {
+        frame: 0,
+        first: 0,
+        count: u32::MAX,
+    });
+    assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
     client.good_frame(1);
     let (stats, _) = emulator.measured();
     let account = &stats.accounts[0].1;
     let why: Vec<_> = account.withheld.iter().collect();
     assert_eq!((account.requested, account.delivered), (2, 1));
     assert_eq!(why, [(&"address not proved", &1)]);
+}
+
+/// A frame of some 40 kB takes 3 s at 12.5 kB/s; the proof holds for 1 s. What the client has sent before would pay for all of it (3 x 23 kB).
+#[test]
+fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
+    let url = "udp://127.0.0.1:0?rate_mbit=0.1".to_string();
+    let links = open_all(&[url], &options(1.0)).unwrap();
+    let line = UdpLine::to(&links[0].0.address);
+    let emulator = Running::at(quick(1.0), Clock::Stepped, links);
+    let mut client = Client::new(line);
+    client.status();
+    let mut deaf = Client::new(Silent(client.line));
+    deaf.window = None;
+    for _ in 0..300 {
+        deaf.send(Command::Credit { packets: 1 << 30 });
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    deaf.point(attitude(0), EPOCH);
+    drop(emulator.shot());
+    let is_of_frame = |packet: &[u8]| PAID.contains(&identify(packet).unwrap().0);
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_millis(2500) {
+        let came = deaf.line.recv(Duration::from_millis(50));
+        let is_late = begun.elapsed() > Duration::from_millis(1500);
+        assert!(!(is_late && came.is_some_and(|packet| is_of_frame(&packet))));
+    }
+    // Nor does it come again.
+    deaf.send(Command::Resend {
+        frame: 0,
+        first: 0,
+        count: 1,
+    });
+    let mut came = std::iter::from_fn(|| deaf.line.recv(PATIENCE));
+    let answer = came.find(|packet| !is_challenge(packet)).unwrap();
+    let (_, reply) = Reply::decode(&answer).unwrap();
+    assert!(
+        matches!(&reply, Reply::Nack(nack) if nack.reason == Reason::Busy),
+        "{reply:?}"
+    );
+    let (stats, counters) = emulator.measured();
+    let account = &stats.accounts[0].1;
+    let why: Vec<_> = account.withheld.iter().collect();
+    assert_eq!((account.requested, account.delivered), (1, 0));
+    assert_eq!(why, [(&"address not proved", &1)]);
+    let frames = (counters.frames_delivered, counters.frames_abandoned);
+    assert_eq!(frames, (0, 1), "{counters:?}");
+    assert!(counters.lost_outbound > 0);
 }
 
 /// Likewise beside a link whose client proves its address: what is given up there is not sent, what follows is, whatever was refused in between.

@@ -384,8 +384,8 @@ impl WayOut<'_> {
         let (mut at, mut octets) = (0, 0);
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
             let sent = match self.permit(batch.exchange, rest).await {
-                Some((rest, to)) => self.hand_over(rest, to).await,
-                None => Err(Unsent::ClientGone),
+                Ok((rest, to)) => self.hand_over(rest, to).await,
+                Err(why) => Err(why),
             };
             let gone = rest.iter().take(sent.unwrap_or(1).max(1));
             for packet in gone {
@@ -404,26 +404,29 @@ impl WayOut<'_> {
         octets
     }
 
-    /// Waits until some of the packets of an exchange may leave: those and their address; none if its client has gone.
+    /// Waits until some of the packets of an exchange may leave: those and their address; or why the first one never may.
     async fn permit<'p>(
         &self,
         exchange: u32,
         rest: &'p [Bytes],
-    ) -> Option<(&'p [Bytes], SocketAddr)> {
-        let length = rest.first()?.len();
+    ) -> Result<(&'p [Bytes], SocketAddr), Unsent> {
+        let (packet, _) = rest.split_first().ok_or(Unsent::Failed)?;
         loop {
             let changed = self.shared.changed.notified();
             let permit = {
                 let mut exchanges = self.shared.exchange.borrow_mut();
-                if exchanges.tally.is_given_up() {
-                    return None;
+                if let Some(why) = exchanges.tally.why_given_up() {
+                    return Err(why);
                 }
-                exchanges.permit(exchange, length, Instant::now())
+                exchanges.permit(exchange, packet, Instant::now())
             };
             match permit {
-                Permit::All(to) => return Some((rest, to)),
-                Permit::One(to) => return Some((rest.get(..1)?, to)),
-                Permit::Never => return None,
+                Permit::All(to) => return Ok((rest, to)),
+                Permit::One(to) => return Ok((rest.get(..1).unwrap_or(rest), to)),
+                Permit::Never if self.shared.exchange.borrow().stands_as(exchange) => {
+                    return Err(Unsent::NotProved);
+                }
+                Permit::Never => return Err(Unsent::ClientGone),
                 // More of what it sends allows more, too.
                 Permit::Wait => drop(tokio::time::timeout(LOOK, changed).await),
             }

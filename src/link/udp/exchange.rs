@@ -1,12 +1,12 @@
 //! Who the emulator talks with over UDP: one client at a time.
 
-use super::proof::{Proof, Prover};
-use crate::link::{Every, Options, Tally, count};
+use super::proof::{Party, Proof, Prover};
+use crate::link::{Every, Options, Tally, count, is_of_frame};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a client without proof of its address keeps others out.
+/// How long a client without proof of its address keeps others out that have not proved theirs.
 const GRACE: Duration = Duration::from_secs(1);
 
 /// Who the emulator talks with.
@@ -14,6 +14,8 @@ pub(super) struct Exchange {
     pub number: u32,
     client: Option<Client>,
     prover: Prover,
+    /// A Challenge for an address that is not the client's. It leaves before any other.
+    for_other: Option<(SocketAddr, Vec<u8>)>,
     /// Messages about strangers.
     strangers: Every,
     options: Options,
@@ -22,9 +24,12 @@ pub(super) struct Exchange {
 
 struct Client {
     address: SocketAddr,
-    /// Whether it has sent a valid packet, and no Reset since. Without, anybody may take its place.
-    holds: bool,
+    /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
+    is_valid: bool,
+    /// When it sent Reset, if no valid packet since: a valid packet of another address takes its place.
+    released: Option<Instant>,
     opened: Instant,
+    /// When it sent a packet last. Challenges that it returned do not count.
     heard: Instant,
     proof: Proof,
 }
@@ -49,7 +54,7 @@ pub(super) enum Permit {
     One(SocketAddr),
     /// Not before the address is proved.
     Wait,
-    /// Its client has gone.
+    /// Its client has gone, or it must not leave without proof.
     Never,
 }
 
@@ -60,22 +65,33 @@ impl Exchange {
             number: 0,
             client: None,
             prover: Prover::new(proves, options.idle),
+            for_other: None,
             strangers: Every::default(),
             options,
             tally,
         }
     }
 
-    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address; it opens no
-    /// exchange, and keeps none.
+    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address. It opens no exchange and
+    /// keeps none, but that of another address takes the place of a client that has proved nothing.
     pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
-        let proves = self.prover.is_returned(from, packet, now);
-        let valid = proves || (self.options.personality.decode_command)(packet).is_ok();
+        let returned = self.prover.returned(from, packet, now);
+        let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
         match &self.client {
             Some(client) if client.address == from => {}
+            Some(client) if returned == Some(Party::Other) && !self.is_proved(client, now) => {
+                // No packet of the new client says so yet.
+                self.tally.end(self.number);
+                self.open(from, now);
+            }
             // It may be late, of an exchange that has ended.
-            _ if proves => return Heard::Stranger,
-            Some(client) if client.holds && (self.stands(client, now) || !valid) => {
+            _ if returned.is_some() => return Heard::Stranger,
+            Some(client) if !self.yields(client, valid, now) => {
+                if valid && !self.is_proved(client, now) {
+                    let personality = self.options.personality;
+                    let challenge = self.prover.challenge_other(from, now, personality);
+                    self.for_other = challenge.map(|challenge| (from, challenge));
+                }
                 return Heard::Stranger;
             }
             _ => self.open(from, now),
@@ -83,26 +99,47 @@ impl Exchange {
         let Some(client) = &mut self.client else {
             return Heard::Stranger;
         };
-        client.holds |= valid && !proves;
-        client.heard = now;
-        if proves {
-            client.proof.returned(now);
+        if returned.is_some() {
+            // It was sent in answer to a valid packet.
+            client.is_valid |= returned == Some(Party::Other);
+            client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
             return Heard::Proof;
         }
-        client.proof.received(from, packet.len());
+        client.heard = now;
+        if valid {
+            (client.is_valid, client.released) = (true, None);
+        }
         // A proof may have lapsed since the last packet.
         let holds = self.prover.holds(&client.proof, now);
+        if !holds {
+            client.proof.received(from, packet.len());
+        }
         self.tally.await_proof(!holds);
         Heard::Packet(self.number)
     }
 
-    /// Whether a client that has sent a valid packet keeps others out.
+    fn is_proved(&self, client: &Client, now: Instant) -> bool {
+        self.prover.holds(&client.proof, now)
+    }
+
+    /// Whether a packet of another address, `valid` or not, takes the client's place.
+    fn yields(&self, client: &Client, valid: bool, now: Instant) -> bool {
+        match client.released {
+            _ if !client.is_valid => true,
+            // A Challenge that it has returned since then shows that it still takes what is sent.
+            Some(asked) => valid || client.proof.returned_at().is_none_or(|at| at <= asked),
+            None => valid && !self.stands(client, now),
+        }
+    }
+
+    /// Whether a client that has sent a valid packet, and no Reset since, keeps others out.
     fn stands(&self, client: &Client, now: Instant) -> bool {
         let within = |since, limit| now.saturating_duration_since(since) < limit;
         let idle = self.options.idle;
-        if self.prover.holds(&client.proof, now) {
-            within(client.heard, idle)
+        if self.is_proved(client, now) {
+            let returned = client.proof.returned_at();
+            within(returned.unwrap_or(client.heard).max(client.heard), idle)
         } else {
             within(client.opened, GRACE.min(idle))
         }
@@ -114,7 +151,8 @@ impl Exchange {
         self.tally.await_proof(self.prover.is_on());
         self.client = Some(Client {
             address: from,
-            holds: false,
+            is_valid: false,
+            released: None,
             opened: now,
             heard: now,
             proof: Proof::default(),
@@ -124,7 +162,7 @@ impl Exchange {
     /// The client, if it is to have a socket of its own: its address is proved, and it has sent a valid packet.
     pub fn established(&self, now: Instant) -> Option<SocketAddr> {
         let client = self.client.as_ref();
-        let client = client.filter(|one| one.holds && self.prover.holds(&one.proof, now));
+        let client = client.filter(|one| one.is_valid && self.prover.holds(&one.proof, now));
         client.map(|client| client.address)
     }
 
@@ -136,7 +174,7 @@ impl Exchange {
     /// Whether a client keeps others out now.
     pub fn is_held(&self, now: Instant) -> bool {
         let client = self.client.as_ref();
-        client.is_some_and(|client| client.holds && self.stands(client, now))
+        client.is_some_and(|client| !self.yields(client, true, now))
     }
 
     /// Counts a packet of a stranger, and says now and then why such are not answered.
@@ -149,22 +187,44 @@ impl Exchange {
                 1 => String::new(),
                 more => format!(" ({more} others before them)"),
             };
+            let idle = self.options.idle;
+            let until = match client.released {
+                Some(_) => "a valid packet comes from another address".to_string(),
+                None if self.is_proved(client, now) => {
+                    format!("it sends Reset or nothing for {} s", idle.as_secs_f64())
+                }
+                None => format!(
+                    "another address returns its Challenge, or for {} s",
+                    GRACE.min(idle).as_secs_f64()
+                ),
+            };
             tracing::warn!(
-                "packets from {from} are ignored{more}: {} is the client until it sends Reset or nothing for {} s",
+                "packets from {from} are ignored{more}: {} is the client until {until}",
                 client.address,
-                self.options.idle.as_secs_f64()
             );
         }
     }
 
-    /// Whether a packet of so many bytes of exchange `number` may leave. One that leaves without proof is booked.
-    pub fn permit(&mut self, number: u32, length: usize, now: Instant) -> Permit {
+    /// Whether exchange `number` is this one, and its client is there.
+    pub fn stands_as(&self, number: u32) -> bool {
+        number == self.number && self.client.is_some()
+    }
+
+    /// Whether a packet of exchange `number` may leave. One that leaves without proof is booked. Frame packets, and all that is queued for a client that
+    /// has been silent since its proof lapsed, never leave without.
+    pub fn permit(&mut self, number: u32, packet: &[u8], now: Instant) -> Permit {
         let Some(client) = self.client.as_mut().filter(|_| number == self.number) else {
             return Permit::Never;
         };
+        let is_of_frame = is_of_frame(packet);
         let permit = if self.prover.holds(&client.proof, now) {
             Permit::All(client.address)
-        } else if client.proof.spend(client.address, length) {
+        } else if is_of_frame || self.prover.has_lapsed(&client.proof, now) {
+            if is_of_frame {
+                self.tally.withhold();
+            }
+            Permit::Never
+        } else if client.proof.spend(client.address, packet.len()) {
             Permit::One(client.address)
         } else {
             Permit::Wait
@@ -175,7 +235,10 @@ impl Exchange {
 
     /// The next Challenge and its address, if it is time for one.
     pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
-        let client = self.client.as_mut().filter(|client| client.holds)?;
+        if let Some(for_other) = self.for_other.take() {
+            return Some(for_other);
+        }
+        let client = self.client.as_mut().filter(|client| client.is_valid)?;
         let (proof, address) = (&mut client.proof, client.address);
         self.tally.await_proof(!self.prover.holds(proof, now));
         let personality = self.options.personality;
@@ -191,7 +254,7 @@ impl Exchange {
         self.tally.end(self.number);
         self.tally.await_proof(false);
         // After a Reset it may go.
-        if client.holds {
+        if client.is_valid && client.released.is_none() {
             tracing::warn!(
                 "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
             );
@@ -203,7 +266,7 @@ impl Exchange {
             && number == self.number
             && client.heard <= asked
         {
-            client.holds = false;
+            client.released = Some(asked);
         }
     }
 }
@@ -212,7 +275,7 @@ impl Exchange {
 mod tests {
     use super::*;
     use skyloop_protocols::personality::NATIVE;
-    use skyloop_protocols::{Command, MAX_PACKET, WireTime};
+    use skyloop_protocols::{Command, MAX_PACKET, WireTime, apid};
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
@@ -232,6 +295,13 @@ mod tests {
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
         (buffer[..length].to_vec(), buffer[..length - 1].to_vec())
+    }
+
+    /// Zeros behind the packet's APID (ICD, section 2): version 0, with a secondary header.
+    fn of_apid(apid: u16, length: usize) -> Vec<u8> {
+        let mut packet = vec![0; length];
+        packet[..2].copy_from_slice(&(0x800 | apid).to_be_bytes());
+        packet
     }
 
     #[test]
@@ -264,8 +334,8 @@ mod tests {
             ],
         );
         let now = ms(80);
-        assert_eq!(exchange.permit(2, 9, now), Permit::Never);
-        assert_eq!(exchange.permit(3, 9, now), Permit::All(at(1)));
+        assert_eq!(exchange.permit(2, &good, now), Permit::Never);
+        assert_eq!(exchange.permit(3, &good, now), Permit::All(at(1)));
         // Another's release is none, nor one that its client has gone on from.
         exchange.release(2, ms(80));
         hear(
@@ -288,30 +358,109 @@ mod tests {
         let begun = Instant::now();
         let ms = |ms| begun + Duration::from_millis(ms);
         assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+        let [answer, long_answer] = [21, 264].map(|length| of_apid(apid::ACK, length));
+        let of_frame = of_apid(apid::FRAME_HEADER, 17);
         let (to, challenge) = exchange.challenge(ms(0)).unwrap();
         assert_eq!(to, at(1));
         assert_eq!(exchange.established(ms(0)), None);
-        assert_eq!(exchange.permit(1, 21, ms(0)), Permit::One(at(1)));
-        assert_eq!(exchange.permit(1, 264, ms(0)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &answer, ms(0)), Permit::One(at(1)));
+        assert_eq!(exchange.permit(1, &long_answer, ms(0)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &of_frame, ms(0)), Permit::Never);
+        assert_eq!(exchange.tally.unproved(), 1);
         assert!(exchange.tally.awaits_proof());
         assert_eq!(exchange.hear(at(2), &good, ms(999)), Heard::Stranger);
         // What another returns proves nothing of the client.
         assert_eq!(exchange.hear(at(2), &challenge, ms(999)), Heard::Stranger);
         assert_eq!(exchange.hear(at(1), &challenge, ms(999)), Heard::Proof);
         assert!(!exchange.tally.awaits_proof());
-        assert_eq!(exchange.permit(1, 1400, ms(999)), Permit::All(at(1)));
+        assert_eq!(exchange.permit(1, &of_frame, ms(999)), Permit::All(at(1)));
         assert_eq!(exchange.established(ms(999)), Some(at(1)));
         // Its packets go on, which anybody can forge, and no Challenge comes back.
         for when in [2000, 4000, 5900] {
             assert_eq!(exchange.hear(at(1), &good, ms(when)), Heard::Packet(1));
             assert_eq!(exchange.hear(at(2), &good, ms(when)), Heard::Stranger);
         }
-        assert_eq!(exchange.permit(1, 1400, ms(5998)), Permit::All(at(1)));
-        assert_eq!(exchange.permit(1, 1400, ms(5999)), Permit::Wait);
+        assert_eq!(exchange.permit(1, &of_frame, ms(5998)), Permit::All(at(1)));
+        // What it has sent with proof pays for nothing now: what is queued is removed, until it sends more.
+        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
+        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::Never);
+        assert_eq!(exchange.tally.unproved(), 2);
+        assert_eq!(exchange.hear(at(1), &good, ms(5999)), Heard::Packet(1));
+        assert!(exchange.challenge(ms(5999)).is_some());
+        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
+        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::One(at(1)));
+        assert_eq!(exchange.permit(1, &long_answer, ms(5999)), Permit::Wait);
         assert_eq!(exchange.hear(at(2), &good, ms(5999)), Heard::Packet(2));
         // Without proof that one is out after 1 s, and what proves the next comes first.
         assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
         assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
+    }
+
+    /// Forged packets of four addresses keep a client out that returns its Challenge no longer than it takes to do so.
+    #[test]
+    fn an_address_that_returns_its_challenge_takes_the_place_of_one_that_has_proved_nothing() {
+        let (good, bad) = packets();
+        // Whether the client of the exchange returns its own Challenge first.
+        for is_proved in [false, true] {
+            let mut exchange = exchange(5000, true);
+            let begun = Instant::now();
+            let ms = |ms| begun + Duration::from_millis(ms);
+            assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+            let (_, own) = exchange.challenge(ms(0)).unwrap();
+            // What is no valid packet is not answered.
+            assert_eq!(exchange.hear(at(2), &bad, ms(10)), Heard::Stranger);
+            assert_eq!(exchange.challenge(ms(10)), None);
+            assert_eq!(exchange.hear(at(2), &good, ms(10)), Heard::Stranger);
+            let (to, challenge) = exchange.challenge(ms(10)).unwrap();
+            assert_eq!(to, at(2));
+            for forged in [3, 4, 5] {
+                assert_eq!(exchange.hear(at(forged), &good, ms(20)), Heard::Stranger);
+                let heard = exchange.hear(at(forged), &challenge, ms(20));
+                assert_eq!(heard, Heard::Stranger);
+            }
+            if is_proved {
+                assert_eq!(exchange.hear(at(1), &own, ms(30)), Heard::Proof);
+            }
+            let heard = exchange.hear(at(2), &challenge, ms(40));
+            assert_eq!(heard == Heard::Stranger, is_proved);
+            let client = if is_proved { 1 } else { 2 };
+            assert_eq!(exchange.established(ms(40)), Some(at(client)));
+            assert_eq!(exchange.tally.has_ended(1), !is_proved);
+            // From now on others are not answered.
+            while exchange.challenge(ms(40)).is_some() {}
+            assert_eq!(exchange.hear(at(3), &good, ms(50)), Heard::Stranger);
+            assert_eq!(exchange.challenge(ms(50)), None);
+            let heard = exchange.hear(at(client), &good, ms(60));
+            assert_eq!(heard, Heard::Packet(client.into()));
+        }
+    }
+
+    /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
+    #[test]
+    fn a_client_that_returns_challenges_after_its_reset_goes_on_until_a_valid_packet_of_another() {
+        let (good, bad) = packets();
+        // When the Challenge comes back; the Reset has been dealt with at 10 ms.
+        for returned in [5, 20] {
+            let mut exchange = exchange(5000, true);
+            let begun = Instant::now();
+            let ms = |ms| begun + Duration::from_millis(ms);
+            exchange.hear(at(1), &good, ms(0));
+            let (_, challenge) = exchange.challenge(ms(0)).unwrap();
+            if returned > 10 {
+                exchange.release(1, ms(0));
+            }
+            let heard = exchange.hear(at(1), &challenge, ms(returned));
+            assert_eq!(heard, Heard::Proof);
+            if returned < 10 {
+                exchange.release(1, ms(0));
+            }
+            assert!(exchange.challenge(ms(1300)).is_some(), "{returned}");
+            let of_frame = of_apid(apid::FRAME_HEADER, 17);
+            let permit = exchange.permit(1, &of_frame, ms(1300));
+            assert_eq!(permit, Permit::All(at(1)));
+            assert_eq!(exchange.hear(at(2), &bad, ms(1300)), Heard::Stranger);
+            assert_eq!(exchange.hear(at(2), &good, ms(1300)), Heard::Packet(2));
+        }
     }
 
     #[test]
@@ -341,7 +490,7 @@ mod tests {
         assert!(exchange.is_held(now) && !exchange.tally.has_ended(1));
         exchange.end(at(1));
         assert!(exchange.tally.has_ended(1));
-        assert_eq!(exchange.permit(1, 9, now), Permit::Never);
+        assert_eq!(exchange.permit(1, &good, now), Permit::Never);
         assert_eq!(exchange.hear(at(2), &good, now), Heard::Packet(2));
     }
 }

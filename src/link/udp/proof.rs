@@ -23,15 +23,24 @@ pub(super) struct Prover {
     lifetime: Duration,
 }
 
+/// Whom a Challenge is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Party {
+    /// The client of the exchange.
+    Client,
+    /// Another address, while the client's is not proved.
+    Other,
+}
+
 /// What an address has proved.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
-    /// When it returned a Challenge last.
+    /// When it returned a Challenge last; none if it never has, or has sent a packet after the proof lapsed.
     returned: Option<Instant>,
     /// When it got one last, and how many in all.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes that came and left without proof.
+    /// Bytes that came and left without proof. As long as nothing has come since the proof lapsed: those of the Challenge returned last.
     received: usize,
     sent: usize,
 }
@@ -63,18 +72,57 @@ impl Prover {
     }
 
     /// Known to this process alone: a keyed hash.
-    fn token(&self, address: SocketAddr, epoch: u64) -> u64 {
-        self.secret.hash_one((address, epoch))
+    fn token(&self, party: Party, address: SocketAddr, epoch: u64) -> u64 {
+        self.secret.hash_one((party, address, epoch))
     }
 
-    /// Whether `packet` is a Challenge that `from` has returned in time.
-    pub fn is_returned(&self, from: SocketAddr, packet: &[u8], now: Instant) -> bool {
+    /// Whom the Challenge was for, if `packet` is one that `from` has returned in time.
+    pub fn returned(&self, from: SocketAddr, packet: &[u8], now: Instant) -> Option<Party> {
         if identify(packet).is_none_or(|(apid, _)| apid != apid::CHALLENGE) {
-            return false;
+            return None;
         }
+        let Ok((_, Reply::Challenge(Challenge { token }))) = Reply::decode(packet) else {
+            return None;
+        };
         let epoch = self.epoch(now);
-        let valid = [epoch, epoch.saturating_sub(1)].map(|epoch| self.token(from, epoch));
-        matches!(Reply::decode(packet), Ok((_, Reply::Challenge(Challenge { token }))) if valid.contains(&token))
+        let epochs = [epoch, epoch.saturating_sub(1)];
+        let is_of = |party: &Party| {
+            epochs
+                .map(|at| self.token(*party, from, at))
+                .contains(&token)
+        };
+        [Party::Client, Party::Other].into_iter().find(is_of)
+    }
+
+    fn packet(
+        &self,
+        party: Party,
+        address: SocketAddr,
+        count: u16,
+        now: Instant,
+        personality: &Personality,
+    ) -> Option<Vec<u8>> {
+        let token = self.token(party, address, self.epoch(now));
+        let (reply, mut buffer) = (Reply::Challenge(Challenge { token }), [0; MAX_PACKET]);
+        let encode = personality.encode_reply;
+        let length = encode(&reply, count, WireTime(0), &mut buffer).ok()?;
+        buffer.get(..length).map(<[u8]>::to_vec)
+    }
+
+    /// A Challenge for an address that is not the client's, in answer to a valid packet. Nothing is stored of the address: even the shortest command, of
+    /// 18 bytes, allows the 25 of a Challenge.
+    pub fn challenge_other(
+        &self,
+        address: SocketAddr,
+        now: Instant,
+        personality: &Personality,
+    ) -> Option<Vec<u8>> {
+        self.packet(Party::Other, address, 0, now, personality)
+    }
+
+    /// Whether the proof of an address has lapsed, and nothing has come from there since.
+    pub fn has_lapsed(&self, proof: &Proof, now: Instant) -> bool {
+        proof.returned.is_some() && !self.holds(proof, now)
     }
 
     /// Whether the proof of an address holds.
@@ -83,7 +131,8 @@ impl Prover {
         !self.is_on || proof.returned.is_some_and(fresh)
     }
 
-    /// The next Challenge for an address, if it is time for one and as much has come from there.
+    /// The next Challenge for an address, if it is time for one and as much has come from there. A silent address gets the few that the limit allows
+    /// at longer intervals: it may be out of reach for a while.
     pub fn challenge(
         &self,
         proof: &mut Proof,
@@ -92,32 +141,40 @@ impl Prover {
         personality: &Personality,
     ) -> Option<Vec<u8>> {
         let holds = self.holds(proof, now);
-        let wait = if holds { self.lifetime / 4 } else { RETRY };
+        let wait = match proof.returned {
+            Some(_) => self.lifetime / 4,
+            None => RETRY,
+        };
         let waits = |at| now.saturating_duration_since(at) < wait;
         if !self.is_on || proof.challenged.is_some_and(waits) {
             return None;
         }
-        let token = self.token(address, self.epoch(now));
-        let (reply, mut buffer) = (Reply::Challenge(Challenge { token }), [0; MAX_PACKET]);
-        let encode = personality.encode_reply;
-        let length = encode(&reply, proof.challenges, WireTime(0), &mut buffer).ok()?;
-        if !holds && !proof.spend(address, length) {
+        let packet = self.packet(Party::Client, address, proof.challenges, now, personality)?;
+        if !holds && !proof.spend(address, packet.len()) {
             return None;
         }
         (proof.challenged, proof.challenges) = (Some(now), proof.challenges.wrapping_add(1));
-        buffer.get(..length).map(<[u8]>::to_vec)
+        Some(packet)
     }
 }
 
 impl Proof {
-    /// A Challenge has come back.
-    pub fn returned(&mut self, now: Instant) {
+    /// A Challenge of so many bytes has come back.
+    pub fn returned(&mut self, from: SocketAddr, length: usize, now: Instant) {
         self.returned = Some(now);
-        (self.received, self.sent) = (0, 0);
+        (self.received, self.sent) = (datagram(from, length), 0);
+    }
+
+    /// When a Challenge came back last, where no packet has come after the proof lapsed.
+    pub fn returned_at(&self) -> Option<Instant> {
+        self.returned
     }
 
     /// Books a packet that came without proof.
     pub fn received(&mut self, from: SocketAddr, length: usize) {
+        if self.returned.take().is_some() {
+            (self.received, self.sent) = (0, 0);
+        }
         self.received = self.received.saturating_add(datagram(from, length));
     }
 
@@ -151,28 +208,54 @@ mod tests {
         let packet = packet.unwrap();
         let again = prover.challenge(&mut proof, at(1), s(0.1), &NATIVE);
         assert!(again.is_none(), "not so soon");
+        let other = prover.challenge_other(at(1), s(0.0), &NATIVE).unwrap();
         for (from, when, holds) in [
             (at(1), 0.1, true),
             (at(1), 7.9, true),
             (at(1), 8.0, false),
             (at(2), 0.1, false),
         ] {
-            assert_eq!(prover.is_returned(from, &packet, s(when)), holds, "{when}");
+            for (packet, party) in [(&packet, Party::Client), (&other, Party::Other)] {
+                let returned = prover.returned(from, packet, s(when));
+                assert_eq!(returned, holds.then_some(party), "{when}");
+            }
         }
         let mut forged = packet.clone();
         // A bit of the token: the CRC does not fit.
         forged[20] ^= 1;
-        assert!(!prover.is_returned(at(1), &forged, s(0.1)));
-        let other = Prover::new(true, Duration::from_secs(4));
-        assert!(!other.is_returned(at(1), &packet, s(0.1)));
+        assert_eq!(prover.returned(at(1), &forged, s(0.1)), None);
+        let another = Prover::new(true, Duration::from_secs(4));
+        assert_eq!(another.returned(at(1), &packet, s(0.1)), None);
         assert!(!prover.holds(&proof, s(0.1)));
-        proof.returned(s(0.1));
+        proof.returned(at(1), packet.len(), s(0.1));
         assert!(prover.holds(&proof, s(4.0)) && !prover.holds(&proof, s(4.1)));
         assert!(
             prover
                 .challenge(&mut proof, at(1), s(1.0), &NATIVE)
                 .is_some()
         );
+    }
+
+    /// X-Val: ICD, section 5.1: a Challenge takes 25 + 28 bytes, and three times as many may leave for the last one that was returned.
+    #[test]
+    fn after_a_lapse_three_challenges_come_and_more_only_after_a_packet() {
+        let prover = Prover::new(true, Duration::from_secs(4));
+        let (mut proof, begin) = (Proof::default(), prover.begun);
+        let ms = |ms| begin + Duration::from_millis(ms);
+        let challenges = |proof: &mut Proof, from: u64, to: u64| -> Vec<u64> {
+            let mut due = |when| prover.challenge(proof, at(1), ms(when), &NATIVE).is_some();
+            let times = (from..to).step_by(100);
+            times.filter(|when| due(*when)).collect()
+        };
+        proof.returned(at(1), 25, ms(0));
+        // A quarter of 4 s apart, those of the time with proof too.
+        assert_eq!(
+            challenges(&mut proof, 500, 20_000),
+            [500, 1500, 2500, 3500, 4500, 5500, 6500]
+        );
+        // A Ping takes 46 bytes: three times as many are two Challenges.
+        proof.received(at(1), 18);
+        assert_eq!(challenges(&mut proof, 20_000, 25_000), [20_000, 20_200]);
     }
 
     /// X-Val: RFC 9000, section 8.1: three times what came. A Ping of 18 bytes takes 46 with its headers: 138.
