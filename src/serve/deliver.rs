@@ -5,7 +5,7 @@ use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
 use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
-use crate::link::{LinkError, SOON};
+use crate::link::{LinkError, SOON, patience};
 use crate::stats::Pending;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
@@ -193,7 +193,10 @@ impl Server {
                         self.give_up(at, delivery, !is_full);
                         continue;
                     }
-                    if standstill >= SOON {
+                    // One packet of a slow link may take longer.
+                    let carries = is_full && !channel.wire.tally.awaits_proof();
+                    let airtime = channel.wire.airtime.as_ref().filter(|_| carries);
+                    if standstill >= patience(airtime, SOON) {
                         self.report_standstill(at, &mut delivery, !is_full);
                     }
                 }
