@@ -1,5 +1,5 @@
 //! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
-//! packet means a link knows at most whether it is valid. Adding one is a file here and a line in [`LINKS`].
+//! packet means a link knows at most whether it is valid or of a frame. Adding one is a file here and a line in [`LINKS`].
 
 mod bus;
 mod can;

@@ -193,7 +193,7 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     assert_eq!(why, [(&"address not proved", &1)]);
 }
 
-/// A frame of some 40 kB takes 3 s at 12.5 kB/s; the proof holds for 1 s. What the client has sent before would pay for all of it (3 x 23 kB).
+/// A frame of some 40 kB takes 3 s at 12.5 kB/s; the proof holds for 1 s. What the client has sent before would pay for all of it (3 x 15 kB).
 #[test]
 fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     let url = "udp://127.0.0.1:0?rate_mbit=0.1".to_string();
