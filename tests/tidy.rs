@@ -155,7 +155,10 @@ const FENCES: &[(&str, &[&str])] = &[
     ("clap::", &["cli", "main"]),
     ("clap_complete::", &["cli/shell"]),
     ("clap_mangen::", &["cli/shell"]),
-    ("schemars::", &["camera", "config", "label", "load"]),
+    (
+        "schemars::",
+        &["camera", "config", "label", "link/fault", "load"],
+    ),
     ("indicatif::", &["cli"]),
     ("println!", &["main"]),
 ];

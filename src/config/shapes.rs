@@ -421,7 +421,8 @@ fn only_its_keys(
             "the key `{name}` is missing: {what} {kind:?} needs {}",
             needed.join(", ")
         );
-        return Err(check.explain(&format!("{key}.{name}"), reason));
+        let error = check.explain(&format!("{key}.{name}"), reason);
+        return Err(error.needs(&[&format!("{key}.{what}")]));
     }
     Ok(())
 }

@@ -78,6 +78,15 @@ pub struct NotCovered {
 }
 
 impl Ephemeris {
+    /// Counts lines from so many lines before.
+    pub(crate) fn move_lines(&mut self, lines: usize) {
+        for segment in &mut self.segments {
+            segment.line += lines;
+            let remarks = segment.remarks.iter_mut();
+            remarks.for_each(|(line, _)| *line += lines);
+        }
+    }
+
     /// The state at `t`, GCRF, m and m/s, interpolated as the file says.
     ///
     /// Error: `t` is in no segment; nothing is extrapolated.

@@ -330,7 +330,9 @@ impl Contents {
             rejected.line += lines_before;
         }
         for object in &mut ephemerides {
-            object.move_lines(lines_before);
+            if let Orbit::Ephemeris(ephemeris) = &mut object.orbit {
+                ephemeris.move_lines(lines_before);
+            }
         }
         self.records.append(&mut found.records);
         self.rejected.append(&mut found.rejected);
@@ -480,17 +482,6 @@ impl Object {
         match &self.orbit {
             Orbit::Ephemeris(own) => own.segments.first().map_or(1, |first| first.line),
             Orbit::Elements(..) => 1,
-        }
-    }
-
-    /// Counts the lines of its ephemeris from so many lines before.
-    fn move_lines(&mut self, lines: usize) {
-        if let Orbit::Ephemeris(ephemeris) = &mut self.orbit {
-            for segment in &mut ephemeris.segments {
-                segment.line += lines;
-                let remarks = segment.remarks.iter_mut();
-                remarks.for_each(|(line, _)| *line += lines);
-            }
         }
     }
 

@@ -72,7 +72,10 @@ fn what_cannot_be_meant_is_refused() {
         ),
         (
             "[fidelity]\npreset = \"best\"",
-            ["fidelity = \"best\"", "one of fast, realtime, reference"],
+            [
+                "fidelity.preset = \"best\"",
+                "one of fast, realtime, reference",
+            ],
         ),
         (
             "[fidelity]\nwings_e = 1",
