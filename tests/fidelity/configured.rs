@@ -115,7 +115,7 @@ fn what_cannot_be_meant_is_refused() {
         (
             "fidelity = 3",
             [
-                "run.toml:1:12: fidelity: must be a preset such as \"realtime\", or a table of keys",
+                "run.toml:1:12: fidelity: must be one of \"fast\", \"realtime\", \"reference\" or a table of keys",
                 "not 3",
             ],
         ),
