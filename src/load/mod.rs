@@ -47,7 +47,7 @@ pub enum ConfigError {
         remedy: String,
     },
     /// The text is not TOML, lacks a key or has an unknown one, or a value is of another type.
-    #[error("{place}: {reason}")]
+    #[error("{place}: {}", line(reason))]
     Syntax {
         /// File, line and column.
         place: String,
@@ -55,7 +55,7 @@ pub enum ConfigError {
         reason: String,
     },
     /// A value that the emulator cannot work with.
-    #[error("{file}: {key} = {value}: must be {allowed}")]
+    #[error("{file}: {}", line(&format!("{key} = {value}: must be {allowed}")))]
     Value {
         /// As named by the user.
         file: String,
@@ -67,7 +67,7 @@ pub enum ConfigError {
         allowed: String,
     },
     /// A key that cannot be used as it is.
-    #[error("{file}: {key}: {reason}")]
+    #[error("{file}: {}", line(&format!("{key}: {reason}")))]
     Key {
         /// As named by the user.
         file: String,
@@ -103,6 +103,23 @@ pub enum ConfigError {
         /// Its faults.
         faults: Vec<ConfigError>,
     },
+}
+
+/// A text in one line of at most 2,000 characters: of a longer one the middle is left out, so that key and remedy stand. Keys and values may have any
+/// characters.
+fn line(text: &str) -> String {
+    const ENDS: [usize; 2] = [1300, 600];
+    let escaped = |c: char| match c.is_control() {
+        true => c.escape_default().to_string(),
+        false => c.to_string(),
+    };
+    let count = text.chars().count();
+    if count <= ENDS.iter().sum() {
+        return text.chars().map(escaped).collect();
+    }
+    let first: String = text.chars().take(ENDS[0]).map(escaped).collect();
+    let last: String = text.chars().skip(count - ENDS[1]).map(escaped).collect();
+    format!("{first} ... {last}")
 }
 
 /// Whether there may be more than are listed.

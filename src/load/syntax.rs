@@ -192,15 +192,15 @@ mod tests {
             ),
             (
                 "seed = -1",
-                "f:1:8: seed: must be a whole number, 0 or more, not -1",
+                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not -1",
             ),
             (
                 "seed = 1.5",
-                "f:1:8: seed: must be a whole number, 0 or more, not 1.5",
+                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not 1.5",
             ),
             (
                 "seed = [1]",
-                "f:1:8: seed: must be a whole number, 0 or more, not a list",
+                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not a list",
             ),
             (
                 "seed = 1\npoints = [7]",

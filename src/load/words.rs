@@ -89,7 +89,8 @@ pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
 fn wanted_value(serde: &str) -> String {
     let text = match serde {
         "f64" => "a number",
-        "u8" | "u16" | "u32" | "u64" => "a whole number, 0 or more",
+        "u64" => "a whole number, 0 to 18446744073709551615",
+        "u8" | "u16" | "u32" => "a whole number, 0 or more",
         "i64" => "a whole number",
         "a boolean" => "true or false",
         "a string" => "a text in quotes",

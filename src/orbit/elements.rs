@@ -4,7 +4,7 @@
 //! of WGS72 from which the published elements are made. Against that paper's
 //! vectors: at most 4.3 mm and 1.9e-6 m/s (`tests/sgp4_verification.rs`).
 
-use crate::{StateVector, frames};
+use crate::{StateVector, time};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 
@@ -193,6 +193,5 @@ impl Elements {
 
 /// UTC years of 365.25 days since 2000-01-01T12:00, as the model's sidereal time takes them.
 fn julian_years_since_j2000(epoch: Epoch) -> f64 {
-    let ns = epoch.to_utc_duration().total_nanoseconds() - frames::J2000_NS;
-    ns as f64 / frames::DAY_NS as f64 / 365.25
+    time::utc_days_since_j2000(epoch) / 365.25
 }

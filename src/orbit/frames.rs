@@ -7,6 +7,7 @@
 //! from the true equinox, so the two differ by a turn about the pole.
 
 use crate::StateVector;
+use crate::time::utc_duration;
 use hifitime::{Duration, Epoch};
 use nalgebra::{Matrix3, Vector3};
 use sofars::consts::DJ00;
@@ -27,7 +28,7 @@ pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 /// at most 3.0 mm over 1960 to 2060 (skyfield), 2.5 mm over 1975 to 2026 (astropy).
 pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     let tt = days_of_tt(t);
-    let ut1 = days_since_j2000(t.to_utc_duration().total_nanoseconds());
+    let ut1 = days_since_j2000(utc_duration(t).total_nanoseconds());
     // r_true = NPB r_gcrf  (Capitaine & Wallace 2006, IAU 2006/2000A)
     let npb = sofars::pnp::pnm06a(DJ00, tt);
     // both reach the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true

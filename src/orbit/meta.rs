@@ -51,7 +51,7 @@ pub(crate) struct Ut1 {
 impl Ut1 {
     /// UT1 - TAI. Where nothing is given, UT1 is UTC at the instant.
     fn minus_tai(self) -> Duration {
-        let utc_tai = self.at.to_utc_duration() - self.at.to_tai_duration();
+        let utc_tai = time::utc_duration(self.at) - self.at.to_tai_duration();
         utc_tai + time::seconds(self.utc_s.unwrap_or(0.0))
     }
 
@@ -201,22 +201,28 @@ impl Meta {
         value.map(Some).ok_or_else(|| (line, reason()))
     }
 
-    /// UT1 - UTC: a comment's at the START_TIME of its segment, the program's at that of the first segment of the file, which `first` keeps.
+    /// UT1 - UTC: a comment's, and 0 where none is given, at the START_TIME of its segment; the program's at that of the first segment of the
+    /// file, which `first` stores.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
         // UT1 is read as UTC here: it only decides on which side of a leap second the instant lies.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
         let first = *first.get_or_insert(start);
-        Ok(match self.ut1_utc_s()? {
-            Some(given_s) => Ut1 {
-                utc_s: Some(given_s),
-                at: start,
-            },
-            None => Ut1 {
-                utc_s: UT1_UTC_S.get().copied(),
-                at: first,
-            },
-        })
+        let (utc_s, at) = match (self.ut1_utc_s()?, UT1_UTC_S.get().copied()) {
+            (None, Some(option_s)) => (Some(option_s), first),
+            (comment_s, _) => (comment_s, start),
+        };
+        let there_s = utc_s.unwrap_or(0.0) + f64::from(time::leap_seconds(at, start));
+        if there_s.abs() > LARGEST_UT1_UTC_S {
+            let (_, line) = self.need("START_TIME")?;
+            let at = time::utc_text(at);
+            let reason = format!(
+                "--ut1-utc is that at {at}, the first START_TIME of the file: with the leap seconds since it is {there_s:.1} s here, beyond -1 to 1 s; \
+                 give COMMENT UT1-UTC = SECONDS in the metadata of this segment"
+            );
+            return Err((line, reason));
+        }
+        Ok(Ut1 { utc_s, at })
     }
 
     /// The scale of TIME_SYSTEM; none of UT1.

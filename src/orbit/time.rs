@@ -139,12 +139,29 @@ fn no_such_day(text: &str) -> Option<String> {
     (!is_there).then(|| format!("{span} has days 1 to {days}"))
 }
 
+/// UTC since 1900-01-01T00:00, in days of 86,400 s; a leap second counts as the second before it. hifitime's own is 1 s early from as many
+/// seconds before a leap second as TAI is ahead of UTC.
+pub fn utc_duration(epoch: Epoch) -> Duration {
+    #[allow(clippy::disallowed_methods)]
+    let utc = epoch.to_utc_duration();
+    let later = utc + Unit::Second * 1;
+    let is_later = Epoch::from_utc_duration(later).to_tai_duration() <= epoch.to_tai_duration();
+    if is_later { later } else { utc }
+}
+
+/// Days of UTC since 2000-01-01T12:00, each of 86,400 s.
+pub fn utc_days_since_j2000(epoch: Epoch) -> f64 {
+    let ns = utc_duration(epoch).total_nanoseconds() - J2000_NS;
+    ns as f64 / DAY_NS as f64
+}
+
 /// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
 pub fn utc_text(epoch: Epoch) -> String {
     // in whole seconds, for the same reason
     let ns = epoch.to_tai_duration().total_nanoseconds();
     let nanoseconds = ns.rem_euclid(SECOND_NS);
     let whole = from_tai_ns(ns - nanoseconds);
+    #[allow(clippy::disallowed_methods)]
     let (year, month, day, hour, minute, second, _) = whole.to_gregorian_utc();
     let shown = Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, 0);
     // hifitime shows a leap second as the second before it

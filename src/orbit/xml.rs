@@ -160,7 +160,7 @@ pub(crate) fn unit(tag: &BytesStart) -> Option<String> {
 fn attribute(tag: &BytesStart, names: &[&str]) -> Option<String> {
     let mut attributes = tag.attributes().filter_map(Result::ok);
     let found = attributes.find(|attribute| {
-        let name = attribute.key.local_name().into_inner();
+        let name = attribute.key.into_inner();
         names.iter().any(|known| name.eq_ignore_ascii_case(known))
     })?;
     Some(found.value.trim().to_owned())

@@ -7,7 +7,7 @@ use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use hifitime::{Epoch, Unit};
 use image::RgbImage;
-use skyloop_orbit::time::utc_text;
+use skyloop_orbit::time::{utc_duration, utc_text};
 
 /// Values over time.
 pub struct Plot {
@@ -187,11 +187,9 @@ fn time_ticks(start: Epoch, span_s: f64) -> Vec<(f64, String)> {
 
 /// Seconds of UTC since midnight.
 fn utc_seconds_of_day(epoch: Epoch) -> f64 {
-    let (_, _, _, hours, minutes, seconds, nanoseconds) = epoch.to_gregorian_utc();
-    f64::from(hours) * 3600.0
-        + f64::from(minutes) * 60.0
-        + f64::from(seconds)
-        + f64::from(nanoseconds) * 1e-9
+    const DAY_NS: i128 = 86_400_000_000_000;
+    let ns = utc_duration(epoch).total_nanoseconds();
+    ns.rem_euclid(DAY_NS) as f64 * 1e-9
 }
 
 /// `23:35:50`, with decimals of the second.

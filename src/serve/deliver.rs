@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
+use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill, unless_blocked};
 use crate::link::{LinkError, SOON, patience};
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -399,7 +399,9 @@ impl Server {
                 Some((channel.wire.tally.departed.mark(before), entry))
             }
             Some(cause) => {
-                channel.frames.withhold(entry, cause);
+                channel
+                    .frames
+                    .withhold(entry, unless_blocked(channel, cause));
                 None
             }
         };
@@ -454,10 +456,8 @@ impl Server {
         for at in 0..self.channels.len() {
             let channel = &mut self.channels[at];
             let is_unwanted = |one: &Delivery| one.frame == frame && !one.is_for(&channel.exchange);
-            let Some(place) = channel.deliveries.iter().position(is_unwanted) else {
-                continue;
-            };
-            let Some(delivery) = channel.deliveries.remove(place) else {
+            let place = channel.deliveries.iter().position(is_unwanted);
+            let Some(delivery) = place.and_then(|place| channel.deliveries.remove(place)) else {
                 continue;
             };
             let cause = match channel.has_gone(delivery.exchange) {

@@ -9,6 +9,7 @@ use crate::metrics::Snapshot;
 use crate::scene::Exposure;
 use crate::stats::Pending;
 use crate::timing::FrameTimes;
+use skyloop_orbit::time::utc_days_since_j2000;
 use std::time::{Duration, Instant};
 
 /// Frames of each link whose times are waited for at most: as many as its queue may hold.
@@ -232,7 +233,9 @@ impl Server {
                 snapshot.deadline_spare_s =
                     Some(times.spare_s).filter(|spare_s| *spare_s != f64::INFINITY);
                 snapshot.exposure_s = exposure.map(|exposure| {
-                    [exposure.start, exposure.mid, exposure.end].map(|at| at.to_unix_seconds())
+                    // 1970-01-01 is J2000.0 less 10957.5 days.
+                    let unix_s = |at| (utc_days_since_j2000(at) + 10_957.5) * 86_400.0;
+                    [exposure.start, exposure.mid, exposure.end].map(unix_s)
                 });
             }
             snapshot

@@ -76,6 +76,18 @@ pub(super) fn of_unsent(lost: Unsent) -> (Withheld, &'static str) {
     (why, name(why))
 }
 
+/// The cause of a frame that is not sent on a link: at the end of the run what has held up the frames before it, where that was reported.
+pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static str {
+    match channel.exchange.withheld {
+        why @ (Withheld::NoCredit | Withheld::NotRead | Withheld::NoProof | Withheld::Lost)
+            if cause == RUN_ENDED =>
+        {
+            name(why)
+        }
+        _ => cause,
+    }
+}
+
 /// What to do about it, on a link of which a fault holds packets back or not.
 fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
     match why {
@@ -207,7 +219,9 @@ impl Server {
         let bring = |channel: &&mut Channel| channel.roles.bring_frames();
         for channel in self.channels.iter_mut().filter(bring) {
             let entry = channel.frames.open(&request);
-            channel.frames.withhold(entry, cause);
+            channel
+                .frames
+                .withhold(entry, unless_blocked(channel, cause));
         }
     }
 

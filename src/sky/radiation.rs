@@ -35,6 +35,7 @@
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
+use skyloop_orbit::time::utc_days_since_j2000;
 use std::f64::consts::TAU;
 
 /// Particles a second through a square centimetre (both ways) where the Earth's field lets all pass.
@@ -67,7 +68,7 @@ struct Place {
 impl Place {
     fn of(position_m: &Vector3<f64>, epoch: Epoch) -> Place {
         // Earth rotation angle (IERS Conventions 2010, Eq. 5.15), UT1 taken equal to UTC.
-        let days = epoch.to_mjd_utc_days() - 51_544.5;
+        let days = utc_days_since_j2000(epoch);
         let era = TAU * (0.779_057_273_264 + 1.002_737_811_911_354_5 * days);
         let radius_m = position_m.norm();
         Place {

@@ -196,11 +196,27 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
     let set = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
                2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
     let later = render("plain.oem", &["--ut1-utc", "0"]).0;
-    for between in ["", set] {
+    for (between, option, expected) in [
+        ("", &["--ut1-utc", "-1"][..], later),
+        (set, &["--ut1-utc", "-1"], later),
+        (set, &[], unknown),
+    ] {
         write("both.oem", format!("{earlier}{between}{}", message("")));
-        let both = render("both.oem:2026-001A", &["--ut1-utc", "-1"]).0;
-        assert!((both - later).norm() < 1e-9, "{between}: {both} {later}");
+        let both = render("both.oem:2026-001A", option).0;
+        assert!(
+            (both - expected).norm() < 1e-9,
+            "{between} {option:?}: {both} {expected}"
+        );
     }
+    // 0.5 s there would be 1.5 s here, which UT1 - UTC never is.
+    let refused = skyloop(here.path())
+        .args(["catalog", "check", "both.oem", "--ut1-utc", "0.5"])
+        .assert();
+    let out = refused.get_output();
+    let text = String::from_utf8([&out.stdout[..], &out.stderr].concat()).unwrap();
+    let says =
+        "with the leap seconds since it is 1.5 s here, beyond -1 to 1 s; give COMMENT UT1-UTC";
+    assert!(text.contains(says), "{text}");
     let refused = skyloop(here.path())
         .args(["plan", "--ut1-utc", "37"])
         .assert();

@@ -7,7 +7,7 @@ use hifitime::{Duration, Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::fidelity::Fidelity;
-use skyloop::orbit::time::{parse_utc, seconds, utc_text};
+use skyloop::orbit::time::{parse_utc, seconds, utc_duration, utc_text};
 use skyloop::scene::Unobservable;
 use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::mission::{Mission, Pace};
@@ -69,11 +69,25 @@ fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
             assert_eq!(utc_text(at), text);
         }
         let after = before + Unit::Second * 2;
-        let (year, month, date, hour, ..) = after.to_gregorian_utc();
-        assert!(
-            (month, date, hour) == (1, 1, 0) || (month, date, hour) == (7, 1, 0),
-            "{year}"
-        );
+        let text = utc_text(after);
+        let year: i32 = text[..4].parse().unwrap();
+        let (month, date) = if text[4..].starts_with("-01") {
+            (1, 1)
+        } else {
+            (7, 1)
+        };
+        assert_eq!(text[4..], format!("-{month:02}-{date:02}T00:00:00.000Z"));
+        // UTC's days have 86,400 s: a second of UTC is one of TAI, but for the leap second.
+        let utc_after = utc_duration(after);
+        for seconds in [-86_400, -40, -36, -10, -2, 0, 10, 40] {
+            let at = after + Unit::Second * seconds;
+            let leap = Unit::Second * i64::from(seconds < 0);
+            assert_eq!(
+                utc_duration(at) - utc_after,
+                at - after + leap,
+                "{text} {seconds} s"
+            );
+        }
         assert_eq!(
             utc_text(after - Unit::Nanosecond),
             format!("{day}T23:59:60.999999999Z")

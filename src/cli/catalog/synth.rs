@@ -177,8 +177,9 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow
         remove_file(&file)?;
     }
     let largest = all.iter().map(|one| one.elements.norad).max();
-    let (year, ..) = epoch.to_gregorian_utc();
-    let fits = largest.is_none_or(|largest| largest <= LARGEST_ALPHA5) && TLE_YEARS.contains(&year);
+    let year = utc_text(epoch).get(..4).and_then(|year| year.parse().ok());
+    let is_year = year.is_some_and(|year| TLE_YEARS.contains(&year));
+    let fits = largest.is_none_or(|largest| largest <= LARGEST_ALPHA5) && is_year;
     let (format, end) = match fits {
         true => (Format::ThreeLine, "3le"),
         false => (Format::OmmCsv, "csv"),

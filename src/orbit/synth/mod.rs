@@ -10,6 +10,7 @@ pub use classes::{CLASSES, Class};
 
 use crate::Theory;
 use crate::elements::{EARTH_RADIUS_M, Elements};
+use crate::time::utc_days_since_j2000;
 use crate::{Object, Record};
 use classes::{Drag, Inclination, Orbit, Size};
 use draw::{Draw, GOLDEN};
@@ -187,7 +188,7 @@ fn plane(
                 // W = L + (t - 12 h) 15 deg / h, with the mean Sun's L = 280.460 deg + 0.9856474 deg a day from J2000
                 // (Astronomical Almanac, C5).
                 nodes_h => {
-                    let days = epoch.to_jde_utc_days() - 2_451_545.0;
+                    let days = utc_days_since_j2000(epoch);
                     let sun_deg = 280.460 + 0.985_647_4 * days;
                     let node_deg = sun_deg + 15.0 * (banded(nodes_h, draw) - 12.0);
                     node_deg.rem_euclid(360.0).to_radians()

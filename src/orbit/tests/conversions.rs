@@ -3,6 +3,7 @@
 use hifitime::{Epoch, Unit};
 use proptest::prelude::*;
 use skyloop_orbit::elements::Elements;
+use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Format, Record, Written, parse_contents, write};
 use std::f64::consts::{PI, TAU};
 
@@ -84,6 +85,22 @@ fn a_3le_comes_back_octet_for_octet_from_every_notation() {
     );
     let elements = |records: &[Record]| records.iter().map(|r| r.elements).collect::<Vec<_>>();
     assert_eq!(elements(&read(&without)), elements(&records));
+}
+
+/// Up to a leap second days have 86,400 s: 23:59:40 is 86380/86400 of one, 0.99976852.
+#[test]
+fn epochs_before_a_leap_second_are_written_as_they_are() {
+    for (utc, columns) in [
+        ("2016-12-31T23:59:10Z", " 16366.99942130 "),
+        ("2016-12-31T23:59:40Z", " 16366.99976852 "),
+        ("2015-06-30T23:59:40Z", " 15181.99976852 "),
+        ("2017-01-01T00:00:00Z", " 17001.00000000 "),
+    ] {
+        let mut record = read(&sets())[0].clone();
+        record.elements.epoch = parse_utc(utc).unwrap();
+        let lines = written(&[record], Format::Tle).text;
+        assert!(lines.contains(columns), "{utc}: {lines}");
+    }
 }
 
 #[test]

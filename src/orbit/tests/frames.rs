@@ -266,6 +266,7 @@ fn versions_of_messages_are_those_of_the_standards() {
             "_VERS '9.0'; read are",
         ),
         ("version=\"2.0\"\tid=\"version='9.0'\"", "no <metadata>"),
+        ("ndm:version='9.0' version='2.0'", "no <metadata>"),
     ] {
         let text = format!("<oem {attributes}><body><segment></segment></body></oem>");
         let rejected = parse(&text, "f").unwrap().rejected;

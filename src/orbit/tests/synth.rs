@@ -114,7 +114,7 @@ fn sun_synchronous_payloads_keep_their_hours() {
     let hours = |name: &str| {
         let of = all.iter().filter(|one| one.class.name == name);
         // X-Val: the mean Sun's right ascension by Meeus, Astronomical Algorithms, Eq. (25.2).
-        let centuries = (epoch.to_jde_utc_days() - 2_451_545.0) / 36_525.0;
+        let centuries = skyloop_orbit::time::utc_days_since_j2000(epoch) / 36_525.0;
         let sun_deg = 280.466_46 + 36_000.769_83 * centuries;
         let hour = |node: f64| ((node.to_degrees() - sun_deg) / 15.0 + 12.0).rem_euclid(24.0);
         of.map(|one| hour(one.elements.node)).collect::<Vec<f64>>()

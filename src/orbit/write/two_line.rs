@@ -2,7 +2,9 @@
 
 use super::Written;
 use crate::elements::Elements;
+use crate::frames::DAY_NS;
 use crate::record::{Record, short_designator};
+use crate::time::{utc_duration, utc_text};
 use crate::two_line::{Checksum, seal};
 use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::{Duration, Epoch};
@@ -142,17 +144,15 @@ fn alpha_5(number: u32) -> Option<String> {
 /// Two digits of the year, and the day of the year with eight decimals.
 fn epoch_columns(epoch: Epoch) -> Option<String> {
     let nearest = epoch + Duration::from_total_nanoseconds(TICK_NS / 2);
-    let (year, _, _, hour, minute, second, nanoseconds) = nearest.to_gregorian_utc();
+    let year: i32 = utc_text(nearest).get(..4)?.parse().ok()?;
     if !(1957..=2056).contains(&year) {
         return None;
     }
     let start = Epoch::maybe_from_gregorian_utc(year, 1, 1, 0, 0, 0, 0).ok()?;
     // UTC days, of which those with a leap second count like the others.
-    let day = (nearest.to_utc_duration() - start.to_utc_duration()).total_nanoseconds()
-        / crate::frames::DAY_NS
-        + 1;
-    let seconds = (i128::from(hour) * 60 + i128::from(minute)) * 60 + i128::from(second);
-    let ticks = (seconds * 1_000_000_000 + i128::from(nanoseconds)) / TICK_NS;
+    let ns = (utc_duration(nearest) - utc_duration(start)).total_nanoseconds();
+    let day = ns / DAY_NS + 1;
+    let ticks = ns % DAY_NS / TICK_NS;
     Some(format!("{:02}{day:03}.{ticks:08}", year % 100))
 }
 
