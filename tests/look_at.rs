@@ -187,7 +187,7 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
         ),
         (
             "look_at = \"Sun\"\nup = \"left\"",
-            "sequence.up: must be \"north\"",
+            "sequence.up: must be one of \"north\"",
         ),
         (
             "look_at = \"Sun\"\nrates_deg_s = [0, 0, 1]",

@@ -80,7 +80,11 @@ fn numbers_that_no_camera_has() {
         ] {
             refuses(key, value, &[&format!("{range}{shown}"), &allowed]);
         }
-        refuses(key, "[true]", &[&format!("{key}: {allowed}")]);
+        refuses(
+            key,
+            "[true]",
+            &[&format!("{key}: must be"), &format!("{least} to {most}")],
+        );
     }
 }
 

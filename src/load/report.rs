@@ -210,7 +210,12 @@ impl<'a> Report<'a> {
         example: &DeTable<'static>,
         schema: &Schema,
     ) -> bool {
-        let mut place = place;
+        // Of a replacement that is no good itself all is replaced.
+        let key = self.given(&place);
+        let is_own = value_at(self.original.get_ref(), &key, false).is_some();
+        let around = |done: &&String| !is_own && *done != &key && within(&key, done);
+        let around = self.repaired.iter().find(around);
+        let mut place = around.cloned().unwrap_or(place);
         let value = loop {
             let value = self.replacement(&place, is_value, example, schema);
             let is_missing = value_at(self.document.get_ref(), &place, false).is_none();

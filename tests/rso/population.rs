@@ -347,7 +347,10 @@ fn entries_that_there_cannot_be() {
         &[".rates_deg_s", "means nothing to mode \"nadir\""],
     );
     let spin = "mode = \"spin\", q = [0, 0, 0, 1]";
-    attitude(spin, &["`utc` is missing"]);
+    attitude(
+        &format!("{spin}, rates_deg_s = [1, 0, 0]"),
+        &["`utc` is missing"],
+    );
     attitude(
         &format!("{spin}, utc = \"noon\", rates_deg_s = [1, 0, 0]"),
         &[".utc: \"noon\" is no UTC time such as"],

@@ -16,6 +16,7 @@ mod on_can;
 mod overrun;
 mod pacing;
 mod proof;
+mod reasons;
 mod refusals;
 mod replay;
 mod replay_on_can;

@@ -1,7 +1,7 @@
 //! Frames that a client does not get: each is counted under its cause, and none is missing from the sum.
 
 use crate::abandoned::{in_the_midst, limited, turning};
-use crate::support::client::{self, Client};
+use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, fetched, later, on_memory, on_serial, on_udp, options,
@@ -11,7 +11,6 @@ use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
 use skyloop::metrics::{self, Metrics};
 use skyloop::stats::FrameAccount;
-use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::{NATIVE, Personality};
 use skyloop_protocols::{Attitude, Command, EncodeError, Output, Reply, Withheld};
 use std::time::{Duration, Instant};
@@ -371,31 +370,8 @@ fn figures_show_the_accounts() {
     balance("figures", emulator, 3, &[(1, &[("refused", 2)])]);
 }
 
-/// A refused packet that asks for no frame withholds none; a damaged attitude does.
-#[test]
-fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
-    for (command, octet, value, cause) in [
-        (Command::Ping, 15, 99, Withheld::None),
-        (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
-        // An unknown APID: it may have been an attitude, and there is one.
-        (Command::Ping, 1, 0x66, Withheld::None),
-        (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
-    ] {
-        let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
-        let mut client = Client::new(line);
-        client.point(attitude(0), EPOCH);
-        client.good_frame(0);
-        let mut packet = client::packet(&command, 5, EPOCH);
-        packet[octet] = value;
-        reseal(&mut packet);
-        client.line.send(&packet);
-        client.nack();
-        assert_eq!(client.status().withheld, cause, "{command:?}");
-    }
-}
-
 /// Its encoder has no room for labels.
-static SHORT: Personality = Personality {
+pub static SHORT: Personality = Personality {
     encode_reply: |reply, count, time, buffer| match reply {
         Reply::Labels(_) => Err(EncodeError::TooLong {
             what: "labels",
@@ -419,59 +395,6 @@ pub fn beside(
     let links = vec![(truth, roles("truth")), (frames, roles("pixels+labels"))];
     let emulator = Running::speaking(personality, config, clock, links, |_| {});
     (emulator, Client::new(MemoryLine(port)))
-}
-
-/// The causes that no client brings about on a link that also answers it: they are told over the link of the truth.
-#[test]
-fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
-    for (link, speaks, personality, clock, cause, name) in [
-        (
-            "memory",
-            false,
-            &NATIVE,
-            Clock::Stepped,
-            Withheld::NoClient,
-            "no client",
-        ),
-        (
-            "memory",
-            true,
-            &SHORT,
-            Clock::Stepped,
-            Withheld::TooLong,
-            "cannot be encoded",
-        ),
-        // 10 bits a byte: 1,400 bytes take 1.5 s, and frames come 10 times a second.
-        (
-            "pty?baud=9600",
-            true,
-            &NATIVE,
-            Clock::Wall,
-            Withheld::SlowLink,
-            "link too slow",
-        ),
-    ] {
-        let (frames, port) = link::loopback(link, &options(5.0)).unwrap();
-        let (emulator, mut client) = beside(quick(10.0), clock, frames, personality);
-        let mut other = Client::new(MemoryLine(port));
-        if speaks {
-            other.send(Command::Credit { packets: 1 << 30 });
-        }
-        await_that("the other client is heard", || {
-            client.status().counters.commands > u32::from(speaks)
-        });
-        client.point(attitude(1), EPOCH);
-        await_that(&format!("Status tells {cause:?}"), || {
-            client.status().withheld == cause
-        });
-        await_that(&format!("a frame is counted under {name}"), || {
-            let counters = client.status().counters;
-            counters.frames_abandoned + counters.frames_dropped > 0
-        });
-        let (stats, _) = emulator.measured();
-        let account = &stats.accounts[0].1;
-        assert!(account.withheld.contains_key(name), "{account:?}");
-    }
 }
 
 /// A client closes its socket (ICMP unreachable) or its pseudo-terminal while a frame is on its way. That frame may have left; no later one counts as not read.
@@ -520,24 +443,5 @@ fn frames_for_a_client_that_has_gone_are_counted_so() {
             counters.frames_delivered as usize, account.delivered,
             "{url}"
         );
-    }
-}
-
-#[test]
-fn status_says_that_attitudes_come_and_no_trigger() {
-    for (trigger, is_reported) in [(Trigger::Packet, true), (Trigger::Own, false)] {
-        let mut config = scene();
-        config.run.trigger = trigger;
-        let (_emulator, line) = on_udp(config, Clock::Stepped, 60.0);
-        let mut client = Client::new(line);
-        client.point(attitude(0), EPOCH);
-        let mut says = || client.status().withheld == Withheld::NoTrigger;
-        if is_reported {
-            await_that("it is reported", says);
-        } else {
-            assert!(!says());
-            std::thread::sleep(Duration::from_secs(3));
-            assert!(!says(), "{trigger:?}");
-        }
     }
 }

@@ -1,0 +1,107 @@
+//! What Status gives as the reason for frames that do not come.
+
+use crate::support::client::{self, Client};
+use crate::support::line::{Line, MemoryLine};
+use crate::support::*;
+use crate::withheld::{SHORT, beside};
+use skyloop::config::{Clock, Trigger};
+use skyloop::link;
+use skyloop_protocols::packet::reseal;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Withheld};
+use std::time::Duration;
+
+/// A refused packet that asks for no frame withholds none; a damaged attitude does.
+#[test]
+fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
+    for (command, octet, value, cause) in [
+        (Command::Ping, 15, 99, Withheld::None),
+        (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
+        // An unknown APID: it may have been an attitude, and there is one.
+        (Command::Ping, 1, 0x66, Withheld::None),
+        (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
+    ] {
+        let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+        let mut client = Client::new(line);
+        client.point(attitude(0), EPOCH);
+        client.good_frame(0);
+        let mut packet = client::packet(&command, 5, EPOCH);
+        packet[octet] = value;
+        reseal(&mut packet);
+        client.line.send(&packet);
+        client.nack();
+        assert_eq!(client.status().withheld, cause, "{command:?}");
+    }
+}
+
+/// The causes that no client brings about on a link that also answers it: they are told over the link of the truth.
+#[test]
+fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
+    for (link, speaks, personality, clock, cause, name) in [
+        (
+            "memory",
+            false,
+            &NATIVE,
+            Clock::Stepped,
+            Withheld::NoClient,
+            "no client",
+        ),
+        (
+            "memory",
+            true,
+            &SHORT,
+            Clock::Stepped,
+            Withheld::TooLong,
+            "cannot be encoded",
+        ),
+        // 10 bits a byte: 1,400 bytes take 1.5 s, and frames come 10 times a second.
+        (
+            "pty?baud=9600",
+            true,
+            &NATIVE,
+            Clock::Wall,
+            Withheld::SlowLink,
+            "link too slow",
+        ),
+    ] {
+        let (frames, port) = link::loopback(link, &options(5.0)).unwrap();
+        let (emulator, mut client) = beside(quick(10.0), clock, frames, personality);
+        let mut other = Client::new(MemoryLine(port));
+        if speaks {
+            other.send(Command::Credit { packets: 1 << 30 });
+        }
+        await_that("the other client is heard", || {
+            client.status().counters.commands > u32::from(speaks)
+        });
+        client.point(attitude(1), EPOCH);
+        await_that(&format!("Status tells {cause:?}"), || {
+            client.status().withheld == cause
+        });
+        await_that(&format!("a frame is counted under {name}"), || {
+            let counters = client.status().counters;
+            counters.frames_abandoned + counters.frames_dropped > 0
+        });
+        let (stats, _) = emulator.measured();
+        let account = &stats.accounts[0].1;
+        assert!(account.withheld.contains_key(name), "{account:?}");
+    }
+}
+
+#[test]
+fn status_says_that_attitudes_come_and_no_trigger() {
+    for (trigger, is_reported) in [(Trigger::Packet, true), (Trigger::Own, false)] {
+        let mut config = scene();
+        config.run.trigger = trigger;
+        let (_emulator, line) = on_udp(config, Clock::Stepped, 60.0);
+        let mut client = Client::new(line);
+        client.point(attitude(0), EPOCH);
+        let mut says = || client.status().withheld == Withheld::NoTrigger;
+        if is_reported {
+            await_that("it is reported", says);
+        } else {
+            assert!(!says());
+            std::thread::sleep(Duration::from_secs(3));
+            assert!(!says(), "{trigger:?}");
+        }
+    }
+}
