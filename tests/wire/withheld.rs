@@ -252,7 +252,9 @@ fn triggers_whose_frames_are_being_made_are_missed() {
         config
     };
     let trigger = |client: &mut Client<_>| {
-        client.point(turning(1), EPOCH);
+        // In the middle of the exposure, as where it takes minutes; the second ends the exposure by the client's clock.
+        client.point(turning(1), later(EPOCH, -1.5));
+        client.point(turning(2), EPOCH);
         let start = later(EPOCH, -2.0);
         client.send(Command::Trigger { number: 1, start });
         client.status();
