@@ -2,7 +2,7 @@
 
 use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::*;
+use crate::support::{EPOCH, attitude, await_that, on_udp, options, quick, scene};
 use crate::withheld::{SHORT, beside};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
