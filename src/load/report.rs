@@ -212,8 +212,7 @@ impl<'a> Report<'a> {
     ) -> bool {
         // Of a replacement that is no good itself all is replaced.
         let key = self.given(&place);
-        let is_own = value_at(self.original.get_ref(), &key, false).is_some();
-        let around = |done: &&String| !is_own && *done != &key && within(&key, done);
+        let around = |done: &&String| *done != &key && within(&key, done);
         let around = self.repaired.iter().find(around);
         let mut place = around.cloned().unwrap_or(place);
         let value = loop {
@@ -349,7 +348,9 @@ fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
         let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');
         words.any(|word| word == name)
     };
-    let is_of_list = within(done, key) && without_indices(done) == without_indices(key);
+    let is_of_list = done
+        .strip_prefix(key)
+        .is_some_and(|rest| rest.starts_with('['));
     let misses = done
         .rsplit_once('.')
         .is_some_and(|(table, name)| table == key && speaks_of(without_indices(name)));
