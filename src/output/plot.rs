@@ -187,9 +187,11 @@ fn time_ticks(start: Epoch, span_s: f64) -> Vec<(f64, String)> {
 
 /// Seconds of UTC since midnight.
 fn utc_seconds_of_day(epoch: Epoch) -> f64 {
-    const DAY_NS: i128 = 86_400_000_000_000;
+    const SECOND_NS: i128 = 1_000_000_000;
     let ns = utc_duration(epoch).total_nanoseconds();
-    ns.rem_euclid(DAY_NS) as f64 * 1e-9
+    let seconds = ns.div_euclid(SECOND_NS).rem_euclid(86_400);
+    // Exact where it is whole.
+    seconds as f64 + ns.rem_euclid(SECOND_NS) as f64 * 1e-9
 }
 
 /// `23:35:50`, with decimals of the second.

@@ -251,11 +251,10 @@ fn triggers_whose_frames_are_being_made_are_missed() {
         config.run.trigger = Trigger::Packet;
         config
     };
-    let trigger = |client: &mut Client<_>| {
-        // In the middle of the exposure, as where it takes minutes; the second ends the exposure by the client's clock.
-        client.point(turning(1), later(EPOCH, -1.5));
-        client.point(turning(2), EPOCH);
-        let start = later(EPOCH, -2.0);
+    let trigger = |client: &mut Client<_>, clock| {
+        client.point(turning(1), EPOCH);
+        // By the client's clock exposures of the past alone are made; in step the attitude is that of the middle.
+        let start = later(EPOCH, if clock == Clock::Stepped { -0.5 } else { -2.0 });
         client.send(Command::Trigger { number: 1, start });
         client.status();
         std::thread::sleep(Duration::from_millis(300));
@@ -271,7 +270,7 @@ fn triggers_whose_frames_are_being_made_are_missed() {
         let (emulator, line) = on_udp(config(), clock, 1.0);
         let mut second = Client::new(line.another());
         let mut client = Client::new(line);
-        trigger(&mut client);
+        trigger(&mut client, clock);
         match cause {
             "client sent Reset" => client.done(Command::Reset),
             "client gone" => await_that("the second client is answered", || {
