@@ -315,7 +315,10 @@ impl Server {
         for at in 0..self.channels.len() {
             self.report_stalled(at, now);
             self.report_untriggered(at, now);
-            if let Some(lost) = self.channels[at].is_silent_about(now) {
+            // What still waits in a queue that stands still is not lost.
+            if let Some(lost) = self.channels[at].is_silent_about(now)
+                && !self.channels[at].flow.in_status
+            {
                 let detail =
                     format!("{lost} packets sent, and the client grants as if they had not come");
                 self.report(at, Withheld::Lost, &detail);
