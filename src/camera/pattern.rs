@@ -60,7 +60,8 @@ pub struct Pattern {
     stuck: Vec<u32>,
     /// Largest `|response - 1|` (1).
     worst_response: f64,
-    /// Dark current, e-/s: mean and largest.
+    /// Dark current, e-/s: least, mean and largest.
+    dark_min_e_s: f64,
     dark_mean_e_s: f64,
     dark_max_e_s: f64,
 }
@@ -136,12 +137,14 @@ impl Pattern {
         let dark_e_s = dark_map(figures, key, pixels, &hot);
         let mean = dark_e_s.iter().map(|d| f64::from(*d)).sum::<f64>() / f64::from(pixels.max(1));
         let uniform = dark_e_s.is_empty();
+        let least = dark_e_s.iter().copied().reduce(f32::min);
         let most = dark_e_s.iter().copied().fold(0.0, f32::max);
         Pattern {
             worst_response: response
                 .iter()
                 .map(|g| (f64::from(*g) - 1.0).abs())
                 .fold(0.0, f64::max),
+            dark_min_e_s: least.map_or(figures.dark_e_s, f64::from),
             dark_mean_e_s: if uniform { figures.dark_e_s } else { mean },
             dark_max_e_s: if uniform {
                 figures.dark_e_s
@@ -181,6 +184,11 @@ impl Pattern {
         self.dark_e_s
             .get(pixel)
             .map_or(self.dark_mean_e_s, |d| f64::from(*d))
+    }
+
+    /// Dark current of the coldest pixel, e-/s.
+    pub fn dark_min_e_s(&self) -> f64 {
+        self.dark_min_e_s
     }
 
     /// Dark current averaged over the pixels, hot ones included, e-/s.
@@ -280,8 +288,12 @@ mod tests {
         assert!(pattern.response().is_none() && pattern.dark_e_s().is_none());
         assert!(pattern.hot().is_empty() && pattern.dead().is_empty());
         assert_eq!(
-            (pattern.dark_mean_e_s(), pattern.dark_max_e_s()),
-            (40.0, 40.0)
+            [
+                pattern.dark_min_e_s(),
+                pattern.dark_mean_e_s(),
+                pattern.dark_max_e_s()
+            ],
+            [40.0; 3]
         );
         assert_eq!(
             (pattern.response_of(9), pattern.dark_e_s_of(9)),
@@ -326,7 +338,8 @@ mod tests {
         // The lognormal's kurtosis at 0.4 is 6.3: its sigma scatters by sqrt((k - 1) / 4 n).
         assert!((width / 40.0 / spread - 1.0).abs() < 5.0 * (5.3 / 4.0 / N).sqrt());
         let hottest = (0..N as usize).map(|i| pattern.dark_e_s_of(i));
-        assert_eq!(pattern.dark_max_e_s(), hottest.fold(0.0, f64::max));
+        assert_eq!(pattern.dark_max_e_s(), hottest.clone().fold(0.0, f64::max));
+        assert_eq!(pattern.dark_min_e_s(), hottest.fold(f64::MAX, f64::min));
     }
 
     #[test]

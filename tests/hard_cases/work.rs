@@ -29,6 +29,8 @@ const LIMB: [f64; 3] = [0.9140, -0.4057, 0.0];
 
 const SECOND: (&str, &str) = ("timing.exposure_s", "1.0");
 const LONGEST: [(&str, &str); 2] = [("timing.exposure_s", "1e4"), ("timing.rate_hz", "1e-4")];
+/// 1.5e6 e- a pixel, twenty times the full well.
+const DARK: [(&str, &str); 3] = [LONGEST[0], LONGEST[1], ("detector.dark_e_s", "150.0")];
 const WIDEST: [(&str, &str); 3] = [
     SECOND,
     ("optics.aperture_mm", "18.0"),
@@ -99,6 +101,7 @@ const CORNERS: &[Corner] = &[
     ),
     ("the longest exposure", &LONGEST, SKY, 0.0, false),
     ("the longest exposure, turning", &LONGEST, SKY, 4e-3, false),
+    ("dark current fills all", &DARK, SKY, 4e-3, true),
     ("the widest Gaussian", &WIDEST, SKY, 0.0, false),
     ("the widest Gaussian, turning", &WIDEST, SKY, 2.0, false),
     ("rows in turn, turning", &ROLLING, SKY, 1.0, true),

@@ -26,7 +26,7 @@ pub use light::Light;
 pub use together::Together;
 
 use crate::fidelity::Fidelity;
-use crate::scene::{Simulated, View, World};
+use crate::scene::{Simulated, View, World, flooding_e};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
 pub use blur::{BLURRED_NS, SPREAD_NS};
@@ -325,9 +325,12 @@ impl View {
         e <= fidelity.skip_e && snr <= fidelity.skip_snr
     }
 
-    /// Whether area light alone fills every pixel of a frame with those effects.
+    /// Whether dark current alone, or area light alone, fills every pixel of a frame with those effects.
     pub fn is_flooded(&self, simulated: &Simulated, fidelity: &Fidelity) -> bool {
-        Full::is_all(self, simulated, fidelity)
+        let detector = &self.camera.detector;
+        let dark_e = detector.pattern.dark_min_e_s() * self.exposure.duration_s;
+        let is_dark = simulated.full_well && simulated.dark && dark_e >= flooding_e(detector);
+        is_dark || Full::is_all(self, simulated, fidelity)
     }
 
     /// The light of an area source on the pixels of a frame with those effects, of which area light fills some.
