@@ -31,6 +31,19 @@ const SECOND: (&str, &str) = ("timing.exposure_s", "1.0");
 const LONGEST: [(&str, &str); 2] = [("timing.exposure_s", "1e4"), ("timing.rate_hz", "1e-4")];
 /// 1.5e6 e- a pixel, twenty times the full well.
 const DARK: [(&str, &str); 3] = [LONGEST[0], LONGEST[1], ("detector.dark_e_s", "150.0")];
+/// Zodiacal light of some 3e4 e- a pixel fills all.
+const BRIGHT: [(&str, &str); 6] = [
+    ("timing.exposure_s", "1e3"),
+    ("timing.rate_hz", "1e-3"),
+    ("optics.focal_length_mm", "100.0"),
+    ("optics.aperture_mm", "200.0"),
+    ("optics.psf.sigma_px", "25.0"),
+    ("detector.full_well_e", "1000.0"),
+];
+const BRIGHT_SPILLING: [(&str, &str); 7] = {
+    let [a, b, c, d, e, f] = BRIGHT;
+    [a, b, c, d, e, f, SPILLING[1]]
+};
 const WIDEST: [(&str, &str); 3] = [
     SECOND,
     ("optics.aperture_mm", "18.0"),
@@ -102,6 +115,14 @@ const CORNERS: &[Corner] = &[
     ("the longest exposure", &LONGEST, SKY, 0.0, false),
     ("the longest exposure, turning", &LONGEST, SKY, 4e-3, false),
     ("dark current fills all", &DARK, SKY, 4e-3, true),
+    ("light fills all", &BRIGHT, SKY, 0.02, true),
+    (
+        "light fills all, and spills",
+        &BRIGHT_SPILLING,
+        SKY,
+        0.02,
+        true,
+    ),
     ("the widest Gaussian", &WIDEST, SKY, 0.0, false),
     ("the widest Gaussian, turning", &WIDEST, SKY, 2.0, false),
     ("rows in turn, turning", &ROLLING, SKY, 1.0, true),

@@ -46,10 +46,16 @@ impl Full {
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Full {
+        let is_lost = view.camera.detector.blooming != Blooming::Column
+            && !(simulated.frame_transfer && trail::part(view) > 0.0);
+        if !is_lost {
+            return Full::default();
+        }
         Full::by_cells(view, areas, simulated, fidelity, |_| CELL_PX)
     }
 
-    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the further light moves.
+    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the further light moves. Where all are full, so are they when
+    /// charge spills or is shifted.
     pub fn is_all(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> bool {
         let side = |moved_px: usize| (moved_px / CELLS_A_WAY).clamp(CELL_PX, LARGEST_PX);
         let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
@@ -69,14 +75,11 @@ impl Full {
         side: impl Fn(usize) -> usize,
     ) -> Full {
         let detector = &view.camera.detector;
-        let is_lost = simulated.full_well
-            && detector.blooming != Blooming::Column
-            && !(simulated.frame_transfer && trail::part(view) > 0.0);
         let areas: Vec<&Area> = areas.filter(|area| (area.kind.is_in)(simulated)).collect();
         let responds = 1.0 - detector.pattern.worst_response();
         let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
-        if !is_lost || peak_e < enough_e || fidelity.area_part < LEAST_PART {
+        if !simulated.full_well || peak_e < enough_e || fidelity.area_part < LEAST_PART {
             return Full::default();
         }
         let sky = Sky::new(view, &areas, simulated);
