@@ -217,10 +217,7 @@ impl Reader {
         })?;
         self.check_body(body)?;
         let more = self.columns(meta)?;
-        for assumed in [assumed, meta.ut1_step(ut1, axes, stop)?]
-            .into_iter()
-            .flatten()
-        {
+        for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
             self.remark(meta.line, assumed);
         }
         if let Some((method, line)) = meta.find("INTERPOLATION_METHOD")

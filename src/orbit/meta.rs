@@ -51,8 +51,7 @@ pub(crate) struct Ut1 {
 impl Ut1 {
     /// UT1 - TAI. Where nothing is given, UT1 is UTC at the instant.
     fn minus_tai(self) -> Duration {
-        let utc_tai = time::utc_duration(self.at) - self.at.to_tai_duration();
-        utc_tai + time::seconds(self.utc_s.unwrap_or(0.0))
+        time::seconds(self.utc_s.unwrap_or(0.0)) - time::tai_minus_utc(self.at)
     }
 
     /// What to report of data up to `stop` where leap seconds lie between.
@@ -201,14 +200,31 @@ impl Meta {
         value.map(Some).ok_or_else(|| (line, reason()))
     }
 
+    /// Whether times or axes depend on UT1.
+    fn uses_ut1(&self) -> At<bool> {
+        let is_fixed = |key| {
+            let axes = self
+                .find(key)
+                .map(|(name, _)| Axes::named(name, Duration::ZERO));
+            matches!(axes, Some(Some(Axes::EarthFixed { .. })))
+        };
+        let mut keys = ["REF_FRAME", "REF_FRAME_A", "REF_FRAME_B"].into_iter();
+        Ok(self.scale()?.is_none() || keys.any(is_fixed))
+    }
+
     /// UT1 - UTC: a comment's, and 0 where none is given, at the START_TIME of its segment; the program's at that of the first segment of the
-    /// file, which `first` stores.
+    /// file that uses it, which `first` stores.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
         // UT1 is read as UTC here: it only decides on which side of a leap second the instant lies.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
+        let comment_s = self.ut1_utc_s()?;
+        if !self.uses_ut1()? {
+            let utc_s = None;
+            return Ok(Ut1 { utc_s, at: start });
+        }
         let first = *first.get_or_insert(start);
-        let (utc_s, at) = match (self.ut1_utc_s()?, UT1_UTC_S.get().copied()) {
+        let (utc_s, at) = match (comment_s, UT1_UTC_S.get().copied()) {
             (None, Some(option_s)) => (Some(option_s), first),
             (comment_s, _) => (comment_s, start),
         };
@@ -217,7 +233,7 @@ impl Meta {
             let (_, line) = self.need("START_TIME")?;
             let at = time::utc_text(at);
             let reason = format!(
-                "--ut1-utc is that at {at}, the first START_TIME of the file: with the leap seconds since it is {there_s:.1} s here, beyond -1 to 1 s; \
+                "--ut1-utc is that at {at}, the first START_TIME of the file with times or axes of UT1: with the leap seconds since it is {there_s:.1} s here, beyond -1 to 1 s; \
                  give COMMENT UT1-UTC = SECONDS in the metadata of this segment"
             );
             return Err((line, reason));
@@ -280,8 +296,8 @@ impl Meta {
     }
 
     /// What to report of leap seconds up to `stop`, where times or axes depend on UT1.
-    pub fn ut1_step(&self, ut1: Ut1, axes: Axes, stop: Epoch) -> At<Option<String>> {
-        let uses_ut1 = self.scale()?.is_none() || matches!(axes, Axes::EarthFixed { .. });
+    pub fn ut1_step(&self, ut1: Ut1, stop: Epoch) -> At<Option<String>> {
+        let uses_ut1 = self.uses_ut1()?;
         Ok(ut1.step(stop).filter(|_| uses_ut1))
     }
 

@@ -257,7 +257,7 @@ impl Data {
         let clock = meta.clock(ut1)?;
         let (start, stop) = meta.span(clock)?;
         let (axes, assumed) = meta.axes("REF_FRAME", ut1)?;
-        let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, axes, stop)?);
+        let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, stop)?);
         let mut remarks: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
         Ok(Data {
             line: meta.line,

@@ -14,15 +14,17 @@ pub fn seconds(s: f64) -> Duration {
     Duration::from_total_nanoseconds(whole.saturating_add(rest))
 }
 
-/// Leap seconds between two instants: how many seconds more pass between them than their UTC dates and times of day differ by.
+/// TAI - UTC; in a leap second as in the second before it.
+pub(crate) fn tai_minus_utc(epoch: Epoch) -> Duration {
+    let utc = utc_duration(in_whole_seconds(epoch).0);
+    Epoch::from_utc_duration(utc).to_tai_duration() - utc
+}
+
+/// Leap seconds between two instants: how much TAI - UTC grows.
 pub fn leap_seconds(from: Epoch, to: Epoch) -> i32 {
-    // What the digits of UTC would be in a scale without leap seconds.
-    let shown = |epoch| {
-        let digits = utc_text(epoch).replace(":60.", ":59.");
-        parse_ccsds(&digits, TimeScale::TAI).unwrap_or(epoch)
-    };
-    let passed = to.to_tai_duration() - from.to_tai_duration();
-    (passed - (shown(to) - shown(from))).to_seconds().round() as i32
+    (tai_minus_utc(to) - tai_minus_utc(from))
+        .to_seconds()
+        .round() as i32
 }
 
 /// TDB - TT at the Earth's centre, s, within 10 us from 1900 to 2100 (USNO Circular 179, Eq. 2.6; hifitime's is off by up to 36 us):
@@ -142,11 +144,12 @@ fn no_such_day(text: &str) -> Option<String> {
 /// UTC since 1900-01-01T00:00, in days of 86,400 s; a leap second counts as the second before it. hifitime's own is 1 s early from as many
 /// seconds before a leap second as TAI is ahead of UTC.
 pub fn utc_duration(epoch: Epoch) -> Duration {
+    let (whole, fraction) = in_whole_seconds(epoch);
     #[allow(clippy::disallowed_methods)]
-    let utc = epoch.to_utc_duration();
+    let utc = whole.to_utc_duration();
     let later = utc + Unit::Second * 1;
-    let is_later = Epoch::from_utc_duration(later).to_tai_duration() <= epoch.to_tai_duration();
-    if is_later { later } else { utc }
+    let is_later = Epoch::from_utc_duration(later).to_tai_duration() <= whole.to_tai_duration();
+    fraction + if is_later { later } else { utc }
 }
 
 /// Days of UTC since 2000-01-01T12:00, each of 86,400 s.
@@ -155,12 +158,31 @@ pub fn utc_days_since_j2000(epoch: Epoch) -> f64 {
     ns as f64 / DAY_NS as f64
 }
 
+/// Modified Julian date of UTC, of which a day with a leap second has 86,401 s (SOFA, `iauDtf2d`: "quasi-JD").
+pub fn utc_mjd(epoch: Epoch) -> f64 {
+    /// MJD of 1900-01-01.
+    const MJD_1900: i128 = 15_020;
+    let day = utc_duration(epoch).total_nanoseconds().div_euclid(DAY_NS);
+    let [start, end] = [day, day + 1].map(|day| {
+        Epoch::from_utc_duration(Duration::from_total_nanoseconds(day * DAY_NS)).to_tai_duration()
+    });
+    let part = (epoch.to_tai_duration() - start).to_seconds() / (end - start).to_seconds();
+    (day + MJD_1900) as f64 + part
+}
+
+/// An epoch in whole seconds of TAI, of which hifitime's leap seconds are exact, and what it is later than these.
+fn in_whole_seconds(epoch: Epoch) -> (Epoch, Duration) {
+    let ns = epoch.to_tai_duration().total_nanoseconds();
+    let fraction = ns.rem_euclid(SECOND_NS);
+    (
+        from_tai_ns(ns - fraction),
+        Duration::from_total_nanoseconds(fraction),
+    )
+}
+
 /// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
 pub fn utc_text(epoch: Epoch) -> String {
-    // in whole seconds, for the same reason
-    let ns = epoch.to_tai_duration().total_nanoseconds();
-    let nanoseconds = ns.rem_euclid(SECOND_NS);
-    let whole = from_tai_ns(ns - nanoseconds);
+    let (whole, fraction) = in_whole_seconds(epoch);
     #[allow(clippy::disallowed_methods)]
     let (year, month, day, hour, minute, second, _) = whole.to_gregorian_utc();
     let shown = Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, 0);
@@ -168,7 +190,7 @@ pub fn utc_text(epoch: Epoch) -> String {
     let leap =
         shown.is_ok_and(|shown| whole - shown.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
     let second = second + u8::from(leap);
-    let fraction = format!("{nanoseconds:09}");
+    let fraction = format!("{:09}", fraction.total_nanoseconds());
     let kept = fraction.trim_end_matches('0').len().max(3);
     format!(
         "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{}Z",
@@ -257,8 +279,48 @@ mod tests {
             ("2017-01-01T00:00:00Z", "2016-12-31T00:00:00Z", -1),
             ("2017-01-01T00:00:00Z", "2026-01-01T00:00:00Z", 0),
             ("2012-06-30T23:59:59.5Z", "2017-01-01T00:00:00.25Z", 3),
+            ("2016-12-31T00:00:00Z", "2016-12-31T23:59:60.999999999Z", 0),
+            ("2016-12-31T23:59:60Z", "2017-01-01T00:00:00Z", 1),
         ] {
             assert_eq!(leap_seconds(at(from), at(to)), count, "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn utc_counts_days_over_leap_seconds() {
+        // X-Val: pyerfa 2.0.1.5, dtf2d("UTC", ...), as days and seconds of a day with a leap second, and of one without.
+        for (text, mjd, utc_s) in [
+            (
+                "2016-12-31T12:00:00Z",
+                57_753.0 + 43_200.0 / 86_401.0,
+                43_200.0,
+            ),
+            (
+                "2016-12-31T23:59:40Z",
+                57_753.0 + 86_380.0 / 86_401.0,
+                86_380.0,
+            ),
+            (
+                "2016-12-31T23:59:59.9999999Z",
+                57_753.0 + 86_399.999_999_9 / 86_401.0,
+                86_399.999_999_9,
+            ),
+            (
+                "2016-12-31T23:59:60.5Z",
+                57_753.0 + 86_400.5 / 86_401.0,
+                86_399.5,
+            ),
+            ("2017-01-01T00:00:00Z", 57_754.0, 0.0),
+            ("2017-01-01T12:00:00Z", 57_754.5, 43_200.0),
+        ] {
+            let epoch = parse_utc(text).unwrap();
+            assert!(
+                (utc_mjd(epoch) - mjd).abs() < 1e-11,
+                "{text}: {}",
+                utc_mjd(epoch)
+            );
+            let of_day = utc_duration(epoch).total_nanoseconds().rem_euclid(DAY_NS);
+            assert_eq!(of_day, (utc_s * 1e9_f64).round() as i128, "{text}");
         }
     }
 

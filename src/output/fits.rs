@@ -5,7 +5,7 @@ use super::wcs::Wcs;
 use crate::camera::Camera;
 use crate::label::Label;
 use nalgebra::Matrix3;
-use skyloop_orbit::time::{parse_utc, utc_days_since_j2000};
+use skyloop_orbit::time::{parse_utc, utc_mjd};
 use std::io::{self, Write};
 
 /// Headers and data are filled up to whole blocks.
@@ -79,9 +79,8 @@ impl Header {
             let date = text.trim_end_matches('Z');
             self.text(&format!("DATE-{name}"), date, comment);
             if let Ok(epoch) = parse_utc(text) {
-                // J2000.0 is MJD 51544.5.
-                let days = utc_days_since_j2000(epoch) + 51_544.5;
-                self.real(&format!("MJD-{name}"), days, &format!("[d] {comment}"));
+                let name = format!("MJD-{name}");
+                self.real(&name, utc_mjd(epoch), &format!("[d] {comment}"));
             }
         }
     }

@@ -208,7 +208,14 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
             "{between} {option:?}: {both} {expected}"
         );
     }
+    // A file or a segment that does not use UT1 has no use for it.
+    let inertial = earlier.replace("ITRF2014", "GCRF");
+    write("both.oem", format!("{inertial}{}", message("")));
+    let option = ["--ut1-utc", "0.5"];
+    let both = render("both.oem:2026-001A", &option).0;
+    assert_eq!(both, render("plain.oem", &option).0);
     // 0.5 s there would be 1.5 s here, which UT1 - UTC never is.
+    write("both.oem", format!("{earlier}{}", message("")));
     let refused = skyloop(here.path())
         .args(["catalog", "check", "both.oem", "--ut1-utc", "0.5"])
         .assert();

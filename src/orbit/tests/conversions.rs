@@ -93,6 +93,11 @@ fn epochs_before_a_leap_second_are_written_as_they_are() {
     for (utc, columns) in [
         ("2016-12-31T23:59:10Z", " 16366.99942130 "),
         ("2016-12-31T23:59:40Z", " 16366.99976852 "),
+        // A day's last tick is 0.864 ms before its end: nearer than its end, by a leap second.
+        ("2016-12-31T23:59:59.9994Z", " 16366.99999999 "),
+        ("2016-12-31T23:59:59.9996Z", " 16366.99999999 "),
+        ("2016-12-31T23:59:59.999999999Z", " 16366.99999999 "),
+        ("2015-12-31T23:59:59.9996Z", " 16001.00000000 "),
         ("2015-06-30T23:59:40Z", " 15181.99976852 "),
         ("2017-01-01T00:00:00Z", " 17001.00000000 "),
     ] {
@@ -119,6 +124,10 @@ fn what_two_lines_cannot_hold_is_reported() {
         (
             |r| r.elements.epoch += 20_000.0 * Unit::Day,
             "epochs from 1957 to 2056",
+        ),
+        (
+            |r| r.elements.epoch = parse_utc("2016-12-31T23:59:60.5Z").unwrap(),
+            "none in a leap second",
         ),
         (
             |r| r.elements.eccentricity = 0.999_999_99,

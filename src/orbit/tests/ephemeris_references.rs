@@ -241,9 +241,9 @@ fn what_is_not_as_the_file_says_is_remarked() {
     assert_eq!(remarks(&orbit(&states, 60, "")), [""; 0]);
 }
 
-/// Two states 1 s apart along a straight line through one in m and m/s, as a message has them.
+/// Two states 1 s apart along a straight line from one in m and m/s, as a message has them.
 fn around(epoch: Epoch, place: &[f64]) -> Vec<(Epoch, String)> {
-    let states = [-0.5, 0.5].map(|dt| {
+    let states = [0.0, 1.0].map(|dt| {
         let r = (0..3).map(|i| format!("{:.12}", (place[i] + dt * place[3 + i]) / 1e3));
         let v = (3..6).map(|i| format!("{:.12}", place[i] / 1e3));
         (
@@ -343,6 +343,9 @@ fn ut1_runs_on_over_a_leap_second() {
     for (system, times, first, is_step_reported) in [
         ("UTC", &utc[..], "-0.4", true),
         ("UT1", &ut1[..], "-0.4", true),
+        // START_TIME in the leap second.
+        ("UTC", &utc[1..], "-0.4", true),
+        ("UT1", &ut1[1..], "-0.4", true),
         ("UTC", &utc[2..], "0.6", false),
         ("UT1", &ut1[2..], "0.6", false),
     ] {

@@ -93,7 +93,8 @@ fn lines(record: &Record) -> Result<(String, String), String> {
         drag,
     } = record.elements;
     let number = alpha_5(norad).ok_or("a TLE has numbers up to 339999")?;
-    let epoch = epoch_columns(epoch).ok_or("a TLE has epochs from 1957 to 2056")?;
+    let epoch = epoch_columns(epoch)
+        .ok_or("a TLE has epochs from 1957 to 2056, and none in a leap second")?;
     let class = match record.classification {
         class if class.is_ascii_graphic() => class,
         _ => 'U',
@@ -141,16 +142,23 @@ fn alpha_5(number: u32) -> Option<String> {
     }
 }
 
-/// Two digits of the year, and the day of the year with eight decimals.
+/// Two digits of the year, and the day of the year with eight decimals; none of a leap second, which these cannot hold.
 fn epoch_columns(epoch: Epoch) -> Option<String> {
-    let nearest = epoch + Duration::from_total_nanoseconds(TICK_NS / 2);
-    let year: i32 = utc_text(nearest).get(..4)?.parse().ok()?;
+    let ns = utc_duration(epoch).total_nanoseconds();
+    let at = |ns| Epoch::from_utc_duration(Duration::from_total_nanoseconds(ns));
+    let off = |ns| at(ns).to_tai_duration() - epoch.to_tai_duration();
+    // To the nearest tick, unless a leap second lies between.
+    let nearest = [ns + TICK_NS / 2, ns].map(|ns| ns / TICK_NS * TICK_NS);
+    let ns = nearest
+        .into_iter()
+        .find(|ns| off(*ns).total_nanoseconds().abs() < TICK_NS)?;
+    let year: i32 = utc_text(at(ns)).get(..4)?.parse().ok()?;
     if !(1957..=2056).contains(&year) {
         return None;
     }
     let start = Epoch::maybe_from_gregorian_utc(year, 1, 1, 0, 0, 0, 0).ok()?;
     // UTC days, of which those with a leap second count like the others.
-    let ns = (utc_duration(nearest) - utc_duration(start)).total_nanoseconds();
+    let ns = ns - utc_duration(start).total_nanoseconds();
     let day = ns / DAY_NS + 1;
     let ticks = ns % DAY_NS / TICK_NS;
     Some(format!("{:02}{day:03}.{ticks:08}", year % 100))
