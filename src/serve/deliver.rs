@@ -46,8 +46,8 @@ pub(super) struct Delivery {
 struct Watch {
     since: Instant,
     credit: u32,
-    /// Octets that had left the link.
-    octets: u32,
+    /// Bytes that had left the link.
+    bytes: u32,
 }
 
 impl Watch {
@@ -55,15 +55,15 @@ impl Watch {
         Watch {
             since: Instant::now(),
             credit: channel.exchange.credit.granted(),
-            octets: channel.wire.tally.octets(),
+            bytes: channel.wire.tally.bytes(),
         }
     }
 
-    /// How long the client has done nothing. While octets of frame packets leave, or such that a frame packet waits
+    /// How long the client has done nothing. While bytes of frame packets leave, or such that a frame packet waits
     /// for (`blocked`), it can do nothing: on a slow line that takes longer than its patience. New credit makes no room on a link that `is_full`.
     fn standstill(&mut self, channel: &Channel, blocked: bool, is_full: bool) -> Duration {
         let now = Watch::of(channel);
-        let moves = now.octets != self.octets && (blocked || channel.carries_frames());
+        let moves = now.bytes != self.bytes && (blocked || channel.carries_frames());
         if moves || (now.credit != self.credit && !is_full) {
             *self = now;
         }
@@ -426,7 +426,7 @@ impl Server {
         let (why, detail) = standstill(channel, has_room);
         channel.exchange.deaf = (!is_alone).then_some(Deaf {
             why,
-            bytes: channel.wire.tally.octets(),
+            bytes: channel.wire.tally.bytes(),
             heard: false,
         });
         let detail = format!("frame {} is given up: {detail}", delivery.frame);

@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::Cut;
 use super::deliver::Delivery;
-use crate::link::{Every, SOON, Unsent};
+use crate::link::{Every, Harm, SOON, Unsent};
 use crate::stats::{FrameAccount, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
@@ -88,17 +88,38 @@ pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static
     }
 }
 
-/// What to do about it, on a link of which a fault holds packets back or not.
-fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
-    match why {
-        Withheld::NotRead | Withheld::NoCredit | Withheld::Lost if is_held_back => {
-            "a fault holds packets of this link back (--faults, Fault): end it first"
+/// What to do about it, on a link whose faults do this to packets in and out.
+fn remedy(why: Withheld, harm: [Option<Harm>; 2]) -> String {
+    let [way_in, way_out] = harm.map(|harm| {
+        harm.map(|harm| match harm {
+            Harm::Delays => "delays",
+            Harm::Loses => "has lost or damaged",
+        })
+    });
+    let [way_in, way_out] = [way_in.zip(Some("in")), way_out.zip(Some("out"))];
+    let fault = match why {
+        Withheld::NotRead => way_out.filter(|_| harm[1] == Some(Harm::Delays)),
+        // Frame packets go out, and Credit comes in.
+        Withheld::NoCredit | Withheld::Lost => way_out.or(way_in),
+        Withheld::NoClient => way_in,
+        _ => None,
+    };
+    match fault {
+        Some((does, way)) => {
+            format!("a fault (--faults, Fault) {does} packets on the way {way}: end it first")
         }
+        None => remedy_without_faults(why).to_string(),
+    }
+}
+
+/// What to do about it on a link where faults are not the cause.
+fn remedy_without_faults(why: Withheld) -> &'static str {
+    match why {
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
         Withheld::NoProof => {
-            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where nobody can forge addresses"
+            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where no client can forge addresses"
         }
         Withheld::Lost => {
             "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"
@@ -210,7 +231,7 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
-        let remedy = remedy(why, channel.wire.tally.is_held_back());
+        let remedy = remedy(why, channel.harm());
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
@@ -340,23 +361,87 @@ impl Server {
 mod tests {
     use super::*;
 
-    /// Only these causes can come of packets that a fault holds back.
+    /// Credit that is late or lost stops frames as frame packets do; a full link can only come of packets that are late on the way out.
     #[test]
-    fn a_fault_that_holds_packets_back_is_the_remedy_where_they_do_not_arrive() {
-        for (why, ends_fault) in [
-            (Withheld::NoCredit, true),
-            (Withheld::NotRead, true),
-            (Withheld::Lost, true),
-            (Withheld::SlowLink, false),
-            (Withheld::NoProof, false),
-            (Withheld::TooLong, false),
-            (Withheld::Refused, false),
-            (Withheld::NoClient, false),
-            (Withheld::NoTrigger, false),
+    fn a_fault_is_the_remedy_where_it_can_be_the_cause() {
+        use Harm::{Delays, Loses};
+        for (why, way_in, way_out, says) in [
+            (
+                Withheld::NoCredit,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (
+                Withheld::NoCredit,
+                Some(Delays),
+                None,
+                Some("delays packets on the way in"),
+            ),
+            (
+                Withheld::NoCredit,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (Withheld::NoCredit, None, None, None),
+            (
+                Withheld::Lost,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (
+                Withheld::Lost,
+                None,
+                Some(Loses),
+                Some("lost or damaged packets on the way out"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Delays),
+                None,
+                Some("delays packets on the way in"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Delays),
+                Some(Loses),
+                Some("on the way out"),
+            ),
+            (Withheld::Lost, None, None, None),
+            (
+                Withheld::NotRead,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (Withheld::NotRead, Some(Delays), Some(Loses), None),
+            (
+                Withheld::NoClient,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (Withheld::NoClient, None, Some(Loses), None),
+            (Withheld::SlowLink, Some(Delays), Some(Delays), None),
+            (Withheld::NoProof, Some(Delays), Some(Delays), None),
+            (Withheld::TooLong, Some(Delays), Some(Delays), None),
+            (Withheld::Refused, Some(Delays), Some(Delays), None),
+            (Withheld::NoTrigger, Some(Delays), Some(Delays), None),
         ] {
-            let found = remedy(why, true).contains("end it first");
-            assert_eq!(found, ends_fault, "{why:?}");
-            assert!(!remedy(why, false).contains("end it first"), "{why:?}");
+            let found = remedy(why, [way_in, way_out]);
+            let case = format!("{why:?} {way_in:?} {way_out:?}: {found}");
+            match says {
+                Some(says) => assert!(found.contains(says), "{case}"),
+                None => assert_eq!(found, remedy_without_faults(why), "{case}"),
+            }
         }
     }
 }
