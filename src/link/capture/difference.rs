@@ -236,7 +236,7 @@ fn octet(was: &[u8], is: &[u8]) -> String {
             )
         }
         None => format!(
-            "length: recorded {} octets, replayed {}",
+            "length: recorded {} bytes, replayed {}",
             was.len(),
             is.len()
         ),

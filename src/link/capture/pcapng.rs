@@ -155,7 +155,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
         };
         match kind {
             SECTION if word(body, 0) != Some(MAGIC) => {
-                return Err(wrong(at, "not the order of octets that skyloop writes"));
+                return Err(wrong(at, "not the byte order that skyloop writes"));
             }
             SECTION => {
                 let texts = values(body, 16, COMMENT);
@@ -187,7 +187,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     }
     if at < octets.len() {
         tracing::warn!(
-            "{}: the last {} octets are cut off and left out",
+            "{}: the last {} bytes are cut off and left out",
             path_text(file),
             octets.len() - at
         );
