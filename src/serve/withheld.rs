@@ -178,8 +178,8 @@ impl Channel {
             return None;
         };
         let state = [credit.granted(), credit.sent()];
-        // An answer under way does not start the time anew.
-        let waits = self.wire.tally.waiting() > 0;
+        // Answers that wait behind them are none of the packets that may be lost: a client that polls always has some.
+        let waits = self.carries_frames();
         let is_sending = !self.deliveries.is_empty();
         let silent = &mut self.messages.silent;
         match silent {
