@@ -59,6 +59,8 @@ pub(super) struct Exchange {
     pub deaf: Option<Deaf>,
     /// Why its client has not got the last frame whole.
     pub withheld: Withheld,
+    /// Whether a Status has brought that reason.
+    pub is_in_status: bool,
     /// Whether its client has sent a valid Trigger.
     pub triggered: bool,
     pub credit: CreditAccount,

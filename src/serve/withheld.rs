@@ -21,10 +21,17 @@ const SLOW: Duration = Duration::from_secs(5);
 #[derive(Debug, Default)]
 pub(super) struct Messages {
     every: BTreeMap<u8, Every>,
-    /// Since when attitudes come and no Trigger, where frames need one.
-    untriggered: Option<Instant>,
+    /// Since when attitudes come and no Trigger, where frames need one, and whether that is in the log.
+    untriggered: Option<(Instant, bool)>,
     /// Packets granted and sent, since when, and whether it is reported.
     silent: Option<([u32; 2], Instant, bool)>,
+}
+
+impl Messages {
+    /// A Trigger has come that was refused: its refusal is the reason, and not that there was none.
+    pub fn note_trigger(&mut self) {
+        self.untriggered = None;
+    }
 }
 
 /// In the run's table: a frame that ended with a Reset of its client.
@@ -86,6 +93,10 @@ pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static
         }
         _ => cause,
     }
+}
+
+fn not_reached(why: Withheld, detail: &str) -> String {
+    format!("frames do not reach the client ({}): {detail}", name(why))
 }
 
 /// What to do about it, on a link whose faults do this to packets in and out.
@@ -210,18 +221,21 @@ impl Channel {
 impl Server {
     /// Reports that the client of a link does not get a frame, or will not: in the log, not too often, and in Status.
     pub(super) fn report(&mut self, at: usize, why: Withheld, detail: &str) {
-        self.warn(
-            at,
-            why,
-            &format!("frames do not reach the client ({}): {detail}", name(why)),
-        );
+        self.warn(at, why, &not_reached(why, detail));
     }
 
     /// Notes why frames do not come, or come late, in Status, and logs it with the remedy, not too often.
     fn warn(&mut self, at: usize, why: Withheld, message: &str) {
         let channel = &mut self.channels[at];
         channel.exchange.withheld = why;
+        channel.exchange.is_in_status = false;
         channel.flow.in_status = false;
+        self.log(at, why, message);
+    }
+
+    /// Logs why frames do not come, with the remedy, not too often.
+    fn log(&mut self, at: usize, why: Withheld, message: &str) {
+        let channel = &mut self.channels[at];
         let every = channel.messages.every.entry(why.code()).or_default();
         let Some(times) = every.count(Instant::now()) else {
             return;
@@ -309,11 +323,25 @@ impl Server {
             ..
         } = &mut self.channels[at];
         let waits = by_trigger && has_attitude && roles.truth && !exchange.triggered;
-        let since = &mut messages.untriggered;
-        *since = waits.then(|| since.unwrap_or(now));
-        let is_due = since.is_some_and(|since| now.saturating_duration_since(since) >= UNTRIGGERED);
-        if is_due && exchange.withheld != Withheld::NoTrigger {
-            self.report(at, Withheld::NoTrigger, "attitudes come and no Trigger");
+        let untriggered = &mut messages.untriggered;
+        *untriggered = waits.then(|| untriggered.unwrap_or((now, false)));
+        let Some((since, is_logged)) = untriggered else {
+            return;
+        };
+        if now.saturating_duration_since(*since) < UNTRIGGERED {
+            return;
+        }
+        // Status brings each refusal once at least.
+        if exchange.withheld != Withheld::Refused || exchange.is_in_status {
+            exchange.withheld = Withheld::NoTrigger;
+        }
+        if !std::mem::replace(is_logged, true) {
+            let detail = "attitudes come and no Trigger";
+            self.log(
+                at,
+                Withheld::NoTrigger,
+                &not_reached(Withheld::NoTrigger, detail),
+            );
         }
     }
 
