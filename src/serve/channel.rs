@@ -2,7 +2,8 @@
 
 use super::deliver::Delivery;
 use super::leaving::Left;
-use super::withheld::Messages;
+use super::passed::Passed;
+use super::withheld::{Messages, name};
 use crate::link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, patience};
 use crate::stats::FrameAccount;
 use crate::timing::Latencies;
@@ -43,6 +44,7 @@ pub(super) struct Channel {
     /// What the log says about frames that its client does not get.
     pub messages: Messages,
     pub flow: Flow,
+    pub passed: Passed,
     /// Whether the link has ended.
     pub gone: bool,
     /// Packets that the link got after the last frame packet.
@@ -139,6 +141,7 @@ impl Channel {
                 reported: false,
                 in_status: false,
             },
+            passed: Passed::default(),
             gone: false,
             behind: 0,
         }
@@ -147,6 +150,7 @@ impl Channel {
     /// Another client: nothing of the last one's is left.
     pub fn open_exchange(&mut self, number: u32, output: Output) {
         self.lose_answers();
+        self.count_open(name(Withheld::SlowLink));
         self.exchange = Exchange {
             number,
             lost_to_faults: self.wire.tally.lost_to_faults(),
@@ -157,6 +161,7 @@ impl Channel {
 
     /// The same client begins anew: only its answers are left.
     pub fn reset(&mut self, output: Output, asked: Instant) {
+        self.count_open(name(Withheld::SlowLink));
         let before = std::mem::take(&mut self.exchange);
         self.exchange = Exchange {
             number: before.number,

@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill, unless_blocked};
+use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
 use crate::link::{LinkError, SOON, patience};
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -358,7 +358,7 @@ impl Server {
             self.report(at, why, &format!("frame {frame}: {detail}"));
         }
         for (at, older) in passed_over {
-            let cause = self.report_older(at, older.frame);
+            let cause = self.report_passed(at, older.frame);
             self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
             self.end(at, older, Some(cause));
         }
@@ -399,9 +399,7 @@ impl Server {
                 Some((channel.wire.tally.departed.mark(before), entry))
             }
             Some(cause) => {
-                channel
-                    .frames
-                    .withhold(entry, unless_blocked(channel, cause));
+                channel.withhold(frame, entry, cause);
                 None
             }
         };

@@ -10,8 +10,6 @@ use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Where a frame gives way to a newer one, a link of which no byte has left for so long is not read.
-const UNREAD: Duration = Duration::from_millis(100);
 /// A client that sends attitudes for so long and no Trigger, where frames need one, is reported.
 const UNTRIGGERED: Duration = Duration::from_secs(2);
 /// A frame that takes longer on its link is reported: a client may not wait for it.
@@ -278,22 +276,6 @@ impl Server {
         channel.frames.clone().with(passed_over, PASSED_OVER)
     }
 
-    /// Why a frame gives way to a newer one, which is reported.
-    pub(super) fn report_older(&mut self, at: usize, frame: u32) -> &'static str {
-        let channel = &self.channels[at];
-        let may_send = channel.exchange.credit.may_send();
-        let is_held_back = channel.wire.tally.is_held_back();
-        let (why, detail) = match standstill(channel, !may_send) {
-            (Withheld::NotRead, _) if !is_held_back && !channel.stands_still(UNREAD) => {
-                (Withheld::SlowLink, "the one before still leaves".into())
-            }
-            other => other,
-        };
-        let detail = format!("frame {frame} gives way to a newer one: {detail}");
-        self.report(at, why, &detail);
-        name(why)
-    }
-
     /// Reports a frame that its link takes long for.
     pub(super) fn report_slow(&mut self, at: usize, frame: u32, cut: &Cut) {
         let Some(airtime) = &self.channels[at].wire.airtime else {
@@ -362,6 +344,7 @@ impl Server {
     /// Reports links that stand still, and clients that for a while have not granted for what was sent, or send no Trigger.
     pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
+            self.count_passed(at);
             self.report_stalled(at, now);
             self.report_untriggered(at, now);
             // What still waits in a queue that stands still is not lost.
