@@ -220,14 +220,23 @@ fn a_full_disk_leaves_no_file_behind() {
     }
 }
 
-/// 1500 blocks of 512 bytes a file: the files of a frame fit, a log of its CAN frames as text does not.
+/// Blocks of 512 bytes a file. 1500: the files of a frame fit, a log of its CAN frames as text does not. 100: no picture of 131,072 bytes fits.
 #[test]
 fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
     const CUT: &str = "the recording is not whole";
     const LOG: &str = "--fault-log /dev/full: No space left on device";
-    for (fault, flags, failures, says) in [
-        ("", "--link slcan --capture c.log", 1, &[CUT][..]),
+    for (blocks, fault, flags, failures, says) in [
+        (1500, "", "--link slcan --capture c.log", 1, &[CUT][..]),
+        // What could not be written beside the frames is reported with them.
         (
+            100,
+            "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
+            "--faults f.toml --fault-log /dev/full",
+            1,
+            &["writing the frames", LOG],
+        ),
+        (
+            1500,
             "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
             "--link slcan --capture c.log --faults f.toml --fault-log /dev/full",
             1,
@@ -235,6 +244,7 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
         ),
         // The frame is missing, too.
         (
+            1500,
             "direction = \"out\"\nkind = \"stuck\"\nvalue = 1.0",
             "--link memory --faults f.toml --fault-log /dev/full",
             2,
@@ -248,7 +258,8 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
         let at = here.path();
         std::fs::write(at.join("f.toml"), format!("[[faults]]\n{fault}\n")).unwrap();
         let mut sh = Command::new("sh");
-        sh.args(["-c", "trap '' XFSZ; ulimit -f 1500; exec \"$0\" \"$@\""]);
+        let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+        sh.args(["-c", &limited]);
         let command = format!("loopback --frames 1 --junit v.xml {flags}");
         sh.arg(env!("CARGO_BIN_EXE_skyloop"))
             .args(command.split(' '));
@@ -293,6 +304,64 @@ fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
         assert!(log.contains(says), "{log}");
     }
     assert!(!log.contains("client"), "{log}");
+}
+
+/// A fault stops the Credit of a client that grants 4 packets at a time: the log names it, with the direction.
+#[test]
+fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
+    for (fault, grants, says) in [
+        (
+            "delay\"\nvalue = 9",
+            &[4][..],
+            "(no credit): frame 0 waits: 4 packets are sent, and Credit grants 4; a fault (--faults, Fault) delays packets on the way in",
+        ),
+        (
+            "delay\"\nvalue = 9",
+            &[4, 8],
+            "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; a fault (--faults, Fault) delays packets on the way in",
+        ),
+        (
+            "drop\"\nvalue = 1",
+            &[4, 8],
+            "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; a fault (--faults, Fault) has lost or damaged packets on the way in",
+        ),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let faults = format!("[[faults]]\nat_s = 1\ndirection = \"in\"\nkind = \"{fault}\n");
+        std::fs::write(at.join("faults.toml"), faults).unwrap();
+        std::fs::write(at.join("run.toml"), RUN).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+        let command = command.args("run --config run.toml --faults faults.toml".split(' '));
+        let command = command.current_dir(at).stderr(std::process::Stdio::piped());
+        let process = Process::spawned(command, "listening on ");
+        let mut client = client_of(&process);
+        client.window = None;
+        for packets in grants {
+            client.send(skyloop_protocols::Command::Credit { packets: *packets });
+            if client.taken == 0 {
+                client.point(crate::support::attitude(1), crate::support::EPOCH);
+            }
+            while client.taken < *packets {
+                client.recv(PATIENCE).unwrap();
+            }
+        }
+        // From now on the fault is in force, and the frame waits for less than the 2 s after which it is given up.
+        std::thread::sleep(Duration::from_millis(1100));
+        client.send(skyloop_protocols::Command::Credit { packets: 12 });
+        std::thread::sleep(Duration::from_millis(300));
+        process.signal("-INT");
+        let (_, table, log) = process.end_with_log();
+        assert!(
+            log.contains(&format!("{says}: end it first")),
+            "{table}{log}"
+        );
+        let name = fault.split('"').next().unwrap();
+        assert!(
+            table.contains(&format!("in: {name} 1; out: none\n")),
+            "{table}"
+        );
+    }
 }
 
 #[test]
