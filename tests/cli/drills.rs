@@ -11,7 +11,7 @@ use skyloop_protocols::Reply;
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Frames of a few packets: what is drilled is not how long pixels take.
 const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\nidle_s = 60.0\n";
@@ -232,7 +232,7 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
             100,
             "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
             "--faults f.toml --fault-log /dev/full",
-            1,
+            2,
             &["writing the frames", LOG],
         ),
         (
@@ -309,58 +309,54 @@ fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
 /// A fault stops the Credit of a client that grants 4 packets at a time: the log names it, with the direction.
 #[test]
 fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
-    for (fault, grants, says) in [
+    use skyloop_protocols::{Command, Direction, Fault, FaultKind};
+    const NO_CREDIT: &str = "(no credit): frame 0 waits: 4 packets are sent, and Credit grants 4; ";
+    const LOST: &str = "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; ";
+    const DELAYS: &str = "a fault (--faults, Fault) delays packets on the way in: end it first";
+    const LOSES: &str =
+        "a fault (--faults, Fault) has lost or damaged packets on the way in: end it first";
+    for (kind, value, grants, says, remedy, injected) in [
         (
-            "delay\"\nvalue = 9",
+            FaultKind::Delay,
+            9.0,
             &[4][..],
-            "(no credit): frame 0 waits: 4 packets are sent, and Credit grants 4; a fault (--faults, Fault) delays packets on the way in",
+            NO_CREDIT,
+            DELAYS,
+            "delay 1",
         ),
-        (
-            "delay\"\nvalue = 9",
-            &[4, 8],
-            "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; a fault (--faults, Fault) delays packets on the way in",
-        ),
-        (
-            "drop\"\nvalue = 1",
-            &[4, 8],
-            "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; a fault (--faults, Fault) has lost or damaged packets on the way in",
-        ),
+        (FaultKind::Delay, 9.0, &[4, 8], LOST, DELAYS, "delay 1"),
+        (FaultKind::Drop, 1.0, &[4, 8], LOST, LOSES, "drop 1"),
     ] {
         let here = tempfile::tempdir().unwrap();
-        let at = here.path();
-        let faults = format!("[[faults]]\nat_s = 1\ndirection = \"in\"\nkind = \"{fault}\n");
-        std::fs::write(at.join("faults.toml"), faults).unwrap();
-        std::fs::write(at.join("run.toml"), RUN).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-        let command = command.args("run --config run.toml --faults faults.toml".split(' '));
-        let command = command.current_dir(at).stderr(std::process::Stdio::piped());
+        std::fs::write(here.path().join("run.toml"), RUN).unwrap();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_skyloop"));
+        let command = command.args("run --config run.toml --fault-log log.jsonl".split(' '));
+        let command = command.current_dir(here.path());
+        let command = command.stderr(std::process::Stdio::piped());
         let process = Process::spawned(command, "listening on ");
         let mut client = client_of(&process);
         client.window = None;
         for packets in grants {
-            client.send(skyloop_protocols::Command::Credit { packets: *packets });
-            if client.taken == 0 {
-                client.point(crate::support::attitude(1), crate::support::EPOCH);
-            }
-            while client.taken < *packets {
-                client.recv(PATIENCE).unwrap();
-            }
+            client.send(Command::Credit { packets: *packets });
         }
-        // From now on the fault is in force, and the frame waits for less than the 2 s after which it is given up.
-        std::thread::sleep(Duration::from_millis(1100));
-        client.send(skyloop_protocols::Command::Credit { packets: 12 });
-        std::thread::sleep(Duration::from_millis(300));
+        client.point(crate::support::attitude(1), crate::support::EPOCH);
+        client.send(Command::Fault(Fault {
+            kind,
+            direction: Direction::In,
+            value,
+            seconds: 0.0,
+        }));
+        client.send(Command::Credit { packets: 12 });
+        // It proves its address, and is given up after 2 s.
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_millis(1500) {
+            client.recv(Duration::from_millis(100));
+        }
         process.signal("-INT");
         let (_, table, log) = process.end_with_log();
-        assert!(
-            log.contains(&format!("{says}: end it first")),
-            "{table}{log}"
-        );
-        let name = fault.split('"').next().unwrap();
-        assert!(
-            table.contains(&format!("in: {name} 1; out: none\n")),
-            "{table}"
-        );
+        assert!(log.contains(&format!("{says}{remedy}")), "{table}{log}");
+        let row = format!("in: {injected}; out: none\n");
+        assert!(table.contains(&row), "{table}");
     }
 }
 
