@@ -132,7 +132,9 @@ fn loses_packets(polls: u32, pause: Duration) {
     client.put_back(header);
     client.parcel();
     assert_eq!(client.status().withheld, Withheld::None);
-    (0..polls).for_each(|_| drop(client.send(Command::Ping)));
+    for _ in 0..polls {
+        client.send(Command::Ping);
+    }
     await_that(&format!("they are reported as lost, {polls}"), || {
         let packet = client.next(false);
         let Ok((_, Reply::Status(status))) = Reply::decode(&packet) else {
