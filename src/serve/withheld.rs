@@ -128,7 +128,7 @@ fn remedy_without_faults(why: Withheld) -> &'static str {
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
         Withheld::NoProof => {
-            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where no client can forge addresses"
+            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where addresses cannot be forged"
         }
         Withheld::Lost => {
             "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"

@@ -306,12 +306,12 @@ fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
     assert!(!log.contains("client"), "{log}");
 }
 
-/// A fault stops the Credit of a client that grants 4 packets at a time: the log names it, with the direction.
+/// A fault stops the Credit of a client that grants 2 packets at a time: the log names it, with the direction.
 #[test]
 fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
     use skyloop_protocols::{Command, Direction, Fault, FaultKind};
-    const NO_CREDIT: &str = "(no credit): frame 0 waits: 4 packets are sent, and Credit grants 4; ";
-    const LOST: &str = "(packets lost on the way): frame 0 waits: 8 packets are sent, and the client grants as if 4 of them had come; ";
+    const NO_CREDIT: &str = "(no credit): frame 0 waits: 2 packets are sent, and Credit grants 2; ";
+    const LOST: &str = "(packets lost on the way): frame 0 waits: 4 packets are sent, and the client grants as if 2 of them had come; ";
     const DELAYS: &str = "a fault (--faults, Fault) delays packets on the way in: end it first";
     const LOSES: &str =
         "a fault (--faults, Fault) has lost or damaged packets on the way in: end it first";
@@ -319,13 +319,13 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
         (
             FaultKind::Delay,
             9.0,
-            &[4][..],
+            &[2][..],
             NO_CREDIT,
             DELAYS,
             "delay 1",
         ),
-        (FaultKind::Delay, 9.0, &[4, 8], LOST, DELAYS, "delay 1"),
-        (FaultKind::Drop, 1.0, &[4, 8], LOST, LOSES, "drop 1"),
+        (FaultKind::Delay, 9.0, &[2, 4], LOST, DELAYS, "delay 1"),
+        (FaultKind::Drop, 1.0, &[2, 4], LOST, LOSES, "drop 1"),
     ] {
         let here = tempfile::tempdir().unwrap();
         std::fs::write(here.path().join("run.toml"), RUN).unwrap();
@@ -346,7 +346,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
             value,
             seconds: 0.0,
         }));
-        client.send(Command::Credit { packets: 12 });
+        client.send(Command::Credit { packets: 6 });
         // It proves its address, and is given up after 2 s.
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_millis(1500) {
