@@ -282,8 +282,21 @@ impl Instruments {
         Some(book.summary())
     }
 
+    /// Does `body`, and ends their files whatever comes of it. With its error, if it has one, the error of files that are not whole.
+    pub fn finish_after<T>(
+        self,
+        body: impl FnOnce(&Instruments) -> anyhow::Result<T>,
+    ) -> (Option<T>, Option<Error>) {
+        let done = body(&self);
+        let finished = self.finish();
+        match done {
+            Ok(done) => (Some(done), finished.err()),
+            Err(error) => (None, both(Some(error), finished.err())),
+        }
+    }
+
     /// Ends their files; an error that names those that are not whole.
-    pub fn finish(mut self) -> anyhow::Result<()> {
+    fn finish(mut self) -> anyhow::Result<()> {
         let captured = self.capture.map_or(Ok(0), Capture::finish);
         let logged = self.faults.map_or(Ok(()), |(_, book)| {
             let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);

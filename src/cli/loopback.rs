@@ -124,34 +124,30 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     let writer = Writer::create_over(&args.out, mission.frames, args.force.force)?;
     instruments.begin(settings(output, &emulator))?;
     let server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    say(format_args!(
-        "{chosen}{}{} of {} over {}\n",
-        server.levels(),
-        counted(mission.frames as usize, "frame"),
-        config.camera.name,
-        server.addresses().join(" and ")
-    ))?;
-    let bar = progress(mission.frames, "frames");
-    let flight_computer = FlightComputer::new(port, mission);
-    let flown = exchange(
-        server,
-        flight_computer,
-        writer,
-        (&instruments, needs),
-        &interrupted,
-        &bar,
-    )?;
-    let (report, cut_short) = match flown.report {
-        Ok(report) => (report, None),
-        Err(error) => blamed(error, instruments.faults())?,
+    let frames = counted(mission.frames as usize, "frame");
+    let (camera, addresses) = (&config.camera.name, server.addresses().join(" and "));
+    let levels = server.levels();
+    let introduction = format!("{chosen}{levels}{frames} of {camera} over {addresses}\n");
+    let (flown, unwritten) = instruments.finish_after(|instruments| {
+        say(format_args!("{introduction}"))?;
+        let bar = progress(mission.frames, "frames");
+        let flight_computer = FlightComputer::new(port, mission);
+        let to = (instruments, needs);
+        let flown = exchange(server, flight_computer, writer, to, &interrupted, &bar)?;
+        let (report, cut_short) = match flown.report {
+            Ok(report) => (report, None),
+            Err(error) => blamed(error, instruments.faults())?,
+        };
+        let table = table(&rows(&flown.stats, &report, instruments));
+        let stopped = || flown.stopped.map(|stop| stopped_by(&stop, &args.link));
+        Ok((report, cut_short.or_else(stopped), table))
+    });
+    let Some((report, cut_short, table)) = flown else {
+        return unwritten.map_or(Ok(()), Err);
     };
-    let cut_short = cut_short.or(flown.stopped.map(|stop| stopped_by(&stop, &args.link)));
-    let mut rows = rows(&flown.stats, &report);
-    rows.extend(instruments.rows());
-    suite.table = table(&rows);
-    suite.seconds = started.elapsed().as_secs_f64();
+    (suite.table, suite.seconds) = (table, started.elapsed().as_secs_f64());
     // A recording that is not whole fails the run, in the JUnit file too.
-    let cut_short = both(cut_short, instruments.finish().err());
+    let cut_short = both(cut_short, unwritten);
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     cut_short.map_or(Ok(()), Err)?;
     came_whole(&report, &interrupted)?;
@@ -331,7 +327,7 @@ fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
     writer.finish()
 }
 
-fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
+fn rows(stats: &RunStats, report: &Report, instruments: &Instruments) -> Vec<(String, String)> {
     let mut rows = stats.rows();
     let latencies = times(&report.latencies, &[0.5, 0.99]);
     rows.insert(2, row("attitude to last block p50 / p99", latencies));
@@ -352,6 +348,7 @@ fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
             report.totals.detections, report.totals.false_detections, report.totals.missed
         ),
     ));
+    rows.extend(instruments.rows());
     rows
 }
 

@@ -17,7 +17,7 @@ pub struct Args {
     /// Name of the other end
     #[arg(value_name = "PATH_B")]
     b: PathBuf,
-    /// Baud rate of the line, both ways: 10 bit times an octet
+    /// Baud rate of the line, both ways: 10 bit times a byte
     #[arg(long, value_name = "N", default_value_t = 115_200, value_parser = whole(9_600..=3_000_000u32), allow_negative_numbers = true)]
     baud: u32,
 }

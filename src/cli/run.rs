@@ -92,27 +92,25 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut ready = ready_file(&args, &config, &server, &heads, help.metrics_address())?;
     // The last that may fail: earlier files are replaced here.
     instruments.begin(recorded)?;
-    warn_of_rates(&config);
-    introduce(
-        &config,
-        objects,
-        &server,
-        &heads,
-        &format!("{chosen}{help}"),
-    )?;
-    ready.iter_mut().try_for_each(ReadyFile::publish)?;
-    let served = serve(&args, &config, server, heads, &seen, &stop);
-    drop(ready);
-    report(&config, &served, &instruments)?;
-    let ended = match served.ended {
-        Ended::AsAsked => ended_in_time(&args, served.cut, served.counters.frames_delivered),
-        Ended::Panicked => Err(anyhow!(PANICKED)),
-        Ended::LinkGone => Err(anyhow!(
-            "link {}: it has gone (see the log above); open it again",
-            served.gone
-        )),
-    };
-    both(ended.err(), instruments.finish().err()).map_or(Ok(()), Err)
+    let (_, error) = instruments.finish_after(|instruments| {
+        warn_of_rates(&config);
+        let notes = format!("{chosen}{help}");
+        introduce(&config, objects, &server, &heads, &notes)?;
+        ready.iter_mut().try_for_each(ReadyFile::publish)?;
+        let served = serve(&args, &config, server, heads, &seen, &stop);
+        drop(ready);
+        let reported = report(&config, &served, instruments);
+        let ended = match served.ended {
+            Ended::AsAsked => ended_in_time(&args, served.cut, served.counters.frames_delivered),
+            Ended::Panicked => Err(anyhow!(PANICKED)),
+            Ended::LinkGone => Err(anyhow!(
+                "link {}: it has gone (see the log above); open it again",
+                served.gone
+            )),
+        };
+        both(reported.err(), ended.err()).map_or(Ok(()), Err)
+    });
+    error.map_or(Ok(()), Err)
 }
 
 /// Checks and opens the output files.

@@ -75,7 +75,7 @@ impl Ear {
                     self.bad = self.bad.saturating_add(1);
                     if self.bad == 8 || (self.bad == 1 && !self.heard) {
                         tracing::warn!(
-                            "octets come that hold no packet: check the baud rate of both ends, and the framing \
+                            "bytes come that hold no packet: check the baud rate of both ends, and the framing \
                              (SLIP, with a CRC-32 after the packet); -v says what is wrong with each frame"
                         );
                     }

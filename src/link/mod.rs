@@ -35,7 +35,7 @@ pub use inbox::{Inbox, Intake};
 pub use pty::Pair;
 pub(crate) use relay::{Relay, relay};
 pub use tally::Tally;
-pub(crate) use tally::{SOON, Standstill, is_of_frame, patience};
+pub(crate) use tally::{Harm, SOON, Standstill, is_of_frame, patience};
 pub use url::LinkUrl;
 
 use bytes::Bytes;

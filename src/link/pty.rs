@@ -144,9 +144,9 @@ fn read(
         if heard == Heard::Left {
             tally.end(clients);
             if last.load(Ordering::Relaxed) {
-                tracing::debug!("nobody holds {} any more", pseudo.name());
+                tracing::debug!("no client holds {} any more", pseudo.name());
             } else {
-                tracing::warn!("nobody holds {} any more: waiting", pseudo.name());
+                tracing::warn!("no client holds {} any more: waiting", pseudo.name());
             }
             ear.restart();
         }
@@ -231,7 +231,7 @@ impl Pair {
             failed.fetch_or(done.is_err(), Ordering::Relaxed);
             done.map_err(|source| LinkError::Io {
                 url: from.name(),
-                action: "carry its octets on",
+                action: "carry its bytes on",
                 source,
                 remedy: "start again",
             })

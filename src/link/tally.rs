@@ -4,17 +4,35 @@ use super::Airtime;
 use super::departed::{Departed, Unsent};
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::identify;
-use skyloop_protocols::{Counters, MAX_PACKET};
+use skyloop_protocols::{Counters, Direction, MAX_PACKET};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+
+/// What faults do to packets of one direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Harm {
+    /// Some are late, and have not gone on yet.
+    Delays,
+    /// Some were lost or damaged.
+    Loses,
+}
+
+/// Likewise, as the faults count it.
+#[derive(Debug, Default)]
+struct Harmed {
+    /// Whether packets are held back now.
+    is_held_back: AtomicBool,
+    /// Packets that were lost or damaged.
+    lost: AtomicU32,
+}
 
 /// What a link counts.
 #[derive(Debug, Default)]
 pub struct Tally {
     /// Packets that went into the outbound queue, and that have left it for good.
     pub(crate) departed: Departed,
-    /// Octets that have left, modulo 2^32.
+    /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
     /// Why what has not left is lost, once nothing waits for it any more.
     given_up: OnceLock<Unsent>,
@@ -22,8 +40,8 @@ pub struct Tally {
     awaits_proof: AtomicBool,
     /// Frame packets that did not leave since their client's address was not proved.
     unproved: AtomicU32,
-    /// Whether a fault holds back packets that are to leave.
-    is_held_back: AtomicBool,
+    /// What faults do to packets, by direction.
+    harmed: [Harmed; 2],
     /// The exchange whose client has gone, by its number; 0: none.
     ended: AtomicU32,
     /// Packets from others than the client.
@@ -152,12 +170,32 @@ impl Tally {
 
     /// Whether a fault holds back packets that are to leave: the client cannot have them.
     pub(crate) fn is_held_back(&self) -> bool {
-        self.is_held_back.load(Ordering::Relaxed)
+        let [_, way_out] = &self.harmed;
+        way_out.is_held_back.load(Ordering::Relaxed)
     }
 
-    /// Notes whether a fault does so.
-    pub(super) fn hold_back(&self, is_held_back: bool) {
-        self.is_held_back.store(is_held_back, Ordering::Relaxed);
+    /// What faults do to packets of a direction of which they had lost as many as `before`; none: nothing.
+    pub(crate) fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
+        let harmed = self.harmed.get(usize::from(direction.code()))?;
+        if harmed.is_held_back.load(Ordering::Relaxed) {
+            return Some(Harm::Delays);
+        }
+        let lost = harmed.lost.load(Ordering::Relaxed);
+        (lost != before).then_some(Harm::Loses)
+    }
+
+    /// Packets that faults have lost or damaged, in and out, modulo 2^32.
+    pub(crate) fn lost_to_faults(&self) -> [u32; 2] {
+        let lost = |harmed: &Harmed| harmed.lost.load(Ordering::Relaxed);
+        self.harmed.each_ref().map(lost)
+    }
+
+    /// Notes whether faults hold packets of a direction back, and that they have lost or damaged more.
+    pub(super) fn note_harm(&self, direction: Direction, is_held_back: bool, lost: u32) {
+        if let Some(harmed) = self.harmed.get(usize::from(direction.code())) {
+            harmed.is_held_back.store(is_held_back, Ordering::Relaxed);
+            harmed.lost.fetch_add(lost, Ordering::Relaxed);
+        }
     }
 
     /// Whether the client of an exchange has gone.
@@ -175,14 +213,14 @@ impl Tally {
         self.departed.waiting()
     }
 
-    /// Octets that have left, modulo 2^32.
-    pub(crate) fn octets(&self) -> u32 {
+    /// Bytes that have left, modulo 2^32.
+    pub(crate) fn bytes(&self) -> u32 {
         self.moved.load(Ordering::Relaxed)
     }
 
-    /// Books octets that have left.
-    pub(super) fn moved(&self, octets: usize) {
-        self.moved.fetch_add(octets as u32, Ordering::Relaxed);
+    /// Books bytes that have left.
+    pub(super) fn moved(&self, bytes: usize) {
+        self.moved.fetch_add(bytes as u32, Ordering::Relaxed);
     }
 }
 
@@ -196,7 +234,7 @@ pub(super) fn count(counter: &AtomicU32) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Waits while octets leave, and some time longer.
+/// Waits while bytes leave, and some time longer.
 pub(crate) struct Standstill {
     tally: Arc<Tally>,
     patience: Duration,
@@ -224,7 +262,7 @@ impl Standstill {
         Standstill {
             tally: tally.clone(),
             patience,
-            bytes: tally.octets(),
+            bytes: tally.bytes(),
             begun: Instant::now(),
             moved: Instant::now(),
             since: Instant::now(),
@@ -262,7 +300,7 @@ impl Standstill {
     /// Pauses for a moment; true if nothing has left for so long that nobody takes it.
     pub fn is_over(&mut self) -> bool {
         std::thread::sleep(Duration::from_millis(2));
-        let (bytes, now) = (self.tally.octets(), Instant::now());
+        let (bytes, now) = (self.tally.bytes(), Instant::now());
         if bytes != self.bytes {
             (self.bytes, self.since, self.moved) = (bytes, now, now);
         }

@@ -125,7 +125,7 @@ pub(super) fn fits(
     output: &Output,
     rate_hz: f64,
 ) -> Result<(), String> {
-    let (octets, Some(time)) = cost(wire, roles, camera, output) else {
+    let (bytes, Some(time)) = cost(wire, roles, camera, output) else {
         return Ok(());
     };
     let s = time.as_secs_f64();
@@ -133,7 +133,7 @@ pub(super) fn fits(
         return Ok(());
     }
     Err(format!(
-        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, less output (run.output, or Output: labels, windows), or a faster link",
+        "{} of {bytes} bytes takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, less output (run.output, or Output: labels, windows), or a faster link",
         name(output),
         1.0 / rate_hz,
         1.0 / s
@@ -185,11 +185,11 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
         };
         let wanted = (roles.pixels || pixels == PixelLevel::None)
             && (roles.labels || labels == LabelLevel::None);
-        if let (true, (octets, Some(time))) = (wanted, cost(wire, roles, camera, &level)) {
+        if let (true, (bytes, Some(time))) = (wanted, cost(wire, roles, camera, &level)) {
             let s = time.as_secs_f64();
             let name = name(&level);
             text += &format!(
-                "  {name:45} {octets:>9} octets  {s:>9.3} s  {:>8.2} Hz\n",
+                "  {name:45} {bytes:>9} octets  {s:>9.3} s  {:>8.2} Hz\n",
                 1.0 / s
             );
         }

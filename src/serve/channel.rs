@@ -2,20 +2,21 @@
 
 use super::deliver::Delivery;
 use super::leaving::Left;
-use super::withheld::Messages;
-use crate::link::{LinkError, Outbound, Roles, Wire, is_of_frame, patience};
+use super::passed::Passed;
+use super::withheld::{Messages, name};
+use crate::link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, patience};
 use crate::stats::FrameAccount;
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
-use skyloop_protocols::{MAX_PACKET, Output, Positions, Withheld};
+use skyloop_protocols::{Direction, MAX_PACKET, Output, Positions, Withheld};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Answers that may wait for room in the link's queue.
 pub(super) const MAX_ANSWERS: usize = 1024;
-/// Octets of a piece of memory for packets of frames: it is given back when the last packet in it is.
+/// Bytes of a piece of memory for packets of frames: it is given back when the last packet in it is.
 const PAPER: usize = 32 * MAX_PACKET;
 /// Frames of which packets can be sent again: the present one and the one before.
 const KEPT_FRAMES: usize = 2;
@@ -43,6 +44,7 @@ pub(super) struct Channel {
     /// What the log says about frames that its client does not get.
     pub messages: Messages,
     pub flow: Flow,
+    pub passed: Passed,
     /// Whether the link has ended.
     pub gone: bool,
     /// Packets that the link got after the last frame packet.
@@ -59,6 +61,8 @@ pub(super) struct Exchange {
     pub deaf: Option<Deaf>,
     /// Why its client has not got the last frame whole.
     pub withheld: Withheld,
+    /// Whether a Status has brought that reason.
+    pub is_in_status: bool,
     /// Whether its client has sent a valid Trigger.
     pub triggered: bool,
     pub credit: CreditAccount,
@@ -73,6 +77,8 @@ pub(super) struct Exchange {
     pub positions: Option<Positions>,
     /// The last frames, for those who ask again.
     pub kept: VecDeque<Kept>,
+    /// Packets in and out that faults had lost when it began.
+    lost_to_faults: [u32; 2],
     /// Counts Resets, so that a frame under way notices one.
     pub resets: u32,
     /// Answers for which the link has no room yet, oldest first.
@@ -135,6 +141,7 @@ impl Channel {
                 reported: false,
                 in_status: false,
             },
+            passed: Passed::default(),
             gone: false,
             behind: 0,
         }
@@ -143,8 +150,10 @@ impl Channel {
     /// Another client: nothing of the last one's is left.
     pub fn open_exchange(&mut self, number: u32, output: Output) {
         self.lose_answers();
+        self.count_open(name(Withheld::SlowLink));
         self.exchange = Exchange {
             number,
+            lost_to_faults: self.wire.tally.lost_to_faults(),
             output,
             ..Exchange::default()
         };
@@ -152,10 +161,12 @@ impl Channel {
 
     /// The same client begins anew: only its answers are left.
     pub fn reset(&mut self, output: Output, asked: Instant) {
+        self.count_open(name(Withheld::SlowLink));
         let before = std::mem::take(&mut self.exchange);
         self.exchange = Exchange {
             number: before.number,
             heard: true,
+            lost_to_faults: self.wire.tally.lost_to_faults(),
             resets: before.resets.wrapping_add(1),
             // What the link lacks it lacks still.
             deaf: before
@@ -234,7 +245,7 @@ impl Channel {
 
     /// Looks whether bytes leave while packets of frames wait.
     pub fn watch(&mut self, now: Instant) {
-        let bytes = self.wire.tally.octets();
+        let bytes = self.wire.tally.bytes();
         if bytes == self.flow.bytes && self.carries_frames() {
             return;
         }
@@ -260,13 +271,20 @@ impl Channel {
         self.flow.moved.elapsed() >= patience(airtime, least) && !self.wire.tally.is_held_back()
     }
 
+    /// What faults do to packets in and out, and have done in this exchange.
+    pub fn harm(&self) -> [Option<Harm>; 2] {
+        let [lost_in, lost_out] = self.exchange.lost_to_faults;
+        [(Direction::In, lost_in), (Direction::Out, lost_out)]
+            .map(|(direction, before)| self.wire.tally.harm(direction, before))
+    }
+
     /// Whether its client gets no frames: it took nothing for too long, and what it lacked then it lacks still.
     pub fn is_deaf(&mut self) -> bool {
         let tally = &self.wire.tally;
         let is_over = |deaf: Deaf| match deaf.why {
             Withheld::NoProof => !tally.awaits_proof(),
             Withheld::NotRead => {
-                deaf.heard && (tally.octets() != deaf.bytes || tally.waiting() == 0)
+                deaf.heard && (tally.bytes() != deaf.bytes || tally.waiting() == 0)
             }
             _ => self.exchange.credit.may_send(),
         };

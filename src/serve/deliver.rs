@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill, unless_blocked};
+use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
 use crate::link::{LinkError, SOON, patience};
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -46,8 +46,8 @@ pub(super) struct Delivery {
 struct Watch {
     since: Instant,
     credit: u32,
-    /// Octets that had left the link.
-    octets: u32,
+    /// Bytes that had left the link.
+    bytes: u32,
 }
 
 impl Watch {
@@ -55,15 +55,15 @@ impl Watch {
         Watch {
             since: Instant::now(),
             credit: channel.exchange.credit.granted(),
-            octets: channel.wire.tally.octets(),
+            bytes: channel.wire.tally.bytes(),
         }
     }
 
-    /// How long the client has done nothing. While octets of frame packets leave, or such that a frame packet waits
+    /// How long the client has done nothing. While bytes of frame packets leave, or such that a frame packet waits
     /// for (`blocked`), it can do nothing: on a slow line that takes longer than its patience. New credit makes no room on a link that `is_full`.
     fn standstill(&mut self, channel: &Channel, blocked: bool, is_full: bool) -> Duration {
         let now = Watch::of(channel);
-        let moves = now.octets != self.octets && (blocked || channel.carries_frames());
+        let moves = now.bytes != self.bytes && (blocked || channel.carries_frames());
         if moves || (now.credit != self.credit && !is_full) {
             *self = now;
         }
@@ -358,7 +358,7 @@ impl Server {
             self.report(at, why, &format!("frame {frame}: {detail}"));
         }
         for (at, older) in passed_over {
-            let cause = self.report_older(at, older.frame);
+            let cause = self.report_passed(at, older.frame);
             self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
             self.end(at, older, Some(cause));
         }
@@ -399,9 +399,7 @@ impl Server {
                 Some((channel.wire.tally.departed.mark(before), entry))
             }
             Some(cause) => {
-                channel
-                    .frames
-                    .withhold(entry, unless_blocked(channel, cause));
+                channel.withhold(frame, entry, cause);
                 None
             }
         };
@@ -426,7 +424,7 @@ impl Server {
         let (why, detail) = standstill(channel, has_room);
         channel.exchange.deaf = (!is_alone).then_some(Deaf {
             why,
-            bytes: channel.wire.tally.octets(),
+            bytes: channel.wire.tally.bytes(),
             heard: false,
         });
         let detail = format!("frame {} is given up: {detail}", delivery.frame);

@@ -19,6 +19,7 @@ mod leaving;
 mod obey;
 mod overrun;
 mod packed;
+mod passed;
 mod picture;
 mod receive;
 mod select;
@@ -33,7 +34,7 @@ use crate::camera::Camera;
 use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
 use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
-use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
+use crate::link::{LinkError, Relay, Roles, Standstill, Unsent, Wire};
 use crate::metrics::Metrics;
 use crate::render::BAND_ROWS;
 use crate::stats::{Absent, Request, RunStats};
@@ -46,11 +47,11 @@ pub use leaving::Left;
 use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
-use skyloop_protocols::{Counters, Header, Output, Personality};
+use skyloop_protocols::{Counters, Header, Output, Personality, Withheld};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use withheld::{CLIENT_GONE, RESET, RUN_ENDED};
+use withheld::{CLIENT_GONE, RESET, RUN_ENDED, name};
 
 /// How long a pause lasts in which nothing is due but a packet may come.
 const POLL: Duration = Duration::from_millis(50);
@@ -436,6 +437,13 @@ impl Server {
             {}
             channel.lose_answers();
             channel.wire.close(standstill);
+            let is_unread = channel.wire.tally.why_given_up() == Some(Unsent::NotRead);
+            let why = if is_unread {
+                Withheld::NotRead
+            } else {
+                Withheld::SlowLink
+            };
+            channel.count_open(name(why));
         }
         self.see_leave();
         self.count_unsent();

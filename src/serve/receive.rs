@@ -149,6 +149,9 @@ impl Server {
             };
             if let Some(what) = requests {
                 self.fail_refused(what);
+                if what == "Trigger" {
+                    self.channels[at].messages.note_trigger();
+                }
                 // By a cadence frames come by the attitude before.
                 let is_first = what == "Attitude" && self.truth.history.latest().is_none();
                 if is_first || self.is_requested_by(what) {
@@ -173,6 +176,7 @@ impl Server {
                 if let Some(cadence) = self.clock.cadence() {
                     cadence.advance(Instant::now());
                 }
+                self.channels[at].exchange.is_in_status = true;
                 self.send(at, &Reply::Status(self.status(at)), self.now())
             }
             _ => self.ack(at, &header),

@@ -4,14 +4,12 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::Cut;
 use super::deliver::Delivery;
-use crate::link::{Every, SOON, Unsent};
+use crate::link::{Every, Harm, SOON, Unsent};
 use crate::stats::{FrameAccount, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Where a frame gives way to a newer one, a link of which no byte has left for so long is not read.
-const UNREAD: Duration = Duration::from_millis(100);
 /// A client that sends attitudes for so long and no Trigger, where frames need one, is reported.
 const UNTRIGGERED: Duration = Duration::from_secs(2);
 /// A frame that takes longer on its link is reported: a client may not wait for it.
@@ -21,10 +19,17 @@ const SLOW: Duration = Duration::from_secs(5);
 #[derive(Debug, Default)]
 pub(super) struct Messages {
     every: BTreeMap<u8, Every>,
-    /// Since when attitudes come and no Trigger, where frames need one.
-    untriggered: Option<Instant>,
+    /// Since when attitudes come and no Trigger, where frames need one, and whether that is in the log.
+    untriggered: Option<(Instant, bool)>,
     /// Packets granted and sent, since when, and whether it is reported.
     silent: Option<([u32; 2], Instant, bool)>,
+}
+
+impl Messages {
+    /// A Trigger has come that was refused: its refusal is the reason, and not that there was none.
+    pub fn note_trigger(&mut self) {
+        self.untriggered = None;
+    }
 }
 
 /// In the run's table: a frame that ended with a Reset of its client.
@@ -88,17 +93,42 @@ pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static
     }
 }
 
-/// What to do about it, on a link of which a fault holds packets back or not.
-fn remedy(why: Withheld, is_held_back: bool) -> &'static str {
-    match why {
-        Withheld::NotRead | Withheld::NoCredit | Withheld::Lost if is_held_back => {
-            "a fault holds packets of this link back (--faults, Fault): end it first"
+fn not_reached(why: Withheld, detail: &str) -> String {
+    format!("frames do not reach the client ({}): {detail}", name(why))
+}
+
+/// What to do about it, on a link whose faults do this to packets in and out.
+fn remedy(why: Withheld, harm: [Option<Harm>; 2]) -> String {
+    let [way_in, way_out] = harm.map(|harm| {
+        harm.map(|harm| match harm {
+            Harm::Delays => "delays",
+            Harm::Loses => "has lost or damaged",
+        })
+    });
+    let [way_in, way_out] = [way_in.zip(Some("in")), way_out.zip(Some("out"))];
+    let fault = match why {
+        Withheld::NotRead => way_out.filter(|_| harm[1] == Some(Harm::Delays)),
+        // Frame packets go out, and Credit comes in.
+        Withheld::NoCredit | Withheld::Lost => way_out.or(way_in),
+        Withheld::NoClient => way_in,
+        _ => None,
+    };
+    match fault {
+        Some((does, way)) => {
+            format!("a fault (--faults, Fault) {does} packets on the way {way}: end it first")
         }
+        None => remedy_without_faults(why).to_string(),
+    }
+}
+
+/// What to do about it on a link where faults are not the cause.
+fn remedy_without_faults(why: Withheld) -> &'static str {
+    match why {
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
         Withheld::NoProof => {
-            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where nobody can forge addresses"
+            "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where addresses cannot be forged"
         }
         Withheld::Lost => {
             "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"
@@ -157,8 +187,8 @@ impl Channel {
             return None;
         };
         let state = [credit.granted(), credit.sent()];
-        // An answer under way does not start the time anew.
-        let waits = self.wire.tally.waiting() > 0;
+        // Answers that wait behind them are none of the packets that may be lost: a client that polls always has some.
+        let waits = self.carries_frames();
         let is_sending = !self.deliveries.is_empty();
         let silent = &mut self.messages.silent;
         match silent {
@@ -189,18 +219,21 @@ impl Channel {
 impl Server {
     /// Reports that the client of a link does not get a frame, or will not: in the log, not too often, and in Status.
     pub(super) fn report(&mut self, at: usize, why: Withheld, detail: &str) {
-        self.warn(
-            at,
-            why,
-            &format!("frames do not reach the client ({}): {detail}", name(why)),
-        );
+        self.warn(at, why, &not_reached(why, detail));
     }
 
     /// Notes why frames do not come, or come late, in Status, and logs it with the remedy, not too often.
     fn warn(&mut self, at: usize, why: Withheld, message: &str) {
         let channel = &mut self.channels[at];
         channel.exchange.withheld = why;
+        channel.exchange.is_in_status = false;
         channel.flow.in_status = false;
+        self.log(at, why, message);
+    }
+
+    /// Logs why frames do not come, with the remedy, not too often.
+    fn log(&mut self, at: usize, why: Withheld, message: &str) {
+        let channel = &mut self.channels[at];
         let every = channel.messages.every.entry(why.code()).or_default();
         let Some(times) = every.count(Instant::now()) else {
             return;
@@ -210,7 +243,7 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
-        let remedy = remedy(why, channel.wire.tally.is_held_back());
+        let remedy = remedy(why, channel.harm());
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
@@ -243,22 +276,6 @@ impl Server {
         channel.frames.clone().with(passed_over, PASSED_OVER)
     }
 
-    /// Why a frame gives way to a newer one, which is reported.
-    pub(super) fn report_older(&mut self, at: usize, frame: u32) -> &'static str {
-        let channel = &self.channels[at];
-        let may_send = channel.exchange.credit.may_send();
-        let is_held_back = channel.wire.tally.is_held_back();
-        let (why, detail) = match standstill(channel, !may_send) {
-            (Withheld::NotRead, _) if !is_held_back && !channel.stands_still(UNREAD) => {
-                (Withheld::SlowLink, "the one before still leaves".into())
-            }
-            other => other,
-        };
-        let detail = format!("frame {frame} gives way to a newer one: {detail}");
-        self.report(at, why, &detail);
-        name(why)
-    }
-
     /// Reports a frame that its link takes long for.
     pub(super) fn report_slow(&mut self, at: usize, frame: u32, cut: &Cut) {
         let Some(airtime) = &self.channels[at].wire.airtime else {
@@ -288,11 +305,25 @@ impl Server {
             ..
         } = &mut self.channels[at];
         let waits = by_trigger && has_attitude && roles.truth && !exchange.triggered;
-        let since = &mut messages.untriggered;
-        *since = waits.then(|| since.unwrap_or(now));
-        let is_due = since.is_some_and(|since| now.saturating_duration_since(since) >= UNTRIGGERED);
-        if is_due && exchange.withheld != Withheld::NoTrigger {
-            self.report(at, Withheld::NoTrigger, "attitudes come and no Trigger");
+        let untriggered = &mut messages.untriggered;
+        *untriggered = waits.then(|| untriggered.unwrap_or((now, false)));
+        let Some((since, is_logged)) = untriggered else {
+            return;
+        };
+        if now.saturating_duration_since(*since) < UNTRIGGERED {
+            return;
+        }
+        // Status brings each refusal once at least.
+        if exchange.withheld != Withheld::Refused || exchange.is_in_status {
+            exchange.withheld = Withheld::NoTrigger;
+        }
+        if !std::mem::replace(is_logged, true) {
+            let detail = "attitudes come and no Trigger";
+            self.log(
+                at,
+                Withheld::NoTrigger,
+                &not_reached(Withheld::NoTrigger, detail),
+            );
         }
     }
 
@@ -313,6 +344,7 @@ impl Server {
     /// Reports links that stand still, and clients that for a while have not granted for what was sent, or send no Trigger.
     pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
+            self.count_passed(at);
             self.report_stalled(at, now);
             self.report_untriggered(at, now);
             // What still waits in a queue that stands still is not lost.
@@ -340,23 +372,87 @@ impl Server {
 mod tests {
     use super::*;
 
-    /// Only these causes can come of packets that a fault holds back.
+    /// Credit that is late or lost stops frames as frame packets do; a full link can only come of packets that are late on the way out.
     #[test]
-    fn a_fault_that_holds_packets_back_is_the_remedy_where_they_do_not_arrive() {
-        for (why, ends_fault) in [
-            (Withheld::NoCredit, true),
-            (Withheld::NotRead, true),
-            (Withheld::Lost, true),
-            (Withheld::SlowLink, false),
-            (Withheld::NoProof, false),
-            (Withheld::TooLong, false),
-            (Withheld::Refused, false),
-            (Withheld::NoClient, false),
-            (Withheld::NoTrigger, false),
+    fn a_fault_is_the_remedy_where_it_can_be_the_cause() {
+        use Harm::{Delays, Loses};
+        for (why, way_in, way_out, says) in [
+            (
+                Withheld::NoCredit,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (
+                Withheld::NoCredit,
+                Some(Delays),
+                None,
+                Some("delays packets on the way in"),
+            ),
+            (
+                Withheld::NoCredit,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (Withheld::NoCredit, None, None, None),
+            (
+                Withheld::Lost,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (
+                Withheld::Lost,
+                None,
+                Some(Loses),
+                Some("lost or damaged packets on the way out"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Delays),
+                None,
+                Some("delays packets on the way in"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (
+                Withheld::Lost,
+                Some(Delays),
+                Some(Loses),
+                Some("on the way out"),
+            ),
+            (Withheld::Lost, None, None, None),
+            (
+                Withheld::NotRead,
+                None,
+                Some(Delays),
+                Some("delays packets on the way out"),
+            ),
+            (Withheld::NotRead, Some(Delays), Some(Loses), None),
+            (
+                Withheld::NoClient,
+                Some(Loses),
+                None,
+                Some("lost or damaged packets on the way in"),
+            ),
+            (Withheld::NoClient, None, Some(Loses), None),
+            (Withheld::SlowLink, Some(Delays), Some(Delays), None),
+            (Withheld::NoProof, Some(Delays), Some(Delays), None),
+            (Withheld::TooLong, Some(Delays), Some(Delays), None),
+            (Withheld::Refused, Some(Delays), Some(Delays), None),
+            (Withheld::NoTrigger, Some(Delays), Some(Delays), None),
         ] {
-            let found = remedy(why, true).contains("end it first");
-            assert_eq!(found, ends_fault, "{why:?}");
-            assert!(!remedy(why, false).contains("end it first"), "{why:?}");
+            let found = remedy(why, [way_in, way_out]);
+            let case = format!("{why:?} {way_in:?} {way_out:?}: {found}");
+            match says {
+                Some(says) => assert!(found.contains(says), "{case}"),
+                None => assert_eq!(found, remedy_without_faults(why), "{case}"),
+            }
         }
     }
 }

@@ -11,7 +11,7 @@ use skyloop_protocols::Reply;
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Frames of a few packets: what is drilled is not how long pixels take.
 const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\nidle_s = 60.0\n";
@@ -220,14 +220,23 @@ fn a_full_disk_leaves_no_file_behind() {
     }
 }
 
-/// 1500 blocks of 512 bytes a file: the files of a frame fit, a log of its CAN frames as text does not.
+/// Blocks of 512 bytes a file. 1500: the files of a frame fit, a log of its CAN frames as text does not. 100: no picture of 131,072 bytes fits.
 #[test]
 fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
     const CUT: &str = "the recording is not whole";
     const LOG: &str = "--fault-log /dev/full: No space left on device";
-    for (fault, flags, failures, says) in [
-        ("", "--link slcan --capture c.log", 1, &[CUT][..]),
+    for (blocks, fault, flags, failures, says) in [
+        (1500, "", "--link slcan --capture c.log", 1, &[CUT][..]),
+        // What could not be written beside the frames is reported with them.
         (
+            100,
+            "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
+            "--faults f.toml --fault-log /dev/full",
+            2,
+            &["writing the frames", LOG],
+        ),
+        (
+            1500,
             "direction = \"in\"\nkind = \"delay\"\nvalue = 0.001",
             "--link slcan --capture c.log --faults f.toml --fault-log /dev/full",
             1,
@@ -235,6 +244,7 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
         ),
         // The frame is missing, too.
         (
+            1500,
             "direction = \"out\"\nkind = \"stuck\"\nvalue = 1.0",
             "--link memory --faults f.toml --fault-log /dev/full",
             2,
@@ -248,7 +258,8 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
         let at = here.path();
         std::fs::write(at.join("f.toml"), format!("[[faults]]\n{fault}\n")).unwrap();
         let mut sh = Command::new("sh");
-        sh.args(["-c", "trap '' XFSZ; ulimit -f 1500; exec \"$0\" \"$@\""]);
+        let limited = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+        sh.args(["-c", &limited]);
         let command = format!("loopback --frames 1 --junit v.xml {flags}");
         sh.arg(env!("CARGO_BIN_EXE_skyloop"))
             .args(command.split(' '));
@@ -293,6 +304,60 @@ fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
         assert!(log.contains(says), "{log}");
     }
     assert!(!log.contains("client"), "{log}");
+}
+
+/// A fault stops the Credit of a client that grants 2 packets at a time: the log names it, with the direction.
+#[test]
+fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
+    use skyloop_protocols::{Command, Direction, Fault, FaultKind};
+    const NO_CREDIT: &str = "(no credit): frame 0 waits: 2 packets are sent, and Credit grants 2; ";
+    const LOST: &str = "(packets lost on the way): frame 0 waits: 4 packets are sent, and the client grants as if 2 of them had come; ";
+    const DELAYS: &str = "a fault (--faults, Fault) delays packets on the way in: end it first";
+    const LOSES: &str =
+        "a fault (--faults, Fault) has lost or damaged packets on the way in: end it first";
+    for (kind, value, grants, says, remedy, injected) in [
+        (
+            FaultKind::Delay,
+            9.0,
+            &[2][..],
+            NO_CREDIT,
+            DELAYS,
+            "delay 1",
+        ),
+        (FaultKind::Delay, 9.0, &[2, 4], LOST, DELAYS, "delay 1"),
+        (FaultKind::Drop, 1.0, &[2, 4], LOST, LOSES, "drop 1"),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        std::fs::write(here.path().join("run.toml"), RUN).unwrap();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_skyloop"));
+        let command = command.args("run --config run.toml --fault-log log.jsonl".split(' '));
+        let command = command.current_dir(here.path());
+        let command = command.stderr(std::process::Stdio::piped());
+        let process = Process::spawned(command, "listening on ");
+        let mut client = client_of(&process);
+        client.window = None;
+        for packets in grants {
+            client.send(Command::Credit { packets: *packets });
+        }
+        client.point(crate::support::attitude(1), crate::support::EPOCH);
+        client.send(Command::Fault(Fault {
+            kind,
+            direction: Direction::In,
+            value,
+            seconds: 0.0,
+        }));
+        client.send(Command::Credit { packets: 6 });
+        // It proves its address, and is given up after 2 s.
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_millis(1500) {
+            client.recv(Duration::from_millis(100));
+        }
+        process.signal("-INT");
+        let (_, table, log) = process.end_with_log();
+        assert!(log.contains(&format!("{says}{remedy}")), "{table}{log}");
+        let row = format!("in: {injected}; out: none\n");
+        assert!(table.contains(&row), "{table}");
+    }
 }
 
 #[test]

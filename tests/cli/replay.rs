@@ -170,24 +170,31 @@ fn faults_are_written_down() {
         "loopback --frames 2 --faults faults.toml --fault-log log.jsonl --capture run.pcapng",
     );
     assert_eq!(code, Some(0), "{text}");
-    has(&text, &["faults injected  ", "in: none; out: duplicate "]);
+    has(
+        &text,
+        &["faults injected  ", "in: delay ", "; out: duplicate "],
+    );
     let log = std::fs::read_to_string(at.join("log.jsonl")).unwrap();
     let lines: Vec<serde_json::Value> = log
         .lines()
         .map(|l| serde_json::from_str(l).unwrap())
         .collect();
-    let injected = lines.iter().filter(|line| line["event"] == "injected");
-    assert!(
-        text.contains(&format!("duplicate {}", injected.clone().count())),
-        "{text}"
-    );
-    for line in injected {
-        assert_eq!(
-            (&line["kind"], &line["direction"]),
-            (&"duplicate".into(), &"out".into())
+    for (kind, direction, replies) in [("duplicate", "out", true), ("delay", "in", false)] {
+        let of_kind = lines.iter().filter(|line| line["kind"] == kind);
+        let injected = of_kind.filter(|line| line["event"] == "injected");
+        let count = injected.clone().count();
+        assert!(
+            count > 0 && text.contains(&format!("{kind} {count}")),
+            "{text}"
         );
-        assert!(line["unix_s"].as_f64().unwrap() > 1.7e9 && line["t_s"].as_f64().unwrap() < 60.0);
-        assert!(line["apid"].as_u64().unwrap() & 0x200 != 0);
+        for line in injected {
+            assert_eq!(line["direction"], direction);
+            let unix_s = line["unix_s"].as_f64().unwrap();
+            assert!(unix_s > 1.7e9 && line["t_s"].as_f64().unwrap() < 60.0);
+            assert_eq!(line["apid"].as_u64().unwrap() & 0x200 != 0, replies);
+            let later_s = (kind == "delay").then_some(0.001);
+            assert_eq!(line["later_s"].as_f64(), later_s);
+        }
     }
     let begins = |kind: &str| {
         lines

@@ -2,13 +2,13 @@
 
 use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, attitude, await_that, on_udp, options, quick, scene};
+use crate::support::{EPOCH, attitude, await_that, later, on_udp, options, quick, scene};
 use crate::withheld::{SHORT, beside};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Withheld};
+use skyloop_protocols::{Attitude, Command, Withheld};
 use std::time::Duration;
 
 /// A refused packet that asks for no frame withholds none; a damaged attitude does.
@@ -84,6 +84,42 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
         let (stats, _) = emulator.measured();
         let account = &stats.accounts[0].1;
         assert!(account.withheld.contains_key(name), "{account:?}");
+    }
+}
+
+/// A refusal that Status has not brought yet stays until it has; a Trigger that is refused is one that comes.
+#[test]
+fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
+    let bad = Attitude {
+        q_icrf_to_body: [0.0; 4],
+        ..attitude(1)
+    };
+    let start = later(EPOCH, f64::from(1u32 << 30));
+    for (refused, when, after_s) in [
+        (Command::Attitude(bad), "before", 3),
+        (Command::Trigger { number: 1, start }, "after", 0),
+        (Command::Trigger { number: 1, start }, "after", 1),
+    ] {
+        let mut config = scene();
+        config.run.trigger = Trigger::Packet;
+        let (_emulator, line) = on_udp(config, Clock::External, 60.0);
+        let mut client = Client::new(line);
+        if when == "after" {
+            client.point(attitude(0), EPOCH);
+            std::thread::sleep(Duration::from_secs(3));
+        }
+        // The client's time goes on.
+        let time = later(EPOCH, if when == "after" { 3.0 } else { 0.0 });
+        let (packet, _) = client.prepare(&refused, time);
+        client.line.send(&packet);
+        client.nack();
+        if when == "before" {
+            client.point(attitude(0), EPOCH);
+        }
+        std::thread::sleep(Duration::from_secs(after_s));
+        let case = format!("{refused:?} {when}");
+        assert_eq!(client.status().withheld, Withheld::Refused, "{case}");
+        await_that(&case, || client.status().withheld == Withheld::NoTrigger);
     }
 }
 

@@ -182,7 +182,7 @@ fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
     });
     let difference = replay(&spoilt, small()).difference.unwrap();
     assert!(
-        difference.contains("Labels 4 of frame 2: text from its octet 40"),
+        difference.contains("Labels 4 of frame 2: text from its byte 40"),
         "{difference}"
     );
 }

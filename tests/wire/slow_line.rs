@@ -105,9 +105,16 @@ fn a_frame_is_slow_by_the_bytes_of_its_packets() {
     }
 }
 
-/// Packets are lost when the client has not granted for them 0.5 s after the line may have carried them: 1.5 s each at 9,600 baud.
+/// Packets are lost when the client has not granted for them 0.5 s after the line may have carried them: 1.5 s each at 9,600 baud. A client that polls without
+/// a pause, and has two Pings under way so that an answer always waits, gets the report as well.
 #[test]
 fn packets_that_a_slow_line_may_carry_are_not_reported_as_lost() {
+    for (polls, pause_ms) in [(1, 300), (2, 0)] {
+        loses_packets(polls, Duration::from_millis(pause_ms));
+    }
+}
+
+fn loses_packets(polls: u32, pause: Duration) {
     let mut config = small();
     config.run.output = Output {
         windows: 5,
@@ -125,10 +132,17 @@ fn packets_that_a_slow_line_may_carry_are_not_reported_as_lost() {
     client.put_back(header);
     client.parcel();
     assert_eq!(client.status().withheld, Withheld::None);
-    await_that("they are reported as lost", || {
-        // No loss is reported while an answer leaves.
-        std::thread::sleep(Duration::from_millis(300));
-        client.status().withheld == Withheld::Lost
+    for _ in 0..polls {
+        client.send(Command::Ping);
+    }
+    await_that(&format!("they are reported as lost, {polls}"), || {
+        let packet = client.next(false);
+        let Ok((_, Reply::Status(status))) = Reply::decode(&packet) else {
+            return false;
+        };
+        std::thread::sleep(pause);
+        client.send(Command::Ping);
+        status.withheld == Withheld::Lost
     });
 }
 

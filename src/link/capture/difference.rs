@@ -202,7 +202,7 @@ fn text(was: &[u8], is: &[u8]) -> Option<String> {
         String::from_utf8_lossy(&text[from..to]).into_owned()
     };
     Some(format!(
-        "text from its octet {at}: recorded ...{}..., replayed ...{}...",
+        "text from its byte {at}: recorded ...{}..., replayed ...{}...",
         around(was),
         around(is)
     ))
@@ -236,7 +236,7 @@ fn octet(was: &[u8], is: &[u8]) -> String {
             )
         }
         None => format!(
-            "length: recorded {} octets, replayed {}",
+            "length: recorded {} bytes, replayed {}",
             was.len(),
             is.len()
         ),

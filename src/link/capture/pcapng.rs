@@ -134,7 +134,7 @@ pub struct Packets {
 pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
         file: path_text(file),
-        reason: format!("octet {at}: {what}"),
+        reason: format!("byte {at}: {what}"),
     };
     let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let mut at = 0;
@@ -155,7 +155,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
         };
         match kind {
             SECTION if word(body, 0) != Some(MAGIC) => {
-                return Err(wrong(at, "not the order of octets that skyloop writes"));
+                return Err(wrong(at, "not the order of bytes that skyloop writes"));
             }
             SECTION => {
                 let texts = values(body, 16, COMMENT);
@@ -187,7 +187,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     }
     if at < octets.len() {
         tracing::warn!(
-            "{}: the last {} octets are cut off and left out",
+            "{}: the last {} bytes are cut off and left out",
             path_text(file),
             octets.len() - at
         );
@@ -306,7 +306,7 @@ mod tests {
         };
         let mut big_endian = file.clone();
         big_endian[8..12].reverse();
-        assert!(said(&big_endian).contains("octet 0: not the order"));
+        assert!(said(&big_endian).contains("byte 0: not the order"));
         let mut ethernet = file.clone();
         ethernet[section + 8] = 1;
         assert!(

@@ -7,6 +7,7 @@
 
 use super::book::Book;
 use super::engine::{Damageable, Faults, Pushed};
+use super::harm::note_harm;
 use super::outage::{Change, Outage, in_order};
 use super::plan::Plan;
 use super::spared::Spared;
@@ -180,9 +181,12 @@ impl State {
     fn note(&mut self, now: Duration) {
         self.way_in.turn(now);
         self.way_out.turn(now);
-        let next = self.way_out.line().next_due();
-        self.tally.hold_back(next.is_some_and(|due| due > now));
         let injected = in_order(self.way_in.injected(), self.way_out.injected());
+        let due = [
+            self.way_in.line().next_due(),
+            self.way_out.line().next_due(),
+        ];
+        note_harm(&self.tally, due, &injected, now);
         for injection in &injected {
             match self.off.see(injection) {
                 Some(Change::Lost) => self.reports.push_back(Trouble::BusOff.frame()),

@@ -1,10 +1,11 @@
 //! What one rule does to one item.
 
-use super::engine::How;
+use super::engine::{How, Injection, What};
 use super::line::Order;
 use super::rule::Rule;
+use crate::link::Tally;
 use crate::rng::PixelStream;
-use skyloop_protocols::FaultKind;
+use skyloop_protocols::{Direction, FaultKind};
 use std::time::Duration;
 
 /// In which order an item suffers: first what the line does, then its time, at last the receiver.
@@ -53,10 +54,10 @@ impl Way {
                 }
                 return (!bits.is_empty()).then_some(How::Bits(bits));
             }
-            // Every item suffers it: the rule's begin and end tell all.
             FaultKind::Delay => {
-                self.later += Duration::from_secs_f64(value);
-                return None;
+                let later = Duration::from_secs_f64(value);
+                self.later += later;
+                return Some(How::Later(later));
             }
             FaultKind::Jitter => {
                 let later = Duration::from_secs_f64(value * random.uniform());
@@ -87,6 +88,25 @@ impl Way {
 pub(super) fn is_loss(kind: FaultKind) -> bool {
     use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
     matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
+}
+
+/// Notes in a link's tally what faults have done by `now`, so that messages name them: `due` is when the next late packet in and out goes on.
+pub(super) fn note_harm(
+    tally: &Tally,
+    due: [Option<Duration>; 2],
+    injected: &[Injection],
+    now: Duration,
+) {
+    let damages = |kind| matches!(kind, FaultKind::Truncate | FaultKind::BitFlips);
+    for (direction, due) in [Direction::In, Direction::Out].into_iter().zip(due) {
+        let is_lost = |one: &&Injection| {
+            one.direction == direction
+                && matches!(one.what, What::Item { .. })
+                && (is_loss(one.kind) || damages(one.kind))
+        };
+        let lost = injected.iter().filter(is_lost).count();
+        tally.note_harm(direction, due.is_some_and(|due| due > now), lost as u32);
+    }
 }
 
 /// Which of `bits` bits are inverted, each with `probability`: the gaps between them are geometric (Devroye 1986,

@@ -2,6 +2,7 @@
 
 use super::book::Book;
 use super::engine::{Damageable, Faults, Pushed};
+use super::harm::note_harm;
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
 use super::spared::Spared;
@@ -64,9 +65,9 @@ impl Shared {
             let (mut way_in, mut way_out) = (lock(&self.way_in), lock(&self.way_out));
             way_in.turn(now);
             way_out.turn(now);
-            self.tally
-                .hold_back(way_out.line().next_due().is_some_and(|due| due > now));
             let injected = in_order(way_in.injected(), way_out.injected());
+            let due = [way_in.line().next_due(), way_out.line().next_due()];
+            note_harm(&self.tally, due, &injected, now);
             (injected, [way_in.outlook(), way_out.outlook()])
         };
         lock(&self.book).foresee(seen);

@@ -26,8 +26,8 @@ struct Client {
     address: SocketAddr,
     /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
     is_valid: bool,
-    /// When it sent Reset, if no valid packet since: a valid packet of another address takes its place.
-    released: Option<Instant>,
+    /// Whether it has sent Reset, and no valid packet since: a valid packet of another address takes its place.
+    released: bool,
     opened: Instant,
     /// When it sent a packet last. Challenges that it returned do not count.
     heard: Instant,
@@ -108,7 +108,7 @@ impl Exchange {
         }
         client.heard = now;
         if valid {
-            (client.is_valid, client.released) = (true, None);
+            (client.is_valid, client.released) = (true, false);
         }
         // A proof may have lapsed since the last packet.
         let holds = self.prover.holds(&client.proof, now);
@@ -125,12 +125,8 @@ impl Exchange {
 
     /// Whether a packet of another address, `valid` or not, takes the client's place.
     fn yields(&self, client: &Client, valid: bool, now: Instant) -> bool {
-        match client.released {
-            _ if !client.is_valid => true,
-            // A Challenge that it has returned since then shows that it still takes what is sent.
-            Some(asked) => valid || client.proof.returned_at().is_none_or(|at| at <= asked),
-            None => valid && !self.stands(client, now),
-        }
+        // One that is not valid never does: after a Reset the client may go on taking frames.
+        !client.is_valid || (valid && (client.released || !self.stands(client, now)))
     }
 
     /// Whether a client that has sent a valid packet, and no Reset since, keeps others out.
@@ -152,7 +148,7 @@ impl Exchange {
         self.client = Some(Client {
             address: from,
             is_valid: false,
-            released: None,
+            released: false,
             opened: now,
             heard: now,
             proof: Proof::default(),
@@ -188,15 +184,13 @@ impl Exchange {
                 more => format!(" ({more} others before them)"),
             };
             let idle = self.options.idle;
-            let until = match client.released {
-                Some(_) => "a valid packet comes from another address".to_string(),
-                None if self.is_proved(client, now) => {
-                    format!("it sends Reset or nothing for {} s", idle.as_secs_f64())
-                }
-                None => format!(
-                    "another address returns its Challenge, or for {} s",
-                    GRACE.min(idle).as_secs_f64()
-                ),
+            let until = if client.released {
+                "a valid packet comes from another address".to_string()
+            } else if self.is_proved(client, now) {
+                format!("it sends Reset or nothing for {} s", idle.as_secs_f64())
+            } else {
+                let s = GRACE.min(idle).as_secs_f64();
+                format!("another address returns its Challenge, or for {s} s")
             };
             tracing::warn!(
                 "packets from {from} are ignored{more}: {} is the client until {until}",
@@ -254,7 +248,7 @@ impl Exchange {
         self.tally.end(self.number);
         self.tally.await_proof(false);
         // After a Reset it may go.
-        if client.is_valid && client.released.is_none() {
+        if client.is_valid && !client.released {
             tracing::warn!(
                 "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
             );
@@ -266,7 +260,7 @@ impl Exchange {
             && number == self.number
             && client.heard <= asked
         {
-            client.released = Some(asked);
+            client.released = true;
         }
     }
 }
@@ -347,7 +341,12 @@ mod tests {
         exchange.release(3, ms(81));
         hear(
             &mut exchange,
-            &[(2, 82, &bad, Packet(4)), (3, 82, &good, Packet(5))],
+            &[
+                // What is no valid packet takes no client's place.
+                (2, 82, &bad, Stranger),
+                (2, 9000, b"junk", Stranger),
+                (3, 9000, &good, Packet(4)),
+            ],
         );
     }
 
@@ -437,24 +436,28 @@ mod tests {
 
     /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
     #[test]
-    fn a_client_that_returns_challenges_after_its_reset_goes_on_until_a_valid_packet_of_another() {
+    fn a_client_that_takes_frames_after_its_reset_goes_on_until_a_valid_packet_of_another() {
+        const NEVER: u64 = u64::MAX;
         let (good, bad) = packets();
-        // When the Challenge comes back; the Reset has been dealt with at 10 ms.
-        for returned in [5, 20] {
-            let mut exchange = exchange(5000, true);
+        // When the Challenge comes back; the Reset has been dealt with at 10 ms. Without proof of addresses there is none.
+        for returned in [5, 20, NEVER] {
+            let mut exchange = exchange(5000, returned != NEVER);
             let begun = Instant::now();
             let ms = |ms| begun + Duration::from_millis(ms);
             exchange.hear(at(1), &good, ms(0));
-            let (_, challenge) = exchange.challenge(ms(0)).unwrap();
+            let challenge = exchange.challenge(ms(0));
             if returned > 10 {
                 exchange.release(1, ms(0));
             }
-            let heard = exchange.hear(at(1), &challenge, ms(returned));
-            assert_eq!(heard, Heard::Proof);
+            if let Some((_, challenge)) = challenge {
+                let heard = exchange.hear(at(1), &challenge, ms(returned));
+                assert_eq!(heard, Heard::Proof);
+            }
             if returned < 10 {
                 exchange.release(1, ms(0));
             }
-            assert!(exchange.challenge(ms(1300)).is_some(), "{returned}");
+            let is_challenged = exchange.challenge(ms(1300)).is_some();
+            assert_eq!(is_challenged, returned != NEVER, "{returned}");
             let of_frame = of_apid(apid::FRAME_HEADER, 17);
             let permit = exchange.permit(1, &of_frame, ms(1300));
             assert_eq!(permit, Permit::All(at(1)));
