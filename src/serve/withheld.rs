@@ -81,15 +81,21 @@ pub(super) fn of_unsent(lost: Unsent) -> (Withheld, &'static str) {
     (why, name(why))
 }
 
-/// The cause of a frame that is not sent on a link: at the end of the run what has held up the frames before it, where that was reported.
+/// The cause of a frame that is not sent on a link: at the end of the run what has held up the frames before it, where that was reported and
+/// still holds.
 pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static str {
-    match channel.exchange.withheld {
-        why @ (Withheld::NoCredit | Withheld::NotRead | Withheld::NoProof | Withheld::Lost)
-            if cause == RUN_ENDED =>
-        {
-            name(why)
-        }
-        _ => cause,
+    let (tally, credit) = (&channel.wire.tally, &channel.exchange.credit);
+    let why = channel.exchange.withheld;
+    let holds = match why {
+        Withheld::NoProof => tally.awaits_proof(),
+        Withheld::NoCredit | Withheld::Lost => !credit.may_send(),
+        Withheld::NotRead => channel.stands_still(SOON),
+        _ => false,
+    };
+    if holds && cause == RUN_ENDED {
+        name(why)
+    } else {
+        cause
     }
 }
 

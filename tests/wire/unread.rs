@@ -120,20 +120,31 @@ fn a_fast_link_that_is_not_read_is_not_called_slow() {
     }
 }
 
-/// A frame that the link could not carry before the end, though its client reads.
+/// A frame that the link could not carry before the end, though its client reads; and one that waited for credit before, and does no longer.
 #[test]
 fn a_frame_of_a_slow_link_ends_with_the_run() {
-    let wire = link::open("udp://127.0.0.1:0?rate_mbit=0.1", &options(3600.0)).unwrap();
-    let mut client = Client::new(UdpLine::to(&wire.address));
-    let emulator = Running::start(quick(1.0), Clock::Stepped, wire);
-    client.window = None;
-    client.status();
-    client.point(attitude(0), EPOCH);
-    drop(emulator.shot());
-    client.next(true);
-    let (stats, _) = emulator.measured();
-    let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
-    assert_eq!(withheld, [(&"run ended", &1)]);
+    for waits_for_credit in [false, true] {
+        let wire = link::open("udp://127.0.0.1:0?rate_mbit=0.1", &options(3600.0)).unwrap();
+        let mut client = Client::new(UdpLine::to(&wire.address));
+        let emulator = Running::start(quick(1.0), Clock::Stepped, wire);
+        client.window = None;
+        client.status();
+        if waits_for_credit {
+            client.send(Command::Credit { packets: 2 });
+        }
+        client.point(attitude(0), EPOCH);
+        drop(emulator.shot());
+        if waits_for_credit {
+            await_that("no credit is reported", || {
+                client.status().withheld == Withheld::NoCredit
+            });
+            client.send(Command::Credit { packets: 1 << 20 });
+        }
+        client.next(true);
+        let (stats, _) = emulator.measured();
+        let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
+        assert_eq!(withheld, [(&"run ended", &1)], "{waits_for_credit}");
+    }
 }
 
 /// A refused attitude, and what cannot be an attitude, where frames come by the one before.
