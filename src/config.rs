@@ -13,8 +13,8 @@ use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
-    Allowed, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice, one_of,
-    orbits, read, schema_of, some_table, table, tables,
+    Allowed, CENTURIES, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice,
+    one_of, orbits, read, schema_of, some_table, table, tables,
 };
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -464,7 +464,11 @@ impl Observer {
 
 fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
     let text = time.to_string();
-    parse_utc(&text).map_err(|why| check.explain(key, why))
+    let epoch = parse_utc(&text).map_err(|why| check.explain(key, why))?;
+    if !CENTURIES.iter().any(|years| text.trim().starts_with(years)) {
+        return Err(check.refuse(key, text, "a time of the years 1900 to 2099"));
+    }
+    Ok(epoch)
 }
 
 #[cfg(test)]

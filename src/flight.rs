@@ -14,9 +14,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::{AttitudeList, ListError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
-use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::two_body::propagate_j2;
+use skyloop_orbit::{Object, StateVector};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -223,6 +223,8 @@ pub struct Flight {
     pub profile: Profile,
     /// Where it is.
     pub orbit: OrbitSource,
+    /// The object that it points at, where it does.
+    pub target: Option<Object>,
 }
 
 impl Flight {

@@ -58,6 +58,7 @@ fn passes_are_those_of_another_programs_brute_force() {
             rates_rad_s: Vector3::new(0.02, -0.05, 0.03).map(f64::to_radians),
         },
         orbit: orbit_of(observer),
+        target: None,
     };
     let search = Search {
         from,
@@ -141,6 +142,7 @@ fn at_rest(position_m: Vector3<f64>, z: Vector3<f64>, x: Vector3<f64>) -> Flight
                 velocity_m_s: Vector3::zeros(),
             })
         }),
+        target: None,
     }
 }
 

@@ -7,7 +7,7 @@ use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, 
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
-use skyloop::config::{Config, Observer, Sequence};
+use skyloop::config::{Config, LookAt, Observer, Sequence, Target};
 use skyloop::flight::{self, Flight, FlightError};
 use skyloop::load::{Folder, orbits};
 use skyloop::orbit::time::{leap_seconds, parse_utc, seconds, utc_text};
@@ -256,5 +256,16 @@ fn vehicle(
     };
     let profile = flight::profile(sequence, &config.camera, config.sky.corrections);
     let profile = profile.with_context(|| scene.to_string())?;
-    Ok(Flight { profile, orbit })
+    let target = match &sequence.look_at {
+        Some(LookAt {
+            target: Target::Object(object),
+            ..
+        }) => Some((**object).clone()),
+        _ => None,
+    };
+    Ok(Flight {
+        profile,
+        orbit,
+        target,
+    })
 }

@@ -302,13 +302,14 @@ impl RawEntry {
         shapes: &BTreeMap<String, Shape>,
         check: &Check,
     ) -> Result<Look, ConfigError> {
-        match (&self.sphere, &self.shape, &self.attitude) {
-            (Some(sphere), None, None) => {
-                let sphere = sphere.validate(&format!("{key}.sphere"), LIMITS, check)?;
-                Ok(Look::Sphere(sphere))
-            }
+        // Tables by themselves first: what a rule between them repairs hides none of their faults.
+        let sphere = self.sphere.as_ref();
+        let sphere = sphere.map(|own| own.validate(&format!("{key}.sphere"), LIMITS, check));
+        let attitude = self.attitude.as_ref();
+        let attitude = attitude.map(|own| own.validate(&format!("{key}.attitude"), check));
+        match (sphere.transpose()?, &self.shape, attitude.transpose()?) {
+            (Some(sphere), None, None) => Ok(Look::Sphere(sphere)),
             (None, Some(name), Some(attitude)) => {
-                let attitude = attitude.validate(&format!("{key}.attitude"), check)?;
                 let Some(shape) = shapes.get(name) else {
                     let known: Vec<&str> = shapes.keys().map(String::as_str).collect();
                     let allowed = match known.is_empty() {

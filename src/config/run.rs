@@ -211,12 +211,26 @@ pub(super) fn link_form() -> String {
 
 /// A port, or the address of an interface and a port.
 fn metrics_form() -> String {
-    let forms = r"[0-9]{1,5}|[0-9]{1,3}(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[[0-9A-Fa-f:.]+\]:[0-9]{1,5}";
-    format!("^({forms}){END}")
+    let port = "0*(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5]?[0-9]{1,4})";
+    let part = "(25[0-5]|2[0-4][0-9]|1[0-9]{2}|[1-9]?[0-9])";
+    // `::` stands for one or more of eight groups (RFC 4291, 2.2).
+    let group = "[0-9A-Fa-f]{1,4}";
+    let mut groups = vec![
+        format!("({group}:){{7}}{group}"),
+        format!("({group}:){{1,7}}:"),
+        format!(":((:{group}){{1,7}}|:)"),
+    ];
+    groups
+        .extend((1..=6).map(|rest| format!("({group}:){{1,{}}}(:{group}){{1,{rest}}}", 7 - rest)));
+    let groups = groups.join("|");
+    format!(r"^({port}|{part}(\.{part}){{3}}:{port}|\[({groups})\]:{port}){END}")
 }
 
-/// The address of `run.metrics`; a port alone is of 127.0.0.1.
+/// The address of `run.metrics`, of an IPv6 address without a zone and with groups alone; a port alone is of 127.0.0.1.
 pub fn metrics_address(text: &str) -> Option<SocketAddr> {
+    if text.contains(['+', '%']) || (text.starts_with('[') && text.contains('.')) {
+        return None;
+    }
     let port = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     let given = text.parse::<u16>().map(port);
     given.or_else(|_| text.parse()).ok()
@@ -418,7 +432,7 @@ fn listening(text: String, check: &Check) -> Result<String, ConfigError> {
     match metrics_address(&text) {
         Some(_) => Ok(text),
         None => {
-            let allowed = "an address and a port, such as \"127.0.0.1:9464\", or a port alone";
+            let allowed = "an address and a port, such as \"127.0.0.1:9464\" or \"[::1]:9464\", or a port alone";
             Err(check.refuse("run.metrics", format!("{text:?}"), allowed))
         }
     }

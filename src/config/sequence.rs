@@ -5,9 +5,11 @@ use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
+use crate::sky::bodies::Bodies;
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_orbit::time::seconds;
 use skyloop_orbit::{LARGEST_TABLE, Object, aem};
 
 #[derive(Deserialize, JsonSchema)]
@@ -116,6 +118,14 @@ impl RawSequence {
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
         let frames = check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32;
         let period_s = check.limit(LIMITS, "sequence.period_s", self.period_s)?;
+        let last = epoch + seconds(period_s * f64::from(frames - 1));
+        Bodies::at(last).map_err(|error| {
+            let error = check.explain(
+                "sequence.frames",
+                format!("{frames}: the last exposure: {error}"),
+            );
+            error.needs(&["sequence.epoch", "sequence.period_s"])
+        })?;
         let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
         let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
         self.has_one_pointing(check)?;
@@ -303,6 +313,9 @@ period_s = 1.0
     fn the_schema_has_the_loaders_limits() {
         let bases = [BY_RADEC, BY_TARGET].map(scene);
         let schema = Config::schema("scene");
+        // JSON has no end of whole numbers.
+        let most = schema.pointer("/properties/seed/maximum");
+        assert_eq!(most.and_then(|most| most.as_u64()), Some(u64::MAX));
         agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
     }
 
@@ -327,6 +340,30 @@ period_s = 1.0
             ("metrics", "\"9464\"", true),
             ("metrics", "\"127.0.0.1:9464\"", true),
             ("metrics", "\"[::1]:9464\"", true),
+            ("metrics", "\"0\"", true),
+            ("metrics", "\"065535\"", true),
+            ("metrics", "\"65536\"", false),
+            ("metrics", "\"+9464\"", false),
+            ("metrics", "\"-1\"", false),
+            ("metrics", "\"255.249.199.99:65535\"", true),
+            ("metrics", "\"256.0.0.1:9464\"", false),
+            ("metrics", "\"127.0.0.01:9464\"", false),
+            ("metrics", "\"127.0.0.1:70000\"", false),
+            ("metrics", "\"127.0.0.1\"", false),
+            ("metrics", "\"[::]:9464\"", true),
+            ("metrics", "\"[1:2:3:4:5:6:7:8]:9464\"", true),
+            ("metrics", "\"[1:2:3:4:5:6:7::]:9464\"", true),
+            ("metrics", "\"[::2:3:4:5:6:7:8]:9464\"", true),
+            ("metrics", "\"[1:2::5:6]:9464\"", true),
+            ("metrics", "\"[1:2:3:4:5:6:7]:9464\"", false),
+            ("metrics", "\"[1:2:3:4::5:6:7:8]:9464\"", false),
+            ("metrics", "\"[1:2:3:4:5:6:7:8:9]:9464\"", false),
+            ("metrics", "\"[1::2::3]:9464\"", false),
+            ("metrics", "\"[12345::]:9464\"", false),
+            ("metrics", "\"[:::]:9464\"", false),
+            ("metrics", "\"[fe80::1%1]:9464\"", false),
+            ("metrics", "\"[::127.0.0.1]:9464\"", false),
+            ("metrics", "\"::1:9464\"", false),
             ("metrics", "\"localhost:9464\"", false),
             ("metrics", "\"http://127.0.0.1:9464\"", false),
         ] {

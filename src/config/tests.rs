@@ -83,6 +83,21 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
                 "heads[1].link[1]: ",
             ],
         ),
+        (
+            sequence("attitudes = [{ utc = \"1899-12-31T23:59:59Z\", q = [0, 0, 0, 1] }]")
+                .replace("\"2026-01-01T00:00:00Z\"", "2100-01-01T00:00:00Z"),
+            &[
+                "sequence.epoch = 2100-01-01T00:00:00Z: must be a time of the years 1900 to 2099",
+                "sequence.attitudes[0].utc = 1899-12-31T23:59:59Z: must be a time of the years",
+            ],
+        ),
+        (
+            sequence("nadir = true").replace(
+                "frames = 1\nperiod_s = 1.0",
+                "frames = 1000000\nperiod_s = 1e6",
+            ),
+            &["sequence.frames: 1000000: the last exposure: no Earth and Sun positions for"],
+        ),
         // A wrong type names the choices of its key.
         (
             format!(
@@ -161,6 +176,15 @@ fn every_fault_of_a_population_is_reported_and_none_beside() {
                 "shapes.stage.parts[5].normal[0]: must be -1000000 to 1000000, not \"a\"",
                 "shapes.stage.parts[5].normal[1] = 1000000000: must be",
                 "shapes.stage.parts[6].specular: must be 0 to 1, not \"a\"",
+            ],
+        ),
+        // A faulty shape hides no fault of its attitude.
+        (
+            "[[objects]]\nobject = \"Cargo.toml\"\nshape = 2.5\nattitude = { mode = \"spin\", q = [0, 0, 0, 1] }\n".to_string(),
+            &[
+                "objects[0].shape: must be a text in quotes, not 2.5",
+                "objects[0].attitude.utc: the key `utc` is missing",
+                "objects[0].attitude.rates_deg_s: the key `rates_deg_s` is missing",
             ],
         ),
         (

@@ -60,7 +60,11 @@ pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
     let mut texts = Vec::new();
     for (form, around) in &forms {
         let own = |name: &str| form.get(name).or(around.get(name));
-        let number = |name: &str| own(name).and_then(Value::as_f64);
+        // The end of 64 bits is no limit of a key.
+        let number = |name: &str| {
+            let end = own(name).filter(|end| end.as_u64() != Some(u64::MAX));
+            end.and_then(Value::as_f64)
+        };
         let listed = own("enum").and_then(Value::as_array);
         let listed = listed.into_iter().flatten().chain(form.get("const"));
         let listed: Vec<&str> = listed.filter_map(Value::as_str).collect();
@@ -132,6 +136,27 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
             .collect(),
         None if node.get("type") == Some(&json!("null")) => Vec::new(),
         None => vec![node],
+    }
+}
+
+/// Gives whole numbers the ends of their types: schemars leaves out those of 32 and 64 bits. Limits of keys replace them.
+pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
+    for node in nodes {
+        match node {
+            Value::Array(list) => bound_integers(list.iter_mut()),
+            Value::Object(map) => {
+                let most = match map.get("format").and_then(Value::as_str) {
+                    Some("uint32") => Some(u64::from(u32::MAX)),
+                    Some("uint64") => Some(u64::MAX),
+                    _ => None,
+                };
+                if let Some(most) = most {
+                    map.entry("maximum").or_insert_with(|| json!(most));
+                }
+                bound_integers(map.values_mut());
+            }
+            _ => {}
+        }
     }
 }
 

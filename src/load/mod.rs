@@ -212,6 +212,7 @@ impl ConfigError {
 pub(crate) fn schema_of<Raw: JsonSchema>(title: &str, limits: &[&[Limit]]) -> Schema {
     let generator = SchemaSettings::draft2020_12().into_generator();
     let mut schema = generator.into_root_schema_for::<Raw>();
+    limits::bound_integers(schema.ensure_object().values_mut());
     for limits in limits {
         limits::apply(&mut schema, limits);
     }
@@ -395,6 +396,9 @@ fn unit_of(key: &str) -> &'static str {
     unit.map_or("", |(_, unit)| *unit)
 }
 
+/// What the years of times begin with: the series of the Earth's and the Sun's positions hold from 1900 to 2100 (`sky::bodies`).
+pub(crate) const CENTURIES: [&str; 2] = ["19", "20"];
+
 /// A time: a string, or TOML's own date and time.
 #[derive(Deserialize)]
 #[serde(
@@ -412,7 +416,8 @@ impl JsonSchema for RawTime {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let date = "[0-9]{4}-((0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])|[0-3][0-9]{2})";
+        let years = format!("({})[0-9]{{2}}", CENTURIES.join("|"));
+        let date = format!("{years}-((0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])|[0-3][0-9]{{2}})");
         let clock = r"([01][0-9]|2[0-3]):[0-5][0-9]:([0-5][0-9]|60)(\.[0-9]*)?";
         json_schema!({
             "type": "string",

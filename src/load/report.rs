@@ -171,7 +171,7 @@ impl<'a> Report<'a> {
                 rename(self.document.get_mut(), &place, meant)
             });
             if !renamed && error.unknown_key().is_some() {
-                self.misread.push(parent(&place).to_string());
+                self.misread.push(parent(key).to_string());
             }
             self.faults.push(fault);
             if self.faults.len() == MAX_FAULTS {
@@ -184,8 +184,8 @@ impl<'a> Report<'a> {
         self.repair(place, is_value, example, schema)
     }
 
-    /// Whether a fault of `key` follows from what was repaired, or is of a rule that needs a key that a table lacks: an unknown key of that table
-    /// may be the one that is meant.
+    /// Whether a fault of `key` follows from what was repaired, or is of a table with an unknown key, which may be what it lacks, or of a rule that
+    /// needs a key that such a table lacks.
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
@@ -195,7 +195,10 @@ impl<'a> Report<'a> {
             ConfigError::Rule { needs, .. } => needs.as_slice(),
             _ => &[],
         };
-        needs.iter().any(is_misread)
+        let is_of_misread = !key.is_empty() && self.misread.iter().any(|table| table == key);
+        let lacks_more = is_of_misread && !error.is_of_value();
+        lacks_more
+            || needs.iter().any(is_misread)
             || self
                 .repaired
                 .iter()

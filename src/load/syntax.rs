@@ -12,9 +12,11 @@ pub(super) fn not_toml(file: &str, text: &str, error: &Error) -> ConfigError {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
     let code = text.lines().nth(line - 1).unwrap_or_default();
+    let begin = text.get(..span.start).and_then(|before| before.rfind('\n'));
+    let place = span.start - begin.map_or(0, |feed| feed + 1);
     ConfigError::Syntax {
         place: format!("{file}:{line}:{column}"),
-        reason: format!("not TOML: {}", no_toml(error.message(), code)),
+        reason: format!("not TOML: {}", no_toml(error.message(), code, place)),
     }
 }
 

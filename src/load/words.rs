@@ -1,6 +1,7 @@
 //! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
 
 use super::one_of;
+use skyloop_orbit::time::parse_utc;
 
 /// What serde says of a key or of a value, `text` in the file. `allowed`: what the key may be, in words, if it has a limit.
 pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
@@ -116,8 +117,11 @@ fn given_value(serde: &str) -> String {
 /// How TOML is written, for those who have not.
 const FORM: &str = "write key = value, a key a line, texts in quotes";
 
-/// What is wrong with a line that is not TOML, where the parser says `message`.
-pub fn no_toml(message: &str, line: &str) -> String {
+/// What is wrong with a line that is not TOML, where the parser says `message` of what stands at `place`, in bytes.
+pub fn no_toml(message: &str, line: &str, place: usize) -> String {
+    if let Some(reason) = no_date(line, place) {
+        return reason;
+    }
     if message.starts_with("duplicate key") {
         return "a key or a table that is there already: leave one out".to_string();
     }
@@ -148,6 +152,24 @@ pub fn no_toml(message: &str, line: &str) -> String {
     } else {
         format!("{message}; {FORM}")
     }
+}
+
+/// What is wrong with a date or a time at `place` of a line, without quotes; nothing where there is none.
+fn no_date(line: &str, place: usize) -> Option<String> {
+    let (before, rest) = line.split_at_checked(place)?;
+    let value = rest.split([',', ']', '}', '#']).next()?.trim();
+    let (year, _) = value.split_once('-')?;
+    if year.len() != 4 || !year.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let key = before.trim_end().strip_suffix('=')?.trim_end();
+    let key = key.rsplit([' ', '\t', '{', ',']).next()?;
+    Some(match parse_utc(&value.replacen(' ', "T", 1)) {
+        Ok(_) => {
+            format!("{key} = {value}: a time of this form stands in quotes, {key} = {value:?}")
+        }
+        Err(why) => format!("{key}: {why}"),
+    })
 }
 
 #[cfg(test)]
@@ -224,12 +246,29 @@ mod tests {
             ("gain = 5 mm", "without its unit"),
             ("gain = 5mm", "without its unit"),
             ("gain = 05", "gain = 05: why"),
+            ("utc = 2026-13-01T00:00:00Z", "there is no month 13"),
+            ("utc = 2026-13-01T00:00:00", "utc: \"2026-13-01T00:00:00\""),
+            (
+                "attitudes = [{ q = [0, 0, 0, 1], utc = 2026-13-01T00:00:00Z }, { }]",
+                "utc: \"2026-13-01T00:00:00Z\"",
+            ),
+            (
+                "utc = 2026-02-30 00:00:00Z # day",
+                "2026-02 has days 1 to 28",
+            ),
+            ("utc = 2026-01-01T24:00:00Z", "hours are 00 to 23"),
+            ("utc = 2026-400T00:00:00Z", "2026 has days 1 to 365"),
+            (
+                "utc = 2026-001T00:00:00Z",
+                "stands in quotes, utc = \"2026-001T00:00:00Z\"",
+            ),
             ("gain", "why; write key = value"),
             ("name = \"one", "why; write key = value"),
         ] {
-            let text = no_toml("why", line);
+            let place = line.rfind("= ").map_or(0, |at| at + 2);
+            let text = no_toml("why", line, place);
             assert!(text.contains(words), "{line}: {text}");
         }
-        assert!(no_toml("duplicate key", "a = 1").contains("leave one out"));
+        assert!(no_toml("duplicate key", "a = 1", 0).contains("leave one out"));
     }
 }

@@ -1,6 +1,7 @@
 //! International designators (COSPAR): year, number and piece of a launch, in every spelling of public files.
 
 use crate::identity::unlabelled;
+use crate::placeholder::is_unknown_piece;
 use std::fmt;
 use std::num::NonZeroU16;
 
@@ -16,8 +17,10 @@ pub struct Designator {
 /// No launch has this year and number.
 struct Impossible;
 
-/// What may stand between year, launch and piece.
-const SEPARATORS: [char; 4] = ['-', ' ', '_', '/'];
+/// What may stand between year, launch and piece: web pages have other hyphens and dashes than U+002D.
+pub(crate) const SEPARATORS: [char; 9] = [
+    '-', ' ', '_', '/', '\u{2010}', '\u{2011}', '\u{2013}', '\u{2014}', '\u{2212}',
+];
 
 impl Designator {
     /// From `1998-067A`, the `98067A` of a TLE, `1998067A`, or `1998-067-A`, which NASA's ephemerides have; in any case of letters,
@@ -27,10 +30,9 @@ impl Designator {
         Self::read(text)?.ok()
     }
 
-    /// Whether a text has the form of a designator and no launch can have it: number 0, a year before 1957 or after 2099, or other characters in place of
-    /// digits, as in `YYYY-NNNP`.
+    /// Whether a text has the form of a designator and no launch can have it: number 0, a year before 1957 or after 2099, or a piece such as `TBD`.
     pub(crate) fn is_impossible(text: &str) -> bool {
-        matches!(Self::read(text), Some(Err(Impossible))) || is_template(text)
+        matches!(Self::read(text), Some(Err(Impossible)))
     }
 
     /// What a text of the form of a designator says.
@@ -64,13 +66,14 @@ impl Designator {
         else {
             return Some(Err(Impossible));
         };
-        if launch == 0 {
+        let piece = piece.map(|letter| letter.to_ascii_uppercase());
+        if launch == 0 || is_unknown_piece(piece) {
             return Some(Err(Impossible));
         }
         Some(Ok(Designator {
             year,
             launch,
-            piece: piece.map(|letter| letter.to_ascii_uppercase()),
+            piece,
         }))
     }
 
@@ -91,57 +94,6 @@ impl fmt::Display for Designator {
             .map(|letter| char::from(*letter))
             .try_for_each(|letter| write!(f, "{letter}"))
     }
-}
-
-/// Whether a text is a designator with other characters in place of the digits of year, number or both: the `YYYY-NNNP{PP}` of the standard
-/// (CCSDS 502.0-B-3, OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`; also zeros alone, `2026-000`.
-fn is_template(text: &str) -> bool {
-    // A `#` is a mark for a digit, or a label before all.
-    let is_marked = text.trim_start().starts_with("##");
-    let text = if is_marked {
-        text.trim()
-    } else {
-        unlabelled(text, "COSPAR")
-    };
-    let text = text.to_ascii_uppercase();
-    let text: Vec<char> = text.chars().filter(|c| !"{}[]()<>".contains(*c)).collect();
-    fn without_separator(text: &[char]) -> &[char] {
-        match text {
-            [first, rest @ ..] if SEPARATORS.contains(first) => rest,
-            text => text,
-        }
-    }
-    [4, 2].into_iter().any(|width| {
-        let Some((year, rest)) = text.split_at_checked(width) else {
-            return false;
-        };
-        let behind = without_separator(rest);
-        let is_separate = behind.len() < rest.len();
-        let Some((number, rest)) = behind.split_at_checked(3) else {
-            return false;
-        };
-        let piece = without_separator(rest);
-        let is_given = |field: &[char]| field.iter().all(char::is_ascii_digit);
-        // `A-1` and `B1234` may be names: one letter throughout, or the usual ones behind some digits.
-        let is_unknown = |field: &[char]| {
-            let last = field.last().copied().unwrap_or_default();
-            let known = field.iter().take_while(|c| c.is_ascii_digit()).count();
-            let is_mark = "XYN?#*".contains(last);
-            let is_usual = is_mark && (known == 0 || (is_separate && width == 4));
-            let is_whole = known == 0 && width == 4 && !SEPARATORS.contains(&last);
-            let is_zero = last == '0' && field.len() > 2;
-            let unknown = if is_zero { field } else { &field[known..] };
-            (is_usual || is_whole || is_zero) && unknown.iter().all(|c| *c == last)
-        };
-        (is_unknown(year) || is_unknown(number))
-            && [year, number]
-                .iter()
-                .all(|field| is_given(field) || is_unknown(field))
-            && piece.len() <= 3
-            && piece
-                .iter()
-                .all(|c| c.is_ascii_alphabetic() || "?#*".contains(*c))
-    })
 }
 
 /// The digits that a text begins with, and what follows.
@@ -173,6 +125,9 @@ mod tests {
             " 98067a",
             "98-067A",
             "98 67A  ",
+            // U+2011 and U+2013, in place of hyphens.
+            "1998\u{2011}067A",
+            "1998\u{2013}067\u{2013}A",
         ] {
             let read = Designator::parse(text).unwrap();
             assert_eq!(read.to_string(), "1998-067A", "{text}");
@@ -180,6 +135,8 @@ mod tests {
         }
         for (text, long) in [
             ("58002B", "1958-002B"),
+            ("1998-67NA", "1998-067NA"),
+            ("1998-067XX", "1998-067XX"),
             ("19029BC", "2019-029BC"),
             ("1999025DQA", "1999-025DQA"),
             ("56001A", "2056-001A"),
@@ -211,6 +168,8 @@ mod tests {
             "1998-000A",
             "1956-001A",
             "9999-999A",
+            "1998-067TBD",
+            "2026-1XXA",
             "+998-067A",
             "1998-0+7A",
             "TO BE ASSIGNED",

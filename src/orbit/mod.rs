@@ -216,6 +216,23 @@ impl Object {
         all.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))
     }
 
+    /// Instants in the middle of times, however short, without a state between others that have one: of each gap of an ephemeris, and of element sets
+    /// the changes from one to the next, of which one may have none.
+    pub fn gaps(&self) -> Vec<Epoch> {
+        if let Orbit::Ephemeris(ephemeris) = &self.orbit {
+            let gaps = ephemeris.gaps().into_iter();
+            return gaps
+                .map(|(last, next)| last + (next - last) * 0.5)
+                .collect();
+        }
+        let mut epochs: Vec<Epoch> = self.sets().map(|set| set.epoch).collect();
+        epochs.sort_unstable();
+        let neighbours = epochs.windows(2);
+        let changes = neighbours.map(|pair| pair[0] + (pair[1] - pair[0]) * 0.5);
+        let beside = |change: Epoch| [-1, 1].map(|ns| change + Unit::Nanosecond * ns);
+        changes.flat_map(beside).collect()
+    }
+
     /// Its element sets, in their order; none of an ephemeris.
     pub fn sets(&self) -> impl Iterator<Item = &Elements> {
         let (first, others) = match &self.orbit {

@@ -65,7 +65,23 @@ impl Loaded {
             [one] => format!("; refused is {one}"),
             [first, ..] => format!("; refused are {}, the first: {first}", self.rejected.len()),
         };
-        Err(format!("{why}{has}{refused}"))
+        let remedy = match name {
+            Some(name) if meant.is_empty() => self.other_than_number(name),
+            _ => String::new(),
+        };
+        Err(format!("{why}{has}{remedy}{refused}"))
+    }
+
+    /// What helps where a catalogue number selects nothing, and objects have none.
+    fn other_than_number(&self, name: &str) -> String {
+        let unnumbered = self.objects.iter();
+        let unnumbered = unnumbered.filter(|one| one.identity.number().is_none());
+        let (count, all) = (unnumbered.count(), self.objects.len());
+        if count == 0 || catalogue_number(name).is_none() {
+            return String::new();
+        }
+        let verb = if count == 1 { "has" } else { "have" };
+        format!("; {count} of {all} {verb} no catalogue number: use an id or a name of theirs")
     }
 
     /// Objects whose names begin or go on like `name`, or else some of all.
@@ -185,6 +201,29 @@ mod tests {
             &["no object called \"ISS\"", "VANGUARD", "checksum"],
         );
         has(pick(0..3, Some("ISS")), &["it has NORAD 5"]);
+        // An OEM has a number in its OBJECT_ID, or none.
+        let oem = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ISS\nOBJECT_ID = 1998-067-A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+                   TIME_SYSTEM = UTC\nSTART_TIME = 2026-06-27T00:00:00\nSTOP_TIME = 2026-06-27T00:00:10\nMETA_STOP\n\
+                   2026-06-27T00:00:00 7000 0 0 0 7.5 0\n2026-06-27T00:00:10 7000 75 0 0 7.5 0\n";
+        let oem = crate::parse(oem, "iss.oem").unwrap();
+        for (name, remedy) in [
+            (
+                "25544",
+                "1 of 1 has no catalogue number: use an id or a name",
+            ),
+            ("X", ""),
+        ] {
+            let why = oem.find(Some(name)).unwrap_err();
+            assert!(
+                why.contains("it has 1998-067-A (ISS)") && why.contains(remedy),
+                "{why}"
+            );
+            assert_eq!(
+                why.contains("catalogue number"),
+                !remedy.is_empty(),
+                "{why}"
+            );
+        }
         let near = pick(0..9, Some("Deltan")).unwrap_err();
         assert!(near.contains("it has NORAD 6251 (DELTA 1 DEB)"), "{near}");
         assert!(!near.contains("VANGUARD"), "{near}");

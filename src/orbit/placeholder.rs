@@ -1,6 +1,7 @@
 //! Texts that stand for no value where an id, a number or a name is expected.
 
 use crate::Designator;
+use crate::designator::SEPARATORS;
 use crate::identity::{assigned, catalogue_number, unlabelled};
 
 /// Placeholders. `UNKNOWN`, one of [`MISSING`], is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME).
@@ -47,18 +48,88 @@ const FILLERS: [&str; 10] = [
     "COSPAR",
 ];
 
-/// Whether a word in capitals is a placeholder by itself: one of the lists, `XX`, or four equal letters or more.
+/// What stands for digits that are not known, as in `2026-???A` and `YYYY-NNNP`.
+const MARKS: &str = "XYN?#*_.-\u{2013}\u{2014}";
+
+/// Whether a word in capitals is a placeholder by itself: one of the lists, or `XX`, `XXX` and so on.
 fn is_empty_word(word: &str) -> bool {
     let mut prefixes = ["UN", "NOTYET", "NOT", "TOBE"].into_iter();
     let is_missing = |prefix| {
         let rest = word.strip_prefix(prefix);
         rest.is_some_and(|rest| MISSING.contains(&rest))
     };
-    let mut letters = word.bytes();
-    let first = letters.next().filter(|first| !matches!(first, b'1'..=b'9'));
-    let least = if first == Some(b'X') { 2 } else { 4 };
-    let are_equal = word.len() >= least && first.is_some() && letters.all(|one| Some(one) == first);
-    are_equal || PLACEHOLDERS.contains(&word) || prefixes.any(is_missing)
+    let is_crossed_out = word.len() >= 2 && word.bytes().all(|byte| byte == b'X');
+    is_crossed_out || PLACEHOLDERS.contains(&word) || prefixes.any(is_missing)
+}
+
+/// Whether the piece of a designator is none: pieces with three letters are beyond 600, and none is beyond 9,000, where `TBA` and `XXA` would be.
+pub(crate) fn is_unknown_piece(piece: [u8; 3]) -> bool {
+    let is_word = std::str::from_utf8(&piece).is_ok_and(is_empty_word);
+    is_word || (piece.starts_with(b"XX") && piece[2] > 0)
+}
+
+/// Whether a text has the form of a designator, and year, number or piece is not given: the `YYYY-NNNP{PP}` of the standard (CCSDS 502.0-B-3,
+/// OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`, `2026-TBDA`, `1998-067?`, `2026-000`.
+fn is_template(text: &str) -> bool {
+    // A `#` is a mark for a digit, or a label before all.
+    let is_marked = text.trim_start().starts_with("##");
+    let text = if is_marked {
+        text.trim()
+    } else {
+        unlabelled(text, "COSPAR")
+    };
+    let text = text.to_ascii_uppercase();
+    let text: Vec<char> = text.chars().filter(|c| !"{}[]()<>".contains(*c)).collect();
+    [4, 2].into_iter().any(|width| lacks_a_field(&text, width))
+}
+
+/// The same of the capitals of a text whose year has `width` digits, or marks in their place.
+fn lacks_a_field(text: &[char], width: usize) -> bool {
+    let without_separator = |text: &[char]| match text {
+        [first, rest @ ..] if SEPARATORS.contains(first) => rest.to_vec(),
+        text => text.to_vec(),
+    };
+    let Some((year, rest)) = text.split_at_checked(width) else {
+        return false;
+    };
+    let behind = without_separator(rest);
+    let Some((number, piece)) = behind.split_at_checked(3) else {
+        return false;
+    };
+    let piece = without_separator(piece);
+    let is_mark = |c: &char| MARKS.contains(*c);
+    let is_piece = piece.len() <= 3 && piece.iter().all(|c| c.is_ascii_alphabetic() || is_mark(c));
+    // `XX001` may be a name.
+    let is_divided = behind.len() < rest.len() || !piece.is_empty();
+    if !(is_piece && is_divided) {
+        return false;
+    }
+    // `1N123A` may be a name: two digits of a year are known both or not at all.
+    let has_some = |field: &[char]| width == 4 || !field.iter().any(char::is_ascii_digit);
+    let is_unknown = |field: &[char]| is_unknown(field) && has_some(field);
+    let is_given = |field: &[char]| field.iter().all(char::is_ascii_digit);
+    let are_equal = width == 4 && year.iter().all(|c| Some(c) == year.first());
+    match (is_unknown(year), is_unknown(number)) {
+        (year_is_unknown, true) => year_is_unknown || is_given(year) || are_equal,
+        (true, false) => is_given(number),
+        (false, false) => {
+            let is_unknown = !piece.is_empty() && !piece.iter().any(char::is_ascii_alphabetic);
+            is_given(year) && is_given(number) && is_unknown
+        }
+    }
+}
+
+/// Whether a field of a designator is a word such as `TBD` or `N/A`, zero, or has marks of one kind in place of its last digits.
+fn is_unknown(field: &[char]) -> bool {
+    let word: String = field.iter().filter(|c| c.is_alphanumeric()).collect();
+    let is_long = field.len() > 2;
+    let known = field.iter().take_while(|c| c.is_ascii_digit()).count();
+    let (_, marks) = field.split_at(known);
+    let are_marks = marks
+        .first()
+        .is_some_and(|first| MARKS.contains(*first) && marks.iter().all(|c| c == first));
+    let is_zero = field.iter().all(|c| *c == '0');
+    are_marks || (is_long && (is_zero || PLACEHOLDERS.contains(&word.as_str())))
 }
 
 /// Whether a text is a placeholder: words such as `UNKNOWN` or `TO BE ASSIGNED`, no letter or digit at all, a number such as 0, -1 or 99999,
@@ -67,17 +138,26 @@ pub fn is_placeholder(text: &str) -> bool {
     if let Some(number) = catalogue_number(text) {
         return assigned(number).is_none();
     }
+    if Designator::parse(text).is_some() {
+        return false;
+    }
     let number = unlabelled(text, "NORAD").trim().parse();
     let is_negative = number.is_ok_and(|number: f64| number <= 0.0);
-    if is_negative || Designator::is_impossible(text) {
-        return true;
-    }
-    let letters = text.chars().filter(|c| c.is_alphanumeric());
-    let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
-    if letters.is_empty() || is_empty_word(&letters) {
+    if is_negative || Designator::is_impossible(text) || is_template(text) {
         return true;
     }
     let text = text.to_ascii_uppercase();
+    let letters: String = text.chars().filter(|c| c.is_alphanumeric()).collect();
+    let first = letters.chars().next().filter(|c| c.is_alphabetic());
+    let are_equal = letters.len() >= 4 && letters.chars().all(|c| Some(c) == first);
+    if letters.is_empty() || are_equal || is_empty_word(&letters) {
+        return true;
+    }
+    consists_of_empty_words(&text)
+}
+
+/// Whether a text in capitals has no word but placeholders, and beside these numbers and words without meaning.
+fn consists_of_empty_words(text: &str) -> bool {
     let words = text.split(|c: char| !c.is_alphanumeric());
     let (mut beginning, mut has_any) = (String::new(), false);
     for word in words {
@@ -85,7 +165,11 @@ pub fn is_placeholder(text: &str) -> bool {
             continue;
         }
         beginning += word;
-        if ["NOT", "YET", "TO", "BE"].contains(&word) {
+        // Of `N/A` and `T.B.D.` each letter is a word.
+        let is_begun =
+            |whole: &&str| whole.len() > beginning.len() && whole.starts_with(&beginning);
+        let is_letter = word.len() == 1 && PLACEHOLDERS.iter().any(is_begun);
+        if is_letter || ["NOT", "YET", "TO", "BE"].contains(&word) {
             continue;
         }
         if !is_empty_word(&beginning) {
@@ -171,6 +255,29 @@ mod tests {
             "COSPAR YYYY-NNNA",
             "0000-001",
             "2026-000",
+            // Words and marks in place of the number, the year or the piece.
+            "2026-n/a",
+            "2026-N/A-A",
+            "2026-TBD",
+            "2026-TBDA",
+            "2026-T.B.D.",
+            "2026-UNK-A",
+            "2026 to be assigned",
+            "N/A-067A",
+            "TBD-067A",
+            "____-___A",
+            "2026-___A",
+            "2026----A",
+            "----",
+            "\u{2013}",
+            "\u{2014}\u{2014}",
+            "2026\u{2013}\u{2014}\u{2014}\u{2014}",
+            "1998-067?",
+            "1998-067-??",
+            "1998-067TBD",
+            "XX001A",
+            "XX-001A",
+            "t.b.d.",
         ] {
             assert!(is_placeholder(text), "{text}");
         }
@@ -209,6 +316,16 @@ mod tests {
             "ABCD-EFGH",
             "LLLL-101ABCD",
             "É-001",
+            "SSSS-067",
+            "SSSS-067A",
+            "AAAA-101A",
+            "XX001",
+            "NO-101A",
+            "NORAD-5",
+            "X-37B",
+            "1998-067-A",
+            "1998-67NA",
+            "1998-067XX",
         ] {
             assert!(!is_placeholder(text), "{text}");
         }

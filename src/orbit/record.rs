@@ -89,14 +89,12 @@ pub(crate) fn long_designator(text: &str) -> String {
     }
 }
 
-/// The eight columns that a designator has in a TLE, blank for a placeholder; nothing where they cannot hold it.
+/// What stands in the columns of a TLE for an international designator, blank for a placeholder; nothing where they cannot hold it, or the text is
+/// another id.
 pub(crate) fn short_designator(text: &str) -> Option<String> {
-    if is_placeholder(text) {
-        return Some(String::new());
-    }
     match Designator::parse(text) {
         Some(designator) => designator.short(),
-        None => (text.is_ascii() && text.len() <= 8).then(|| text.to_owned()),
+        None => is_placeholder(text).then(String::new),
     }
 }
 
@@ -140,8 +138,10 @@ mod tests {
             ("2057-001A", None, "2057-001A"),
             ("", Some(""), ""),
             ("UNKNOWN", Some(""), "UNKNOWN"),
-            // What is none stays as it is, where there is room.
-            ("98067", Some("98067"), "98067"),
+            // The ids of others are no designators, though there is room for them.
+            ("98067", None, "98067"),
+            ("NORAD-5", None, "NORAD-5"),
+            ("X-37B", None, "X-37B"),
             ("1998-067ABCD", None, "1998-067ABCD"),
             ("1998-067é", None, "1998-067é"),
             ("é8067A", None, "é8067A"),

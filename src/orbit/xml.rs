@@ -2,9 +2,9 @@
 
 use crate::lines::LineFinder;
 use crate::record::{At, shorten};
-use quick_xml::Reader;
 use quick_xml::escape::resolve_xml_entity;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 use std::borrow::Cow;
 
 /// A tag, or what of it there is.
@@ -47,7 +47,7 @@ pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
             let bare = inside.strip_prefix('/').unwrap_or(inside);
             let ends = |c: char| c.is_whitespace() || matches!(c, '>' | '/' | '<');
             let name = bare.split(ends).next().unwrap_or_default();
-            let close = inside.find(['>', '<']);
+            let close = closing_bracket(inside);
             at = start + 1 + close.unwrap_or(inside.len());
             let closed = close.is_some_and(|at| inside.as_bytes().get(at) == Some(&b'>'));
             return Some(Tag {
@@ -58,6 +58,22 @@ pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
             });
         }
     })
+}
+
+/// Where the bracket stands that closes a tag: a quoted value may have `>`, but no `<` (XML 1.0, 2.4 and 3.1). Of a tag that is not closed, or whose
+/// quotes are not, the first bracket.
+fn closing_bracket(inside: &str) -> Option<usize> {
+    let mut quote = None;
+    for (at, byte) in inside.bytes().enumerate() {
+        match (byte, quote) {
+            (b'<', _) => break,
+            (b'>', None) => return Some(at),
+            (b'"' | b'\'', None) => quote = Some(byte),
+            (byte, Some(open)) if byte == open => quote = None,
+            _ => {}
+        }
+    }
+    inside.find(['>', '<'])
 }
 
 /// Messages of navigation data, and what holds several of them.
@@ -156,14 +172,15 @@ pub(crate) fn unit(tag: &BytesStart) -> Option<String> {
     attribute(tag, &["units", "unit"])
 }
 
-/// The value of the first attribute with one of these names.
+/// The value of the first attribute with one of these names, without its references (XML 1.0, 3.3.3); as it stands where one is unknown.
 fn attribute(tag: &BytesStart, names: &[&str]) -> Option<String> {
     let mut attributes = tag.attributes().filter_map(Result::ok);
     let found = attributes.find(|attribute| {
         let name = attribute.key.into_inner();
         names.iter().any(|known| name.eq_ignore_ascii_case(known))
     })?;
-    Some(found.value.trim().to_owned())
+    let value = found.normalized_value(XmlVersion::Implicit1_0);
+    Some(value.unwrap_or(found.value).trim().to_owned())
 }
 
 /// Adds what an event says to the text of the element that is open. Whether it is text.

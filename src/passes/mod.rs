@@ -35,7 +35,8 @@ use thiserror::Error;
 
 /// Seconds of a step: in them a low orbit goes 80 km.
 const STEP_S: f64 = 10.0;
-/// How often the pointing is looked at where it lacks a direction, s: the shorter ones only for gaps that the longer ones miss.
+/// How often the pointing is looked at where it lacks a direction, s, beside the gaps in the states of its target: the shorter ones only where the
+/// longer ones miss a time without a direction, such as that of an observer below the limb that is looked at.
 const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 
 /// When to look, and how closely.

@@ -2,6 +2,7 @@
 
 use crate::{STATE, repository, skyloop};
 use serde_json::Value;
+use skyloop::orbit::time::parse_utc;
 use std::path::Path;
 
 /// Its code and both outputs.
@@ -436,30 +437,45 @@ fn a_search_goes_on_where_the_target_has_states() {
     let duration_s = row["duration_s"].as_f64().unwrap();
     assert!((589.0..590.0).contains(&duration_s), "{duration_s}");
 
-    // Two segments, with 2 s between that no step of the search meets.
-    let (first, later) = (circle(), circle());
-    let (_, segment) = later.split_once('\n').unwrap();
-    let first = first.replace(
-        "STOP_TIME = 2019-06-15T12:09:50",
-        "STOP_TIME = 2019-06-15T12:09:50\nUSEABLE_STOP_TIME = 2019-06-15T12:05:03",
-    );
-    let second = segment.replace(
-        "STOP_TIME = 2019-06-15T12:09:50",
-        "STOP_TIME = 2019-06-15T12:09:50\nUSEABLE_START_TIME = 2019-06-15T12:05:05",
-    );
-    std::fs::write(here.path().join("round.oem"), first + &second).unwrap();
+    // Two segments with a gap between them. The search has a step at 12:05:00.444444444, and the light that arrives then left 0.1185548 s before.
     let flags = flags
         .join(" ")
         .replace("11:59:00", "12:00:01")
         .replace("12:12:00", "12:09:00");
     let flags: Vec<&str> = flags.split(' ').collect();
-    let (code, text, log) = passes(here.path(), &flags);
-    assert_eq!(code, 0, "{log}");
-    let json: Value = serde_json::from_str(&text).unwrap();
-    let gaps = json["not_searched"].as_array().unwrap();
-    assert_eq!(gaps.len(), 1, "{text}");
-    // A light time (0.1 s) later than the states.
-    let gap = gaps[0].to_string();
-    let ends = ["2019-06-15T12:05:03.", "2019-06-15T12:05:05."];
-    assert!(ends.iter().all(|end| gap.contains(end)), "{gap}");
+    for [stop, start, last] in [
+        ["03", "05", "05."],
+        ["00.434444444", "00.454444444", "00.57"],
+        ["00.443944444", "00.444944444", "00.56"],
+        ["00.444444394", "00.444444494", "00.56"],
+        ["00.320889444", "00.330889444", "00.4"],
+        ["00.325389444", "00.326389444", "00.44"],
+    ] {
+        let stop = format!("2019-06-15T12:05:{stop}");
+        let useable = |key, at: &str| format!("STOP_TIME = 2019-06-15T12:09:50\n{key} = {at}");
+        let first = circle().replace(
+            "STOP_TIME = 2019-06-15T12:09:50",
+            &useable("USEABLE_STOP_TIME", &stop),
+        );
+        let second = circle().replace(
+            "STOP_TIME = 2019-06-15T12:09:50",
+            &useable("USEABLE_START_TIME", &format!("2019-06-15T12:05:{start}")),
+        );
+        let (_, second) = second.split_once('\n').unwrap();
+        std::fs::write(here.path().join("round.oem"), first + second).unwrap();
+        let (code, text, log) = passes(here.path(), &flags);
+        assert_eq!(code, 0, "{stop}: {log}");
+        let json: Value = serde_json::from_str(&text).unwrap();
+        let gaps = json["not_searched"].as_array().unwrap();
+        assert_eq!(gaps.len(), 1, "{stop}: {text}");
+        // It ends a light time after that of the states.
+        let ends = [0, 1].map(|end| parse_utc(gaps[0][end].as_str().unwrap()).unwrap());
+        let off_s = (parse_utc(&stop).unwrap() - ends[0]).to_seconds();
+        assert!((0.0..2e-3).contains(&off_s), "{stop}: {gaps:?}");
+        let last = format!("2019-06-15T12:05:{last}");
+        assert!(
+            gaps[0][1].as_str().unwrap().starts_with(&last),
+            "{stop}: {gaps:?}"
+        );
+    }
 }

@@ -454,6 +454,7 @@ fn searches_for_stays_of_no_length_end() {
             nalgebra::Quaternion::new(w, x, y, z),
         )),
         orbit: Arc::new(move |at| Ok(propagate_j2(&state, (at - noon()).to_seconds()))),
+        target: None,
     };
     let search = |shortest_s: f64| {
         let search = Search {

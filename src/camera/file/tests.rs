@@ -146,6 +146,20 @@ const FAULTS: &[Fault] = &[
         &["field"],
     ),
     (
+        "pst = [[0.0, 1e-3], [90.0, 1e-9]], sun_exclusion_deg = 40.0",
+        "a = 1",
+        "optics.stray.a: unknown key `a`, known: pst, sun_exclusion_deg",
+        &[
+            "pst",
+            "exclusion",
+            "field",
+            "width",
+            "height",
+            "pitch",
+            "psf",
+        ],
+    ),
+    (
         "sun_exclusion_deg = 40.0",
         "sun_exclusion_deg = 0.1",
         "optics.stray.sun_exclusion_deg = 0.1",
@@ -250,7 +264,7 @@ optics.stray.pst[4]: must be a list of 2 values, not 7",
         "prnu = 0.01\ndead_px = [[64, 2], [1], [1, 2], [-1, 99], [2, 99]]",
         "detector.dead_px[0] = [64, 2]
 detector.dead_px[1]: must have 2 values, not 1
-detector.dead_px[3][0]: must be a whole number, 0 or more, not -1
+detector.dead_px[3][0]: must be a whole number, 0 to 4294967295, not -1
 detector.dead_px[4] = [2, 99]",
         &["width", "height"],
     ),

@@ -156,7 +156,14 @@ fn what_two_lines_cannot_hold_is_reported() {
             (|r| r.name = "A NAME OF TWENTY-FIVE LTRS".into()) as fn(&mut Record),
             "is cut to 24",
         ),
-        (|r| r.designator = "MADE UP BY ME".into(), "is left blank"),
+        (
+            |r| r.designator = "2057-001A".into(),
+            "its columns are left blank",
+        ),
+        (
+            |r| r.designator = "X-37B".into(),
+            "'X-37B' is no international designator",
+        ),
         (
             |r| r.element_set = 10_000,
             "the set number 10000 has only its last digits",
@@ -172,6 +179,16 @@ fn what_two_lines_cannot_hold_is_reported() {
             "{changed:?}"
         );
         assert_eq!(read(&text)[0].elements, records[0].elements);
+        let columns = text
+            .lines()
+            .nth(1)
+            .and_then(|line| line.get(9..17))
+            .unwrap();
+        assert_eq!(
+            columns.trim().is_empty(),
+            changed[0].contains("designator"),
+            "{text}"
+        );
     }
     let finer = with(|r| r.elements.mean_motion *= 1.0 + 1e-12);
     assert_eq!((finer.rounded, finer.left_out.len()), (1, 0));

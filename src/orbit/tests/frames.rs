@@ -258,7 +258,7 @@ fn versions_of_messages_are_those_of_the_standards() {
             }
         }
     }
-    // Of XML 1.0, section 3.1: attributes come in any order, behind blanks, tabs or line breaks, in quotes of both kinds.
+    // Of XML 1.0 (W3C, fifth edition), section 3.1: attributes come in any order, behind blanks, tabs or line breaks, in quotes of both kinds.
     for (attributes, reason) in [
         ("id='CCSDS_OEM_VERS' version='9.0'", "_VERS '9.0'; read are"),
         (
@@ -267,6 +267,15 @@ fn versions_of_messages_are_those_of_the_standards() {
         ),
         ("version=\"2.0\"\tid=\"version='9.0'\"", "no <metadata>"),
         ("ndm:version='9.0' version='2.0'", "no <metadata>"),
+        // Sections 2.4, 4.1 and 4.6: `>` in values, references to characters, and the predefined entities.
+        ("id='a>b' version='9.0'", "_VERS '9.0'; read are"),
+        ("version='&#50;&#x2e;0'", "no <metadata>"),
+        ("version='&#57;.0'", "_VERS '9.0'; read are"),
+        (
+            "version='&lt;&gt;&amp;&apos;&quot;'",
+            "_VERS '<>&'\"'; read are",
+        ),
+        ("version='&two;.0'", "_VERS '&two;.0'; read are"),
     ] {
         let text = format!("<oem {attributes}><body><segment></segment></body></oem>");
         let rejected = parse(&text, "f").unwrap().rejected;

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Format, aem, frames, parse, parse_contents, unread_format};
 
-const SEGMENT: &str = "<segment><metadata>\n<COMMENT>UT1-UTC = 0.1</COMMENT><OBJECT_NAME>A &amp; B</OBJECT_NAME>\n<OBJECT_ID>2019-001A</OBJECT_ID>\
+const SEGMENT: &str = "<segment><metadata>\n<COMMENT>UT1-UTC = 0.1</COMMENT><OBJECT_NAME>A &amp; &#66;&lt;&gt;&apos;&quot;</OBJECT_NAME>\n<OBJECT_ID>2019-001A</OBJECT_ID>\
 <CENTER_NAME>EARTH</CENTER_NAME><REF_FRAME>GCRF</REF_FRAME>\n<TIME_SYSTEM>UTC</TIME_SYSTEM><START_TIME>2019-06-15T00:00:00</START_TIME>\
 <STOP_TIME>2019-06-15T00:00:20</STOP_TIME>\n<INTERPOLATION>HERMITE</INTERPOLATION><INTERPOLATION_DEGREE>3</INTERPOLATION_DEGREE></metadata>\n<data>\n";
 
@@ -68,7 +68,7 @@ fn oem_in_xml_are_read_alone_and_in_an_ndm() {
         let object = &contents.ephemerides[0];
         assert_eq!(
             (object.id.as_str(), object.names[0].as_str()),
-            ("2019-001A", "A & B")
+            ("2019-001A", "A & B<>'\"")
         );
         let state = |text: &str| object.state(parse_utc(text).unwrap());
         let at = state("2019-06-15T00:00:12.5").unwrap();
@@ -106,6 +106,12 @@ fn damage_in_xml_is_named_and_the_other_segments_load() {
         ),
         (of("<Y>0</Y>", ""), 8, "not 6 values", 1),
         (of("<Y>0</Y>", "<Y>&nothing;</Y>"), 8, "unknown entity", 1),
+        (
+            of("units=\"km\"", "units=\"&#x6d;\""),
+            8,
+            "<X> in 'm': the unit is km",
+            1,
+        ),
         (of("<Y>0</Y>", "<Y>0</Z>"), 8, "not XML", 1),
         (
             of("</segment>", ""),

@@ -308,6 +308,11 @@ fn ephemerides_of_unknown_objects_stay_apart() {
             ("B", "YYYY-NNNP"),
             &["YYYY-NNNP A", "YYYY-NNNP B"],
         ),
+        (
+            ("A", "2026-n/a"),
+            ("B", "2026-n/a"),
+            &["2026-n/a A", "2026-n/a B"],
+        ),
         (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
         // One name, and one object in however many segments.
         (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),
@@ -332,6 +337,7 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         ),
         (("A", "1998-067-A"), ("B", "1998-067A"), &["1998-067-A"]),
         (("A", "25544"), ("B", "NORAD 025544"), &["25544"]),
+        (("A", "SSSS-067A"), ("B", "SSSS-067A"), &["SSSS-067A"]),
         (("A", "OWN-1"), ("B", "own-1"), &["OWN-1"]),
         (("A", "OWN-1"), ("A", "OWN-2"), &["OWN-1", "OWN-2"]),
     ] {

@@ -63,7 +63,7 @@ fn changes(record: &Record, names: bool) -> Vec<String> {
     if short_designator(&record.designator).is_none() {
         let text = &record.designator;
         changes.push(format!(
-            "the designator '{text}' does not fit and is left blank"
+            "'{text}' is no international designator of 1957 to 2056: its columns are left blank"
         ));
     }
     for (what, value, largest) in [
