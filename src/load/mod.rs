@@ -341,7 +341,10 @@ fn short(value: f64) -> String {
 
 /// The allowed range of a key, with its unit.
 fn range_text(key: &str, range: &RangeInclusive<f64>) -> String {
-    let text = format!("{} to {}", range.start(), range.end());
+    let text = match *range.start() {
+        f64::MIN_POSITIVE => format!("above 0, at most {}", range.end()),
+        least => format!("{least} to {}", range.end()),
+    };
     match unit_of(key) {
         "" => text,
         unit => format!("{text} {unit}"),

@@ -59,10 +59,13 @@ fn default_seed() -> u64 {
 /// Times that a schedule may name, s.
 const TIMES_S: RangeInclusive<f64> = 0.0..=1e6;
 
+/// How long a fault may last, s: one of 0 s would do nothing.
+const LENGTHS_S: RangeInclusive<f64> = f64::MIN_POSITIVE..=1e6;
+
 /// Limits of the keys; the most of value follows from kind.
 const LIMITS: &[Limit] = &[
     ("faults[].at_s", Allowed::Number(TIMES_S)),
-    ("faults[].for_s", Allowed::Number(TIMES_S)),
+    ("faults[].for_s", Allowed::Number(LENGTHS_S)),
     ("faults[].direction", Allowed::Word(directions)),
     ("faults[].kind", Allowed::Word(kinds)),
 ];
@@ -131,14 +134,14 @@ fn rule(
         return Err(check.explain(&key("kind"), format!("{:?}: {why}", raw.kind)));
     }
     let at_s = check.limit(LIMITS, &key("at_s"), raw.at_s)?;
+    if raw.for_s == Some(0.0) {
+        let why = "0 s: the fault would do nothing; leave for_s out for a fault without an end";
+        return Err(check.explain(&key("for_s"), why));
+    }
     let for_s = match raw.for_s {
         Some(for_s) => Some(check.limit(LIMITS, &key("for_s"), for_s)?),
         None => None,
     };
-    if for_s == Some(0.0) {
-        let why = "0 s: the fault would do nothing; leave for_s out for a fault without an end";
-        return Err(check.explain(&key("for_s"), why));
-    }
     let value = match (raw.value, kind) {
         (Some(value), _) => value,
         (None, kind) if kind.is_switch() => 1.0,
@@ -147,12 +150,6 @@ fn rule(
             return Err(check.explain(&key("value"), why).needs(&[&key("kind")]));
         }
     };
-    let most = match kind {
-        FaultKind::Delay | FaultKind::Jitter => 60.0,
-        _ => 1.0,
-    };
-    let inside = check.range(&key("value"), value, 0.0..=most);
-    let value = inside.map_err(|error| error.needs(&[&key("kind")]))?;
     if value == 0.0 {
         let why = "0: the fault would do nothing; an earlier one ends by its for_s";
         return Err(check.explain(&key("value"), why));
@@ -162,6 +159,12 @@ fn rule(
         let error = check.refuse(&key("value"), value, allowed);
         return Err(error.needs(&[&key("kind")]));
     }
+    let most = match kind {
+        FaultKind::Delay | FaultKind::Jitter => 60.0,
+        _ => 1.0,
+    };
+    let inside = check.range(&key("value"), value, f64::MIN_POSITIVE..=most);
+    let value = inside.map_err(|error| error.needs(&[&key("kind")]))?;
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
         Fault {
@@ -209,7 +212,7 @@ mod tests {
     fn wrong_schedules_are_refused_by_key() {
         let one = |keys: &str| format!("[[faults]]\ndirection = \"in\"\nkind = \"drop\"\n{keys}");
         for (text, says) in [
-            (one("value = 1.5"), vec!["faults[0].value = 1.5", "0 to 1"]),
+            (one("value = 1.5"), vec!["faults[0].value = 1.5", "above 0, at most 1"]),
             (one(""), vec!["faults[0].value", "missing"]),
             (one("value = 0.5\nat_s = -1.0"), vec!["faults[0].at_s = -1"]),
             (one("value = nan"), vec!["faults[0].value = NaN"]),
@@ -249,7 +252,7 @@ mod tests {
                     "faults[0].direction: must be one of \"in\", \"out\", not 7",
                     "faults[0].value: must be a number, not \"a\"",
                     "faults[0].at_s: must be 0 to 1000000 s, not \"b\"",
-                    "faults[0].for_s: must be 0 to 1000000 s, not true",
+                    "faults[0].for_s: must be above 0, at most 1000000 s, not true",
                     "faults[1]: the key `direction` is missing",
                     "faults[1]: the key `kind` is missing",
                 ],
@@ -268,7 +271,7 @@ mod tests {
             ),
             (
                 one("value = 61.0").replace("drop", "delay"),
-                vec!["0 to 60"],
+                vec!["above 0, at most 60"],
             ),
         ] {
             let refused = parse(&text).unwrap_err();
