@@ -133,12 +133,12 @@ fn a_frame_of_a_slow_link_ends_with_the_run() {
             client.send(Command::Credit { packets: 2 });
         }
         client.point(attitude(0), EPOCH);
-        drop(emulator.shot());
         if waits_for_credit {
             await_that("no credit is reported", || {
                 client.status().withheld == Withheld::NoCredit
             });
             client.send(Command::Credit { packets: 1 << 20 });
+            client.status();
         }
         client.next(true);
         let (stats, _) = emulator.measured();
