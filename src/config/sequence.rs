@@ -185,19 +185,18 @@ impl RawSequence {
             self.nadir,
             self.look_at.is_some(),
         ];
-        let mut given = POINTINGS
-            .iter()
-            .zip(given)
-            .filter(|(_, is_given)| *is_given);
-        match (given.next(), given.next()) {
-            (None, _) => {
+        let given = POINTING_KEYS.iter().zip(given);
+        let given = given.filter_map(|(key, is_given)| is_given.then_some(*key));
+        let given: Vec<&str> = given.collect();
+        match given.as_slice() {
+            [] => {
                 let reason = format!("no pointing: give one of {POINTING_FORMS}");
                 return Err(check.explain("sequence", reason).needs(&POINTING_KEYS));
             }
-            (Some((first, _)), Some((second, _))) => {
-                let reason = format!("given beside sequence.{first}: leave one of them out");
-                let error = check.explain(&format!("sequence.{second}"), reason);
-                return Err(error.needs(&[&format!("sequence.{first}")]));
+            // The last one: what is left without it is checked again.
+            [first, .., last] => {
+                let reason = format!("given beside {first}: leave one of them out");
+                return Err(check.explain(last, reason).needs(&[first]));
             }
             _ => {}
         }

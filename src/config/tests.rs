@@ -127,6 +127,27 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
                 "fidelity: must be one of \"fast\", \"realtime\", \"reference\" or a table of keys, not 7",
             ],
         ),
+        // A quoted key may have dots and brackets in it, or nothing.
+        (
+            "\"run.clocks\" = 1\n[run]\n\"a[0]\" = 2\n\"\" = 3\nclock = 7\n\"b.c\" = { d = 4 }\nheadz = 5\n[run.\"x.y\"]\nz = 6\n".to_string(),
+            &[
+                "run.clocks: unknown key `run.clocks`",
+                "run.a[0]: unknown key `a[0]`",
+                "run.: unknown key ``",
+                "run.clock: must be one of \"stepped\", \"wall\", \"external\", not 7",
+                "run.b.c: unknown key `b.c`",
+                "run.headz: unknown key `headz`",
+                "run.x.y: unknown key `x.y`",
+            ],
+        ),
+        // Keys that exclude each other.
+        (
+            sequence("radec = [1.0, 2.0, 3.0]\nnadir = true\nlook_at = \"Sun\""),
+            &[
+                "sequence.nadir: given beside sequence.radec: leave one of them out",
+                "sequence.look_at: given beside sequence.radec: leave one of them out",
+            ],
+        ),
         // Of a faulty preset the other keys are checked.
         (
             "fidelity = { preset = \"best\", wing_e = 1e9 }".to_string(),

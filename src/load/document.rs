@@ -114,6 +114,24 @@ pub(super) fn set<'i>(document: &mut DeTable<'i>, key: &str, value: Option<DeVal
     true
 }
 
+/// Removes the key that stands at a place of the text: it may be a quoted one, with dots and brackets in it. False where none stands there.
+pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
+    fn of_value(value: &mut DeValue<'_>, span: &Range<usize>) -> bool {
+        match value {
+            DeValue::Table(table) => remove_at(table, span),
+            DeValue::Array(values) => values.iter_mut().any(|it| of_value(it.get_mut(), span)),
+            _ => false,
+        }
+    }
+    let name = table.keys().find(|key| key.span() == *span);
+    match name.map(|name| name.get_ref().clone()) {
+        Some(name) => table.remove(&*name).is_some(),
+        None => table
+            .iter_mut()
+            .any(|(_, value)| of_value(value.get_mut(), span)),
+    }
+}
+
 /// Gives the entry of a misspelt key the name that is meant, unless that is there.
 pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
     let Some((table, name)) = table_around(document, key) else {

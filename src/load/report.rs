@@ -5,8 +5,8 @@
 //! came to, because a rule between keys or another key of their table failed before, are compared with their limits last.
 
 use super::document::{
-    as_entry, each_leaf, key_in, parent, placeless, rename, set, span_of, value_at, within,
-    without_indices,
+    as_entry, each_leaf, key_in, parent, placeless, remove_at, rename, set, span_of, value_at,
+    within, without_indices,
 };
 use super::syntax::{locate, not_toml, position};
 use super::{Allowed, Check, ConfigError, Limit, limits, one_of, schema_of};
@@ -151,10 +151,14 @@ impl<'a> Report<'a> {
     /// Reports a fault, unless it follows from an earlier one, and repairs the document; false if nothing more can be found.
     fn take(&mut self, fault: Fault, example: &DeTable<'static>, schema: &Schema) -> bool {
         let Fault {
-            key, place, error, ..
+            key,
+            place,
+            span,
+            error,
         } = &fault;
         // Of a key that does not belong here no value is right.
         let is_value = error.is_of_value();
+        let unknown = error.unknown_key().map(|_| (key.clone(), span.clone()));
         let is_guess = !is_value
             && self
                 .meant_keys
@@ -170,7 +174,7 @@ impl<'a> Report<'a> {
                 // The value of a misspelt key is checked as well.
                 rename(self.document.get_mut(), &place, meant)
             });
-            if !renamed && error.unknown_key().is_some() {
+            if !renamed && unknown.is_some() {
                 self.misread.push(parent(key).to_string());
             }
             self.faults.push(fault);
@@ -180,6 +184,12 @@ impl<'a> Report<'a> {
             if renamed {
                 return true;
             }
+        }
+        if let Some((key, span)) = unknown
+            && remove_at(self.document.get_mut(), &span)
+        {
+            self.repaired.push(key);
+            return true;
         }
         self.repair(place, is_value, example, schema)
     }
