@@ -107,7 +107,7 @@ impl RunStats {
     }
 
     /// The frames that were withheld, link by link where there are several.
-    fn withheld_rows(&self) -> Vec<(String, String)> {
+    pub fn withheld_rows(&self) -> Vec<(String, String)> {
         let accounts = self.accounts.iter();
         let some = accounts.filter(|(_, account)| !account.withheld.is_empty());
         let rows = some.map(|(link, account)| {

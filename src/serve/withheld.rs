@@ -103,8 +103,8 @@ fn not_reached(why: Withheld, detail: &str) -> String {
     format!("frames do not reach the client ({}): {detail}", name(why))
 }
 
-/// What to do about it, on a link whose faults do this to packets in and out.
-fn remedy(why: Withheld, harm: [Option<Harm>; 2]) -> String {
+/// What to do about it, on a link of that address whose faults do this to packets in and out.
+fn remedy(why: Withheld, address: &str, harm: [Option<Harm>; 2]) -> String {
     let [way_in, way_out] = harm.map(|harm| {
         harm.map(|harm| match harm {
             Harm::Delays => "delays",
@@ -123,13 +123,16 @@ fn remedy(why: Withheld, harm: [Option<Harm>; 2]) -> String {
         Some((does, way)) => {
             format!("a fault (--faults, Fault) {does} packets on the way {way}: end it first")
         }
-        None => remedy_without_faults(why).to_string(),
+        None => remedy_without_faults(why, address).to_string(),
     }
 }
 
 /// What to do about it on a link where faults are not the cause.
-fn remedy_without_faults(why: Withheld) -> &'static str {
+fn remedy_without_faults(why: Withheld, address: &str) -> &'static str {
     match why {
+        Withheld::Lost if !address.starts_with("udp:") => {
+            "read the link as fast as it brings packets, or pace by Credit with a smaller window"
+        }
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
         Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
@@ -249,7 +252,7 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
-        let remedy = remedy(why, channel.harm());
+        let remedy = remedy(why, address, channel.harm());
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
@@ -453,12 +456,21 @@ mod tests {
             (Withheld::Refused, Some(Delays), Some(Delays), None),
             (Withheld::NoTrigger, Some(Delays), Some(Delays), None),
         ] {
-            let found = remedy(why, [way_in, way_out]);
+            let udp = "udp://127.0.0.1:1";
+            let found = remedy(why, udp, [way_in, way_out]);
             let case = format!("{why:?} {way_in:?} {way_out:?}: {found}");
             match says {
                 Some(says) => assert!(found.contains(says), "{case}"),
-                None => assert_eq!(found, remedy_without_faults(why), "{case}"),
+                None => assert_eq!(found, remedy_without_faults(why, udp), "{case}"),
             }
+        }
+        for (address, has_socket) in [("udp://[::1]:1", true), ("pty:///a", false)] {
+            let found = remedy(Withheld::Lost, address, [None; 2]);
+            assert_eq!(
+                found.contains("SO_RCVBUF"),
+                has_socket,
+                "{address}: {found}"
+            );
         }
     }
 }

@@ -133,6 +133,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let stopped =
         stopped.then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
     let counts = summed(&flown.figures);
+    let withheld = withheld(&flown.figures, &config);
     // Each camera receives every attitude.
     let attitudes = (flown.figures.first()).map_or(0, |(_, counters)| counters.attitudes);
     let measured = flown.measured(&config, started, stopped);
@@ -149,6 +150,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     print(
         &report,
         format!("{reached_hz:.1} a second, of {rate_hz} requested"),
+        withheld,
     )?;
     outputs.finish(&report)?;
     verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
@@ -355,6 +357,21 @@ fn summed(figures: &[(RunStats, Counters)]) -> Vec<(&'static str, u32)> {
     counts
 }
 
+/// The rows of the frames that were withheld, camera by camera where there are several.
+fn withheld(figures: &[(RunStats, Counters)], config: &Config) -> Vec<(String, String)> {
+    let heads = config.heads.iter().map(|head| &head.name);
+    let names = std::iter::once(&config.camera.name).chain(heads);
+    let named = |(name, text): (String, String), camera| match config.heads.is_empty() {
+        true => (name, text),
+        false => (name, format!("{text}, of {camera}")),
+    };
+    let rows = figures.iter().zip(names).flat_map(|((stats, _), camera)| {
+        let rows = stats.withheld_rows().into_iter();
+        rows.map(move |row| named(row, camera))
+    });
+    rows.collect()
+}
+
 /// Errors: the configuration cannot be soaked; checked before the run.
 fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     let name = path_text(&args.config);
@@ -456,11 +473,12 @@ impl Args {
     }
 }
 
-/// Prints the table, with the rate of attitudes, and the verdicts.
-fn print(report: &Report, rate: String) -> anyhow::Result<()> {
+/// Prints the table, with the rate of attitudes and the frames that were withheld, and the verdicts.
+fn print(report: &Report, rate: String, withheld: Vec<(String, String)>) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", short(report.minutes))];
     rows.extend(report.rows());
     rows.push(row("attitudes", rate));
+    rows.extend(withheld);
     rows.extend(report.host.rows());
     let counts: Vec<String> = report
         .counters
