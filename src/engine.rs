@@ -403,10 +403,10 @@ impl Emulator {
             if view.still_in_flood || view.limit.is_cancelled() {
                 return Err(too_much);
             }
-            // Where light fills every pixel nobody sees what moves.
+            // Where light fills every pixel nobody sees what moves, but in the expected electrons of a frame without noise.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
-            if !view.is_flooded(&allowed(choice), fidelity) {
+            if !choice.noise || !view.is_flooded(&allowed(choice), fidelity) {
                 return Err(too_much);
             }
             view.still_in_flood = true;

@@ -207,7 +207,13 @@ impl<'a> Report<'a> {
         };
         let is_of_misread = !key.is_empty() && self.misread.iter().any(|table| table == key);
         let lacks_more = is_of_misread && !error.is_of_value();
+        // The file has no value of a key that was only guessed.
+        let message = error.to_string();
+        let speaks_of_guess = |meant: &String| {
+            meant.contains('.') && !within(key, meant) && message.contains(meant.as_str())
+        };
         lacks_more
+            || self.meant_keys.iter().any(speaks_of_guess)
             || needs.iter().any(is_misread)
             || self
                 .repaired

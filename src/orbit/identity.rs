@@ -77,7 +77,7 @@ pub struct Identity {
 /// What identifies an object that has neither number nor designator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Word {
-    /// The id: an OEM's OBJECT_ID may be any text.
+    /// The id: an OBJECT_ID may be any text.
     Id,
     /// The name, where the id is a placeholder.
     Name,
@@ -96,6 +96,8 @@ impl Identity {
             // Catalogues are long: an object with a number needs no name.
             word: if number.is_some() {
                 Word::Name
+            } else if agency_id(designator).is_some() {
+                Word::Id
             } else {
                 Word::of_name(name)
             },
@@ -141,6 +143,14 @@ impl Word {
             Word::Name
         }
     }
+}
+
+/// An OBJECT_ID that is an agency's own: no number, no designator and no placeholder.
+pub(crate) fn agency_id(text: &str) -> Option<&str> {
+    let is_own = catalogue_number(text).is_none()
+        && Designator::parse(text).is_none()
+        && !is_placeholder(text);
+    is_own.then_some(text)
 }
 
 /// The id of an object without a number: `UNKNOWN`, or `NORAD 0` with its name behind it.
@@ -287,6 +297,23 @@ mod tests {
             "OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
              {designator},2026-07-12T03:04:05,15.2,.001,97.5,120,90,270,{number},0\n"
         ))
+    }
+
+    /// Of an OMM NORAD_CAT_ID is optional (CCSDS 502.0-B-3, Table 4-3).
+    #[test]
+    fn a_set_without_a_number_is_known_by_its_id() {
+        for (one, other, are_same) in [
+            (set(0, "OWN-1"), set(0, "own-1"), true),
+            (set(0, "OWN-1"), set(0, "OWN-2"), false),
+            (set(0, "OWN-1"), ephemeris("OWN-1"), true),
+            (set(0, "OWN-1"), set(5, "OWN-1"), false),
+            (set(0, "NORAD 25544"), set(25_544, "1998-067A"), true),
+            (set(99_999, "25544"), set(0, "25545"), false),
+        ] {
+            assert_eq!(is_same(&one, &other), are_same, "{} {}", one.id, other.id);
+        }
+        assert_eq!(set(0, "OWN-1").id, "OWN-1");
+        assert_eq!(set(0, "25544").id, "NORAD 25544");
     }
 
     #[test]

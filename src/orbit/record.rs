@@ -1,7 +1,7 @@
 //! One element set as its file gives it, with the values that other formats need and a scene does not.
 
 use crate::elements::Elements;
-use crate::identity::{assigned, unnumbered_id};
+use crate::identity::{agency_id, assigned, unnumbered_id};
 use crate::is_placeholder;
 use crate::{Designator, Rejected, Theory};
 
@@ -33,14 +33,14 @@ pub struct Record {
 }
 
 impl Record {
-    /// The id of the object: `NORAD 44322`. Behind a placeholder such as 0 the name is added.
+    /// The id of the object: `NORAD 44322`; without a number an agency's own id, or a placeholder such as `NORAD 0` with the name behind it.
     pub fn object_id(&self) -> String {
         let id = format!("NORAD {}", self.elements.norad);
         if assigned(self.elements.norad).is_some() {
-            id
-        } else {
-            unnumbered_id(&id, &self.name)
+            return id;
         }
+        let own = agency_id(&self.designator);
+        own.map_or_else(|| unnumbered_id(&id, &self.name), str::to_owned)
     }
 }
 

@@ -166,7 +166,14 @@ pub fn utc_mjd(epoch: Epoch) -> f64 {
     let [start, end] = [day, day + 1].map(|day| {
         Epoch::from_utc_duration(Duration::from_total_nanoseconds(day * DAY_NS)).to_tai_duration()
     });
-    let part = (epoch.to_tai_duration() - start).to_seconds() / (end - start).to_seconds();
+    // In hifitime UTC steps by 10 s at 1972: before it days have 86,400 s.
+    let length_s = (end - start).to_seconds();
+    let length_s = if length_s > 86_401.0 {
+        86_400.0
+    } else {
+        length_s
+    };
+    let part = (epoch.to_tai_duration() - start).to_seconds() / length_s;
     (day + MJD_1900) as f64 + part
 }
 
@@ -312,6 +319,12 @@ mod tests {
             ),
             ("2017-01-01T00:00:00Z", 57_754.0, 0.0),
             ("2017-01-01T12:00:00Z", 57_754.5, 43_200.0),
+            ("1971-12-31T12:00:00Z", 41_316.5, 43_200.0),
+            (
+                "1972-06-30T12:00:00Z",
+                41_498.0 + 43_200.0 / 86_401.0,
+                43_200.0,
+            ),
         ] {
             let epoch = parse_utc(text).unwrap();
             assert!(

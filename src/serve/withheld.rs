@@ -85,17 +85,17 @@ pub(super) fn of_unsent(lost: Unsent) -> (Withheld, &'static str) {
 /// still holds.
 pub(super) fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static str {
     let (tally, credit) = (&channel.wire.tally, &channel.exchange.credit);
-    let why = channel.exchange.withheld;
-    let holds = match why {
+    let holds = |why: &Withheld| match why {
         Withheld::NoProof => tally.awaits_proof(),
-        Withheld::NoCredit | Withheld::Lost => !credit.may_send(),
         Withheld::NotRead => channel.stands_still(SOON),
-        _ => false,
+        _ => !credit.may_send(),
     };
-    if holds && cause == RUN_ENDED {
-        name(why)
-    } else {
-        cause
+    let blocking = [Withheld::NoProof, Withheld::NotRead, of_credit(channel).0];
+    let is_reported = |why: &Withheld| channel.messages.every.contains_key(&why.code());
+    let mut blocking = blocking.into_iter().filter(is_reported);
+    match blocking.find(holds) {
+        Some(why) if cause == RUN_ENDED => name(why),
+        _ => cause,
     }
 }
 
@@ -105,25 +105,27 @@ fn not_reached(why: Withheld, detail: &str) -> String {
 
 /// What to do about it, on a link of that address whose faults do this to packets in and out.
 fn remedy(why: Withheld, address: &str, harm: [Option<Harm>; 2]) -> String {
-    let [way_in, way_out] = harm.map(|harm| {
-        harm.map(|harm| match harm {
-            Harm::Delays => "delays",
-            Harm::Loses => "has lost or damaged",
-        })
-    });
+    let [way_in, way_out] = harm;
     let [way_in, way_out] = [way_in.zip(Some("in")), way_out.zip(Some("out"))];
     let fault = match why {
-        Withheld::NotRead => way_out.filter(|_| harm[1] == Some(Harm::Delays)),
+        Withheld::NotRead => way_out.filter(|(harm, _)| *harm == Harm::Delays),
         // Frame packets go out, and Credit comes in.
         Withheld::NoCredit | Withheld::Lost => way_out.or(way_in),
         Withheld::NoClient => way_in,
         _ => None,
     };
+    let without = remedy_without_faults(why, address);
     match fault {
-        Some((does, way)) => {
-            format!("a fault (--faults, Fault) {does} packets on the way {way}: end it first")
+        Some((Harm::Delays, way)) => {
+            format!("a fault (--faults, Fault) delays packets on the way {way}: end it first")
         }
-        None => remedy_without_faults(why, address).to_string(),
+        // It may be over, and not the cause.
+        Some((Harm::Loses, way)) => {
+            format!(
+                "a fault (--faults, Fault) has lost or damaged packets on the way {way}: end it, if it lasts; else {without}"
+            )
+        }
+        None => without.to_string(),
     }
 }
 
@@ -158,7 +160,7 @@ fn of_credit(channel: &Channel) -> (Withheld, String) {
     let (granted, sent) = (credit.granted(), credit.sent());
     match channel.exchange.window {
         // It grants what it has received and a window: the window is missing in what has not come.
-        Some(window) if window != granted => (
+        Some(window) if window != granted && granted.wrapping_sub(window) != sent => (
             Withheld::Lost,
             format!(
                 "{sent} packets are sent, and the client grants as if {} of them had come",

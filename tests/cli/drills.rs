@@ -313,8 +313,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
     const NO_CREDIT: &str = "(no credit): frame 0 waits: 2 packets are sent, and Credit grants 2; ";
     const LOST: &str = "(packets lost on the way): frame 0 waits: 4 packets are sent, and the client grants as if 2 of them had come; ";
     const DELAYS: &str = "a fault (--faults, Fault) delays packets on the way in: end it first";
-    const LOSES: &str =
-        "a fault (--faults, Fault) has lost or damaged packets on the way in: end it first";
+    const LOSES: &str = "a fault (--faults, Fault) has lost or damaged packets on the way in: end it, if it lasts; else enlarge";
     for (kind, value, grants, says, remedy, injected) in [
         (
             FaultKind::Delay,

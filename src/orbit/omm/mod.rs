@@ -9,6 +9,7 @@ pub(crate) mod kvn;
 pub(crate) mod xml;
 
 use crate::elements::Elements;
+use crate::identity::{assigned, catalogue_number};
 use crate::record::{At, Record, check_version, long_designator, shorten};
 use crate::theory::{self, Theory};
 use crate::two_line::alpha_5;
@@ -350,8 +351,15 @@ impl<'a> Fields<'a> {
         })
     }
 
-    /// NORAD_CAT_ID, in Alpha-5 too. The keyword is optional (502.0-B-3, Table 4-3): without a number it is 0.
+    /// NORAD_CAT_ID, in Alpha-5 too. The keyword is optional (502.0-B-3, Table 4-3): without a number it is that of OBJECT_ID, or 0.
     fn catalogue_number(&self) -> At<u32> {
+        let number = self.given_number()?;
+        let of_id = || catalogue_number(self.find(Key::Designator)?.0).and_then(assigned);
+        let number = assigned(number).or_else(of_id).map_or(number, u32::from);
+        Ok(number)
+    }
+
+    fn given_number(&self) -> At<u32> {
         let Some((text, _)) = self.find(Key::Number) else {
             return Ok(0);
         };

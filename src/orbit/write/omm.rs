@@ -47,7 +47,7 @@ impl<'a> Values<'a> {
         Values {
             object: vec![
                 (Key::Name, Value::Text(&record.name)),
-                (Key::Designator, Value::Text(&record.designator)),
+                (Key::Designator, Value::Text(id_of(record))),
             ],
             elements: vec![
                 number(Key::MeanMotion, decimal(set.mean_motion, REV_PER_DAY)),
@@ -71,6 +71,14 @@ impl<'a> Values<'a> {
                 number(Key::MeanMotionDdot, plain(record.mean_motion_ddot)),
             ],
         }
+    }
+}
+
+/// OBJECT_ID, which a message needs: `UNKNOWN` where there is none (CCSDS 502.0-B-3, Table 4-2).
+fn id_of(record: &Record) -> &str {
+    match record.designator.as_str() {
+        "" => "UNKNOWN",
+        id => id,
     }
 }
 
