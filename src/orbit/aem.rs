@@ -208,6 +208,8 @@ impl Reader {
         let ut1 = meta.ut1(&mut self.first_start)?;
         let clock = meta.clock(ut1)?;
         let (start, stop) = meta.span(clock)?;
+        // Other types have other keywords.
+        let more = self.columns(meta)?;
         let (from_a, is_scalar_first) = self.order(meta)?;
         let (axes, a_is_body, assumed) = frames(meta, ut1)?;
         let body = meta.need(if a_is_body {
@@ -216,7 +218,6 @@ impl Reader {
             "REF_FRAME_B"
         })?;
         self.check_body(body)?;
-        let more = self.columns(meta)?;
         for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
             self.remark(meta.line, assumed);
         }

@@ -118,22 +118,22 @@ impl Ephemeris {
         Some((time::from_tai_ns(first), time::from_tai_ns(last)))
     }
 
-    /// The times between the first and the last instant that it does not cover: the last instant before each, and the first one after it.
-    pub(crate) fn gaps(&self) -> Vec<(Epoch, Epoch)> {
+    /// The times that it covers, in order, first and last instants: segments that overlap or touch are one.
+    pub(crate) fn covered(&self) -> Vec<[Epoch; 2]> {
         let segments = self.segments.iter();
-        let mut spans: Vec<(i128, i128)> =
-            segments.map(|one| (one.start_ns, one.stop_ns)).collect();
+        let mut spans: Vec<[i128; 2]> = segments.map(|one| [one.start_ns, one.stop_ns]).collect();
         spans.sort_unstable();
-        let mut spans = spans.into_iter();
-        let mut covered_ns = spans.next().map_or(0, |(_, stop_ns)| stop_ns);
-        let mut gaps = Vec::new();
-        for (start_ns, stop_ns) in spans {
-            if start_ns > covered_ns {
-                gaps.push([covered_ns, start_ns].map(time::from_tai_ns).into());
+        spans.dedup_by(|[start, stop], [_, before]| {
+            let joins = *start <= *before;
+            if joins {
+                *before = (*before).max(*stop);
             }
-            covered_ns = covered_ns.max(stop_ns);
-        }
-        gaps
+            joins
+        });
+        spans
+            .into_iter()
+            .map(|span| span.map(time::from_tai_ns))
+            .collect()
     }
 
     fn nearest(&self, ns: i128) -> NotCovered {

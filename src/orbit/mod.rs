@@ -216,19 +216,21 @@ impl Object {
         all.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))
     }
 
-    /// Instants in the middle of times, however short, without a state between others that have one: of each gap of an ephemeris, and of element sets
-    /// the changes from one to the next, of which one may have none.
-    pub fn gaps(&self) -> Vec<Epoch> {
+    /// Instants, in order, between which its states begin and end, however shortly: the middle of each time that an ephemeris covers, and of each gap
+    /// between two; of element sets the changes from one to the next, of which one may have no state.
+    pub fn span_middles(&self) -> Vec<Epoch> {
+        let middle = |[start, end]: [Epoch; 2]| start + (end - start) * 0.5;
         if let Orbit::Ephemeris(ephemeris) = &self.orbit {
-            let gaps = ephemeris.gaps().into_iter();
-            return gaps
-                .map(|(last, next)| last + (next - last) * 0.5)
-                .collect();
+            let covered = ephemeris.covered();
+            let gaps = covered.windows(2).map(|pair| [pair[0][1], pair[1][0]]);
+            let mut middles: Vec<Epoch> = covered.iter().copied().chain(gaps).map(middle).collect();
+            middles.sort_unstable();
+            return middles;
         }
         let mut epochs: Vec<Epoch> = self.sets().map(|set| set.epoch).collect();
         epochs.sort_unstable();
         let neighbours = epochs.windows(2);
-        let changes = neighbours.map(|pair| pair[0] + (pair[1] - pair[0]) * 0.5);
+        let changes = neighbours.map(|pair| middle([pair[0], pair[1]]));
         let beside = |change: Epoch| [-1, 1].map(|ns| change + Unit::Nanosecond * ns);
         changes.flat_map(beside).collect()
     }

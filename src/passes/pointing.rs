@@ -10,23 +10,29 @@ use skyloop_orbit::time::seconds;
 /// Ends of a part are bisected down to this, s.
 const FINE_S: f64 = 1e-3;
 
+/// Of light from 3e6 km, twice as far as the Earth's gravity holds an orbit, s.
+const LONGEST_LIGHT_TIME_S: f64 = 10.0;
+
 /// Light times change by less than 1e-4 of themselves with each of these.
 const LIGHT_TIME_STEPS: usize = 4;
 
-/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every `step_s` and in each gap of the states
-/// of its target, however short.
+/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every `step_s`, and in each gap of the states
+/// of its target and between two gaps, however short.
 pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search> {
     let has = |epoch: Epoch| {
         let state = flight.state(epoch);
         state.is_ok_and(|state| flight.vehicle(epoch, state).is_ok())
     };
+    let Some(Search { from, to, .. }) = with_target(search, flight) else {
+        return Vec::new();
+    };
     let mut parts = Vec::new();
-    let mut in_gaps = in_gaps(search, flight).into_iter().peekable();
-    let (mut last, mut had) = (search.from, has(search.from));
+    let mut beside_gaps = beside_gaps(search, flight).into_iter().peekable();
+    let (mut last, mut had) = (from, has(from));
     let mut start = had.then_some(last);
-    while last < search.to {
-        let next = (last + seconds(step_s)).min(search.to);
-        let next = in_gaps.next_if(|at| *at <= next).unwrap_or(next);
+    while last < to {
+        let next = (last + seconds(step_s)).min(to);
+        let next = beside_gaps.next_if(|at| *at <= next).unwrap_or(next);
         let has_next = has(next);
         if has_next != had {
             let edge = edge([last, next], had, &has);
@@ -37,7 +43,7 @@ pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search
         }
         (last, had) = (next, has_next);
     }
-    parts.extend(start.map(|from| [from, search.to]));
+    parts.extend(start.map(|start| [start, to]));
     let is_long = |[from, to]: &[Epoch; 2]| *to - *from > seconds(FINE_S);
     let parts = parts.into_iter().filter(is_long);
     let parts = parts.map(|[from, to]| Search {
@@ -48,29 +54,43 @@ pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search
     parts.collect()
 }
 
-/// Instants of a search, in order, at which the target has no state, or had none when its light left it.
-fn in_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
+/// The part of a search in which the target may have a state, or its light may arrive; none: it never has one.
+fn with_target(search: &Search, flight: &Flight) -> Option<Search> {
+    let Some(target) = &flight.target else {
+        return Some(*search);
+    };
+    let (first, last) = target.span()?;
+    let part = Search {
+        from: search.from.max(first),
+        to: search.to.min(last + seconds(LONGEST_LIGHT_TIME_S)),
+        ..*search
+    };
+    (part.from < part.to).then_some(part)
+}
+
+/// Instants of a search, in order, between which the target's states begin and end, and those at which they do so in its light.
+fn beside_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
     let Some(target) = &flight.target else {
         return Vec::new();
     };
-    let gaps = target.gaps().into_iter();
-    let all = gaps.flat_map(|gap| [Some(gap), seen(gap, target, flight)]);
+    let middles = target.span_middles().into_iter();
+    let all = middles.flat_map(|at| [Some(at), seen(at, target, flight)]);
     let is_inside = |at: &Epoch| *at > search.from && *at < search.to;
     let mut inside: Vec<Epoch> = all.flatten().filter(is_inside).collect();
     inside.sort_unstable();
     inside
 }
 
-/// When the light that leaves a target in a short gap of its states arrives: t = gap + |r(t) - r_observer(t)| / c, by iteration.
-fn seen(gap: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
+/// When the light that leaves a target at an instant, maybe in a short gap of its states, arrives: t = left + |r(t) - r_observer(t)| / c, by iteration.
+fn seen(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
     let place = |at| target.state(at).ok().map(|state| state.position_m);
     let beside = [1.0, -1.0]
         .into_iter()
-        .find_map(|s| place(gap + seconds(s)));
-    let mut at = gap;
+        .find_map(|s| place(left + seconds(s)));
+    let mut at = left;
     for _ in 0..LIGHT_TIME_STEPS {
         let line = place(at).or(beside)? - flight.state(at).ok()?.position_m;
-        at = gap + seconds(line.norm() / LIGHT_M_S);
+        at = left + seconds(line.norm() / LIGHT_M_S);
     }
     Some(at)
 }

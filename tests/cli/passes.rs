@@ -397,19 +397,10 @@ fn a_search_goes_on_where_the_target_has_states() {
     let here = tempfile::tempdir().unwrap();
     std::fs::write(here.path().join("round.oem"), circle()).unwrap();
     // Another object, so that there are states all through the search.
-    let synth = [
-        "catalog",
-        "synth",
-        "--out",
-        "my.3le",
-        "--objects",
-        "1",
-        "--epoch",
-        "2019-06-15T00:00:00Z",
-    ];
+    let synth = "catalog synth --out my.3le --objects 1 --epoch 2019-06-15T00:00:00Z";
     assert!(
         skyloop(here.path())
-            .args(synth)
+            .args(synth.split(' '))
             .output()
             .unwrap()
             .status
@@ -478,4 +469,26 @@ fn a_search_goes_on_where_the_target_has_states() {
             "{stop}: {gaps:?}"
         );
     }
+
+    // 4 s between two gaps, less than a step.
+    const STOP: &str = "STOP_TIME = 2019-06-15T12:09:50";
+    let part = |[start, stop]: [&str; 2]| {
+        let day = "2019-06-15T12";
+        let useable =
+            format!("USEABLE_START_TIME = {day}:{start}\nUSEABLE_STOP_TIME = {day}:{stop}");
+        circle().replace(STOP, &format!("{STOP}\n{useable}"))
+    };
+    let parts = [["00:00", "05:01"], ["05:03", "05:07"], ["05:09", "09:50"]].map(part);
+    std::fs::write(here.path().join("round.oem"), parts.concat()).unwrap();
+    let (code, text, log) = passes(here.path(), &flags);
+    assert_eq!(code, 0, "{log}");
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let gaps = json["not_searched"].as_array().unwrap();
+    let starts = gaps.iter().map(|gap| gap[0].as_str().unwrap());
+    let starts: Vec<&str> = starts.map(|start| &start[14..19]).collect();
+    assert_eq!(
+        starts,
+        ["05:00", "05:06"],
+        "within 2 ms of the states: {text}"
+    );
 }

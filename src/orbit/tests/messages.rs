@@ -385,6 +385,7 @@ fn what_an_attitude_file_has_and_is_not_used_is_remarked() {
 #[test]
 fn attitude_files_that_cannot_be_flown_say_why() {
     let v2 = |meta: &str, numbers: &str| attitudes("2.0", meta, numbers);
+    let v1 = |meta: &str, numbers: &str| attitudes("1.0", meta, numbers);
     let plain = |numbers: &str| v2(&format!("{A_TO_B}{QUATERNION}"), numbers);
     for (text, line, reason) in [
         (
@@ -393,7 +394,7 @@ fn attitude_files_that_cannot_be_flown_say_why() {
             "ATTITUDE_TYPE 'SPIN'; read are QUATERNION",
         ),
         (
-            v2(&format!("{A_TO_B}ATTITUDE_TYPE = EULER_ANGLE\n"), "0 0 0"),
+            v1(&format!("{A_TO_B}ATTITUDE_TYPE = EULER_ANGLE\n"), "0 0 0"),
             9,
             "export the attitudes as QUATERNION",
         ),
