@@ -36,6 +36,8 @@ use std::collections::BTreeMap;
 
 /// Objects of which one thread makes the labels at least.
 const TASK: usize = 64;
+/// And of which labels are made before it is asked whether the frame is cancelled: some 10 ms.
+const PART: usize = 1024;
 
 /// Kinds of objects.
 const STAR: &str = "star";
@@ -274,8 +276,9 @@ impl Label {
         let sources: Vec<&Source> = sources
             .filter(|source| is_listed(source, scene, label_snr))
             .collect();
-        let sources = sources.into_par_iter().with_min_len(TASK);
         let mut objects = memory;
+        objects.clear();
+        objects.reserve(sources.len());
         let steps = &plan.steps;
         let (effects, ()) = rayon::join(
             || {
@@ -285,8 +288,12 @@ impl Label {
                     .collect()
             },
             || {
-                let labels = sources.map(|source| object(source, scene, world));
-                labels.collect_into_vec(&mut objects);
+                // Of a frame that is cancelled nobody reads the label.
+                let parts = sources.chunks(PART);
+                for part in parts.take_while(|_| !view.limit.is_cancelled()) {
+                    let part = part.par_iter().with_min_len(TASK);
+                    objects.par_extend(part.map(|source| object(source, scene, world)));
+                }
             },
         );
         Label {

@@ -273,6 +273,7 @@ fn serve(
         let limits = scope.spawn(|| limit(args, begin, [seen, &ended_flag], stop));
         let served = server.run(stop, args.frames, |_| {});
         ended_flag.store(true, Ordering::Relaxed);
+        limits.thread().unpark();
         let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
         (served, heads, limits.join().ok().flatten())
     });
@@ -322,7 +323,7 @@ enum Cut {
     TimedOut,
 }
 
-/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from `begin`.
+/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from `begin`. Once it is stopped, by whomever, its heads end with it.
 fn limit(
     args: &Args,
     begin: Instant,
@@ -339,9 +340,12 @@ fn limit(
         };
         if cut.is_some() {
             stop.store(true, Ordering::Relaxed);
+        }
+        if stop.load(Ordering::Relaxed) {
+            ended.store(true, Ordering::Relaxed);
             return cut;
         }
-        std::thread::sleep(LOOK);
+        std::thread::park_timeout(LOOK);
     }
     None
 }

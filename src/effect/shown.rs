@@ -149,7 +149,9 @@ pub(super) fn changed_e(
     let mut most = 0.0;
     let all = scene.sources.iter().map(|source| source.arriving_e);
     let full = all.sum::<f64>() / scene.view.camera.detector.full_well_e;
-    for _ in 0..ROUNDS {
+    // Of a frame that is cancelled nobody reads it.
+    let is_on = |_: &usize| !scene.view.limit.is_cancelled();
+    for _ in (0..ROUNDS).take_while(is_on) {
         let peaks = compared.peaks();
         let parts = peaks.iter().enumerate().map(|(column, peak)| {
             let part = Part::of(scene, full, column, peak, filled.get(&column));
@@ -193,13 +195,17 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
     let others = scene.areas_with(other);
+    if scene.view.limit.is_cancelled() {
+        return 0.0;
+    }
     let [is_e, others_e] = [areas.e(), others.e()];
     let comes_e = |pixel: usize| {
         let comes = others_e.get(pixel).copied().unwrap_or(0.0);
         f64::from(comes) - f64::from(is_e[pixel])
     };
     let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
-    for pixel in 0..width * height {
+    let rows = (0..height).take_while(|_| !scene.view.limit.is_cancelled());
+    for pixel in rows.flat_map(|row| row * width..(row + 1) * width) {
         let comes = comes_e(pixel);
         columns_e[pixel % width] += comes;
         if !scene.spill.has(pixel % width) {

@@ -251,7 +251,8 @@ impl Scene {
         groups
             .zip(columns.par_chunks(few))
             .for_each(|(light, columns)| {
-                for lit in sources {
+                let is_on = || !self.view.limit.is_cancelled();
+                for lit in sources.iter().take_while(|_| is_on()) {
                     for (row, first, shares) in lit.footprint.rows(0..height) {
                         let from = columns.partition_point(|column| *column < first);
                         let here = columns[from..].iter().zip(from..);
@@ -266,9 +267,8 @@ impl Scene {
                 let mut done = 0;
                 for run in columns.chunk_by(|a, b| a + 1 == *b) {
                     let mut e = vec![0.0; run.len()];
-                    for (row, area) in
-                        (0..height).flat_map(|row| areas.iter().map(move |a| (row, a)))
-                    {
+                    let rows = (0..height).take_while(|_| is_on());
+                    for (row, area) in rows.flat_map(|row| areas.iter().map(move |a| (row, a))) {
                         e.fill(0.0);
                         area.add_to_row(row * width + run[0], &mut e);
                         for (e, i) in e.iter().zip(done..) {

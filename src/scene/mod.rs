@@ -17,13 +17,13 @@ mod observable;
 mod signal;
 mod simulated;
 mod spill;
+mod stages;
 mod sun;
 mod trail;
 mod view;
 mod wanderer;
 mod work;
 
-use signal::{Held, Noise};
 use wanderer::Element;
 
 pub use area::{Area, AreaLight, Asked, BLURRED_NS, EDGE_NS, Edge, Full, KINDS, Kind, Light};
@@ -42,7 +42,7 @@ pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};
 
 use crate::attitude::angle_between;
-use crate::camera::{Event, Flux};
+use crate::camera::Event;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::lanes;
@@ -50,10 +50,9 @@ use crate::sky::atmosphere::Atmosphere;
 use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
 use crate::sky::starlight::StarLight;
-use crate::sky::{Corrections, Population, StarField, radiation};
+use crate::sky::{Corrections, Population, StarField};
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
 use std::sync::Arc;
 
@@ -263,77 +262,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The images of all that is in view.
-    pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
-        let images = || -> Vec<Source> {
-            let images = view.candidates.par_iter().map(|candidate| {
-                let is_in = candidate.body.is_in(&simulated);
-                is_in.then(|| view.image(candidate, &simulated, fidelity))?
-            });
-            // In their places first: a source is large to be moved from one growing list to another.
-            let images: Vec<Option<Source>> = images.collect();
-            // Those that there are close up where they lie: `flatten` would copy them into a second list.
-            #[expect(clippy::filter_map_identity)]
-            let sources = images.into_iter().filter_map(|image| image);
-            sources.collect()
-        };
-        let areas = || -> Vec<AreaLight> {
-            let full = Full::of(&view, view.areas.iter(), &simulated, fidelity);
-            let areas = view.areas.par_iter();
-            let areas = areas.filter(|area| (area.kind.is_in)(&simulated));
-            let lights = areas.map(|area| view.lit_by(area, &simulated, &full, fidelity));
-            lights.collect()
-        };
-        let (mut sources, mut areas) = rayon::join(images, areas);
-        if view.limit.is_over() {
-            // What is incomplete is not looked at.
-            sources.clear();
-            areas.clear();
-        }
-        let pixels = sources.iter().map(|source| source.footprint.shares().len());
-        let areas_light = Together::of(&areas, &view, pixels.sum());
-        let together = areas_light.light().into_iter().map(Lit::from);
-        let lights = sources.iter().map(Lit::from).chain(together);
-        let trail_e = trail::trail_e(&view, lights);
-        let counted = if simulated.frame_transfer {
-            &trail_e[..]
-        } else {
-            &[]
-        };
-        let noise = Noise::new(&view, &simulated, counted, &areas_light);
-        sources
-            .par_iter_mut()
-            .for_each_init(Held::default, |held, source| {
-                let mut snr = |e: f64| noise.snr(&source.footprint, e, held);
-                source.clear_snr = snr(source.clear_e);
-                source.snr = if source.electrons == source.clear_e {
-                    source.clear_snr
-                } else {
-                    snr(source.electrons)
-                };
-            });
-        let (events, particles_left_out) = events(&view, &simulated);
-        let mut scene = Scene {
-            simulated,
-            areas,
-            areas_light,
-            peaks_e: Vec::new(),
-            stars_e: Vec::new(),
-            trail_e,
-            events,
-            particles_left_out,
-            view,
-            sources,
-            spill: Spill::default(),
-            spilling_e: Vec::new(),
-            fidelity: *fidelity,
-        };
-        [scene.stars_e, scene.peaks_e] = scene.stars_and_all_lit_e();
-        scene.spill = Spill::of(&scene);
-        scene.spilling_e = scene.spilling_e();
-        scene
-    }
-
     /// Whether every pixel that a source lights is full: such have no signal-to-noise ratio.
     pub fn fills_all(&self, source: &Source) -> bool {
         let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
@@ -382,34 +310,4 @@ fn background_e(view: &View, simulated: &Simulated) -> f64 {
         return 0.0;
     }
     view.camera.detector.dark_e(view.exposure.duration_s)
-}
-
-/// ns of a particle, and of a pixel at a step of its track that its charge diffuses to.
-const EVENT_NS: f64 = 1000.0;
-const DIFFUSED_NS: f64 = 45.0;
-
-/// The particles of this exposure, and the number that is left out. Without an orbit the observer counts as far outside
-/// the Earth's field.
-fn events(view: &View, simulated: &Simulated) -> (Vec<Event>, f64) {
-    let camera = &view.camera;
-    let Some(particles) = &camera.radiation else {
-        return (Vec::new(), 0.0);
-    };
-    if !simulated.radiation || !simulated.noise {
-        return (Vec::new(), 0.0);
-    }
-    let flux = match particles.flux {
-        Flux::Fixed(flux) => flux,
-        Flux::ByOrbit => view.vehicle.orbit.map_or(radiation::FREE_SPACE, |state| {
-            radiation::flux(&state.position_m, view.exposure.mid)
-        }),
-    };
-    let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
-    let left_out = (expected - particles.most_events(&camera.detector)).max(0.0);
-    let drawn = expected.min(particles.most_events(&camera.detector));
-    let pixels = particles.work_an_event(&camera.detector);
-    view.limit.spend(drawn * (EVENT_NS + pixels * DIFFUSED_NS));
-    let events = particles.each_event(&camera.detector, expected, view.key);
-    let events = events.take_while(|_| !view.limit.is_over());
-    (events.collect(), left_out)
 }

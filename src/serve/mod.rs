@@ -54,7 +54,7 @@ use std::time::{Duration, Instant};
 use withheld::{CLIENT_GONE, RESET, RUN_ENDED, name};
 
 /// How long a pause lasts in which nothing is due but a packet may come.
-const POLL: Duration = Duration::from_millis(50);
+const POLL: Duration = Duration::from_millis(20);
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
 /// 4.3 s for a client that reads at the pace of 9600 baud.
 const GIVE_UP: Duration = Duration::from_secs(5);

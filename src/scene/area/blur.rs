@@ -62,15 +62,19 @@ impl<'a> Blur<'a> {
         self.margin
     }
 
-    /// What pixels on and near `sampled` blocks have more than `lines` say, whose grid begins `rim` columns and rows before the detector.
+    /// What pixels on and near `sampled` blocks, by rows of them, have more than `lines` say, whose grid begins `rim` columns and rows before the
+    /// detector; none once the work is over.
     pub fn runs(
         &self,
         limit: &WorkLimit,
         lines: &Lines,
         rim: usize,
-        sampled: &[Block],
+        sampled: &[Vec<Block>],
         asked: &mut Asked,
     ) -> Vec<Run> {
+        if limit.is_over() {
+            return Vec::new();
+        }
         let patches = self.patches(rim, sampled);
         let places = lines.places();
         let patches = patches.into_par_iter().filter(|_| !limit.is_over());
@@ -89,10 +93,14 @@ impl<'a> Blur<'a> {
     }
 
     /// The patches of the detector that have pixels on or near blocks, each with those.
-    fn patches<'b>(&self, rim: usize, sampled: &'b [Block]) -> Vec<([usize; 2], Vec<&'b Block>)> {
+    fn patches<'b>(
+        &self,
+        rim: usize,
+        sampled: &'b [Vec<Block>],
+    ) -> Vec<([usize; 2], Vec<&'b Block>)> {
         let [across, down] = self.size().map(|pixels| pixels.div_ceil(PATCH));
         let mut blocks = vec![Vec::new(); across * down];
-        for block in sampled {
+        for block in sampled.iter().flatten() {
             let near = |k: usize, patches: usize| {
                 let past = block.at[k] + SMALLEST + self.margin;
                 let from = (block.at[k] - self.margin).max(rim) - rim;

@@ -2,15 +2,20 @@
 
 use super::plane::Plane;
 use super::{AreaLight, CELL, Full, Together};
+use crate::camera::Detector;
 use crate::lanes;
 use crate::scene::{Scene, Simulated, View};
 use nalgebra::Vector3;
+use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
 
 /// What a slope between neighbouring pixels may be less than that between them.
 const STEEPER: f64 = 1.5;
 /// Places along a side of the detector at which it is looked what pixels take, and how much more that may change by between them.
 const PLACES: usize = 7;
 const BETWEEN: f64 = 1.1;
+/// Rows that are drawn at once.
+const BAND: usize = 16;
 
 impl Scene {
     /// No pixel of a column gets less than this of the area light that a frame with the effects `parts` has too, e-, as much as the least
@@ -51,6 +56,9 @@ impl Scene {
     /// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
     pub fn straightened_e(&self, other: &Simulated) -> f64 {
         let others = self.areas_with(other);
+        if self.view.limit.is_cancelled() {
+            return 0.0;
+        }
         let [is_e, others_e] = [self.areas_light.e(), others.e()];
         f64::from(lanes::furthest_apart(is_e, others_e)) * self.responds()
     }
@@ -62,15 +70,28 @@ impl Scene {
 
     /// A bound of the change of a pixel where area light moves by `px`, by the steepest step between two pixels, e-.
     pub fn areas_moved_e(&self, px: f64) -> f64 {
-        let width = self.view.camera.detector.width;
         let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
             Some(next) => lanes::furthest_apart(rows, next),
             None => 0.0,
         };
-        let rows = self.areas_light.e().chunks(width);
-        let across = rows.map(|row| steepest(row, 1)).fold(0.0, f32::max);
-        let down = steepest(self.areas_light.e(), width);
-        STEEPER * px * libm::hypot(f64::from(across), f64::from(down)) * self.responds()
+        let Detector { width, height, .. } = self.view.camera.detector;
+        let Some(light) = self.areas_light.light() else {
+            return 0.0;
+        };
+        let bands = (0..height.div_ceil(BAND)).into_par_iter();
+        let bands = bands.filter(|_| !self.view.limit.is_cancelled());
+        // Each with the first row of the next.
+        let slopes = bands.map_init(Vec::new, |e, band| {
+            let rows = band * BAND..(band * BAND + BAND + 1).min(height);
+            e.clear();
+            e.resize(rows.len() * width, 0.0);
+            light.add_to(Some(Level::best()), rows.start * width, e);
+            let across = e.chunks(width).map(|row| steepest(row, 1));
+            [across.fold(0.0, f32::max), steepest(e, width)]
+        });
+        let greater = |a: [f32; 2], b: [f32; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        let [across, down] = slopes.reduce(|| [0.0; 2], greater).map(f64::from);
+        STEEPER * px * libm::hypot(across, down) * self.responds()
     }
 }
 

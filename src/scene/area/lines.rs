@@ -235,12 +235,14 @@ impl Lines {
         let side = squares().map(|square| square.side).min().unwrap_or(1);
         let [across, down] = [self.width, self.height].map(|pixels| pixels.div_ceil(side));
         let mut places = vec![u32::MAX; across * down];
+        // Sides are powers of two: there may be a million squares, and a division takes longer than all else.
+        let shift = side.trailing_zeros();
         for strip in &self.strips {
-            for (i, square) in strip.iter().enumerate() {
+            for (square, i) in strip.iter().zip(0..) {
                 let [columns, rows] = [(square.x, across), (square.y, down)]
-                    .map(|(from, all)| from / side..((from + square.side) / side).min(all));
+                    .map(|(from, all)| from >> shift..((from + square.side) >> shift).min(all));
                 for row in rows {
-                    places[row * across..][columns.clone()].fill(i as u32);
+                    places[row * across..][columns.clone()].fill(i);
                 }
             }
         }

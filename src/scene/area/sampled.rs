@@ -44,24 +44,34 @@ pub struct Block {
 }
 
 impl Grid<'_, '_> {
-    /// The light of squares whose pixels are worked out each for itself.
-    pub fn sampled(&self, mut marked: Vec<(Square, Sampled)>, asked: &mut Asked) -> Vec<Block> {
+    /// The light of squares whose pixels are worked out each for itself, by rows of squares; none once the work is over.
+    pub fn sampled(
+        &self,
+        mut marked: Vec<(Square, Sampled)>,
+        asked: &mut Asked,
+    ) -> Vec<Vec<Block>> {
         marked.sort_by_key(|(square, _)| (square.y, square.x));
         let rows: Vec<&[(Square, Sampled)]> =
             marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
         let cells = cells(self.radiance, self.plane);
-        let rows = rows.into_par_iter().flat_map(|squares| {
+        let rows = rows
+            .into_par_iter()
+            .filter(|_| !self.plane.limit().is_over());
+        let rows = rows.map(|squares| {
             let top = squares[0].0.y as f64 - self.rim as f64;
             let skies: [Vec<Matrix3<f64>>; SMALLEST] =
                 std::array::from_fn(|row| self.skies(top + row as f64));
             let squares = squares.par_iter().with_min_len(FEW);
-            squares.map(move |(square, how)| self.block(square, *how, cells, &skies))
+            let blocks = squares.map(|(square, how)| self.block(square, *how, cells, &skies));
+            let (mut row, mut of_blocks) = (Vec::new(), Vec::new());
+            blocks.unzip_into_vecs(&mut row, &mut of_blocks);
+            let mut asked = Asked::default();
+            of_blocks.into_iter().for_each(|of_block| asked += of_block);
+            (row, asked)
         });
-        let (blocks, of_blocks): (Vec<Block>, Vec<Asked>) = rows.unzip();
-        of_blocks
-            .into_iter()
-            .for_each(|of_block| *asked += of_block);
-        blocks
+        let (rows, of_rows): (Vec<Vec<Block>>, Vec<Asked>) = rows.unzip();
+        of_rows.into_iter().for_each(|of_row| *asked += of_row);
+        rows
     }
 
     /// The light of the pixels of a square that are needed, at those attitudes during the time of each row.
