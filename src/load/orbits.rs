@@ -125,11 +125,24 @@ pub fn several_sets(objects: &[Object]) -> Option<String> {
     } else {
         "objects have"
     };
-    (count > 0).then(|| {
-        format!(
-            "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
-        )
-    })
+    let by_name: Vec<&Object> = several
+        .into_iter()
+        .filter(|object| object.identity.is_by_name())
+        .collect();
+    let mut text = format!(
+        "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
+    );
+    if !by_name.is_empty() {
+        text += &format!("; {}", joined_by_name(&self::named(&by_name)));
+    }
+    (count > 0).then_some(text)
+}
+
+/// Says that records of those objects have nothing else in common, and what to do if they are of different ones.
+pub fn joined_by_name(objects: &str) -> String {
+    format!(
+        "joined by name alone: {objects}; if these records are of different objects, give each a number, an international designator or a name of its own"
+    )
 }
 
 /// The first of some objects by name: `NORAD 5 (VANGUARD 1), ...`.

@@ -1,9 +1,9 @@
 //! What identifies an object: catalogue number, international designator, or else its name or its orbit.
 
 use crate::two_line::alpha_5;
-use crate::{Designator, Object, Orbit, is_placeholder};
+use crate::{Designator, Elements, Object, Orbit, is_placeholder};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::num::NonZeroU32;
 
 /// Names without their numbers that many objects share: pieces, and what Space-Track calls unidentified objects.
@@ -117,6 +117,11 @@ impl Identity {
         }
     }
 
+    /// Whether it has nothing but a name.
+    pub fn is_by_name(&self) -> bool {
+        self.number.is_none() && self.designator.is_none() && self.word == Word::Name
+    }
+
     /// The catalogue number, unless it is a placeholder.
     pub fn number(&self) -> Option<u32> {
         self.number.map(NonZeroU32::get)
@@ -171,14 +176,23 @@ impl Object {
         }
     }
 
-    /// What identifies it where it has neither number nor designator.
-    fn word(&self) -> String {
-        let name = self.names.first().map_or("", String::as_str);
-        match (self.identity.word, &self.orbit) {
-            (Word::Id, _) => format!("id {}", self.id.to_uppercase()),
-            (Word::Name, _) => format!("name {}", name.to_uppercase()),
-            (Word::Orbit, Orbit::Elements(set, _)) => format!("orbit {set:?}"),
-            (Word::Orbit, Orbit::Ephemeris(ephemeris)) => {
+    /// Its first name in capital letters.
+    fn name(&self) -> String {
+        let name = self.names.first();
+        name.map_or_else(String::new, |name| name.to_uppercase())
+    }
+
+    /// What identifies it where it has neither number nor designator; names that are `shared` do not.
+    fn word(&self, shared: &HashSet<String>) -> String {
+        let name = match self.identity.word {
+            Word::Id => return format!("id {}", self.id.to_uppercase()),
+            Word::Name => Some(self.name()).filter(|name| !shared.contains(name)),
+            Word::Orbit => None,
+        };
+        match (name, &self.orbit) {
+            (Some(name), _) => format!("name {name}"),
+            (None, Orbit::Elements(set, _)) => format!("orbit {set:?}"),
+            (None, Orbit::Ephemeris(ephemeris)) => {
                 let segments = ephemeris.segments.iter();
                 let ends = segments.map(|one| (one.nodes.first(), one.nodes.last()));
                 format!("orbit {:?}", ends.collect::<Vec<_>>())
@@ -211,30 +225,32 @@ impl Key {
 
 /// The keys of a set of objects: of each the catalogue number or, where it has none, the number that another of them has beside the same
 /// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name;
-/// else the orbit. They do not depend on the order of the objects.
+/// else the orbit, as where sets of one epoch and different orbits have one name. They do not depend on the order of the objects.
 #[derive(Debug, Default)]
 pub(crate) struct Keys {
     /// Designators of objects without a number, and the smallest number that any object has beside each.
     numbers: HashMap<Designator, Option<u32>>,
+    /// Names that identify nothing: sets of one epoch and different orbits have them.
+    shared: HashSet<String>,
 }
 
 impl Keys {
     pub fn of<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Self {
-        let identities = objects.map(|object| &object.identity);
-        let unnumbered = identities.clone().filter(|one| one.number.is_none());
-        let designators = unnumbered.filter_map(|one| Some((one.designator?, None)));
-        let mut numbers: HashMap<Designator, Option<u32>> = designators.collect();
-        if numbers.is_empty() {
-            return Keys { numbers };
-        }
-        for identity in identities {
-            if let (Some(number), Some(designator)) = (identity.number(), identity.designator)
-                && let Some(known) = numbers.get_mut(&designator)
-            {
-                *known = Some(known.map_or(number, |known| known.min(number)));
+        let unnumbered = objects.clone().filter(|o| o.identity.number.is_none());
+        let designators = unnumbered.clone().filter_map(|o| o.identity.designator);
+        let mut numbers: HashMap<Designator, Option<u32>> =
+            designators.map(|designator| (designator, None)).collect();
+        if !numbers.is_empty() {
+            for Object { identity, .. } in objects {
+                if let (Some(number), Some(designator)) = (identity.number(), identity.designator)
+                    && let Some(known) = numbers.get_mut(&designator)
+                {
+                    *known = Some(known.map_or(number, |known| known.min(number)));
+                }
             }
         }
-        Keys { numbers }
+        let shared = shared(unnumbered.filter(|o| o.identity.is_by_name()));
+        Keys { numbers, shared }
     }
 
     pub fn key(&self, object: &Object) -> Key {
@@ -247,9 +263,43 @@ impl Keys {
                 let number = self.numbers.get(&designator).copied().flatten();
                 number.map_or(Key::Designator(designator), Key::Number)
             }
-            (None, None) => Key::Word(object.word()),
+            (None, None) => Key::Word(object.word(&self.shared)),
         }
     }
+}
+
+/// The names that element sets of one epoch and different orbits have: an object has one orbit at a time.
+fn shared<'a>(named: impl Iterator<Item = &'a Object>) -> HashSet<String> {
+    let mut sets: HashMap<String, Vec<&Elements>> = HashMap::new();
+    for object in named {
+        if let Orbit::Elements(set, others) = &object.orbit {
+            let known = sets.entry(object.name()).or_default();
+            known.extend([set].into_iter().chain(others));
+        }
+    }
+    let is_shared = |sets: &mut Vec<&Elements>| {
+        sets.sort_by_key(|set| set.epoch);
+        sets.windows(2).any(|two| differ(two[0], two[1]))
+    };
+    let sets = sets.into_iter();
+    let shared = sets.filter_map(|(name, mut sets)| is_shared(&mut sets).then_some(name));
+    shared.collect()
+}
+
+/// Whether two sets of one epoch are of different orbits: not by what formats round.
+fn differ(one: &Elements, other: &Elements) -> bool {
+    const ROUNDED_S: f64 = 1e-3;
+    const ROUNDED: f64 = 2e-4;
+    let along = |set: &Elements| set.perigee + set.mean_anomaly;
+    let turns = [
+        one.inclination - other.inclination,
+        one.node - other.node,
+        along(one) - along(other),
+    ];
+    let is_turned = |turn: &f64| libm::sin(turn / 2.0).abs() > ROUNDED;
+    let faster = (one.mean_motion / other.mean_motion - 1.0).abs() > ROUNDED;
+    let is_one_epoch = (one.epoch - other.epoch).to_seconds().abs() < ROUNDED_S;
+    is_one_epoch && (faster || turns.iter().any(is_turned))
 }
 
 /// Whether two objects are one.

@@ -204,14 +204,14 @@ fn names_may_stand_behind_their_sets() {
 #[test]
 fn objects_without_a_number_differ_by_name() {
     for number in ["00000", "99999"] {
-        let set = |node: &str| {
+        let set = |epoch: &str, node: &str| {
             let bare = [LOW_1, LOW_2].map(|line| {
                 let line = line.replace("90001", number).replace("19001A", "      ");
-                sealed(&line.replace("120.0000", node))
+                sealed(&line.replace("19166.5", epoch).replace("120.0000", node))
             });
             format!("{}\n{}\n", bare[0], bare[1])
         };
-        let [one, other] = [set("120.0000"), set("130.0000")];
+        let [one, other] = ["120.0000", "130.0000"].map(|node| set("19166.5", node));
         let loaded = read(&format!("ONE\n{one}TWO\n{one}ONE\n{one}"));
         let shown = number.trim_start_matches('0');
         let id = format!("NORAD {}", if shown.is_empty() { "0" } else { shown });
@@ -224,6 +224,13 @@ fn objects_without_a_number_differ_by_name() {
             ]
         );
         assert_eq!(loaded.find(Some("two")).unwrap().id, second);
+        // An object has one orbit at a time: sets of one epoch and one name may be of two, sets of two epochs of one.
+        let loaded = read(&format!("ONE\n{one}ONE\n{other}ONE\n{one}"));
+        let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
+        assert_eq!(found, [first.as_str(), &format!("{first} #2")]);
+        let loaded = read(&format!("ONE\n{one}ONE\n{}", set("19167.5", "119.0000")));
+        assert_eq!(ids(&loaded), [(first.as_str(), vec!["ONE"])]);
+        assert!(loaded.objects[0].identity.is_by_name());
         // Without a name each is an object of its own, and so is one whose name says nothing.
         for name in ["", "TBA - TO BE ASSIGNED\n"] {
             let loaded = read(&format!("{name}{one}{name}{other}{name}{one}"));
