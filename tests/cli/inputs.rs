@@ -385,7 +385,7 @@ fn serial_ports() {
     let (_near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();
     drop(far);
-    let _user = serialport::new(&device, 9600).open().unwrap();
+    let _user = crate::support::line::open_port(&device, 9600);
     link(
         &format!("serial://{device}"),
         &[&device, "another program has it open"],

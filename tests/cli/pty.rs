@@ -3,7 +3,8 @@
 
 use crate::run::{Process, serves_until};
 use crate::support::PATIENCE;
-use crate::support::line::PtyLine;
+use crate::support::line::{PtyLine, open_port};
+use serialport::SerialPort;
 use std::io::{Read, Write};
 
 #[test]
@@ -17,8 +18,9 @@ fn a_pair_carries_octets_both_ways_until_ctrl_c() {
     assert_eq!(process.address, "921600 baud, 92160 octets/s each way");
     for _ in 0..2 {
         let mut ends = names.each_ref().map(|name| {
-            let port = serialport::new(name, 921_600).timeout(PATIENCE);
-            port.open().unwrap()
+            let mut port = open_port(name, 921_600);
+            port.set_timeout(PATIENCE).unwrap();
+            port
         });
         let text: Vec<u8> = (0..=255).collect();
         for (from, to) in [(0, 1), (1, 0)] {
@@ -84,7 +86,7 @@ fn the_names_of_a_run_that_was_killed_are_taken_over() {
     // The other way round: the numbers of both are in use again while their names are given.
     let second = start([&names[1], &names[0]]);
     for name in &names {
-        serialport::new(name, 115_200).open().unwrap();
+        open_port(name, 115_200);
     }
     second.signal("-INT");
     assert_eq!(second.end().0, Some(0));

@@ -97,6 +97,22 @@ pub struct PtyLine {
     packets: VecDeque<Vec<u8>>,
 }
 
+/// Opens a serial port. One that was open in this process shortly before may still be locked: a child process that another test starts at that moment holds
+/// it until it runs its program.
+pub fn open_port(name: &str, baud: u32) -> TTYPort {
+    let deadline = Instant::now() + Duration::from_secs(2);
+    loop {
+        match serialport::new(name, baud).open_native() {
+            Err(error)
+                if error.kind() == serialport::ErrorKind::NoDevice && Instant::now() < deadline =>
+            {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            opened => return opened.unwrap(),
+        }
+    }
+}
+
 impl PtyLine {
     /// With the path of the far end.
     pub fn new() -> (PtyLine, String) {
@@ -116,9 +132,8 @@ impl PtyLine {
 
     /// Opens the port called `name`, as a client does.
     pub fn at(name: &str) -> PtyLine {
-        let near = serialport::new(name, 115_200).open_native().unwrap();
         PtyLine {
-            near,
+            near: open_port(name, 115_200),
             _far: None,
             decoder: slip::Decoder::new(),
             packets: VecDeque::new(),

@@ -1,9 +1,10 @@
 //! Faults between a link and the emulator: what they do, what is counted, and how long a delay lasts.
 
 use crate::support::client::{Client, moved};
-use crate::support::line::{Line, MemoryLine, UdpLine};
+use crate::support::line::{Line, MemoryLine, UdpLine, open_port};
 use crate::support::{EPOCH, PATIENCE, Running, attitude, await_that, options, scene};
 use bytes::Bytes;
+use serialport::SerialPort;
 use skyloop::config::Clock;
 use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
@@ -11,6 +12,7 @@ use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{
     Ack, Command, Counters, Direction, Fault, FaultKind, MAX_PACKET, Output, Reason, Reply, slip,
 };
+use std::io::{Read, Write};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -427,10 +429,8 @@ fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
             wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
         }
         let emulator = Running::start(config, Clock::Stepped, wire);
-        let mut port = serialport::new(&name, 921_600)
-            .timeout(Duration::from_millis(500))
-            .open()
-            .unwrap();
+        let mut port = open_port(&name, 921_600);
+        port.set_timeout(Duration::from_millis(500)).unwrap();
         let mut buffer = [0; MAX_PACKET];
         let attitude = Command::Attitude(attitude(0));
         let length = attitude.encode(0, EPOCH, &mut buffer).unwrap();
