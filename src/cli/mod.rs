@@ -31,7 +31,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
-use skyloop::load::orbits::several_sets;
+use skyloop::load::orbits::{of_one_name, several_sets, shared_names};
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Ages, Object, is_same, set_ut1_utc};
 use skyloop_firmware_sim::console::printable_line;
@@ -223,7 +223,9 @@ impl Records {
         for line in &config.notices {
             tracing::warn!("{line}");
         }
-        if let Some(line) = several_sets(&config.objects) {
+        let shared = shared_names(&config.objects);
+        let lines = several_sets(&config.objects).into_iter();
+        for line in lines.chain(of_one_name(&shared)) {
             tracing::warn!("{line}");
         }
         Ok(())

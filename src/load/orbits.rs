@@ -2,7 +2,7 @@
 
 use super::{ConfigError, Folder};
 use std::collections::hash_map::Entry;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::ErrorKind;
 
 use skyloop_orbit::{
@@ -125,24 +125,35 @@ pub fn several_sets(objects: &[Object]) -> Option<String> {
     } else {
         "objects have"
     };
-    let by_name: Vec<&Object> = several
-        .into_iter()
-        .filter(|object| object.identity.is_by_name())
-        .collect();
-    let mut text = format!(
-        "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
-    );
-    if !by_name.is_empty() {
-        text += &format!("; {}", joined_by_name(&self::named(&by_name)));
-    }
-    (count > 0).then_some(text)
+    (count > 0).then(|| {
+        format!(
+            "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
+        )
+    })
 }
 
-/// Says that records of those objects have nothing else in common, and what to do if they are of different ones.
-pub fn joined_by_name(objects: &str) -> String {
-    format!(
-        "joined by name alone: {objects}; if these records are of different objects, give each a number, an international designator or a name of its own"
-    )
+/// Names that several objects have which have nothing else, with their counts.
+pub fn shared_names(objects: &[Object]) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for object in objects.iter().filter(|o| o.identity.has_name_alone()) {
+        *counts.entry(object.capital_name()).or_insert(0) += 1;
+    }
+    counts.retain(|_, count| *count > 1);
+    counts
+}
+
+/// Says which names several objects have, if any do.
+pub fn of_one_name(shared: &BTreeMap<String, usize>) -> Option<String> {
+    let named = shared.iter().take(NAMED);
+    let named = named.map(|(name, count)| format!("{name}: {count}"));
+    let more = (shared.len() > NAMED).then(|| "...".to_string());
+    let named: Vec<String> = named.chain(more).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "objects of one name without number, designator and OBJECT_ID ({}): each orbit counts as one more object; give the records of an object one number",
+            named.join(", ")
+        )
+    })
 }
 
 /// The first of some objects by name: `NORAD 5 (VANGUARD 1), ...`.

@@ -1,9 +1,9 @@
-//! What identifies an object: catalogue number, international designator, or else its name or its orbit.
+//! What identifies an object: catalogue number, international designator, an agency's own id, or else its orbit.
 
 use crate::two_line::alpha_5;
 use crate::{Designator, Elements, Object, Orbit, is_placeholder};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::num::NonZeroU32;
 
 /// Names without their numbers that many objects share: pieces, and what Space-Track calls unidentified objects.
@@ -79,9 +79,9 @@ pub struct Identity {
 enum Word {
     /// The id: an OBJECT_ID may be any text.
     Id,
-    /// The name, where the id is a placeholder.
+    /// The name, where the id is a placeholder: of segments of one file. Of records, which may be of many satellites, the orbit with it.
     Name,
-    /// The orbit alone, where the name is one too.
+    /// The orbit alone, where the name is a placeholder too.
     #[default]
     Orbit,
 }
@@ -117,8 +117,8 @@ impl Identity {
         }
     }
 
-    /// Whether it has nothing but a name.
-    pub fn is_by_name(&self) -> bool {
+    /// Whether it has a name, and neither number, designator nor id.
+    pub fn has_name_alone(&self) -> bool {
         self.number.is_none() && self.designator.is_none() && self.word == Word::Name
     }
 
@@ -177,25 +177,25 @@ impl Object {
     }
 
     /// Its first name in capital letters.
-    fn name(&self) -> String {
+    pub fn capital_name(&self) -> String {
         let name = self.names.first();
         name.map_or_else(String::new, |name| name.to_uppercase())
     }
 
-    /// What identifies it where it has neither number nor designator; names that are `shared` do not.
-    fn word(&self, shared: &HashSet<String>) -> String {
+    /// What identifies it where it has neither number nor designator.
+    fn word(&self) -> String {
         let name = match self.identity.word {
             Word::Id => return format!("id {}", self.id.to_uppercase()),
-            Word::Name => Some(self.name()).filter(|name| !shared.contains(name)),
-            Word::Orbit => None,
+            Word::Name => self.capital_name(),
+            Word::Orbit => String::new(),
         };
-        match (name, &self.orbit) {
-            (Some(name), _) => format!("name {name}"),
-            (None, Orbit::Elements(set, _)) => format!("orbit {set:?}"),
-            (None, Orbit::Ephemeris(ephemeris)) => {
+        match &self.orbit {
+            // One placeholder is as good as another.
+            Orbit::Elements(set, _) => format!("{name} orbit {:?}", Elements { norad: 0, ..*set }),
+            Orbit::Ephemeris(ephemeris) => {
                 let segments = ephemeris.segments.iter();
                 let ends = segments.map(|one| (one.nodes.first(), one.nodes.last()));
-                format!("orbit {:?}", ends.collect::<Vec<_>>())
+                format!("{name} orbit {:?}", ends.collect::<Vec<_>>())
             }
         }
     }
@@ -210,6 +210,14 @@ pub(crate) enum Key {
 }
 
 impl Key {
+    /// Of a segment among those of its file: there the name is enough.
+    pub fn of_segment(object: &Object) -> Key {
+        if object.identity.has_name_alone() {
+            return Key::Word(format!("name {}", object.capital_name()));
+        }
+        Keys::default().key(object)
+    }
+
     /// Of an attitude ephemeris, by its OBJECT_ID and OBJECT_NAME.
     pub fn of_ephemeris(id: &str, name: &str) -> Key {
         let identity = Identity::of_ephemeris(id, name);
@@ -224,33 +232,31 @@ impl Key {
 }
 
 /// The keys of a set of objects: of each the catalogue number or, where it has none, the number that another of them has beside the same
-/// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name;
-/// else the orbit, as where sets of one epoch and different orbits have one name. They do not depend on the order of the objects.
+/// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name
+/// and the orbit. They do not depend on the order of the objects.
 #[derive(Debug, Default)]
 pub(crate) struct Keys {
     /// Designators of objects without a number, and the smallest number that any object has beside each.
     numbers: HashMap<Designator, Option<u32>>,
-    /// Names that identify nothing: sets of one epoch and different orbits have them.
-    shared: HashSet<String>,
 }
 
 impl Keys {
     pub fn of<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Self {
-        let unnumbered = objects.clone().filter(|o| o.identity.number.is_none());
-        let designators = unnumbered.clone().filter_map(|o| o.identity.designator);
-        let mut numbers: HashMap<Designator, Option<u32>> =
-            designators.map(|designator| (designator, None)).collect();
-        if !numbers.is_empty() {
-            for Object { identity, .. } in objects {
-                if let (Some(number), Some(designator)) = (identity.number(), identity.designator)
-                    && let Some(known) = numbers.get_mut(&designator)
-                {
-                    *known = Some(known.map_or(number, |known| known.min(number)));
-                }
+        let identities = objects.map(|object| &object.identity);
+        let unnumbered = identities.clone().filter(|one| one.number.is_none());
+        let designators = unnumbered.filter_map(|one| Some((one.designator?, None)));
+        let mut numbers: HashMap<Designator, Option<u32>> = designators.collect();
+        if numbers.is_empty() {
+            return Keys { numbers };
+        }
+        for identity in identities {
+            if let (Some(number), Some(designator)) = (identity.number(), identity.designator)
+                && let Some(known) = numbers.get_mut(&designator)
+            {
+                *known = Some(known.map_or(number, |known| known.min(number)));
             }
         }
-        let shared = shared(unnumbered.filter(|o| o.identity.is_by_name()));
-        Keys { numbers, shared }
+        Keys { numbers }
     }
 
     pub fn key(&self, object: &Object) -> Key {
@@ -263,43 +269,9 @@ impl Keys {
                 let number = self.numbers.get(&designator).copied().flatten();
                 number.map_or(Key::Designator(designator), Key::Number)
             }
-            (None, None) => Key::Word(object.word(&self.shared)),
+            (None, None) => Key::Word(object.word()),
         }
     }
-}
-
-/// The names that element sets of one epoch and different orbits have: an object has one orbit at a time.
-fn shared<'a>(named: impl Iterator<Item = &'a Object>) -> HashSet<String> {
-    let mut sets: HashMap<String, Vec<&Elements>> = HashMap::new();
-    for object in named {
-        if let Orbit::Elements(set, others) = &object.orbit {
-            let known = sets.entry(object.name()).or_default();
-            known.extend([set].into_iter().chain(others));
-        }
-    }
-    let is_shared = |sets: &mut Vec<&Elements>| {
-        sets.sort_by_key(|set| set.epoch);
-        sets.windows(2).any(|two| differ(two[0], two[1]))
-    };
-    let sets = sets.into_iter();
-    let shared = sets.filter_map(|(name, mut sets)| is_shared(&mut sets).then_some(name));
-    shared.collect()
-}
-
-/// Whether two sets of one epoch are of different orbits: not by what formats round.
-fn differ(one: &Elements, other: &Elements) -> bool {
-    const ROUNDED_S: f64 = 1e-3;
-    const ROUNDED: f64 = 2e-4;
-    let along = |set: &Elements| set.perigee + set.mean_anomaly;
-    let turns = [
-        one.inclination - other.inclination,
-        one.node - other.node,
-        along(one) - along(other),
-    ];
-    let is_turned = |turn: &f64| libm::sin(turn / 2.0).abs() > ROUNDED;
-    let faster = (one.mean_motion / other.mean_motion - 1.0).abs() > ROUNDED;
-    let is_one_epoch = (one.epoch - other.epoch).to_seconds().abs() < ROUNDED_S;
-    is_one_epoch && (faster || turns.iter().any(is_turned))
 }
 
 /// Whether two objects are one.

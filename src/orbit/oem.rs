@@ -4,7 +4,7 @@ pub(crate) mod xml;
 
 use crate::ephemeris::{Ephemeris, Method, Node, Segment};
 use crate::frames::Axes;
-use crate::identity::{Key, Keys, unnumbered_id};
+use crate::identity::{Key, unnumbered_id};
 use crate::load::{Loaded, Rejected};
 use crate::meta::{Clock, Meta, overlap};
 use crate::record::{At, check_version, shorten};
@@ -225,7 +225,7 @@ impl<'a> Segments<'a> {
             }),
         };
         let objects = &mut self.loaded.objects;
-        let key = Keys::default().key(&object);
+        let key = Key::of_segment(&object);
         let place = *self.places.entry(key).or_insert(objects.len());
         if let Some(known) = objects.get_mut(place) {
             known.extend(object);

@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::orbits::{joined_by_name, passed_over};
+use skyloop::load::orbits::{of_one_name, passed_over, shared_names};
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{
     self, Contents, Object, Orbit, Record, Rejected, United, is_placeholder, places, unite,
@@ -38,8 +38,8 @@ struct Report {
     /// Different objects in all files.
     objects: usize,
     records: usize,
-    /// Objects of which several element sets have nothing but the name in common.
-    joined_by_name: Vec<String>,
+    /// Names that several objects have which have nothing else, and of how many.
+    shared_names: BTreeMap<String, usize>,
     rejected: usize,
     /// Files without orbits.
     unusable: usize,
@@ -124,7 +124,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         objects, refused, ..
     } = unite(all);
     report.objects = objects.len();
-    report.joined_by_name = by_name(&objects);
+    report.shared_names = shared_names(&objects);
     let names = report.files.iter().map(|one| one.file.clone());
     let names: Vec<String> = names.collect();
     for refused in refused {
@@ -153,9 +153,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         if report.files.len() > 1 {
             say(format_args!("{}\n", report.total()))?;
         }
-        if !report.joined_by_name.is_empty() {
-            let objects = some(report.joined_by_name.iter().cloned());
-            say(format_args!("{}\n", joined_by_name(&objects)))?;
+        if let Some(line) = of_one_name(&report.shared_names) {
+            say(format_args!("{line}\n"))?;
         }
     }
     if report.objects == 0 {
@@ -169,14 +168,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!("--strict: {}", report.losses());
     }
     Ok(())
-}
-
-/// The ids of objects of which several element sets have nothing but the name in common.
-fn by_name(objects: &[Object]) -> Vec<String> {
-    let has_several = |object: &&Object| matches!(&object.orbit, Orbit::Elements(_, others) if !others.is_empty());
-    let by_name = objects.iter().filter(|object| object.identity.is_by_name());
-    let joined = by_name.filter(has_several);
-    joined.map(|object| object.id.clone()).collect()
 }
 
 impl Report {

@@ -224,13 +224,12 @@ fn objects_without_a_number_differ_by_name() {
             ]
         );
         assert_eq!(loaded.find(Some("two")).unwrap().id, second);
-        // An object has one orbit at a time: sets of one epoch and one name may be of two, sets of two epochs of one.
-        let loaded = read(&format!("ONE\n{one}ONE\n{other}ONE\n{one}"));
+        // One name is no identity: each orbit is of one more object.
+        let later = set("19167.5", "119.0000");
+        let loaded = read(&format!("ONE\n{one}ONE\n{other}one\n{one}ONE\n{later}"));
         let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
-        assert_eq!(found, [first.as_str(), &format!("{first} #2")]);
-        let loaded = read(&format!("ONE\n{one}ONE\n{}", set("19167.5", "119.0000")));
-        assert_eq!(ids(&loaded), [(first.as_str(), vec!["ONE"])]);
-        assert!(loaded.objects[0].identity.is_by_name());
+        let further = [2, 3].map(|count| format!("{first} #{count}"));
+        assert_eq!(found, [&first, &further[0], &further[1]]);
         // Without a name each is an object of its own, and so is one whose name says nothing.
         for name in ["", "TBA - TO BE ASSIGNED\n"] {
             let loaded = read(&format!("{name}{one}{name}{other}{name}{one}"));
