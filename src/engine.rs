@@ -266,7 +266,8 @@ impl Emulator {
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
-        let scene = go_on(self.scene(camera, vehicle, repeat, &self.choice)?)?;
+        let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
+        let scene = scene.unless_cancelled()?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);
         if self.next_frame == 0 {
             plan.log();
@@ -282,7 +283,7 @@ impl Emulator {
         let json = Arc::new(label.to_json_in(text));
         if scene.view.limit.is_cancelled() {
             drop(plan);
-            return Err(abandoned(scene));
+            return Err(scene.abandon());
         }
         // Bounds in the label may have the images made once more.
         if scene.view.limit.is_exceeded() {
@@ -298,7 +299,7 @@ impl Emulator {
         let done = |first, digits: &[u16]| witness.developed(first, digits);
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
-        let scene = go_on(scene)?;
+        let scene = scene.unless_cancelled()?;
         Ok(Shot {
             number,
             frame,
@@ -458,23 +459,6 @@ impl Emulator {
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
     }
-}
-
-/// Fails if a frame is cancelled.
-fn go_on(scene: Scene) -> Result<Scene, Unobservable> {
-    match scene.view.limit.is_cancelled() {
-        true => Err(abandoned(scene)),
-        false => Ok(scene),
-    }
-}
-
-/// Nobody waits until the memory of an abandoned frame is given back: of 10,000 sources that takes 50 ms. Not on a thread of the pool: all of those are
-/// waited for.
-fn abandoned(scene: Scene) -> Unobservable {
-    let freed = std::thread::Builder::new().name("free".to_string());
-    // Without a thread it is freed here.
-    let _ = freed.spawn(move || drop(scene));
-    Unobservable::Abandoned
 }
 
 /// Asks for memory on this thread, touches it and gives it back, as real-time programs do before they begin: the allocator keeps it, and a frame

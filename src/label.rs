@@ -8,6 +8,7 @@ mod schema;
 mod spot;
 mod text;
 mod unseen;
+mod visible;
 mod wanderer;
 
 pub use fidelity::FidelityLabel;
@@ -15,6 +16,7 @@ pub use objects::Objects;
 pub use schema::schema;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
+pub use visible::why_hidden;
 pub use wanderer::WandererLabel;
 
 use objects::OCTETS;
@@ -24,7 +26,7 @@ use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
 use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
-use crate::scene::{Body, Hidden, Scene, SeenWanderer, Source, World};
+use crate::scene::{Body, Scene, SeenWanderer, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -421,7 +423,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     };
     let [ra_deg, dec_deg] = ra_dec_deg(&direction);
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
-    let reason = why_not_visible(source, scene, in_frame);
+    let reason = visible::why_not_visible(source, scene, in_frame);
     let irradiance =
         source.arriving_e / (scene.view.camera.electrons_per_second_at_zero() * exposure_s);
     ObjectLabel {
@@ -448,39 +450,6 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         rso,
         wanderer,
     }
-}
-
-fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
-    if !in_frame {
-        return Some("its centroid is outside the frame".to_string());
-    }
-    match source.hidden {
-        Some(hidden) => Some(why_hidden(hidden).to_string()),
-        None if scene.fills_all(source) => Some("every pixel that it lights is full".to_string()),
-        None if source.snr < VISIBLE_SNR => {
-            let dimmed = match &source.body {
-                Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",
-                _ => "",
-            };
-            Some(too_faint(dimmed, source.snr))
-        }
-        None => None,
-    }
-}
-
-/// Why no light of an object arrives, as its label says it.
-pub fn why_hidden(hidden: Hidden) -> &'static str {
-    match hidden {
-        Hidden::ByEarth => "behind the Earth",
-        Hidden::ByMoon => "behind the Moon",
-        Hidden::InShadow => "in the Earth's shadow",
-    }
-}
-
-fn too_faint(dimmed: &str, snr: f64) -> String {
-    // Rounded down, so that it never reads as the limit itself.
-    let snr = (snr * 100.0).floor() / 100.0;
-    format!("too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}")
 }
 
 fn rso_label(seen: &SeenObject) -> RsoLabel {

@@ -268,7 +268,7 @@ fn spot(
         snr,
         in_frame: true,
         visible,
-        reason: (!visible).then(|| super::too_faint("", snr)),
+        reason: (!visible).then(|| super::visible::too_faint("", snr)),
         pixels,
     }
 }

@@ -1,0 +1,39 @@
+//! Why objects and spots count as not visible.
+
+use super::VISIBLE_SNR;
+use crate::scene::{Body, Hidden, Scene, Source};
+
+/// Why an object does not count as visible, as its label says it; none where it does.
+pub fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
+    if !in_frame {
+        return Some("its centroid is outside the frame".to_string());
+    }
+    match source.hidden {
+        Some(hidden) => Some(why_hidden(hidden).to_string()),
+        None if scene.fills_all(source) => Some("every pixel that it lights is full".to_string()),
+        None if source.snr < VISIBLE_SNR => {
+            let dimmed = match &source.body {
+                Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",
+                _ => "",
+            };
+            Some(too_faint(dimmed, source.snr))
+        }
+        None => None,
+    }
+}
+
+/// Why no light of an object arrives, as its label says it.
+pub fn why_hidden(hidden: Hidden) -> &'static str {
+    match hidden {
+        Hidden::ByEarth => "behind the Earth",
+        Hidden::ByMoon => "behind the Moon",
+        Hidden::InShadow => "in the Earth's shadow",
+    }
+}
+
+/// The same of a signal-to-noise ratio below [`VISIBLE_SNR`].
+pub fn too_faint(dimmed: &str, snr: f64) -> String {
+    // Rounded down, so that it never reads as the limit itself.
+    let snr = (snr * 100.0).floor() / 100.0;
+    format!("too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}")
+}
