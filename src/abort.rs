@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A flag that one thread sets and the threads that make a frame read: between images, squares of area light and bands of rows. What is made after it
-/// was set is incomplete and is not used.
+/// A flag that one thread sets and the threads that make a frame read: between the stages of a scene, images, squares of area light, labels and bands of
+/// rows. What is made after it was set is incomplete and is not used.
 #[derive(Debug, Clone, Default)]
 pub struct Abort(Arc<AtomicBool>);
 

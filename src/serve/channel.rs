@@ -186,7 +186,7 @@ impl Channel {
             self.lost = self.lost.wrapping_add(1);
             if !std::mem::replace(&mut self.exchange.overrun, true) {
                 tracing::warn!(
-                    "{MAX_ANSWERS} answers wait for a client that does not read: more are lost, and counted"
+                    "{MAX_ANSWERS} answers wait: the client does not read them, or asks for more than the link carries; more are lost, and counted"
                 );
             }
             return Ok(());
