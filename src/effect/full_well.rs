@@ -71,7 +71,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
                 full_well: false,
                 ..scene.simulated
             };
-            let groups = in_groups(&scene.spill.columns, |columns| {
+            let groups = in_groups(scene, &scene.spill.columns, |columns| {
                 let [with, without] =
                     [&scene.simulated, &parts].map(|parts| held_e(scene, columns, parts));
                 apart(&with, &without)
@@ -104,7 +104,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
 fn spilt(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
-    let groups = in_groups(&scene.spill.columns, |columns| {
+    let groups = in_groups(scene, &scene.spill.columns, |columns| {
         let charge = scene.columns_e(columns, &scene.simulated);
         let columns = charge.chunks_exact(detector.height);
         columns.filter(|column| column.iter().any(over)).count()

@@ -11,13 +11,19 @@ use std::collections::BTreeMap;
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
 /// scene's that `parts` has too.
 pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec<f64> {
-    let detector = &scene.view.camera.detector;
     let mut charge = scene.columns_e(columns, parts);
     if parts.full_well {
-        let columns = charge.par_chunks_exact_mut(detector.height);
-        columns.for_each(|column| fill(column, detector));
+        fill_all(scene, &mut charge);
     }
     charge
+}
+
+/// What the pixels of columns hold of their charge (e-), one column after the other.
+fn fill_all(scene: &Scene, charge: &mut [f64]) {
+    let detector = &scene.view.camera.detector;
+    let columns = charge.par_chunks_exact_mut(detector.height);
+    let columns = columns.filter(|_| !scene.view.limit.is_cancelled());
+    columns.for_each(|column| fill(column, detector));
 }
 
 /// Groups of columns that are worked out side by side.
@@ -25,10 +31,12 @@ const GROUPS: usize = 8;
 
 /// What `work` makes of columns, side by side and so few at a time that a core's cache holds them.
 pub(super) fn in_groups<T: Send>(
+    scene: &Scene,
     columns: &[usize],
     work: impl Fn(&[usize]) -> T + Send + Sync,
 ) -> Vec<T> {
     let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).max(1));
+    let groups = groups.filter(|_| !scene.view.limit.is_cancelled());
     groups.map(work).collect()
 }
 
@@ -71,7 +79,7 @@ pub(super) fn shown_e(
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    let shown_e = in_groups(&columns, |columns| {
+    let shown_e = in_groups(scene, &columns, |columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
         apart(&with, &without)
     });
@@ -218,26 +226,28 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
         most += trail * scene.trail_part();
     }
     let columns = &scene.spill.columns;
-    if columns.is_empty() {
+    if columns.is_empty() || scene.view.limit.is_cancelled() {
         return most;
     }
     let with = scene.light_e(columns, &scene.simulated);
-    let pixels = columns
-        .iter()
-        .flat_map(|column| (0..height).map(move |row| row * width + column));
-    let without = with.iter().zip(pixels);
-    let without = without
-        .map(|(e, pixel)| (e + comes_e(pixel)).max(0.0))
-        .collect();
+    let mut without = with.clone();
+    let charges = without.par_chunks_exact_mut(height).zip(columns);
+    let charges = charges.filter(|_| !scene.view.limit.is_cancelled());
+    charges.for_each(|(charge, column)| {
+        for (row, e) in charge.iter_mut().enumerate() {
+            *e = (*e + comes_e(row * width + column)).max(0.0);
+        }
+    });
     let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
         scene.turn(&mut charge, columns, &scene.simulated);
         if scene.simulated.full_well {
-            charge
-                .chunks_exact_mut(height)
-                .for_each(|column| fill(column, detector));
+            fill_all(scene, &mut charge);
         }
         charge
     });
+    if scene.view.limit.is_cancelled() {
+        return most;
+    }
     most.max(apart(&with, &without))
 }
 

@@ -1,6 +1,7 @@
 //! How much light the brightest pixel may hold: a bound that costs far less than drawing the sources.
 
 use super::{Lit, Source};
+use crate::abort::WorkLimit;
 use crate::camera::Detector;
 use crate::lanes;
 use rayon::prelude::*;
@@ -29,8 +30,9 @@ pub(super) fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
+    limit: &WorkLimit,
 ) -> Vec<f64> {
-    greatest_e(detector, &cells_of(detector, lights, weight))
+    greatest_e(detector, &cells_of(detector, lights, weight, limit))
 }
 
 /// In each cell the sum of what every light gives to its greatest pixel there, e-, in parts that are to be added up.
@@ -38,6 +40,7 @@ pub(super) fn cells_of<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
+    limit: &WorkLimit,
 ) -> Vec<Vec<f64>> {
     let lights = lights.filter(|light| light.electrons > 0.0);
     let (wide, lights): (Vec<Lit<'_>>, Vec<Lit<'_>>) =
@@ -46,13 +49,13 @@ pub(super) fn cells_of<'a>(
     let all = 0..detector.height;
     let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(FEW));
     let mut parts: Vec<Vec<f64>> = parts
-        .map(|lights| cells_e(detector, lights, weight, all.clone()))
+        .map(|lights| cells_e(detector, lights, weight, all.clone(), limit))
         .collect();
     if !wide.is_empty() {
         let bands = (0..detector.height.div_ceil(BAND)).into_par_iter();
         let bands = bands.map(|band| {
             let rows = band * BAND..((band + 1) * BAND).min(detector.height);
-            cells_e(detector, &wide, weight, rows)
+            cells_e(detector, &wide, weight, rows, limit)
         });
         parts.push(bands.collect::<Vec<Vec<f64>>>().concat());
     }
@@ -91,6 +94,7 @@ fn cells_e(
     lights: &[Lit<'_>],
     weight: Option<Weight<'_>>,
     rows: Range<usize>,
+    limit: &WorkLimit,
 ) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let top = rows.start / CELL;
@@ -98,7 +102,7 @@ fn cells_e(
     // Of each column, in the rows of cells at hand; and which columns that are.
     let mut greatest = vec![0.0f32; columns * CELL];
     let mut lit = (usize::MAX, 0);
-    for light in lights {
+    for light in lights.iter().take_while(|_| !limit.is_cancelled()) {
         let mut rows = light.footprint.rows(rows.clone()).peekable();
         while let Some((row, first, shares)) = rows.next() {
             let here = greatest[first..].iter_mut().zip(shares);
@@ -253,7 +257,12 @@ mod tests {
             electrons: 3.0,
             footprint,
         });
-        let bounds = pixels_e(&detector, lights, Some(&|pixel| pixel as f64));
+        let bounds = pixels_e(
+            &detector,
+            lights,
+            Some(&|pixel| pixel as f64),
+            &WorkLimit::default(),
+        );
         let mut held = vec![0.0; 240];
         places().for_each(|place| held[place] += 3.0 * place as f64);
         assert_eq!(bounds.len(), 3);

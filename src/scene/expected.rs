@@ -22,7 +22,7 @@ impl Scene {
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
         let weight = !self.turns_all_alike();
         let weight = weight.then_some(&response as brightest::Weight<'_>);
-        brightest::cells_of(detector, lights, weight)
+        brightest::cells_of(detector, lights, weight, &self.view.limit)
     }
 
     /// [`Scene::lit_e`] by the stars, and by all light.
@@ -67,7 +67,12 @@ impl Scene {
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
     pub fn lit_where(&self, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
         let detector = &self.view.camera.detector;
-        brightest::pixels_e(detector, self.lights(&self.simulated), Some(&weight))
+        brightest::pixels_e(
+            detector,
+            self.lights(&self.simulated),
+            Some(&weight),
+            &self.view.limit,
+        )
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.
@@ -124,7 +129,7 @@ impl Scene {
     /// What each pixel of each column gets of the column's light by an area's alone while it is shifted, e-.
     pub fn trail_of(&self, area: &AreaLight) -> Vec<f64> {
         let lights = area.light().into_iter().map(Lit::from);
-        let mut columns = spill::columns_e(&self.view.camera.detector, lights);
+        let mut columns = spill::columns_e(&self.view, lights);
         let part = self.trail_part();
         columns.iter_mut().for_each(|e| *e *= part);
         columns
@@ -287,6 +292,7 @@ impl Scene {
         let detector = &self.view.camera.detector;
         let trail = trail::part(&self.view);
         let charges = light.par_chunks_exact_mut(detector.height).zip(columns);
+        let charges = charges.filter(|_| !self.view.limit.is_cancelled());
         charges.for_each(|(charge, column)| {
             let trail_e = if parts.frame_transfer {
                 trail * charge.iter().sum::<f64>()

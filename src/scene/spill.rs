@@ -10,7 +10,7 @@
 //! It is monotonic, so the same bounds what is taken away, and what is added here and taken there by the greater of both.
 
 use super::brightest::CELL;
-use super::{AreaLight, Kind, Lit, Scene};
+use super::{AreaLight, Kind, Lit, Scene, View};
 use crate::camera::{Blooming, Detector};
 
 /// What fills up and spills.
@@ -42,7 +42,7 @@ impl Spill {
         // By whole cells, so that what bounds say of other cells holds for all other columns.
         let cells = |column: &usize| {
             let past = (column + CELL).min(detector.width);
-            (*column..past).any(|column| fills(&column))
+            !scene.view.limit.is_cancelled() && (*column..past).any(|column| fills(&column))
         };
         let filling = (0..if may { detector.width } else { 0 }).step_by(CELL);
         let filling = filling
@@ -92,13 +92,12 @@ pub fn drawn_e(expected_e: f64) -> f64 {
 }
 
 /// The light on each column, e-.
-pub(super) fn columns_e<'a>(
-    detector: &Detector,
-    lights: impl Iterator<Item = Lit<'a>>,
-) -> Vec<f64> {
+pub(super) fn columns_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+    let detector = &view.camera.detector;
     let mut columns = vec![0.0; detector.width];
     for light in lights.filter(|light| light.electrons > 0.0) {
-        for (_, first, shares) in light.footprint.rows(0..detector.height) {
+        let rows = light.footprint.rows(0..detector.height);
+        for (_, first, shares) in rows.take_while(|_| !view.limit.is_cancelled()) {
             for (column, share) in columns[first..].iter_mut().zip(shares) {
                 *column += light.electrons * f64::from(*share);
             }

@@ -14,11 +14,10 @@ use crate::camera::Shutter;
 
 /// What each pixel of a column gets, e-, one value a column; empty where no charge is shifted through light.
 pub(super) fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
-    let detector = &view.camera.detector;
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
     }
-    let mut columns = columns_e(detector, lights);
+    let mut columns = columns_e(view, lights);
     let part = part(view);
     columns.iter_mut().for_each(|column| *column *= part);
     columns

@@ -253,6 +253,28 @@ const LARGE: &[Corner] = &[
         true,
     ),
     ("16 Mpx, 10,000 labels", &SENSITIVE, SKY, 0.0, true),
+    ("16 Mpx that spill", &UNEVEN, SKY, 0.0, true),
+];
+
+/// All columns fill up, with maps of response and dark current.
+const UNEVEN: [(&str, &str); 14] = [
+    ("timing.exposure_s", "0.3"),
+    ("timing.rate_hz", "0.5"),
+    ("timing.shutter", "\"frame-transfer\""),
+    ("timing.row_us", "5.0"),
+    ("detector.width_px", "4096"),
+    ("detector.height_px", "4096"),
+    ("detector.blooming", "\"column\""),
+    ("detector.full_well_e", "5000.0"),
+    ("detector.dark_e_s", "150.0"),
+    ("detector.prnu", "0.01"),
+    ("detector.dark_nonuniformity", "0.3"),
+    ("detector.hot_fraction", "0.05"),
+    ("detector.hot_e_s", "5000.0"),
+    (
+        "optics.stray",
+        "{ pst = [[15.0, 1e-3], [105.0, 1e-12]], sun_exclusion_deg = 60.0 }",
+    ),
 ];
 
 /// 77 deg wide.

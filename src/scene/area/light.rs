@@ -3,6 +3,7 @@
 
 use super::lines::{Lines, Places};
 use super::runs::Runs;
+use crate::abort::WorkLimit;
 use crate::footprint::Footprint;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
@@ -18,6 +19,8 @@ pub struct Light {
     runs: Runs,
     places: OnceLock<Places>,
     drawn: OnceLock<Footprint>,
+    /// Of the frame that draws it.
+    limit: WorkLimit,
 }
 
 impl Light {
@@ -30,14 +33,17 @@ impl Light {
         }
     }
 
-    /// That of several, of the same detector.
-    pub fn of_all(all: &[&Light]) -> Option<Light> {
+    /// That of several, of the same detector; whoever draws it stops where `limit` is cancelled.
+    pub fn of_all(all: &[&Light], limit: &WorkLimit) -> Option<Light> {
         let lines: Vec<&Lines> = all.iter().map(|light| &light.lines).collect();
         let lines = Lines::of_all(&lines)?;
         let runs = all.iter().map(|light| &light.runs);
         let runs: Vec<&Runs> = runs.filter(|runs| !runs.is_empty()).collect();
         let runs = Runs::of_all(lines.size(), &runs);
-        Some(Light::new(lines, runs))
+        Some(Light {
+            limit: limit.clone(),
+            ..Light::new(lines, runs)
+        })
     }
 
     /// How many pixels differ from lines.
@@ -70,6 +76,7 @@ impl Light {
             // On one thread: one that waits for others here could take up work that asks for the same.
             let mut e = vec![0.0; width * height];
             let parts = e.chunks_mut(FEW).enumerate();
+            let parts = parts.take_while(|_| !self.limit.is_cancelled());
             parts.for_each(|(part, e)| self.add_to(Some(Level::best()), part * FEW, e));
             Footprint::whole(width, e)
         })

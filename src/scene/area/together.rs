@@ -24,7 +24,7 @@ impl Together {
         let Detector { width, height, .. } = view.camera.detector;
         let lights: Vec<&Light> = areas.iter().filter_map(AreaLight::light).collect();
         Together {
-            light: Light::of_all(&lights),
+            light: Light::of_all(&lights, &view.limit),
             is_drawn: pixels >= width * height / CLOSE,
         }
     }
