@@ -269,6 +269,10 @@ impl Emulator {
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
         let scene = scene.unless_cancelled()?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);
+        if scene.view.limit.is_cancelled() {
+            drop(plan);
+            return Err(scene.abandon());
+        }
         if self.next_frame == 0 {
             plan.log();
         }

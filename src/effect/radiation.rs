@@ -92,7 +92,7 @@ fn rate(scene: &Scene) -> String {
 fn passed_on(scene: &Scene, hits: &[(u32, u32)], most: f64) -> f64 {
     let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
     let most = most.min(spill.most_e);
-    if !spill.spills() {
+    if !spill.spills() || scene.view.limit.is_cancelled() {
         return most;
     }
     let expected = scene.columns_e(&spill.columns, &scene.simulated);

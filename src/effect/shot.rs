@@ -60,7 +60,7 @@ fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
 /// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that of all draws of its column
 /// (Efron and Stein 1981, Annals of Statistics 9, 586), of which it shows a part each.
 fn spilt_e(scene: &Scene) -> f64 {
-    if !scene.spill.spills() {
+    if !scene.spill.spills() || scene.view.limit.is_cancelled() {
         return 0.0;
     }
     let height = scene.view.camera.detector.height;

@@ -223,7 +223,10 @@ impl Scene {
         let all = &self.spilling_e;
         let height = self.view.camera.detector.height;
         let column = |place: usize| all[place * height..][..height].iter().copied();
-        let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
+        let places = places.into_iter();
+        let places = places.take_while(|_| !self.view.limit.is_cancelled());
+        let mut light: Vec<f64> = places.flat_map(column).collect();
+        light.resize(columns.len() * height, 0.0);
         let sources = self.sources_if(|source| !source.body.is_in(parts));
         let areas = self.area_lights_without(parts);
         if !sources.is_empty() || !areas.is_empty() {
