@@ -290,7 +290,7 @@ impl Label {
                     .collect()
             },
             || {
-                // Of a frame that is cancelled nobody reads the label.
+                // The label of a cancelled frame is not used.
                 let parts = sources.chunks(PART);
                 for part in parts.take_while(|_| !view.limit.is_cancelled()) {
                     let part = part.par_iter().with_min_len(TASK);

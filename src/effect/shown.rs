@@ -157,7 +157,7 @@ pub(super) fn changed_e(
     let mut most = 0.0;
     let all = scene.sources.iter().map(|source| source.arriving_e);
     let full = all.sum::<f64>() / scene.view.camera.detector.full_well_e;
-    // Of a frame that is cancelled nobody reads it.
+    // The bound of a cancelled frame is not used.
     let is_on = |_: &usize| !scene.view.limit.is_cancelled();
     for _ in (0..ROUNDS).take_while(is_on) {
         let peaks = compared.peaks();

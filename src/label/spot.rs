@@ -152,7 +152,7 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// Whether anybody waits for the label.
+    /// Whether the label will be used: its frame is not cancelled.
     fn is_on(&self) -> bool {
         !self.scene.view.limit.is_cancelled()
     }

@@ -23,7 +23,7 @@ const EVENT_NS: f64 = 1000.0;
 const DIFFUSED_NS: f64 = 45.0;
 
 impl Scene {
-    /// The images of all that is in view. Once the view's limit is over it is incomplete, and nobody may look at it.
+    /// The images of all that is in view. Once the view's limit is over, it is incomplete and must not be used.
     pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
         let (sources, areas) = rayon::join(
             || images(&view, &simulated, fidelity),
@@ -60,8 +60,8 @@ impl Scene {
         }
     }
 
-    /// Nobody waits until the memory of an abandoned frame is given back: of 10,000 sources that takes 50 ms. Not on a thread of the pool: all of those
-    /// are waited for.
+    /// Frees its memory on a thread of its own, and reports its frame as abandoned. Freeing 10,000 sources takes 50 ms. A thread of the pool would
+    /// delay the end of the frame, which waits for all of those.
     pub fn abandon(self) -> Unobservable {
         let freed = std::thread::Builder::new().name("free".to_string());
         // Without a thread it is freed here.
