@@ -269,7 +269,7 @@ impl Emulator {
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
         let scene = scene.unless_cancelled()?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);
-        if scene.view.limit.is_cancelled() {
+        if scene.is_cancelled() {
             drop(plan);
             return Err(scene.abandon());
         }
@@ -285,7 +285,7 @@ impl Emulator {
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
         label.overrun = self.overrun;
         let json = Arc::new(label.to_json_in(text));
-        if scene.view.limit.is_cancelled() {
+        if scene.is_cancelled() {
             drop(plan);
             return Err(scene.abandon());
         }

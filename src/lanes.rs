@@ -6,12 +6,6 @@ const LANES: usize = 16;
 /// Values that are worked out one after the other, whatever threads there are.
 const TOGETHER: usize = 1 << 16;
 
-/// So many times the default, written by all threads.
-pub fn blank<T: Default + Send>(count: usize) -> Vec<T> {
-    let blanks = (0..count).into_par_iter().with_min_len(TOGETHER);
-    blanks.map(|_| T::default()).collect()
-}
-
 /// The greatest; 0 where none is above it.
 pub fn greatest(values: &[f32]) -> f32 {
     if values.len() <= TOGETHER {

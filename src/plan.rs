@@ -112,6 +112,8 @@ impl<'s> Plan<'s> {
                 };
             }
             let (need, pass) = match &effect.judge {
+                // Its plan is not used.
+                _ if scene.is_cancelled() => (Need::none("the frame is cancelled"), Pass::idle()),
                 Judge::Images(judge, _) => {
                     let need = judge(&scene.view, &scene.simulated, fidelity);
                     (need.told(), Pass::Images)

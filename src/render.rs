@@ -115,7 +115,7 @@ fn bands(
     let left = Mutex::new(digits.chunks_mut(band).enumerate());
     let next = || {
         let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
-        left.next().filter(|_| !scene.view.limit.is_cancelled())
+        left.next().filter(|_| !scene.is_cancelled())
     };
     (0..rayon::current_num_threads())
         .into_par_iter()
@@ -150,7 +150,7 @@ fn run(
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
-        if scene.view.limit.is_cancelled() {
+        if scene.is_cancelled() {
             return;
         }
         if let [Pass::Frame(pass)] = group {
@@ -159,7 +159,7 @@ fn run(
         }
         if level.is_some() {
             let tiles = tiles(scene, level, electrons, digits);
-            let tiles = tiles.filter(|_| !scene.view.limit.is_cancelled());
+            let tiles = tiles.filter(|_| !scene.is_cancelled());
             tiles.for_each(|mut tile| go_over(&mut tile, group));
             continue;
         }

@@ -64,6 +64,8 @@ pub struct Pattern {
     dark_min_e_s: f64,
     dark_mean_e_s: f64,
     dark_max_e_s: f64,
+    /// The same of the hottest pixel of each column; empty: the same everywhere.
+    hottest_e_s: Vec<f32>,
 }
 
 /// The draws of the pattern, as the effects of a frame have theirs: another number, other draws.
@@ -138,7 +140,12 @@ impl Pattern {
         let mean = dark_e_s.iter().map(|d| f64::from(*d)).sum::<f64>() / f64::from(pixels.max(1));
         let uniform = dark_e_s.is_empty();
         let least = dark_e_s.iter().copied().reduce(f32::min);
-        let most = dark_e_s.iter().copied().fold(0.0, f32::max);
+        let mut hottest_e_s = vec![0.0f32; if uniform { 0 } else { figures.width }];
+        for row in dark_e_s.chunks(figures.width.max(1)) {
+            let columns = hottest_e_s.iter_mut().zip(row);
+            columns.for_each(|(most, dark)| *most = most.max(*dark));
+        }
+        let most = hottest_e_s.iter().copied().fold(0.0, f32::max);
         Pattern {
             worst_response: response
                 .iter()
@@ -155,6 +162,7 @@ impl Pattern {
             stuck: chosen(STUCK, figures.stuck_fraction, &figures.stuck_px),
             response,
             dark_e_s,
+            hottest_e_s,
             hot,
         }
     }
@@ -199,6 +207,13 @@ impl Pattern {
     /// Dark current of the hottest pixel, e-/s.
     pub fn dark_max_e_s(&self) -> f64 {
         self.dark_max_e_s
+    }
+
+    /// Dark current of the hottest pixel of a column, e-/s.
+    pub fn dark_max_of_column(&self, column: usize) -> f64 {
+        self.hottest_e_s
+            .get(column)
+            .map_or(self.dark_max_e_s, |d| f64::from(*d))
     }
 
     /// Hot pixels in order, with the excess of each, e-/s.

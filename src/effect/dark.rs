@@ -47,18 +47,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             0.12
         };
         let error = move || {
-            let width = scene.view.camera.detector.width;
-            let mut columns = vec![most * seconds; width];
-            if let (Some(map), false) = (pattern.dark_e_s(), scene.spill.columns.is_empty()) {
-                // The hottest pixels may be among those that fill up.
-                columns.fill(0.0);
-                for row in map.chunks_exact(width) {
-                    for (most, dark) in columns.iter_mut().zip(row) {
-                        *most = most.max(f64::from(*dark) * seconds);
-                    }
-                }
-            }
-            shown_e(scene, || of_cells(&columns), leave)
+            // The hottest pixels may be among those that fill up.
+            let columns = 0..scene.view.camera.detector.width;
+            let columns = columns.map(|column| pattern.dark_max_of_column(column) * seconds);
+            shown_e(scene, || of_cells(&columns.collect::<Vec<f64>>()), leave)
         };
         Need {
             // However little a pixel expects, somewhere electrons come.

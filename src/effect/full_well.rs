@@ -11,7 +11,7 @@
 
 use super::bloom::Bloom;
 use super::cause::digits;
-use super::shown::{apart, held_e, in_groups};
+use super::shown::{apart, greatest, held_e};
 use super::{Cost, Effect, Judge, Need, Pass, Stage};
 use crate::abort::WorkLimit;
 use crate::camera::{Blooming, Detector};
@@ -71,12 +71,12 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
                 full_well: false,
                 ..scene.simulated
             };
-            let groups = in_groups(scene, &scene.spill.columns, |columns| {
+            let spilling = greatest(scene, &scene.spill.columns, |columns| {
                 let [with, without] =
                     [&scene.simulated, &parts].map(|parts| held_e(scene, columns, parts));
                 apart(&with, &without)
             });
-            groups.into_iter().fold(0.0, f64::max) + scene.straightened_e(&parts)
+            spilling + scene.straightened_e(&parts)
         };
         let need = Need::of_pixels(scene, because, 0.0, ns);
         let spilt = if spills { spilt(scene) } else { 0 };
@@ -104,7 +104,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
 fn spilt(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
-    let groups = in_groups(scene, &scene.spill.columns, |columns| {
+    let groups = scene.in_groups(&scene.spill.columns, |columns| {
         let charge = scene.columns_e(columns, &scene.simulated);
         let columns = charge.chunks_exact(detector.height);
         columns.filter(|column| column.iter().any(over)).count()

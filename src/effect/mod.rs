@@ -200,7 +200,7 @@ pub enum Pass<'s> {
 
 impl Pass<'_> {
     /// Does nothing.
-    fn idle() -> Self {
+    pub fn idle() -> Self {
         Pass::Pixels(Box::new(|_| {}))
     }
 }
@@ -230,7 +230,7 @@ pub enum Verdict<'s> {
 
 impl<'s> Need<'s> {
     /// Nothing calls for the effect: without it, nothing changes.
-    fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
+    pub fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
         Need {
             because: why.into(),
             error: Loss::default().into(),

@@ -9,6 +9,7 @@
 //! the energy loss. Reference: there. Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels of the events.
 
 use super::cause::{counted, digits};
+use super::shown::greatest;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
@@ -92,26 +93,27 @@ fn rate(scene: &Scene) -> String {
 fn passed_on(scene: &Scene, hits: &[(u32, u32)], most: f64) -> f64 {
     let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
     let most = most.min(spill.most_e);
-    if !spill.spills() || scene.view.limit.is_cancelled() {
+    if !spill.spills() {
         return most;
     }
-    let expected = scene.columns_e(&spill.columns, &scene.simulated);
-    let columns = expected.chunks_exact(detector.height).zip(&spill.columns);
-    let passed = columns.map(|(expected, column)| {
-        let here = hits
-            .iter()
-            .filter(|(pixel, _)| *pixel as usize % detector.width == *column);
-        let left: Vec<f64> = here.map(|(_, e)| f64::from(*e)).collect();
-        let (all, greatest) = (
-            left.iter().sum::<f64>(),
-            left.iter().copied().fold(0.0, f64::max),
-        );
-        let charge = drawn_e(expected.iter().sum()) + all;
-        let full = (charge / detector.full_well_e).floor();
-        all.min(greatest * (1.0 + full))
+    // Of each column, what all of its pixels get, and the one that gets most.
+    let mut struck = vec![[0.0f64; 2]; detector.width];
+    for same in hits.chunk_by(|a, b| a.0 == b.0) {
+        let e = same.iter().map(|(_, e)| f64::from(*e)).sum::<f64>();
+        let [all, greatest] = &mut struck[same[0].0 as usize % detector.width];
+        (*all, *greatest) = (*all + e, greatest.max(e));
+    }
+    let passed = greatest(scene, &spill.columns, |columns| {
+        let expected = scene.columns_e(columns, &scene.simulated);
+        let columns = expected.chunks_exact(detector.height).zip(columns);
+        let passed = columns.map(|(expected, column)| {
+            let [all, greatest] = struck[*column];
+            let charge = drawn_e(expected.iter().sum()) + all;
+            let full = (charge / detector.full_well_e).floor();
+            all.min(greatest * (1.0 + full))
+        });
+        passed.fold(0.0, f64::max)
     });
     // Whole electrons spill.
-    passed
-        .map(|e| (e + 2.0).min(spill.most_e))
-        .fold(most, f64::max)
+    most.max((passed + 2.0).min(spill.most_e))
 }

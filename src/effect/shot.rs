@@ -9,6 +9,7 @@
 //! an expansion.
 
 use super::cause::{digits, no_light};
+use super::shown::greatest;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::kernels;
@@ -60,15 +61,16 @@ fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
 /// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that of all draws of its column
 /// (Efron and Stein 1981, Annals of Statistics 9, 586), of which it shows a part each.
 fn spilt_e(scene: &Scene) -> f64 {
-    if !scene.spill.spills() || scene.view.limit.is_cancelled() {
+    if !scene.spill.spills() {
         return 0.0;
     }
-    let height = scene.view.camera.detector.height;
-    let charge = scene.columns_e(&scene.spill.columns, &scene.simulated);
-    let columns = charge.chunks_exact(height);
-    columns
-        .map(|column| column.iter().sum::<f64>().sqrt())
-        .fold(0.0, f64::max)
+    greatest(scene, &scene.spill.columns, |columns| {
+        let charge = scene.columns_e(columns, &scene.simulated);
+        let columns = charge.chunks_exact(scene.view.camera.detector.height);
+        columns
+            .map(|column| column.iter().sum::<f64>().sqrt())
+            .fold(0.0, f64::max)
+    })
 }
 
 /// Pixels that are looked at for the price.

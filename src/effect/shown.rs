@@ -5,39 +5,34 @@
 
 use super::full_well::fill;
 use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
 /// scene's that `parts` has too.
 pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec<f64> {
-    let mut charge = scene.columns_e(columns, parts);
-    if parts.full_well {
-        fill_all(scene, &mut charge);
-    }
+    let mut charge = scene.light_e(columns, parts);
+    hold(scene, &mut charge, columns, parts);
     charge
 }
 
-/// What the pixels of columns hold of their charge (e-), one column after the other.
-fn fill_all(scene: &Scene, charge: &mut [f64]) {
-    let detector = &scene.view.camera.detector;
-    let columns = charge.par_chunks_exact_mut(detector.height);
-    let columns = columns.filter(|_| !scene.view.limit.is_cancelled());
-    columns.for_each(|column| fill(column, detector));
+/// Turns the light (e-) on `columns` into the charge that their pixels hold.
+fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &Simulated) {
+    scene.turn(light, columns, parts);
+    if parts.full_well {
+        let detector = &scene.view.camera.detector;
+        let columns = light.chunks_exact_mut(detector.height);
+        columns.for_each(|column| fill(column, detector));
+    }
 }
 
-/// Groups of columns that are worked out side by side.
-const GROUPS: usize = 8;
-
-/// What `work` makes of columns, side by side and so few at a time that a core's cache holds them.
-pub(super) fn in_groups<T: Send>(
+/// The greatest of what `of` says of groups of `columns`.
+pub(super) fn greatest(
     scene: &Scene,
     columns: &[usize],
-    work: impl Fn(&[usize]) -> T + Send + Sync,
-) -> Vec<T> {
-    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).max(1));
-    let groups = groups.filter(|_| !scene.view.limit.is_cancelled());
-    groups.map(work).collect()
+    of: impl Fn(&[usize]) -> f64 + Send + Sync,
+) -> f64 {
+    let groups = scene.in_groups(columns, of);
+    groups.into_iter().fold(0.0, f64::max)
 }
 
 /// Why an effect is not needed where all pixels are full of other light.
@@ -79,11 +74,10 @@ pub(super) fn shown_e(
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    let shown_e = in_groups(scene, &columns, |columns| {
+    most.max(greatest(scene, &columns, |columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
         apart(&with, &without)
-    });
-    shown_e.into_iter().fold(most, f64::max)
+    }))
 }
 
 /// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.
@@ -121,15 +115,30 @@ pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
         return held;
     }
     let detector = &scene.view.camera.detector;
-    let filled = held_e(scene, &scene.spill.columns, &scene.simulated);
-    for (held, pixel) in held.iter_mut().zip(pixels) {
-        let (row, column) = (
-            *pixel as usize / detector.width,
-            *pixel as usize % detector.width,
-        );
-        if let Ok(i) = scene.spill.columns.binary_search(&column) {
-            *held = filled[i * detector.height + row];
-        }
+    // (column, place among `pixels`), sorted.
+    let column = |pixel: &u32| *pixel % detector.width as u32;
+    let places = pixels.iter().map(column).zip(0u32..);
+    let mut places: Vec<(u32, u32)> = places.collect();
+    places.sort_unstable();
+    let columns = places.chunk_by(|a, b| a.0 == b.0);
+    let columns = columns.map(|of| of[0].0 as usize);
+    let columns: Vec<usize> = columns.filter(|column| scene.spill.has(*column)).collect();
+    let filled = scene.in_groups(&columns, |columns| {
+        let charge = held_e(scene, columns, &scene.simulated);
+        let charge = charge.chunks_exact(detector.height).zip(columns);
+        let held = charge.flat_map(|(charge, column)| {
+            let first = places.partition_point(|place| (place.0 as usize) < *column);
+            let here = places[first..].iter();
+            let here = here.take_while(|place| place.0 as usize == *column);
+            here.map(|place| {
+                let at = place.1 as usize;
+                (at, charge[pixels[at] as usize / detector.width])
+            })
+        });
+        held.collect::<Vec<(usize, f64)>>()
+    });
+    for (at, e) in filled.into_iter().flatten() {
+        held[at] = e;
     }
     held
 }
@@ -158,7 +167,7 @@ pub(super) fn changed_e(
     let all = scene.sources.iter().map(|source| source.arriving_e);
     let full = all.sum::<f64>() / scene.view.camera.detector.full_well_e;
     // The bound of a cancelled frame is not used.
-    let is_on = |_: &usize| !scene.view.limit.is_cancelled();
+    let is_on = |_: &usize| !scene.is_cancelled();
     for _ in (0..ROUNDS).take_while(is_on) {
         let peaks = compared.peaks();
         let parts = peaks.iter().enumerate().map(|(column, peak)| {
@@ -203,7 +212,7 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
     let others = scene.areas_with(other);
-    if scene.view.limit.is_cancelled() {
+    if scene.is_cancelled() {
         return 0.0;
     }
     let [is_e, others_e] = [areas.e(), others.e()];
@@ -212,7 +221,7 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
         f64::from(comes) - f64::from(is_e[pixel])
     };
     let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
-    let rows = (0..height).take_while(|_| !scene.view.limit.is_cancelled());
+    let rows = (0..height).take_while(|_| !scene.is_cancelled());
     for pixel in rows.flat_map(|row| row * width..(row + 1) * width) {
         let comes = comes_e(pixel);
         columns_e[pixel % width] += comes;
@@ -226,29 +235,22 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
         most += trail * scene.trail_part();
     }
     let columns = &scene.spill.columns;
-    if columns.is_empty() || scene.view.limit.is_cancelled() {
+    if columns.is_empty() || scene.is_cancelled() {
         return most;
     }
-    let with = scene.light_e(columns, &scene.simulated);
-    let mut without = with.clone();
-    let charges = without.par_chunks_exact_mut(height).zip(columns);
-    let charges = charges.filter(|_| !scene.view.limit.is_cancelled());
-    charges.for_each(|(charge, column)| {
-        for (row, e) in charge.iter_mut().enumerate() {
-            *e = (*e + comes_e(row * width + column)).max(0.0);
+    most.max(greatest(scene, columns, |columns| {
+        let mut with = scene.light_e(columns, &scene.simulated);
+        let mut without = with.clone();
+        for (charge, column) in without.chunks_exact_mut(height).zip(columns) {
+            for (row, e) in charge.iter_mut().enumerate() {
+                *e = (*e + comes_e(row * width + column)).max(0.0);
+            }
         }
-    });
-    let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
-        scene.turn(&mut charge, columns, &scene.simulated);
-        if scene.simulated.full_well {
-            fill_all(scene, &mut charge);
+        for light in [&mut with, &mut without] {
+            hold(scene, light, columns, &scene.simulated);
         }
-        charge
-    });
-    if scene.view.limit.is_cancelled() {
-        return most;
-    }
-    most.max(apart(&with, &without))
+        apart(&with, &without)
+    }))
 }
 
 /// What a column of cells changes by in the end, e-.

@@ -152,11 +152,6 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// Whether the label will be used: its frame is not cancelled.
-    fn is_on(&self) -> bool {
-        !self.scene.view.limit.is_cancelled()
-    }
-
     /// Noise variance of a pixel that expects `e`, e-^2.
     fn variance(&self, e: f64) -> f64 {
         self.floor + if self.scene.simulated.shot { e } else { 0.0 }
@@ -170,7 +165,7 @@ impl<'a> Pixels<'a> {
     /// Particles as they were drawn: `snr^2 = sum e^2 / (b + read^2 + gain^2 / 12)`, b the background.
     fn particles(&self, mut add: impl FnMut(Found)) {
         let events = self.scene.events.iter().enumerate();
-        for (index, event) in events.take_while(|_| self.is_on()) {
+        for (index, event) in events.take_while(|_| !self.scene.is_cancelled()) {
             let part = |(pixel, electrons): &(u32, u32)| {
                 let background = self.scene.background_of(*pixel as usize);
                 f64::from(*electrons).powi(2) / self.variance(background)
@@ -201,12 +196,12 @@ impl<'a> Pixels<'a> {
                 snr,
             });
         };
-        if simulated.dead && self.is_on() {
+        if simulated.dead && !self.scene.is_cancelled() {
             for (pixel, held) in pattern.dead().iter().zip(self.held_e(pattern.dead())) {
                 add("dead", *pixel, 0.0, held, held);
             }
         }
-        if simulated.stuck && self.is_on() {
+        if simulated.stuck && !self.scene.is_cancelled() {
             let stands_for = f64::from(detector.stuck_dn) - detector.offset_dn;
             let electrons = stands_for * detector.gain_e_per_dn;
             for (pixel, held) in pattern.stuck().iter().zip(self.held_e(pattern.stuck())) {
@@ -214,7 +209,11 @@ impl<'a> Pixels<'a> {
             }
         }
         if simulated.dark {
-            for (pixel, excess) in pattern.hot().iter().take_while(|_| self.is_on()) {
+            for (pixel, excess) in pattern
+                .hot()
+                .iter()
+                .take_while(|_| !self.scene.is_cancelled())
+            {
                 let excess = f64::from(*excess) * seconds;
                 let held = self.scene.background_of(*pixel as usize);
                 let blind = (simulated.dead && pattern.dead().binary_search(pixel).is_ok())

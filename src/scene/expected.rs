@@ -3,12 +3,7 @@
 use super::area::Light;
 use super::{AreaLight, Body, Lit, Scene, Simulated, Source, brightest, spill, trail};
 use crate::camera::Detector;
-use crate::lanes;
 use rayon::prelude::*;
-
-/// Groups of columns that are worked out side by side, and how many of them one has at least.
-const GROUPS: usize = 8;
-const FEW: usize = 16;
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
@@ -78,23 +73,16 @@ impl Scene {
     /// No pixel's expected charge is more than this, particles left out, e-.
     pub fn brightest_e(&self) -> f64 {
         let light = self.peaks_e.iter().copied().fold(0.0, f64::max);
-        let dark = if self.simulated.dark {
-            let pattern = &self.view.camera.detector.pattern;
-            pattern.dark_max_e_s() * self.view.exposure.duration_s
-        } else {
-            0.0
-        };
+        let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
         light + dark + self.trail().iter().copied().fold(0.0, f64::max)
     }
 
     /// No pixel of a column expects more charge than this, particles left out, e-.
     pub(super) fn brightest_of(&self, column: usize) -> f64 {
-        let detector = &self.view.camera.detector;
-        // Without a map of dark current the rows of a column are alike.
-        let is_even = !self.simulated.dark || detector.pattern.dark_e_s().is_none();
-        let rows = 0..if is_even { 1 } else { detector.height };
-        let background = rows.map(|row| self.unlit_of(row * detector.width + column));
-        self.peaks_e[column / brightest::CELL] + background.fold(0.0, f64::max)
+        let pattern = &self.view.camera.detector.pattern;
+        let dark = self.dark_charge_e(pattern.dark_max_of_column(column));
+        let trail = self.trail().get(column).copied().unwrap_or(0.0);
+        self.peaks_e[column / brightest::CELL] + dark + trail
     }
 
     /// The charge (e-) that a pixel (row-major index) expects on which no star and no object shines: area light, dark charge, its
@@ -113,12 +101,16 @@ impl Scene {
     fn unlit_of(&self, pixel: usize) -> f64 {
         let detector = &self.view.camera.detector;
         let trail = self.trail().get(pixel % detector.width);
-        let dark = if self.simulated.dark {
-            detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s
+        self.dark_charge_e(detector.pattern.dark_e_s_of(pixel)) + trail.copied().unwrap_or(0.0)
+    }
+
+    /// The charge (e-) of a dark current (e-/s) that is simulated.
+    fn dark_charge_e(&self, dark_e_s: f64) -> f64 {
+        if self.simulated.dark {
+            dark_e_s * self.view.exposure.duration_s
         } else {
             0.0
-        };
-        dark + trail.copied().unwrap_or(0.0)
+        }
     }
 
     /// What each pixel of a column gets of the column's light while it is shifted (1).
@@ -190,12 +182,7 @@ impl Scene {
 
     /// No pixel of a column of cells expects more charge than this, particles left out, e-.
     pub fn fullest_e(&self, column: usize) -> f64 {
-        let dark = if self.simulated.dark {
-            let pattern = &self.view.camera.detector.pattern;
-            pattern.dark_max_e_s() * self.view.exposure.duration_s
-        } else {
-            0.0
-        };
+        let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
         let trail = self.trail().iter().copied().fold(0.0, f64::max);
         let light = self.peaks_e.get(column);
         light.copied().unwrap_or(0.0) + dark + trail
@@ -222,10 +209,8 @@ impl Scene {
         // Asked for again and again, with this and that left out: all was worked out once, and what is left out is taken away.
         let all = &self.spilling_e;
         let height = self.view.camera.detector.height;
-        let column = |place: usize| all[place * height..][..height].iter().copied();
-        let places = places.into_iter();
-        let places = places.take_while(|_| !self.view.limit.is_cancelled());
-        let mut light: Vec<f64> = places.flat_map(column).collect();
+        let column = |place: usize| all.get(place).into_iter().flatten().copied();
+        let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
         light.resize(columns.len() * height, 0.0);
         let sources = self.sources_if(|source| !source.body.is_in(parts));
         let areas = self.area_lights_without(parts);
@@ -238,11 +223,16 @@ impl Scene {
         light
     }
 
-    /// The light on columns that may fill up, one after the other, e-.
-    pub(super) fn spilling_e(&self) -> Vec<f64> {
+    /// The light on each of the columns that may fill up, e-.
+    pub(super) fn spilling_e(&self) -> Vec<Vec<f64>> {
         let sources = self.sources_if(|source| source.body.is_in(&self.simulated));
         let areas = self.area_lights(&self.simulated);
-        self.light_of(&self.spill.columns, &sources, &areas)
+        let groups = self.in_groups(&self.spill.columns, |columns| {
+            let light = self.light_of(columns, &sources, &areas);
+            let columns = light.chunks_exact(self.view.camera.detector.height);
+            columns.map(<[f64]>::to_vec).collect::<Vec<Vec<f64>>>()
+        });
+        groups.into_iter().flatten().collect()
     }
 
     fn sources_if(&self, is_asked: impl Fn(&Source) -> bool) -> Vec<Lit<'_>> {
@@ -253,39 +243,29 @@ impl Scene {
     /// The light (e-) of `sources` and of `areas` on `columns`, sorted, one column after the other.
     fn light_of(&self, columns: &[usize], sources: &[Lit<'_>], areas: &[&Light]) -> Vec<f64> {
         let Detector { width, height, .. } = self.view.camera.detector;
-        let mut light = lanes::blank(columns.len() * height);
-        let few = columns.len().div_ceil(GROUPS).max(FEW);
-        let groups = light.par_chunks_mut(few * height);
-        groups
-            .zip(columns.par_chunks(few))
-            .for_each(|(light, columns)| {
-                let is_on = || !self.view.limit.is_cancelled();
-                for lit in sources.iter().take_while(|_| is_on()) {
-                    for (row, first, shares) in lit.footprint.rows(0..height) {
-                        let from = columns.partition_point(|column| *column < first);
-                        let here = columns[from..].iter().zip(from..);
-                        for (column, i) in
-                            here.take_while(|(column, _)| **column < first + shares.len())
-                        {
-                            let share = f64::from(shares[*column - first]);
-                            light[i * height + row] += lit.electrons * share;
-                        }
-                    }
+        let mut light = vec![0.0; columns.len() * height];
+        for lit in sources {
+            for (row, first, shares) in lit.footprint.rows(0..height) {
+                let from = columns.partition_point(|column| *column < first);
+                let here = columns[from..].iter().zip(from..);
+                for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
+                    let share = f64::from(shares[*column - first]);
+                    light[i * height + row] += lit.electrons * share;
                 }
-                let mut done = 0;
-                for run in columns.chunk_by(|a, b| a + 1 == *b) {
-                    let mut e = vec![0.0; run.len()];
-                    let rows = (0..height).take_while(|_| is_on());
-                    for (row, area) in rows.flat_map(|row| areas.iter().map(move |a| (row, a))) {
-                        e.fill(0.0);
-                        area.add_to_row(row * width + run[0], &mut e);
-                        for (e, i) in e.iter().zip(done..) {
-                            light[i * height + row] += f64::from(*e);
-                        }
-                    }
-                    done += run.len();
+            }
+        }
+        let mut done = 0;
+        for run in columns.chunk_by(|a, b| a + 1 == *b) {
+            let mut e = vec![0.0; run.len()];
+            for (row, area) in (0..height).flat_map(|row| areas.iter().map(move |a| (row, a))) {
+                e.fill(0.0);
+                area.add_to_row(row * width + run[0], &mut e);
+                for (e, i) in e.iter().zip(done..) {
+                    light[i * height + row] += f64::from(*e);
                 }
-            });
+            }
+            done += run.len();
+        }
         light
     }
 
@@ -295,7 +275,7 @@ impl Scene {
         let detector = &self.view.camera.detector;
         let trail = trail::part(&self.view);
         let charges = light.par_chunks_exact_mut(detector.height).zip(columns);
-        let charges = charges.filter(|_| !self.view.limit.is_cancelled());
+        let charges = charges.filter(|_| !self.is_cancelled());
         charges.for_each(|(charge, column)| {
             let trail_e = if parts.frame_transfer {
                 trail * charge.iter().sum::<f64>()

@@ -33,7 +33,7 @@ impl Scene {
             return 0.0;
         }
         let rows = (0..detector.height).into_par_iter();
-        let rows = rows.filter(|_| !self.view.limit.is_cancelled());
+        let rows = rows.filter(|_| !self.is_cancelled());
         let full = rows.map_init(Vec::new, |light_e: &mut Vec<f32>, row| {
             let first = row * detector.width;
             light_e.clear();

@@ -256,7 +256,7 @@ pub struct Scene {
     /// What fills up and spills.
     pub spill: Spill,
     /// The light on columns that may fill up, e-.
-    spilling_e: Vec<f64>,
+    spilling_e: Vec<Vec<f64>>,
     /// What its images were made to.
     fidelity: Fidelity,
 }

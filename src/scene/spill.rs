@@ -12,6 +12,12 @@
 use super::brightest::CELL;
 use super::{AreaLight, Kind, Lit, Scene, View};
 use crate::camera::{Blooming, Detector};
+use rayon::prelude::*;
+
+/// Pixels of columns that are worked out together: a core's cache holds them, and a cancelled frame ends before the next.
+const TOGETHER: usize = 1 << 18;
+/// Few columns are worked out in so many groups.
+const GROUPS: usize = 8;
 
 /// What fills up and spills.
 #[derive(Debug, Default)]
@@ -42,7 +48,7 @@ impl Spill {
         // By whole cells, so that what bounds say of other cells holds for all other columns.
         let cells = |column: &usize| {
             let past = (column + CELL).min(detector.width);
-            !scene.view.limit.is_cancelled() && (*column..past).any(|column| fills(&column))
+            !scene.is_cancelled() && (*column..past).any(|column| fills(&column))
         };
         let filling = (0..if may { detector.width } else { 0 }).step_by(CELL);
         let filling = filling
@@ -89,6 +95,20 @@ fn flood(scene: &Scene) -> Option<&'static Kind> {
 /// The most (e-) that is drawn where so much is expected: ten sigma and ten electrons above nothing is.
 pub fn drawn_e(expected_e: f64) -> f64 {
     expected_e + 10.0 * expected_e.sqrt() + 10.0
+}
+
+impl Scene {
+    /// What `work` makes of groups of `columns`, side by side; once the frame is cancelled, of some of them.
+    pub fn in_groups<T: Send>(
+        &self,
+        columns: &[usize],
+        work: impl Fn(&[usize]) -> T + Send + Sync,
+    ) -> Vec<T> {
+        let most = (TOGETHER / self.view.camera.detector.height.max(1)).max(1);
+        let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, most));
+        let groups = groups.filter(|_| !self.is_cancelled());
+        groups.map(work).collect()
+    }
 }
 
 /// The light on each column, e-.

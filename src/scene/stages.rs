@@ -52,9 +52,14 @@ impl Scene {
         scene
     }
 
+    /// Whether its frame is cancelled: what is worked out from then on is incomplete, and must not be used.
+    pub fn is_cancelled(&self) -> bool {
+        self.view.limit.is_cancelled()
+    }
+
     /// Fails if its frame is cancelled.
     pub fn unless_cancelled(self) -> Result<Scene, Unobservable> {
-        match self.view.limit.is_cancelled() {
+        match self.is_cancelled() {
             true => Err(self.abandon()),
             false => Ok(self),
         }

@@ -49,16 +49,22 @@ impl Pilot {
     }
 
     /// Sets its clock; it begins with an attitude.
+    ///
+    /// That tells `time` itself, to which the grid of periods refers, and not what the clock is a moment later.
     fn set(&mut self, time: WireTime) {
         self.set = (time, Instant::now());
         self.told = Instant::now();
-        self.tick();
+        self.tell(time);
     }
 
     /// Tells the attitude of now.
     fn tick(&mut self) {
+        self.tell(self.time());
+    }
+
+    /// Tells the attitude of an instant of its clock.
+    fn tell(&mut self, time: WireTime) {
         self.sequence += 1;
-        let time = self.time();
         let turning = Attitude {
             q_icrf_to_body: xyzw(turned(seconds(EPOCH, time))),
             rates_rad_s: RATES,

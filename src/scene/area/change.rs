@@ -56,7 +56,7 @@ impl Scene {
     /// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
     pub fn straightened_e(&self, other: &Simulated) -> f64 {
         let others = self.areas_with(other);
-        if self.view.limit.is_cancelled() {
+        if self.is_cancelled() {
             return 0.0;
         }
         let [is_e, others_e] = [self.areas_light.e(), others.e()];
@@ -79,7 +79,7 @@ impl Scene {
             return 0.0;
         };
         let bands = (0..height.div_ceil(BAND)).into_par_iter();
-        let bands = bands.filter(|_| !self.view.limit.is_cancelled());
+        let bands = bands.filter(|_| !self.is_cancelled());
         // Each with the first row of the next.
         let slopes = bands.map_init(Vec::new, |e, band| {
             let rows = band * BAND..(band * BAND + BAND + 1).min(height);
