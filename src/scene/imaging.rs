@@ -28,6 +28,19 @@ struct Point {
     footprint: Footprint,
 }
 
+/// What is collected of one point.
+struct Traced {
+    /// The part of its light (1).
+    light: f64,
+    /// The centre of that, px.
+    centre: [f64; 2],
+    /// Its samples' weights are of what is collected.
+    track: Track,
+}
+
+/// Pixels of the elements of a disc that are held at once.
+const PIXELS: f64 = 1e8;
+
 impl View {
     /// The image of `candidate`; none if nothing of it can touch the detector.
     pub(super) fn image(
@@ -76,11 +89,27 @@ impl View {
     /// The light of a point that runs along a track.
     fn point(
         &self,
-        mut track: Track,
+        track: Track,
         candidate: &Candidate,
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Point {
+        let traced = self.traced(track, candidate, simulated, fidelity);
+        Point {
+            light: traced.light,
+            centre: traced.centre,
+            footprint: self.footprint(&traced.track, candidate, fidelity),
+        }
+    }
+
+    /// What is collected of a point that runs along a track.
+    fn traced(
+        &self,
+        mut track: Track,
+        candidate: &Candidate,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Traced {
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
         let sample_ns = match self.even(candidate, simulated) {
@@ -90,28 +119,33 @@ impl View {
         let track_ns = self.track_ns(&track, sample_ns, candidate, fidelity);
         self.limit.spend(track_ns);
         if self.limit.is_over() {
-            return Point {
+            return Traced {
                 light: 0.0,
                 centre: track.start,
-                footprint: Footprint::default(),
+                track,
             };
         }
-        let shine = candidate.shine();
-        let Collected { light, centre } = Collected::of(&track, &self.camera, fidelity, &shine);
+        let Collected { light, centre } =
+            Collected::of(&track, &self.camera, fidelity, &candidate.shine());
         let light = if whole { 1.0 } else { light };
         track.scale(1.0 / light.max(f64::MIN_POSITIVE));
-        Point {
+        Traced {
             light,
             centre,
-            footprint: Footprint::unless(
-                &self.limit,
-                &track,
-                &self.camera,
-                fidelity,
-                &shine,
-                self.level,
-            ),
+            track,
         }
+    }
+
+    /// The light of a track on the pixels; nothing once the limit is over.
+    fn footprint(&self, track: &Track, candidate: &Candidate, fidelity: &Fidelity) -> Footprint {
+        Footprint::unless(
+            &self.limit,
+            track,
+            &self.camera,
+            fidelity,
+            &candidate.shine(),
+            self.level,
+        )
     }
 
     /// What sampling a track takes, so many ns a sample, and what rows collect of it, ns.
@@ -147,25 +181,37 @@ impl View {
             psf_loss: fidelity.psf_loss.min(loss),
             ..*fidelity
         };
-        let points = elements.par_iter().filter_map(|element| {
+        let traced = elements.par_iter().filter_map(|element| {
             let track = self.track(candidate, &element.offset, simulated, fidelity)?;
-            let point = self.point(track, candidate, simulated, fidelity);
-            Some((element.share * point.light, point))
+            let traced = self.traced(track, candidate, simulated, fidelity);
+            Some((element.share * traced.light, traced))
         });
-        let points: Vec<(f64, Point)> = points.collect();
-        let light: f64 = points.iter().map(|(part, _)| part).sum();
+        let traced: Vec<(f64, Traced)> = traced.collect();
+        let light: f64 = traced.iter().map(|(part, _)| part).sum();
         let whole = light.max(f64::MIN_POSITIVE);
-        let moments = points.iter().fold([0.0; 2], |sum, (part, point)| {
-            [0, 1].map(|k| sum[k] + part * point.centre[k])
+        let moments = traced.iter().fold([0.0; 2], |sum, (part, traced)| {
+            [0, 1].map(|k| sum[k] + part * traced.centre[k])
         });
-        let parts = points.into_iter();
-        let parts: Vec<(f64, Footprint)> = parts
-            .map(|(part, point)| (part / whole, point.footprint))
-            .collect();
+        // Few at a time: with wide wings each may cover the whole detector.
+        let psf = &self.camera.optics.psf;
+        let side_px = 2.0 * psf.drawn_px(fidelity, candidate.shine().electrons) + 1.0;
+        let pixels = side_px.powi(2).min(self.camera.detector.pixels() as f64);
+        let few = (PIXELS / pixels).clamp(2.0, 64.0) as usize;
+        let footprint = traced.chunks(few).fold(Footprint::default(), |sum, few| {
+            if self.limit.is_over() {
+                return sum;
+            }
+            let parts = few.par_iter().map(|(part, traced)| {
+                let footprint = self.footprint(&traced.track, candidate, fidelity);
+                (part / whole, footprint)
+            });
+            let parts = [(1.0, sum)].into_par_iter().chain(parts);
+            Footprint::sum(&parts.collect::<Vec<(f64, Footprint)>>(), &self.limit)
+        });
         Point {
             light,
             centre: moments.map(|moment| moment / whole),
-            footprint: Footprint::sum(&parts),
+            footprint,
         }
     }
 
@@ -184,7 +230,7 @@ impl View {
         let whole_e = candidate.electrons() * centre.light;
         let part = 1.0 / whole_e.max(f64::MIN_POSITIVE);
         let drawn = lit.light().map(|light| (part, light.footprint().clone()));
-        let mut footprint = Footprint::sum(drawn.as_slice());
+        let mut footprint = Footprint::sum(drawn.as_slice(), &self.limit);
         footprint.wings = centre.footprint.wings;
         Point {
             footprint,
