@@ -9,7 +9,6 @@ use crate::fidelity::Fidelity;
 use crate::kernels::{self, Span};
 use crate::track::{Sample, Track, Window};
 use drawn::Drawn;
-use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 
@@ -277,21 +276,17 @@ impl Footprint {
         });
         let spans: Vec<Span> = spans.collect();
         let mut shares = vec![0.0f32; offset as usize];
-        let mut rest = &mut shares[..];
-        let rows = spans.iter().enumerate().map(|(row, span)| {
-            let shares = rest.split_off_mut(..span.length as usize);
-            (first_row + row, span.column, shares.unwrap_or_default())
-        });
-        let rows: Vec<(usize, u32, &mut [f32])> = rows.collect();
-        let rows = rows.into_par_iter().filter(|_| !limit.is_over());
-        rows.for_each(|(row, column, shares)| {
-            for (light, part) in lit() {
-                for (_, from, more) in part.rows(row..row + 1).filter(|row| !row.2.is_empty()) {
-                    let shares = shares[from - column as usize..].iter_mut().zip(more);
-                    shares.for_each(|(to, share)| *to += (light * f64::from(*share)) as f32);
+        for (light, part) in lit() {
+            let rows = spans[part.first_row - first_row..].iter();
+            let rows = rows.zip(&part.spans).take_while(|_| !limit.is_over());
+            for (to, from) in rows.filter(|(_, from)| from.length > 0) {
+                let at = (to.offset + from.column - to.column) as usize;
+                let from = &part.shares[from.offset as usize..(from.offset + from.length) as usize];
+                for (to, share) in shares[at..at + from.len()].iter_mut().zip(from) {
+                    *to += (light * f64::from(*share)) as f32;
                 }
             }
-        });
+        }
         Footprint {
             first_row,
             spans,

@@ -95,19 +95,8 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "rayon::",
         &[
-            "cli/live",
-            "cli/plan",
-            "crew",
-            "effect/shown",
-            "engine",
-            "label",
-            "lanes",
-            "measure",
-            "passes",
-            "plan",
-            "render",
-            "scene",
-            "sky",
+            "cli/live", "cli/plan", "crew", "engine", "label", "lanes", "measure", "passes",
+            "plan", "render", "scene", "sky",
         ],
     ),
     (
