@@ -298,6 +298,12 @@ impl Footprint {
         }
     }
 
+    /// Multiplies all shares.
+    pub fn scale(&mut self, by: f64) {
+        let shares = self.shares.iter_mut();
+        shares.for_each(|share| *share = (by * f64::from(*share)) as f32);
+    }
+
     /// How many times the light of a point on a pixel was worked out for it.
     pub fn evaluated(&self) -> u64 {
         self.evaluated

@@ -111,7 +111,8 @@ pub(super) fn apart(a: &[f64], b: &[f64]) -> f64 {
 /// What `pixels` (sorted by row-major index) expect to hold when wells are full, e-.
 pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let mut held = scene.expected_e(pixels);
-    if !scene.simulated.full_well || scene.spill.columns.is_empty() {
+    let spills = scene.simulated.full_well && !scene.spill.columns.is_empty();
+    if !spills || scene.is_cancelled() {
         return held;
     }
     let detector = &scene.view.camera.detector;

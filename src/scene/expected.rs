@@ -151,6 +151,7 @@ impl Scene {
             *charge = self.areas_light.of_pixel(*pixel as usize);
         }
         let lights = self.sources.iter().map(Lit::from);
+        let lights = lights.take_while(|_| !self.is_cancelled());
         for light in lights.filter(|light| light.electrons > 0.0) {
             for (row, column, shares) in light.footprint.rows(0..detector.height) {
                 let from = row * detector.width + column;

@@ -28,17 +28,7 @@ struct Point {
     footprint: Footprint,
 }
 
-/// What is collected of one point.
-struct Traced {
-    /// The part of its light (1).
-    light: f64,
-    /// The centre of that, px.
-    centre: [f64; 2],
-    /// Its samples' weights are of what is collected.
-    track: Track,
-}
-
-/// Pixels of the elements of a disc that are held at once.
+/// Pixels of the elements of a disc that are held at once, where it stands still.
 const PIXELS: f64 = 1e8;
 
 impl View {
@@ -89,27 +79,11 @@ impl View {
     /// The light of a point that runs along a track.
     fn point(
         &self,
-        track: Track,
-        candidate: &Candidate,
-        simulated: &Simulated,
-        fidelity: &Fidelity,
-    ) -> Point {
-        let traced = self.traced(track, candidate, simulated, fidelity);
-        Point {
-            light: traced.light,
-            centre: traced.centre,
-            footprint: self.footprint(&traced.track, candidate, fidelity),
-        }
-    }
-
-    /// What is collected of a point that runs along a track.
-    fn traced(
-        &self,
         mut track: Track,
         candidate: &Candidate,
         simulated: &Simulated,
         fidelity: &Fidelity,
-    ) -> Traced {
+    ) -> Point {
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
         let sample_ns = match self.even(candidate, simulated) {
@@ -119,33 +93,28 @@ impl View {
         let track_ns = self.track_ns(&track, sample_ns, candidate, fidelity);
         self.limit.spend(track_ns);
         if self.limit.is_over() {
-            return Traced {
+            return Point {
                 light: 0.0,
                 centre: track.start,
-                track,
+                footprint: Footprint::default(),
             };
         }
-        let Collected { light, centre } =
-            Collected::of(&track, &self.camera, fidelity, &candidate.shine());
+        let shine = candidate.shine();
+        let Collected { light, centre } = Collected::of(&track, &self.camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
         track.scale(1.0 / light.max(f64::MIN_POSITIVE));
-        Traced {
+        Point {
             light,
             centre,
-            track,
+            footprint: Footprint::unless(
+                &self.limit,
+                &track,
+                &self.camera,
+                fidelity,
+                &shine,
+                self.level,
+            ),
         }
-    }
-
-    /// The light of a track on the pixels; nothing once the limit is over.
-    fn footprint(&self, track: &Track, candidate: &Candidate, fidelity: &Fidelity) -> Footprint {
-        Footprint::unless(
-            &self.limit,
-            track,
-            &self.camera,
-            fidelity,
-            &candidate.shine(),
-            self.level,
-        )
     }
 
     /// What sampling a track takes, so many ns a sample, and what rows collect of it, ns.
@@ -181,33 +150,35 @@ impl View {
             psf_loss: fidelity.psf_loss.min(loss),
             ..*fidelity
         };
-        let traced = elements.par_iter().filter_map(|element| {
-            let track = self.track(candidate, &element.offset, simulated, fidelity)?;
-            let traced = self.traced(track, candidate, simulated, fidelity);
-            Some((element.share * traced.light, traced))
-        });
-        let traced: Vec<(f64, Traced)> = traced.collect();
-        let light: f64 = traced.iter().map(|(part, _)| part).sum();
-        let whole = light.max(f64::MIN_POSITIVE);
-        let moments = traced.iter().fold([0.0; 2], |sum, (part, traced)| {
-            [0, 1].map(|k| sum[k] + part * traced.centre[k])
-        });
-        // Few at a time: with wide wings each may cover the whole detector.
+        // Some at a time: with wide wings each may cover the whole detector.
         let psf = &self.camera.optics.psf;
         let side_px = 2.0 * psf.drawn_px(fidelity, candidate.shine().electrons) + 1.0;
         let pixels = side_px.powi(2).min(self.camera.detector.pixels() as f64);
-        let few = (PIXELS / pixels).clamp(2.0, 64.0) as usize;
-        let footprint = traced.chunks(few).fold(Footprint::default(), |sum, few| {
-            if self.limit.is_over() {
-                return sum;
-            }
-            let parts = few.par_iter().map(|(part, traced)| {
-                let footprint = self.footprint(&traced.track, candidate, fidelity);
-                (part / whole, footprint)
+        let some = (PIXELS / pixels).clamp(2.0, 4096.0) as usize;
+        let (mut light, mut moments) = (0.0, [0.0; 2]);
+        let mut footprint = Footprint::default();
+        for elements in elements.chunks(some) {
+            let points = elements.par_iter().filter_map(|element| {
+                if self.limit.is_over() {
+                    return None;
+                }
+                let track = self.track(candidate, &element.offset, simulated, fidelity)?;
+                let point = self.point(track, candidate, simulated, fidelity);
+                Some((element.share * point.light, point))
             });
-            let parts = [(1.0, sum)].into_par_iter().chain(parts);
-            Footprint::sum(&parts.collect::<Vec<(f64, Footprint)>>(), &self.limit)
-        });
+            let points: Vec<(f64, Point)> = points.collect();
+            for (part, point) in &points {
+                light += part;
+                moments = [0, 1].map(|k| moments[k] + part * point.centre[k]);
+            }
+            let points = points.into_iter();
+            let parts = points.map(|(part, point)| (part, point.footprint));
+            let parts: Vec<(f64, Footprint)> =
+                [(1.0, footprint)].into_iter().chain(parts).collect();
+            footprint = Footprint::sum(&parts, &self.limit);
+        }
+        let whole = light.max(f64::MIN_POSITIVE);
+        footprint.scale(1.0 / whole);
         Point {
             light,
             centre: moments.map(|moment| moment / whole),
