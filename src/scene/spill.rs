@@ -14,9 +14,9 @@ use super::{AreaLight, Kind, Lit, Scene, View};
 use crate::camera::{Blooming, Detector};
 use rayon::prelude::*;
 
-/// Pixels of columns that are worked out together: a core's cache holds them, and a cancelled frame ends before the next.
+/// Pixels of columns that are computed together: a core's cache holds them, and a cancelled frame ends before the next.
 const TOGETHER: usize = 1 << 18;
-/// Few columns are worked out in so many groups.
+/// Few columns are computed in so many groups.
 const GROUPS: usize = 8;
 
 /// What fills up and spills.

@@ -52,7 +52,7 @@ impl Scene {
         scene
     }
 
-    /// Whether its frame is cancelled: what is worked out from then on is incomplete, and must not be used.
+    /// Whether its frame is cancelled: what is computed from then on is incomplete, and must not be used.
     pub fn is_cancelled(&self) -> bool {
         self.view.limit.is_cancelled()
     }
