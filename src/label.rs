@@ -14,7 +14,7 @@ mod wanderer;
 pub use fidelity::FidelityLabel;
 pub use objects::Objects;
 pub use schema::schema;
-pub use spot::{MOST_SPOTS, SpotLabel};
+pub use spot::{MOST_SPOT_PIXELS, MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 pub use visible::why_hidden;
 pub use wanderer::WandererLabel;
@@ -106,7 +106,7 @@ pub struct Label {
     pub overrun: Option<&'static str>,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
-    /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`].
+    /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`], or they have more pixels than [`MOST_SPOT_PIXELS`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spots_left_out: Option<usize>,
     /// The greatest signal-to-noise ratio among those.

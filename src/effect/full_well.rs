@@ -47,7 +47,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
-    let most = drawn_e(brightest) + scene.largest_event_e();
+    let most = drawn_e(brightest) + scene.struck.most_e();
     let spills = detector.blooming == Blooming::Column;
     let need = if scene.spill.columns.is_empty() {
         Need::none(format!(

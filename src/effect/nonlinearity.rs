@@ -31,7 +31,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let need = if share == 0.0 {
         Need::none("the detector is linear (detector.nonlinearity)")
     } else {
-        let most = drawn_e(brightest) + scene.largest_event_e();
+        let most = drawn_e(brightest) + scene.struck.most_e();
         let because = format!(
             "{} % missing at full well, {} % in the fullest pixel",
             digits(100.0 * share),

@@ -26,17 +26,10 @@ pub const RADIATION: Effect = Effect {
 };
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
-    let mut hits: Vec<(u32, u32)> = (scene.events.iter())
-        .flat_map(|event| event.pixels.iter().copied())
-        .collect();
-    hits.sort_unstable();
-    let most = hits
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
-        .fold(0.0, f64::max);
+    let (width, hits) = (scene.view.camera.detector.width, scene.struck.pixels());
     let need = if scene.view.camera.radiation.is_none() {
         Need::none("the camera file has no [radiation]")
-    } else if hits.is_empty() {
+    } else if hits == 0 {
         Need::none(format!("no particle comes, {}", rate(scene)))
     } else {
         Need {
@@ -47,20 +40,19 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             )
             .into(),
             error: Loss {
-                e: passed_on(scene, &hits, most),
+                e: passed_on(scene),
                 px: 0.0,
             }
             .into(),
             drawn_e: 0.0,
-            price_ms: hits.len() as f64 * 3e-6,
+            price_ms: hits as f64 * 3e-6,
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());
-        let from = hits.partition_point(|(pixel, _)| (*pixel as usize) < first);
-        let here = hits[from..].iter();
+        let here = scene.struck.from(first, width);
         for (pixel, e) in here.take_while(|(pixel, _)| (*pixel as usize) < first + pixels) {
-            tile.electrons[*pixel as usize - first] += *e as f32;
+            tile.electrons[pixel as usize - first] += e as f32;
         }
     }));
     (need, pass)
@@ -88,19 +80,19 @@ fn rate(scene: &Scene) -> String {
     format!("{expected} expected at {flux} /cm^2/s{by}")
 }
 
-/// A bound (e-) of what a pixel shows of `hits`, of which it gets at most `most` itself: in columns that may spill those of the
-/// full pixels beside it too.
-fn passed_on(scene: &Scene, hits: &[(u32, u32)], most: f64) -> f64 {
+/// A bound (e-) of what a pixel shows of all hits: its own, and in columns that may spill those of the full pixels beside it too.
+fn passed_on(scene: &Scene) -> f64 {
     let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
-    let most = most.min(spill.most_e);
+    let most = scene.struck.most_e().min(spill.most_e);
     if !spill.spills() {
         return most;
     }
     // Of each column, what all of its pixels get, and the one that gets most.
     let mut struck = vec![[0.0f64; 2]; detector.width];
-    for same in hits.chunk_by(|a, b| a.0 == b.0) {
-        let e = same.iter().map(|(_, e)| f64::from(*e)).sum::<f64>();
-        let [all, greatest] = &mut struck[same[0].0 as usize % detector.width];
+    let hits = scene.struck.from(0, detector.width);
+    for (pixel, e) in hits.take_while(|_| !scene.is_cancelled()) {
+        let e = f64::from(e);
+        let [all, greatest] = &mut struck[pixel as usize % detector.width];
         (*all, *greatest) = (*all + e, greatest.max(e));
     }
     let passed = greatest(scene, &spill.columns, |columns| {

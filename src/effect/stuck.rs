@@ -34,6 +34,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         let off = held_of(scene, stuck)
             .into_iter()
             .zip(stuck)
+            .take_while(|_| !scene.is_cancelled())
             .map(|(e, pixel)| {
                 let dead =
                     scene.simulated.dead && detector.pattern.dead().binary_search(pixel).is_ok();

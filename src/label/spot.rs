@@ -5,6 +5,7 @@ use crate::camera::Detector;
 use crate::scene::Scene;
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::cmp::Ordering;
 
 /// A particle's charge, or a defective pixel.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -44,6 +45,9 @@ const DEFECT: &str = "defect";
 /// Most particles and defects that a label lists: 2 MB of text.
 pub const MOST_SPOTS: usize = 10_000;
 
+/// Most pixels that it lists with them, but for a single particle's: 4 MB of text.
+pub const MOST_SPOT_PIXELS: usize = 200_000;
+
 /// What a label says of particles and defects.
 #[derive(Debug, Default)]
 pub struct Spots {
@@ -55,14 +59,15 @@ pub struct Spots {
     pub left_out_snr: Option<f64>,
 }
 
-/// The particles and defects of `scene` that stand out by at least `least_snr`; of more than [`MOST_SPOTS`] those that
-/// stand out most.
+/// The particles and defects of `scene` that stand out by at least `least_snr`; of more than [`MOST_SPOTS`], or of such with
+/// more than [`MOST_SPOT_PIXELS`], those that stand out most.
 pub fn spots(scene: &Scene, least_snr: f64) -> Spots {
     let pixels = Pixels::new(scene);
     let mut most = Most::default();
     pixels.particles(|spot| most.add(spot, least_snr));
     pixels.defects(|spot| most.add(spot, least_snr));
     most.cut();
+    most.cut_pixels(|spot| pixels.count(spot));
     most.kept.sort_unstable_by_key(|(number, _)| *number);
     let listed = most.kept.iter().map(|(_, spot)| pixels.label(spot));
     Spots {
@@ -119,14 +124,37 @@ impl Most {
             return;
         }
         self.kept
-            .select_nth_unstable_by(MOST_SPOTS, |(i, a), (j, b)| {
-                b.snr().total_cmp(&a.snr()).then(i.cmp(j))
-            });
-        for (_, spot) in self.kept.drain(MOST_SPOTS..) {
+            .select_nth_unstable_by(MOST_SPOTS, stands_out_more);
+        self.leave_out_from(MOST_SPOTS);
+    }
+
+    /// Likewise where they have too many pixels.
+    fn cut_pixels(&mut self, pixels: impl Fn(&Found) -> usize) {
+        let count = |(_, spot): &(usize, Found)| pixels(spot);
+        if self.kept.iter().map(count).sum::<usize>() <= MOST_SPOT_PIXELS {
+            return;
+        }
+        self.kept.sort_unstable_by(stands_out_more);
+        let mut sum = 0;
+        let mut fits = |spot: &(usize, Found)| {
+            sum += count(spot);
+            sum <= MOST_SPOT_PIXELS
+        };
+        let fit = self.kept.iter().take_while(|spot| fits(spot)).count();
+        self.leave_out_from(fit.max(1));
+    }
+
+    fn leave_out_from(&mut self, first: usize) {
+        for (_, spot) in self.kept.drain(first..) {
             self.left_out += 1;
             self.left_out_snr = self.left_out_snr.max(spot.snr());
         }
     }
+}
+
+/// Of equals the first comes first.
+fn stands_out_more((i, a): &(usize, Found), (j, b): &(usize, Found)) -> Ordering {
+    b.snr().total_cmp(&a.snr()).then(i.cmp(j))
 }
 
 /// The detector's pixels as this frame has them.
@@ -155,6 +183,14 @@ impl<'a> Pixels<'a> {
     /// Noise variance of a pixel that expects `e`, e-^2.
     fn variance(&self, e: f64) -> f64 {
         self.floor + if self.scene.simulated.shot { e } else { 0.0 }
+    }
+
+    /// How many pixels the label lists of it.
+    fn count(&self, found: &Found) -> usize {
+        match found {
+            Found::Particle { index, .. } => self.scene.events[*index].pixels.len(),
+            Found::Defect { .. } => 1,
+        }
     }
 
     fn place(&self, pixel: u32) -> [i64; 2] {

@@ -205,21 +205,21 @@ impl Scene {
         }
         let (bright, others) = shining.split_at(bright);
         let mut stamp = Stamp::default();
-        let bright = bright.iter().map(|(source, _)| bound(&mut stamp, source));
+        let bright = bright.iter().take_while(|_| !self.is_cancelled());
+        let bright = bright.map(|(source, _)| bound(&mut stamp, source));
         let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
         // A disc outshines all points, and where it is full of light nothing of that shows.
         let points = changes
             .iter()
             .filter(|(source, ..)| source.body.points() == 1);
         let most = points.map(|(_, e, _)| *e).fold(0.0, f64::max);
-        let others = others
-            .par_iter()
-            .map_init(Stamp::default, |stamp, (source, all_e)| {
-                match faint(source).filter(|_| *all_e <= most * FAINT) {
-                    Some(px) => (*source, *all_e, beside(px)),
-                    None => bound(stamp, source),
-                }
-            });
+        let others = others.par_iter().filter(|_| !self.is_cancelled()).map_init(
+            Stamp::default,
+            |stamp, (source, all_e)| match faint(source).filter(|_| *all_e <= most * FAINT) {
+                Some(px) => (*source, *all_e, beside(px)),
+                None => bound(stamp, source),
+            },
+        );
         changes.par_extend(others);
         changes.retain(|(_, e, _)| *e > 0.0);
         changes

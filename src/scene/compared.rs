@@ -113,7 +113,8 @@ impl Scene {
                 pixels / PART + MORE
             },
         };
-        for light in &compared.lights {
+        let lights = compared.lights.iter();
+        for light in lights.take_while(|_| !self.is_cancelled()) {
             each_cell(detector, light, |cell| compared.bounds[cell] += light.e);
         }
         let lights = &mut compared.lights;
@@ -164,7 +165,7 @@ impl<'a> Compared<'a> {
         let detector = &scene.view.camera.detector;
         let wanted = row * self.columns + column;
         let mut replaced = Vec::new();
-        for i in 0..self.lights.len() {
+        for i in (0..self.lights.len()).take_while(|_| !scene.is_cancelled()) {
             let light = &mut self.lights[i];
             let mut reaches = false;
             if !light.settled {
@@ -228,7 +229,8 @@ impl<'a> Compared<'a> {
     pub fn comes_e(&self, columns: &Range<usize>) -> Vec<f64> {
         let detector = &self.scene.view.camera.detector;
         let mut comes = vec![0.0; columns.len() * detector.height];
-        for pair in &self.pairs {
+        let pairs = self.pairs.iter();
+        for pair in pairs.take_while(|_| !self.scene.is_cancelled()) {
             pair.each(detector, |row, column, e| {
                 if columns.contains(&column) {
                     comes[(column - columns.start) * detector.height + row] += e;

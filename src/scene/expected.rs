@@ -127,19 +127,12 @@ impl Scene {
         columns
     }
 
-    /// The most charge that particles leave in one pixel, e-.
-    pub fn largest_event_e(&self) -> f64 {
-        let mut hits: Vec<(u32, u32)> = (self.events.iter())
-            .flat_map(|event| event.pixels.iter().copied())
-            .collect();
-        hits.sort_unstable();
-        hits.chunk_by(|a, b| a.0 == b.0)
-            .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
-            .fold(0.0, f64::max)
-    }
-
     /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge.
     pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
+        self.of_pixels(pixels, |pixels| self.expected_of(pixels))
+    }
+
+    fn expected_of(&self, pixels: &[u32]) -> Vec<f64> {
         let detector = &self.view.camera.detector;
         let mut charge = vec![0.0; pixels.len()];
         let within = |from: usize, length: usize| {
@@ -150,10 +143,12 @@ impl Scene {
         for (charge, pixel) in charge.iter_mut().zip(pixels) {
             *charge = self.areas_light.of_pixel(*pixel as usize);
         }
+        let row = |pixel: Option<&u32>| pixel.map_or(0, |pixel| *pixel as usize / detector.width);
+        let rows = row(pixels.first())..row(pixels.last()) + 1;
         let lights = self.sources.iter().map(Lit::from);
         let lights = lights.take_while(|_| !self.is_cancelled());
         for light in lights.filter(|light| light.electrons > 0.0) {
-            for (row, column, shares) in light.footprint.rows(0..detector.height) {
+            for (row, column, shares) in light.footprint.rows(rows.clone()) {
                 let from = row * detector.width + column;
                 for i in within(from, shares.len()) {
                     charge[i] += light.electrons * f64::from(shares[pixels[i] as usize - from]);
@@ -172,13 +167,17 @@ impl Scene {
 
     /// The charge (e-) that particles leave in `pixels`, sorted by row-major index.
     pub fn struck_e(&self, pixels: &[u32]) -> Vec<f64> {
-        let mut charge = vec![0.0; pixels.len()];
-        for (pixel, e) in self.events.iter().flat_map(|event| &event.pixels) {
-            if let Ok(i) = pixels.binary_search(pixel) {
-                charge[i] += f64::from(*e);
-            }
-        }
-        charge
+        self.of_pixels(pixels, |pixels| {
+            let first = pixels.first().map_or(0, |pixel| *pixel as usize);
+            let width = self.view.camera.detector.width;
+            let mut hits = self.struck.from(first, width).peekable();
+            let charge = pixels.iter().map(|pixel| {
+                while hits.next_if(|hit| hit.0 < *pixel).is_some() {}
+                hits.next_if(|hit| hit.0 == *pixel)
+                    .map_or(0.0, |hit| f64::from(hit.1))
+            });
+            charge.collect()
+        })
     }
 
     /// No pixel of a column of cells expects more charge than this, particles left out, e-.

@@ -18,6 +18,7 @@ mod signal;
 mod simulated;
 mod spill;
 mod stages;
+mod struck;
 mod sun;
 mod trail;
 mod view;
@@ -36,6 +37,7 @@ pub(crate) use observable::two_figures;
 pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};
+pub use struck::Struck;
 pub use sun::SeenSun;
 pub use view::{Candidate, Faint, OBJECT_NS, Unknown, View};
 pub use wanderer::{MOON, SeenWanderer};
@@ -251,6 +253,8 @@ pub struct Scene {
     pub trail_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,
+    /// The charge that they leave together.
+    pub struck: Struck,
     /// How many more would cross it on average: no more are drawn than a frame has time for.
     pub particles_left_out: f64,
     /// What fills up and spills.

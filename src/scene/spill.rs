@@ -39,12 +39,13 @@ impl Spill {
         let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
         let full_e = detector.full_well_e;
         let mut events = vec![0.0; detector.width];
-        for (pixel, e) in scene.events.iter().flat_map(|event| &event.pixels) {
-            events[*pixel as usize % detector.width] += f64::from(*e);
+        let struck = scene.struck.from(0, detector.width);
+        for (pixel, e) in struck.take_while(|_| !scene.is_cancelled()) {
+            events[pixel as usize % detector.width] += f64::from(e);
         }
         let fills =
             |column: &usize| drawn_e(scene.brightest_of(*column)) + events[*column] >= full_e;
-        let may = drawn_e(scene.brightest_e()) + scene.largest_event_e() >= full_e;
+        let may = drawn_e(scene.brightest_e()) + scene.struck.most_e() >= full_e;
         // By whole cells, so that what bounds say of other cells holds for all other columns.
         let cells = |column: &usize| {
             let past = (column + CELL).min(detector.width);
@@ -108,6 +109,21 @@ impl Scene {
         let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, most));
         let groups = groups.filter(|_| !self.is_cancelled());
         groups.map(work).collect()
+    }
+
+    /// What `work` makes of groups of `pixels`, side by side, a value a pixel; once the frame is cancelled, zeros of some of them.
+    pub(super) fn of_pixels(
+        &self,
+        pixels: &[u32],
+        work: impl Fn(&[u32]) -> Vec<f64> + Send + Sync,
+    ) -> Vec<f64> {
+        let groups = pixels.par_chunks(TOGETHER / GROUPS);
+        let values = groups.map(|group| match self.is_cancelled() {
+            true => vec![0.0; group.len()],
+            false => work(group),
+        });
+        let values: Vec<Vec<f64>> = values.collect();
+        values.concat()
     }
 }
 

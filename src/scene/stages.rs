@@ -2,7 +2,8 @@
 
 use super::signal::{Held, Noise};
 use super::{
-    AreaLight, Full, Lit, Scene, Simulated, Source, Spill, Together, Unobservable, View, trail,
+    AreaLight, Full, Lit, Scene, Simulated, Source, Spill, Struck, Together, Unobservable, View,
+    trail,
 };
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
@@ -39,6 +40,7 @@ impl Scene {
             stars_e: Vec::new(),
             trail_e: Vec::new(),
             events: Vec::new(),
+            struck: Struck::default(),
             particles_left_out: 0.0,
             spill: Spill::default(),
             spilling_e: Vec::new(),
@@ -127,6 +129,7 @@ impl Scene {
         let events = particles.each_event(&camera.detector, expected, view.key);
         let events = events.take_while(|_| !view.limit.is_over());
         self.events = events.collect();
+        self.struck = Struck::of(&self.events, &camera.detector, &view.limit);
     }
 
     fn find_brightest(&mut self) {

@@ -12,7 +12,7 @@ use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
-use skyloop::label::{MOST_SPOTS, SpotLabel};
+use skyloop::label::{MOST_SPOT_PIXELS, MOST_SPOTS, SpotLabel};
 use skyloop::load::Folder;
 use skyloop::sky::catalog::Selection;
 
@@ -221,6 +221,24 @@ fn a_list_that_is_cut_says_so() {
         all - MOST_SPOTS
     );
     assert!(shot.json.contains(&written));
+}
+
+/// Particles of many pixels each are no more than a label's text has room for.
+#[test]
+fn a_list_of_wide_particles_is_cut_by_their_pixels() {
+    // Some 1,700 particles, each of some 200 pixels: charge diffuses by 3 px.
+    let table = "[radiation]\nflux_cm2_s = 5000.0\nthickness_um = 50.0\ndiffusion_um = 80.0";
+    let mut emulator = emulator(&text(false, PLAIN, table));
+    emulator.camera_mut().exposure_s = 1.0;
+    let label = shoot(&mut emulator, 1).label;
+    let spots = &label.objects.spots;
+    let sum = spots.iter().map(|spot| spot.pixels.len()).sum::<usize>();
+    assert!(spots.len() < MOST_SPOTS && sum <= MOST_SPOT_PIXELS, "{sum}");
+    assert!(sum > MOST_SPOT_PIXELS * 9 / 10, "{sum}");
+    assert!(label.spots_left_out.unwrap() > 100);
+    let least = spots.iter().map(|spot| spot.snr);
+    let least = least.fold(f64::INFINITY, f64::min);
+    assert!(label.spots_left_out_snr.unwrap() <= least);
 }
 
 /// More particles than are drawn: the label says how many more.

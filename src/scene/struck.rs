@@ -1,0 +1,70 @@
+//! The charge that all particles together leave in each pixel.
+
+use crate::abort::WorkLimit;
+use crate::camera::{Detector, Event};
+use rayon::prelude::*;
+
+/// The pixels that particles hit, row by row.
+#[derive(Debug, Default)]
+pub struct Struck {
+    /// `(row-major index, e-)` of each pixel that is hit, in order, for each row of the detector; no rows without particles.
+    rows: Vec<Vec<(u32, u32)>>,
+    /// The most charge in one pixel, e-.
+    most_e: u32,
+}
+
+impl Struck {
+    /// By `events`; incomplete once the limit's frame is cancelled.
+    pub(super) fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
+        if events.is_empty() {
+            return Struck::default();
+        }
+        let mut rows = vec![Vec::new(); detector.height];
+        for event in events.iter().take_while(|_| !limit.is_cancelled()) {
+            for hit in &event.pixels {
+                rows[hit.0 as usize / detector.width].push(*hit);
+            }
+        }
+        let complete = rows.par_iter_mut().filter(|_| !limit.is_cancelled());
+        let most = complete.map(add_up).max();
+        Struck {
+            rows,
+            most_e: most.unwrap_or(0),
+        }
+    }
+
+    /// The most charge that they leave in one pixel, e-.
+    pub fn most_e(&self) -> f64 {
+        f64::from(self.most_e)
+    }
+
+    /// How many pixels are hit.
+    pub fn pixels(&self) -> usize {
+        self.rows.iter().map(Vec::len).sum()
+    }
+
+    /// `(row-major index, e-)` of each pixel from `first` on that is hit, in order, of a detector that is so wide.
+    pub fn from(&self, first: usize, width: usize) -> impl Iterator<Item = (u32, u32)> {
+        let row = (first / width).min(self.rows.len());
+        let skipped = self.rows.get(row).map_or(0, |hits| {
+            hits.partition_point(|(pixel, _)| (*pixel as usize) < first)
+        });
+        let hits = self.rows[row..].iter().enumerate();
+        let hits = hits.flat_map(move |(i, hits)| &hits[if i == 0 { skipped } else { 0 }..]);
+        hits.copied()
+    }
+}
+
+/// Sorts a row's hits, adds those of one pixel up, and finds the most in one, e-.
+fn add_up(row: &mut Vec<(u32, u32)>) -> u32 {
+    row.sort_unstable();
+    row.dedup_by(|hit, kept| {
+        let same = hit.0 == kept.0;
+        if same {
+            // No well holds so much.
+            kept.1 = kept.1.saturating_add(hit.1);
+        }
+        same
+    });
+    row.iter().map(|(_, e)| *e).max().unwrap_or(0)
+}
