@@ -39,7 +39,6 @@ pub fn render(
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
     let mut digits = mem::take(&mut memory.digits);
-    digits.resize(width * height, 0);
     let together = &plan.together;
     let mut room = [together; EFFECTS.len()];
     let passes = running(&plan.steps, scene, together, &mut room);
@@ -49,12 +48,17 @@ pub fn render(
         ..Frame::default()
     };
     if level.is_some() && !keep && !passes.iter().any(|pass| is_whole(pass)) {
+        grow(&mut digits, scene);
         bands(scene, &mut digits, level, passes, done);
     } else {
-        digits.fill(0);
         let mut electrons = mem::take(&mut memory.electrons);
+        digits.clear();
         electrons.clear();
-        electrons.resize(width * height, 0.0);
+        grow(&mut digits, scene);
+        grow(&mut electrons, scene);
+        if scene.is_cancelled() {
+            return frame;
+        }
         let light = plan
             .steps
             .partition_point(|step| step.effect.stage <= Stage::Light);
@@ -72,6 +76,17 @@ pub fn render(
     }
     frame.digits = digits;
     frame
+}
+
+/// Makes it as long as the frame has pixels; a cancelled frame's stays shorter. A page of new memory takes 1 us, those of a large frame 100 ms.
+fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
+    const PIECE: usize = 1 << 20;
+    let pixels = scene.view.camera.detector.pixels();
+    memory.truncate(pixels);
+    memory.reserve_exact(pixels - memory.len());
+    while memory.len() < pixels && !scene.is_cancelled() {
+        memory.resize(pixels.min(memory.len() + PIECE), T::default());
+    }
 }
 
 /// The passes of `steps` that run, in `room`: of area sources one, `together`, where they all do.

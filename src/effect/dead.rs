@@ -31,7 +31,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         Need::none("the detector has no dead pixels")
     } else {
         let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
-        let struck = scene.struck_e(dead).into_iter().fold(0.0, f64::max);
+        let struck = scene.struck_e(dead).fold(0.0, f64::max);
         let all = counted(dead.len(), "dead pixel");
         Need {
             because: if held.max(struck) == 0.0 {

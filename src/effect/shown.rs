@@ -116,25 +116,22 @@ pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
         return held;
     }
     let detector = &scene.view.camera.detector;
-    // (column, place among `pixels`), sorted.
-    let column = |pixel: &u32| *pixel % detector.width as u32;
-    let places = pixels.iter().map(column).zip(0u32..);
-    let mut places: Vec<(u32, u32)> = places.collect();
-    places.sort_unstable();
-    let columns = places.chunk_by(|a, b| a.0 == b.0);
-    let columns = columns.map(|of| of[0].0 as usize);
-    let columns: Vec<usize> = columns.filter(|column| scene.spill.has(*column)).collect();
+    // The places among `pixels` of those in each column.
+    let mut places = vec![Vec::new(); detector.width];
+    let pixels_and_places = pixels.iter().zip(0u32..);
+    for (pixel, place) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {
+        places[*pixel as usize % detector.width].push(place);
+    }
+    let spilling = scene.spill.columns.iter().copied();
+    let columns: Vec<usize> = spilling
+        .filter(|column| !places[*column].is_empty())
+        .collect();
     let filled = scene.in_groups(&columns, |columns| {
         let charge = held_e(scene, columns, &scene.simulated);
         let charge = charge.chunks_exact(detector.height).zip(columns);
         let held = charge.flat_map(|(charge, column)| {
-            let first = places.partition_point(|place| (place.0 as usize) < *column);
-            let here = places[first..].iter();
-            let here = here.take_while(|place| place.0 as usize == *column);
-            here.map(|place| {
-                let at = place.1 as usize;
-                (at, charge[pixels[at] as usize / detector.width])
-            })
+            let here = places[*column].iter().map(|at| *at as usize);
+            here.map(|at| (at, charge[pixels[at] as usize / detector.width]))
         });
         held.collect::<Vec<(usize, f64)>>()
     });

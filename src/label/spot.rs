@@ -212,10 +212,10 @@ impl<'a> Pixels<'a> {
     }
 
     /// What `pixels` expect, and what particles leave in them, e-.
-    fn held_e(&self, pixels: &[u32]) -> Vec<f64> {
+    fn held_e(&self, pixels: &'a [u32]) -> impl Iterator<Item = f64> {
         let expected = self.scene.expected_e(pixels).into_iter();
         let struck = self.scene.struck_e(pixels);
-        expected.zip(struck).map(|(e, more)| e + more).collect()
+        expected.zip(struck).map(|(e, more)| e + more)
     }
 
     /// Defects by what they change of what their pixels would give: dead and stuck ones of all that they hold, hot ones

@@ -127,7 +127,7 @@ impl Scene {
         columns
     }
 
-    /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge.
+    /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge; in none once the frame is cancelled.
     pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
         self.of_pixels(pixels, |pixels| self.expected_of(pixels))
     }
@@ -165,18 +165,16 @@ impl Scene {
         charge
     }
 
-    /// The charge (e-) that particles leave in `pixels`, sorted by row-major index.
-    pub fn struck_e(&self, pixels: &[u32]) -> Vec<f64> {
-        self.of_pixels(pixels, |pixels| {
-            let first = pixels.first().map_or(0, |pixel| *pixel as usize);
-            let width = self.view.camera.detector.width;
-            let mut hits = self.struck.from(first, width).peekable();
-            let charge = pixels.iter().map(|pixel| {
-                while hits.next_if(|hit| hit.0 < *pixel).is_some() {}
-                hits.next_if(|hit| hit.0 == *pixel)
-                    .map_or(0.0, |hit| f64::from(hit.1))
-            });
-            charge.collect()
+    /// The charge (e-) that particles leave in `pixels`, sorted by row-major index; no more of them once the frame is cancelled.
+    pub fn struck_e(&self, pixels: &[u32]) -> impl Iterator<Item = f64> {
+        let first = pixels.first().map_or(0, |pixel| *pixel as usize);
+        let width = self.view.camera.detector.width;
+        let mut hits = self.struck.from(first, width).peekable();
+        let pixels = pixels.iter().take_while(|_| !self.is_cancelled());
+        pixels.map(move |pixel| {
+            while hits.next_if(|hit| hit.0 < *pixel).is_some() {}
+            let hit = hits.next_if(|hit| hit.0 == *pixel);
+            hit.map_or(0.0, |hit| f64::from(hit.1))
         })
     }
 

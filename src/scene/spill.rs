@@ -111,19 +111,19 @@ impl Scene {
         groups.map(work).collect()
     }
 
-    /// What `work` makes of groups of `pixels`, side by side, a value a pixel; once the frame is cancelled, zeros of some of them.
+    /// What `work` makes of groups of `pixels`, side by side, a value a pixel; once the frame is cancelled, of none.
     pub(super) fn of_pixels(
         &self,
         pixels: &[u32],
         work: impl Fn(&[u32]) -> Vec<f64> + Send + Sync,
     ) -> Vec<f64> {
         let groups = pixels.par_chunks(TOGETHER / GROUPS);
-        let values = groups.map(|group| match self.is_cancelled() {
-            true => vec![0.0; group.len()],
-            false => work(group),
-        });
-        let values: Vec<Vec<f64>> = values.collect();
-        values.concat()
+        let groups = groups.filter(|_| !self.is_cancelled());
+        let values: Vec<Vec<f64>> = groups.map(work).collect();
+        match self.is_cancelled() {
+            true => Vec::new(),
+            false => values.concat(),
+        }
     }
 }
 
