@@ -57,6 +57,7 @@ pub fn render(
         grow(&mut digits, scene);
         grow(&mut electrons, scene);
         if scene.is_cancelled() {
+            (memory.digits, memory.electrons) = (digits, electrons);
             return frame;
         }
         let light = plan

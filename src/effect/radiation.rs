@@ -50,8 +50,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());
-        let here = scene.struck.from(first, width);
-        for (pixel, e) in here.take_while(|(pixel, _)| (*pixel as usize) < first + pixels) {
+        for (pixel, e) in scene.struck.among(first..first + pixels, width) {
             tile.electrons[pixel as usize - first] += e as f32;
         }
     }));
@@ -89,7 +88,7 @@ fn passed_on(scene: &Scene) -> f64 {
     }
     // Of each column, what all of its pixels get, and the one that gets most.
     let mut struck = vec![[0.0f64; 2]; detector.width];
-    let hits = scene.struck.from(0, detector.width);
+    let hits = scene.struck.among(0..detector.pixels(), detector.width);
     for (pixel, e) in hits.take_while(|_| !scene.is_cancelled()) {
         let e = f64::from(e);
         let [all, greatest] = &mut struck[pixel as usize % detector.width];

@@ -167,9 +167,9 @@ impl Scene {
 
     /// The charge (e-) that particles leave in `pixels`, sorted by row-major index; no more of them once the frame is cancelled.
     pub fn struck_e(&self, pixels: &[u32]) -> impl Iterator<Item = f64> {
-        let first = pixels.first().map_or(0, |pixel| *pixel as usize);
-        let width = self.view.camera.detector.width;
-        let mut hits = self.struck.from(first, width).peekable();
+        let detector = &self.view.camera.detector;
+        let hits = self.struck.among(0..detector.pixels(), detector.width);
+        let mut hits = hits.peekable();
         let pixels = pixels.iter().take_while(|_| !self.is_cancelled());
         pixels.map(move |pixel| {
             while hits.next_if(|hit| hit.0 < *pixel).is_some() {}

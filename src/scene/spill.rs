@@ -39,7 +39,7 @@ impl Spill {
         let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
         let full_e = detector.full_well_e;
         let mut events = vec![0.0; detector.width];
-        let struck = scene.struck.from(0, detector.width);
+        let struck = scene.struck.among(0..detector.pixels(), detector.width);
         for (pixel, e) in struck.take_while(|_| !scene.is_cancelled()) {
             events[pixel as usize % detector.width] += f64::from(e);
         }

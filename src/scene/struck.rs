@@ -3,6 +3,7 @@
 use crate::abort::WorkLimit;
 use crate::camera::{Detector, Event};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The pixels that particles hit, row by row.
 #[derive(Debug, Default)]
@@ -43,15 +44,16 @@ impl Struck {
         self.rows.iter().map(Vec::len).sum()
     }
 
-    /// `(row-major index, e-)` of each pixel from `first` on that is hit, in order, of a detector that is so wide.
-    pub fn from(&self, first: usize, width: usize) -> impl Iterator<Item = (u32, u32)> {
-        let row = (first / width).min(self.rows.len());
-        let skipped = self.rows.get(row).map_or(0, |hits| {
-            hits.partition_point(|(pixel, _)| (*pixel as usize) < first)
+    /// `(row-major index, e-)` of each pixel among `pixels` that is hit, in order, of a detector that is so wide.
+    pub fn among(&self, pixels: Range<usize>, width: usize) -> impl Iterator<Item = (u32, u32)> {
+        let rows = pixels.start / width..pixels.end.div_ceil(width);
+        let rows = self.rows.get(rows).into_iter().flatten();
+        let here = rows.flat_map(move |hits| {
+            let place = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
+            // (Of a cancelled frame they may be out of order.)
+            hits.get(place(pixels.start)..place(pixels.end))
         });
-        let hits = self.rows[row..].iter().enumerate();
-        let hits = hits.flat_map(move |(i, hits)| &hits[if i == 0 { skipped } else { 0 }..]);
-        hits.copied()
+        here.flatten().copied()
     }
 }
 
