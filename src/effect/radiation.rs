@@ -26,7 +26,7 @@ pub const RADIATION: Effect = Effect {
 };
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
-    let (width, hits) = (scene.view.camera.detector.width, scene.struck.pixels());
+    let hits = scene.struck.hits().count();
     let need = if scene.view.camera.radiation.is_none() {
         Need::none("the camera file has no [radiation]")
     } else if hits == 0 {
@@ -50,7 +50,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());
-        for (pixel, e) in scene.struck.among(first..first + pixels, width) {
+        for (pixel, e) in scene.struck.among(first..first + pixels) {
             tile.electrons[pixel as usize - first] += e as f32;
         }
     }));
@@ -88,7 +88,7 @@ fn passed_on(scene: &Scene) -> f64 {
     }
     // Of each column, what all of its pixels get, and the one that gets most.
     let mut struck = vec![[0.0f64; 2]; detector.width];
-    let hits = scene.struck.among(0..detector.pixels(), detector.width);
+    let hits = scene.struck.hits();
     for (pixel, e) in hits.take_while(|_| !scene.is_cancelled()) {
         let e = f64::from(e);
         let [all, greatest] = &mut struck[pixel as usize % detector.width];

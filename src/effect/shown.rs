@@ -135,7 +135,8 @@ pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
         });
         held.collect::<Vec<(usize, f64)>>()
     });
-    for (at, e) in filled.into_iter().flatten() {
+    let filled = filled.into_iter().flatten();
+    for (at, e) in filled.take_while(|_| !scene.is_cancelled()) {
         held[at] = e;
     }
     held

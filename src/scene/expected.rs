@@ -5,6 +5,9 @@ use super::{AreaLight, Body, Lit, Scene, Simulated, Source, brightest, spill, tr
 use crate::camera::Detector;
 use rayon::prelude::*;
 
+/// Pixels whose charge is computed together: a cancelled frame ends before the next.
+const TOGETHER: usize = 1 << 15;
+
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
     /// their response is skipped or not.
@@ -129,7 +132,12 @@ impl Scene {
 
     /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge; in none once the frame is cancelled.
     pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
-        self.of_pixels(pixels, |pixels| self.expected_of(pixels))
+        let groups = pixels.par_chunks(TOGETHER).filter(|_| !self.is_cancelled());
+        let charge: Vec<Vec<f64>> = groups.map(|pixels| self.expected_of(pixels)).collect();
+        match self.is_cancelled() {
+            true => Vec::new(),
+            false => charge.concat(),
+        }
     }
 
     fn expected_of(&self, pixels: &[u32]) -> Vec<f64> {
@@ -167,9 +175,7 @@ impl Scene {
 
     /// The charge (e-) that particles leave in `pixels`, sorted by row-major index; no more of them once the frame is cancelled.
     pub fn struck_e(&self, pixels: &[u32]) -> impl Iterator<Item = f64> {
-        let detector = &self.view.camera.detector;
-        let hits = self.struck.among(0..detector.pixels(), detector.width);
-        let mut hits = hits.peekable();
+        let mut hits = self.struck.hits().peekable();
         let pixels = pixels.iter().take_while(|_| !self.is_cancelled());
         pixels.map(move |pixel| {
             while hits.next_if(|hit| hit.0 < *pixel).is_some() {}

@@ -39,7 +39,7 @@ impl Spill {
         let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
         let full_e = detector.full_well_e;
         let mut events = vec![0.0; detector.width];
-        let struck = scene.struck.among(0..detector.pixels(), detector.width);
+        let struck = scene.struck.hits();
         for (pixel, e) in struck.take_while(|_| !scene.is_cancelled()) {
             events[pixel as usize % detector.width] += f64::from(e);
         }
@@ -109,21 +109,6 @@ impl Scene {
         let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, most));
         let groups = groups.filter(|_| !self.is_cancelled());
         groups.map(work).collect()
-    }
-
-    /// What `work` makes of groups of `pixels`, side by side, a value a pixel; once the frame is cancelled, of none.
-    pub(super) fn of_pixels(
-        &self,
-        pixels: &[u32],
-        work: impl Fn(&[u32]) -> Vec<f64> + Send + Sync,
-    ) -> Vec<f64> {
-        let groups = pixels.par_chunks(TOGETHER / GROUPS);
-        let groups = groups.filter(|_| !self.is_cancelled());
-        let values: Vec<Vec<f64>> = groups.map(work).collect();
-        match self.is_cancelled() {
-            true => Vec::new(),
-            false => values.concat(),
-        }
     }
 }
 

@@ -30,6 +30,7 @@ impl Scene {
             || images(&view, &simulated, fidelity),
             || areas(&view, &simulated, fidelity),
         );
+        let struck = Struck::of(&[], &view.camera.detector, &view.limit);
         let mut scene = Scene {
             view,
             simulated,
@@ -40,7 +41,7 @@ impl Scene {
             stars_e: Vec::new(),
             trail_e: Vec::new(),
             events: Vec::new(),
-            struck: Struck::default(),
+            struck,
             particles_left_out: 0.0,
             spill: Spill::default(),
             spilling_e: Vec::new(),

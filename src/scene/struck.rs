@@ -6,8 +6,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// The pixels that particles hit, row by row.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Struck {
+    /// Of the detector.
+    width: usize,
     /// `(row-major index, e-)` of each pixel that is hit, in order, for each row of the detector; no rows without particles.
     rows: Vec<Vec<(u32, u32)>>,
     /// The most charge in one pixel, e-.
@@ -17,10 +19,8 @@ pub struct Struck {
 impl Struck {
     /// By `events`; incomplete once the limit's frame is cancelled.
     pub(super) fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
-        if events.is_empty() {
-            return Struck::default();
-        }
-        let mut rows = vec![Vec::new(); detector.height];
+        let some = usize::from(!events.is_empty());
+        let mut rows = vec![Vec::new(); some * detector.height];
         for event in events.iter().take_while(|_| !limit.is_cancelled()) {
             for hit in &event.pixels {
                 rows[hit.0 as usize / detector.width].push(*hit);
@@ -29,6 +29,7 @@ impl Struck {
         let complete = rows.par_iter_mut().filter(|_| !limit.is_cancelled());
         let most = complete.map(add_up).max();
         Struck {
+            width: detector.width,
             rows,
             most_e: most.unwrap_or(0),
         }
@@ -39,14 +40,14 @@ impl Struck {
         f64::from(self.most_e)
     }
 
-    /// How many pixels are hit.
-    pub fn pixels(&self) -> usize {
-        self.rows.iter().map(Vec::len).sum()
+    /// `(row-major index, e-)` of each pixel that is hit, in order.
+    pub fn hits(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.rows.iter().flatten().copied()
     }
 
-    /// `(row-major index, e-)` of each pixel among `pixels` that is hit, in order, of a detector that is so wide.
-    pub fn among(&self, pixels: Range<usize>, width: usize) -> impl Iterator<Item = (u32, u32)> {
-        let rows = pixels.start / width..pixels.end.div_ceil(width);
+    /// Those among `pixels`.
+    pub fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
+        let rows = pixels.start / self.width..pixels.end.div_ceil(self.width);
         let rows = self.rows.get(rows).into_iter().flatten();
         let here = rows.flat_map(move |hits| {
             let place = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
