@@ -1,0 +1,65 @@
+//! Options and exit codes of `skyloop-fc` as the program at 3edfec3 had them. Like `tests/contract` of the emulator, they may not
+//! change while the code is reorganised.
+
+use std::process::{Command, Output};
+
+const OPTIONS: &str = "--attitudes --drift --epoch --fault --focal-px --force --frames --help --hold --junit \
+    --limb-stare --link --listen --loop --max-centroid-rms --max-error --max-false --max-latency-p99-ms --max-missed \
+    --nadir --objects --orbit --output --pause --period --positions --rate --scan --slew --timeout --ut1-utc --version \
+    --wall --window-size --windows";
+
+const EXIT_CODES: [(i32, &str); 8] = [
+    (0, "--help"),
+    (0, "--version"),
+    (2, ""),
+    (2, "--no-such-option"),
+    (2, "--link udp://127.0.0.1:1 --hold 0,0,0,1"),
+    (
+        1,
+        "--link smoke://x --hold 0,0,0,1 --epoch 2026-06-01T00:00:00Z",
+    ),
+    (
+        1,
+        "--link udp://127.0.0.1:1 --attitudes no-such --epoch 2026-06-01T00:00:00Z",
+    ),
+    (
+        1,
+        "--link serial:///dev/no-such --hold 0,0,0,1 --epoch 2026-06-01T00:00:00Z",
+    ),
+];
+
+fn skyloop_fc(arguments: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
+        .args(arguments.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn options_are_unchanged() {
+    let help = String::from_utf8(skyloop_fc("--help").stdout).unwrap();
+    // An option's line begins with its names; what explains it stands behind them or below.
+    let names = help.lines().flat_map(|line| {
+        let names = line
+            .split_whitespace()
+            .take_while(|word| word.starts_with('-'));
+        names.filter(|word| word.starts_with("--"))
+    });
+    let mut names: Vec<&str> = names.collect();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.join(" "), OPTIONS);
+}
+
+#[test]
+fn exit_codes_are_unchanged() {
+    for (code, arguments) in EXIT_CODES {
+        let output = skyloop_fc(arguments);
+        let log = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(
+            output.status.code(),
+            Some(code),
+            "skyloop-fc {arguments}: {log}"
+        );
+    }
+}
