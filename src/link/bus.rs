@@ -2,20 +2,18 @@
 
 use super::inbox::{Watch, inbox};
 use super::{
-    AroundBus, Inbound, Intake, LinkError, LinkUrl, NO_FAULTS, Options, Outbound, Outbox, QUEUE,
-    Tally, Unsent, Wire, count, is_of_frame,
+    AroundBus, Inbound, Intake, LinkError, LinkUrl, Options, Outbound, Tally, Unsent, Wire, count,
+    is_of_frame, outbox,
 };
 use bytes::Bytes;
-use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note, Waker};
+use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
 use skyloop_firmware_sim::port::PortError;
-use skyloop_protocols::FaultKind;
 use skyloop_protocols::can::{Node, Side};
-use std::borrow::Cow;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Instant;
 
 /// Opens a bus.
@@ -84,7 +82,7 @@ pub(super) fn start(
         Some(instruments) => around((instruments.at)(&address, &tally), bus, opener),
     };
     let (arrivals, inbox) = inbox(tally.clone());
-    let (queue, departures) = sync_channel(QUEUE);
+    let (mut outbox, departures) = outbox::queue(&address, &tally);
     let end = End {
         departures,
         watch: arrivals.watch(),
@@ -102,13 +100,11 @@ pub(super) fn start(
             "check the limits of this process",
         )
     })?;
-    let outbox = BusOutbox {
-        queue,
-        waker,
-        tally: tally.clone(),
-        address: address.clone(),
-        faults: options.bus.as_ref().is_some_and(|bus| bus.faults),
-    };
+    outbox.releases = false;
+    outbox.wake = Box::new(move || waker.wake());
+    if options.bus.as_ref().is_some_and(|bus| bus.faults) {
+        outbox.injects = |_| Ok(());
+    }
     let line = settings.clone();
     Ok(Wire {
         address,
@@ -131,52 +127,9 @@ fn around(
     (bus, opener)
 }
 
-/// The queue to the carrier.
-struct BusOutbox {
-    queue: SyncSender<Bytes>,
-    waker: Waker,
-    tally: Arc<Tally>,
-    address: String,
-    /// Whether faults are injected on the bus.
-    faults: bool,
-}
-
-impl Outbox for BusOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        // The bus has one client: there is nothing to release.
-        let Outbound::Packet { exchange, packet } = what else {
-            return Ok(None);
-        };
-        match self.tally.queue(|| self.queue.try_send(packet)) {
-            Ok(()) => self.waker.wake(),
-            Err(TrySendError::Full(packet)) => {
-                return Ok(Some(Outbound::Packet { exchange, packet }));
-            }
-            Err(TrySendError::Disconnected(_)) => {
-                return Err(LinkError::Closed(self.address.clone()));
-            }
-        }
-        Ok(None)
-    }
-
-    fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
-        if self.faults {
-            Ok(())
-        } else {
-            Err(NO_FAULTS.into())
-        }
-    }
-}
-
-impl Drop for BusOutbox {
-    fn drop(&mut self) {
-        self.waker.wake();
-    }
-}
-
 /// The carrier's end.
 struct End {
-    departures: Receiver<Bytes>,
+    departures: Receiver<Outbound>,
     arrivals: Intake,
     watch: Watch,
     tally: Arc<Tally>,
@@ -190,8 +143,8 @@ impl Above for End {
 
     fn next(&mut self) -> Next<Bytes> {
         match self.departures.try_recv() {
-            Ok(packet) => Next::Packet(packet),
-            Err(TryRecvError::Empty) => Next::Nothing,
+            Ok(Outbound::Packet { packet, .. }) => Next::Packet(packet),
+            Ok(Outbound::Release { .. }) | Err(TryRecvError::Empty) => Next::Nothing,
             Err(TryRecvError::Disconnected) => Next::Closed,
         }
     }
@@ -221,7 +174,7 @@ impl Above for End {
     fn note(&mut self, note: Note) {
         let tally = &self.tally;
         let address = &self.address;
-        let some = |counter: &std::sync::atomic::AtomicU32, more| {
+        let some = |counter: &AtomicU32, more| {
             counter.fetch_add(more, Ordering::Relaxed);
         };
         match note {

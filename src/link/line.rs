@@ -1,14 +1,12 @@
 //! Packets on a line of octets, common to serial ports and pseudo-terminals: SLIP frames in, SLIP frames out.
 
 use super::inbox::Gone;
-use super::{
-    Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, Unsent, count,
-};
+use super::{Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Tally, Unsent, count};
 use bytes::Bytes;
 use skyloop_protocols::slip::{self, FrameError};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 /// How long a thread of a line waits before it looks whether the link is still wanted.
@@ -94,47 +92,6 @@ impl Ear {
     }
 }
 
-/// A packet on its way out, and the exchange that it belongs to.
-type Departure = (u32, Bytes);
-
-/// The queue to the thread that writes.
-pub(super) struct LineOutbox {
-    queue: SyncSender<Departure>,
-    tally: Arc<Tally>,
-    address: String,
-}
-
-/// The queue's two ends.
-pub(super) fn outbox(address: &str, tally: &Arc<Tally>) -> (LineOutbox, Receiver<Departure>) {
-    let (queue, departures) = sync_channel(QUEUE);
-    let outbox = LineOutbox {
-        queue,
-        tally: tally.clone(),
-        address: address.to_string(),
-    };
-    (outbox, departures)
-}
-
-impl Outbox for LineOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        // The line has one client: there is nothing to release.
-        let Outbound::Packet { exchange, packet } = what else {
-            return Ok(None);
-        };
-        let departure = (exchange, packet);
-        match self.tally.queue(|| self.queue.try_send(departure)) {
-            Ok(()) => {}
-            Err(TrySendError::Full((exchange, packet))) => {
-                return Ok(Some(Outbound::Packet { exchange, packet }));
-            }
-            Err(TrySendError::Disconnected(_)) => {
-                return Err(LinkError::Closed(self.address.clone()));
-            }
-        }
-        Ok(None)
-    }
-}
-
 /// What became of a frame.
 pub(super) enum Put {
     Sent,
@@ -147,7 +104,7 @@ pub(super) enum Put {
 /// Puts packets from the queue on the line until the emulator drops its end. `put` gets the exchange, the octets
 /// and whether the line was idle before.
 pub(super) fn write(
-    departures: &Receiver<Departure>,
+    departures: &Receiver<Outbound>,
     tally: &Tally,
     mut put: impl FnMut(u32, &[u8], bool) -> Put,
 ) {
@@ -157,7 +114,8 @@ pub(super) fn write(
             Err(TryRecvError::Empty) => (departures.recv().ok(), true),
             next => (next.ok(), false),
         };
-        let Some((exchange, packet)) = next else {
+        // A line has one client: nothing is released.
+        let Some(Outbound::Packet { exchange, packet }) = next else {
             return;
         };
         line.clear();

@@ -14,6 +14,7 @@ mod low_latency;
 mod memory;
 #[cfg(target_os = "linux")]
 mod name;
+mod outbox;
 mod pace;
 #[cfg(target_os = "linux")]
 mod paced;

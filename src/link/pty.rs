@@ -2,8 +2,9 @@
 //! carries octets both ways at the pace of a baud rate. SLIP frames with CRC-32, two threads.
 
 use super::inbox::inbox;
-use super::line::{Ear, LineOutbox, Put, airtime, baud_of, outbox, write};
+use super::line::{Ear, Put, airtime, baud_of, write};
 use super::name::is_one;
+use super::outbox::{self, QueueOutbox};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo, Refusal};
@@ -65,7 +66,8 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     let pseudo = Arc::new(pseudo);
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
-    let (outbox, departures) = outbox(&address, &tally);
+    let (mut outbox, departures) = outbox::queue(&address, &tally);
+    outbox.releases = false;
     let ended = Arc::new(AtomicBool::new(false));
     let last = Arc::new(AtomicBool::new(last));
     let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
@@ -109,7 +111,7 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
 
 /// The queue to the writer; the name goes with it, before the last packets have left.
 struct NamedOutbox {
-    outbox: LineOutbox,
+    outbox: QueueOutbox,
     pseudo: Arc<Pseudo>,
     /// Set when no other client is to come.
     last: Arc<AtomicBool>,

@@ -1,11 +1,11 @@
 //! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
 
-use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, outbox, write};
+use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, write};
 #[cfg(target_os = "linux")]
 use super::low_latency;
 use super::{
     Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Unsent, Wire, count, inbox::inbox,
-    thread,
+    outbox, thread,
 };
 use serialport::SerialPort;
 use skyloop_firmware_sim::port::Refusal;
@@ -55,7 +55,8 @@ fn start(
     });
     let tally = line.tally.clone();
     let (arrivals, inbox) = inbox(tally.clone());
-    let (outbox, departures) = outbox(&address, &tally);
+    let (mut outbox, departures) = outbox::queue(&address, &tally);
+    outbox.releases = false;
     let ended = Arc::new(AtomicBool::new(false));
     let (reading, stop) = (line.clone(), ended.clone());
     let watch = arrivals.watch();

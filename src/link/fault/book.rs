@@ -57,7 +57,7 @@ impl Book {
     }
 
     /// Books injections into the link at `address`.
-    pub fn note(&mut self, address: &str, injections: &[Injection]) {
+    pub(super) fn note(&mut self, address: &str, injections: &[Injection]) {
         for injection in injections {
             let out = injection.direction == Direction::Out;
             if let What::Item { .. } = injection.what {
@@ -111,10 +111,8 @@ impl Book {
     /// Why the file is not whole, if it is not.
     pub fn finish(&mut self) -> Result<(), String> {
         self.flush();
-        match self.log.as_mut().and_then(|log| log.failed.take()) {
-            None => Ok(()),
-            Some(why) => Err(why),
-        }
+        let failed = self.log.as_mut().and_then(|log| log.failed.take());
+        failed.map_or(Ok(()), Err)
     }
 }
 
@@ -155,7 +153,7 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
     // Writing to a string cannot fail.
     let _ = match &injection.what {
         What::Begins(value) => write!(text, ",\"event\":\"begins\",\"value\":{value}"),
-        What::Ends(_) => write!(text, ",\"event\":\"ends\""),
+        What::Ends => write!(text, ",\"event\":\"ends\""),
         What::Item {
             number,
             length,

@@ -1,45 +1,44 @@
 //! The faults around a CAN bus: its frames are harmed one by one.
 //!
-//! The link reads with one handle and sends with the other; what is late is sent by whichever handle comes first, while the
-//! other goes on with its own. Frames that the receiver throws away, or that find the delay line full, count as overflows. While
-//! the bus is off (either direction), nothing comes, what is to be sent waits in the controller's queue, and the link is told by an
-//! error frame as the kernel would tell it.
+//! The link reads with one handle and sends with the other. Whichever handle comes first sends what is due; the
+//! other goes on with its own work. Frames that the receiver throws away, or that find the delay line full, count as
+//! overflows. While the bus is off (in either direction), nothing comes, frames to be sent wait in the controller's
+//! queue, and the link gets an error frame as from the kernel.
 
 use super::book::Book;
-use super::engine::{Damageable, Faults, Pushed};
-use super::harm::note_harm;
-use super::outage::{Change, Outage, in_order};
+use super::engine::{Damageable, Pushed};
+use super::injector::Injector;
+use super::lock;
+use super::outage::Change;
 use super::plan::Plan;
-use super::spared::Spared;
 use super::stopped::Shape;
 use crate::link::{Tally, count};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
 use skyloop_protocols::can::form::{ATTITUDE_BEGIN, FROM_EMULATOR, SHORT_ACK, TO_EMULATOR};
 use skyloop_protocols::can::isotp::Pdu;
 use skyloop_protocols::can::{CanFrame, Node, Side, frame};
-use skyloop_protocols::{Command, Direction, FaultKind, MAX_PACKET, Personality};
+use skyloop_protocols::{FaultKind, MAX_PACKET, Personality};
 use std::collections::VecDeque;
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// How long a handle waits before it looks whether a frame is due in the other direction.
 const TICK: Duration = Duration::from_millis(2);
 
 impl Damageable for CanFrame {
-    /// What the controller itself reports is harmed by nobody.
+    /// Reports of the controller itself are never harmed.
     fn octets(&self) -> Option<&[u8]> {
         (!self.error).then(|| self.payload())
     }
 
-    /// A frame that is cut has the longest length below that there is.
+    /// A frame that is cut has the longest valid length below.
     fn with_octets(mut self, octets: Vec<u8>) -> CanFrame {
         let fits = |length: &&u8| usize::from(**length) <= octets.len();
         let length = frame::LENGTHS.iter().rev().find(fits).copied().unwrap_or(0);
         self.data = [0; frame::MAX_DATA];
-        let used = usize::from(length);
-        if let (Some(to), Some(from)) = (self.data.get_mut(..used), octets.get(..used)) {
-            to.copy_from_slice(from);
+        for (to, from) in self.data.iter_mut().zip(&octets[..usize::from(length)]) {
+            *to = *from;
         }
         self.len = length;
         self
@@ -82,29 +81,17 @@ impl Damageable for CanFrame {
 pub struct BusFaults(Arc<Mutex<State>>);
 
 struct State {
-    /// The first frame of either direction.
-    zero: Option<Instant>,
-    way_in: Faults<CanFrame>,
-    way_out: Faults<CanFrame>,
+    faults: Injector<CanFrame>,
     /// A frame that was due, and that the bus has not taken.
     stopped: Option<CanFrame>,
-    /// A handle is sending what is due: the others leave it to that one, so that the order is kept.
+    /// A handle is sending what is due. The others leave it to that one, so that the order is kept.
     sending: bool,
     /// Whether the controller is off the bus.
-    off: Outage,
-    /// Whether the link is down.
-    down: Outage,
+    is_off: bool,
     /// What the controller reports, and commands that switch faults.
     reports: VecDeque<CanFrame>,
-    /// The answers that suffer nothing.
-    spared: Spared,
-    /// Hears what the client commands, however the bus harms it afterwards.
+    /// Hears the client's commands, however the bus harms them afterwards.
     listener: Node,
-    personality: &'static Personality,
-    book: Arc<Mutex<Book>>,
-    tally: Arc<Tally>,
-    address: String,
-    flushed: Instant,
 }
 
 impl BusFaults {
@@ -117,92 +104,52 @@ impl BusFaults {
         book: &Arc<Mutex<Book>>,
     ) -> BusFaults {
         BusFaults(Arc::new(Mutex::new(State {
-            zero: None,
-            way_in: Faults::new(Direction::In, &plan.rules),
-            way_out: Faults::new(Direction::Out, &plan.rules),
+            faults: Injector::new(address, tally, plan, personality, book),
             stopped: None,
             sending: false,
-            off: Outage::of(FaultKind::BusOff),
-            down: Outage::of(FaultKind::Down),
+            is_off: false,
             reports: VecDeque::new(),
-            spared: Spared::default(),
             listener: Node::new(Side::Emulator, false),
-            personality,
-            book: book.clone(),
-            tally: tally.clone(),
-            address: address.to_string(),
-            flushed: Instant::now(),
         })))
     }
 
     /// Puts them around an open bus.
     pub fn around(&self, bus: Box<dyn CanBus>) -> Box<dyn CanBus> {
-        Box::new(FaultyBus {
-            bus,
-            faults: self.clone(),
-        })
+        let faults = self.clone();
+        Box::new(FaultyBus { bus, faults })
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        // What a thread that panicked leaves behind is data like any other.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0)
     }
 }
 
 impl State {
-    fn now(&mut self) -> Duration {
-        let book = &self.book;
-        let zero = self.zero.get_or_insert_with(|| {
-            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
-            book.start();
-            Instant::now()
-        });
-        zero.elapsed()
-    }
-
-    /// Books what has been injected by now, and gives the next frame to send.
+    /// Notes what has been injected by now, and gives the next frame to send.
     fn next_due(&mut self) -> Option<CanFrame> {
-        let now = self.zero?.elapsed();
-        self.note(now);
-        if self.off.is_on() || self.sending {
+        self.note();
+        if self.is_off || self.sending {
             return None;
         }
-        self.stopped.take().or_else(|| self.way_out.pop_due(now))
+        self.stopped.take().or_else(|| self.faults.pop_out())
     }
 
-    /// When a handle that reads is to look again. What is due and cannot leave is no reason.
+    /// When a handle that reads is to look again. A frame that is due and cannot leave is no reason.
     fn wake_at(&self) -> Option<Duration> {
-        let blocked = self.off.is_on() || self.stopped.is_some() || self.sending;
-        let out = self.way_out.next_due().filter(|_| !blocked);
-        self.way_in.next_due().into_iter().chain(out).min()
+        let blocked = self.is_off || self.stopped.is_some() || self.sending;
+        let out = self.faults.way_out.next_due().filter(|_| !blocked);
+        self.faults.way_in.next_due().into_iter().chain(out).min()
     }
 
-    /// Writes down what has been injected, and tells the link when its controller leaves the bus, or is back.
-    fn note(&mut self, now: Duration) {
-        self.way_in.turn(now);
-        self.way_out.turn(now);
-        let injected = in_order(self.way_in.injected(), self.way_out.injected());
-        let due = [
-            self.way_in.line().next_due(),
-            self.way_out.line().next_due(),
-        ];
-        note_harm(&self.tally, due, &injected, now);
-        for injection in &injected {
-            match self.off.see(injection) {
-                Some(Change::Lost) => self.reports.push_back(Trouble::BusOff.frame()),
-                Some(Change::Back) => self.reports.push_back(Trouble::Restarted.frame()),
-                None => {}
-            }
-            if self.down.see(injection) == Some(Change::Back) {
-                count(&self.tally.reconnects);
-            }
-        }
-        let mut book = self.book.lock().unwrap_or_else(PoisonError::into_inner);
-        book.note(&self.address, &injected);
-        book.foresee([self.way_in.outlook(), self.way_out.outlook()]);
-        if self.flushed.elapsed() > Duration::from_secs(1) {
-            book.flush();
-            self.flushed = Instant::now();
+    /// Notes what has been injected, and reports when the controller leaves the bus or is back.
+    fn note(&mut self) {
+        for change in self.faults.note() {
+            self.is_off = change == Change::Lost;
+            let trouble = match change {
+                Change::Lost => Trouble::BusOff,
+                Change::Back => Trouble::Restarted,
+            };
+            self.reports.push_back(trouble.frame());
         }
     }
 
@@ -211,37 +158,31 @@ impl State {
         match (frame.id, frame.payload()) {
             (SHORT_ACK, [a, b, c, d]) => {
                 let [apid, count] = [[*a, *b], [*c, *d]].map(u16::from_be_bytes);
-                self.spared.is_answered(apid, count)
+                self.faults.spared.is_answered(apid, count)
             }
             _ => false,
         }
     }
 
-    /// A frame has come from the bus. A controller that is off it hears no more than the end of its being off.
+    /// A frame has come from the bus. A controller that is off it hears nothing.
     fn arrived(&mut self, frame: CanFrame) {
-        let now = self.now();
+        let now = self.faults.start();
         let us = now.as_micros() as u64;
         let command = self.listener.receive(&frame, us).map(<[u8]>::to_vec);
         while self.listener.next_frame(us).is_some() {}
-        let decoded = command.and_then(|packet| (self.personality.decode_command)(&packet).ok());
-        if let Some((header, Command::Fault(fault))) = decoded {
-            self.spared.remember(header.apid, header.sequence_count);
-            match fault.direction {
-                Direction::In => self.way_in.switch(fault, now),
-                Direction::Out => self.way_out.switch(fault, now),
-            }
-            // Whoever switches a fault off must get through to it.
+        if command.is_some_and(|packet| self.faults.switch(&packet, true)) {
+            // A command that ends a fault must get through that fault.
             self.reports.push_back(frame);
-            return;
-        }
-        if self.off.is_on() {
-            self.way_in.foresee(&frame, now);
-            return;
-        }
-        match self.way_in.push(frame, now) {
-            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&self.tally.dropped),
-            // What else is lost is in the book, and missing on the bus like any frame that is lost.
-            Pushed::Taken | Pushed::Lost(_) => {}
+        } else if self.is_off {
+            self.faults.way_in.foresee(&frame, now);
+        } else {
+            match self.faults.way_in.push(frame, now) {
+                Pushed::Lost(FaultKind::Overrun) | Pushed::Full => {
+                    count(&self.faults.tally.dropped)
+                }
+                // Other losses are in the log, and missing on the bus like any lost frame.
+                Pushed::Taken | Pushed::Lost(_) => {}
+            }
         }
     }
 }
@@ -253,7 +194,8 @@ struct FaultyBus {
 }
 
 impl FaultyBus {
-    /// Sends what is due. The lock is not held meanwhile: a bus may take its time, and the other handle has frames to read.
+    /// Sends what is due. The lock is not held meanwhile: a bus may take its time, and the other handle has frames
+    /// to read.
     fn hand_on(&mut self) -> io::Result<()> {
         let mut state = self.faults.lock();
         while let Some(frame) = state.next_due() {
@@ -273,27 +215,24 @@ impl FaultyBus {
 
 impl CanBus for FaultyBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
-        self.faults.lock().now();
+        self.faults.lock().faults.start();
         self.hand_on()?;
         let mut state = self.faults.lock();
-        let now = state.now();
-        if state.off.is_on() || state.stopped.is_some() || !state.way_out.has_room() {
-            if state.off.is_on() {
-                state.way_out.foresee(frame, now);
-            }
+        let now = state.faults.start();
+        if state.is_off {
+            state.faults.way_out.foresee(frame, now);
+        }
+        if state.is_off || state.stopped.is_some() || !state.faults.way_out.has_room() {
             return Ok(Sending::Full);
         }
         let pushed = if state.is_spared(frame) {
-            state.way_out.pass(*frame, now)
+            state.faults.way_out.pass(*frame, now)
         } else {
-            state.way_out.push(*frame, now)
+            state.faults.way_out.push(*frame, now)
         };
-        match pushed {
-            Pushed::Full(_) | Pushed::Lost(FaultKind::BusOff) => {
-                state.note(now);
-                return Ok(Sending::Full);
-            }
-            Pushed::Taken | Pushed::Lost(_) => {}
+        if matches!(pushed, Pushed::Full | Pushed::Lost(FaultKind::BusOff)) {
+            state.note();
+            return Ok(Sending::Full);
         }
         drop(state);
         // The frame is ours now. A bus that has gone says so again next time.
@@ -309,11 +248,10 @@ impl CanBus for FaultyBus {
             if let Some(report) = state.reports.pop_front() {
                 return Ok(Some(report));
             }
-            let now = state.zero.map(|zero| zero.elapsed());
-            if let Some(frame) = now.and_then(|now| state.way_in.pop_due(now)) {
+            if let Some(frame) = state.faults.pop_in() {
                 return Ok(Some(frame));
             }
-            let due = state.wake_at().zip(now);
+            let due = state.wake_at().zip(state.faults.now());
             drop(state);
             let left = deadline.saturating_duration_since(Instant::now());
             let wait = due.map_or(TICK, |(due, now)| due.saturating_sub(now).min(TICK));

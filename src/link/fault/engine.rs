@@ -7,13 +7,13 @@ use super::stopped::{Outlook, Shape};
 use skyloop_protocols::{Direction, Fault, FaultKind, MAX_PACKET};
 use std::time::Duration;
 
-/// Something that a line can harm.
-pub trait Damageable: Clone {
-    /// Its octets; none for what is no packet: that is never harmed.
+/// A packet or a CAN frame that faults can harm.
+pub(super) trait Damageable: Clone {
+    /// Its bytes; none for what is never harmed.
     fn octets(&self) -> Option<&[u8]>;
-    /// The same with other octets, at most as many.
+    /// The same with other bytes, at most as many.
     fn with_octets(self, octets: Vec<u8>) -> Self;
-    /// What it is called in the book: members of a JSON object.
+    /// Its description in the log: members of a JSON object.
     fn members(&self) -> String;
     /// The packet that this item, of so many bytes, begins.
     fn packet(&self, bytes: usize) -> Shape {
@@ -25,65 +25,61 @@ pub trait Damageable: Clone {
     }
 }
 
-/// Something that was done, or a rule that begins or ends.
+/// A harmed item, or a rule that begins or ends.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Injection {
+pub(super) struct Injection {
     /// When, since the engine's zero.
     pub at: Duration,
-    /// To whom.
     pub direction: Direction,
-    /// What.
     pub kind: FaultKind,
-    /// More of it.
     pub what: What,
 }
 
 /// What was done.
 #[derive(Debug, Clone, PartialEq)]
-pub enum What {
+pub(super) enum What {
     /// The rule begins, with this value.
     Begins(f64),
-    /// The rule ends, that had this value.
-    Ends(f64),
+    /// The rule ends.
+    Ends,
     /// An item was harmed.
     Item {
         /// Number of the item in its direction, from 0.
         number: u64,
-        /// How many octets it had.
+        /// How many bytes it had.
         length: usize,
-        /// What it is called: members of a JSON object.
+        /// Its description: members of a JSON object.
         members: String,
-        /// How it was harmed, if there is more to say than its kind.
         how: How,
     },
 }
 
 /// How an item was harmed.
 #[derive(Debug, Clone, PartialEq)]
-pub enum How {
+pub(super) enum How {
     /// As its kind says: it is lost, comes twice or changes places.
     Plainly,
-    /// These bits were inverted, counted from the first octet's most significant one.
+    /// These bits were inverted, counted from the first byte's most significant one.
     Bits(Vec<usize>),
-    /// This many octets were left.
+    /// This many bytes were left.
     CutTo(usize),
     /// This much later.
     Later(Duration),
 }
 
 /// What became of an item.
-#[derive(Debug, PartialEq)]
-pub enum Pushed<T> {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Pushed {
     /// It will come out, perhaps harmed.
     Taken,
     /// It is lost to a fault of this kind.
     Lost(FaultKind),
-    /// The delay line is full: it is given back as it was.
-    Full(T),
+    /// The delay line is full.
+    Full,
 }
 
 /// The faults of one direction. Every `now` counts from one zero and never falls.
-pub struct Faults<T> {
+pub(super) struct Faults<T> {
     direction: Direction,
     rules: Vec<Rule>,
     line: Line<T>,
@@ -125,10 +121,10 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// Takes an item.
-    pub fn push(&mut self, item: T, now: Duration) -> Pushed<T> {
+    pub fn push(&mut self, item: T, now: Duration) -> Pushed {
         self.turn(now);
         if !self.has_room() {
-            return Pushed::Full(item);
+            return Pushed::Full;
         }
         let Some(octets) = item.octets().map(<[u8]>::to_vec) else {
             self.line.put(item, now, Order::Kept);
@@ -174,10 +170,10 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// Takes an item that suffers nothing; late in its turn, where others are.
-    pub fn pass(&mut self, item: T, now: Duration) -> Pushed<T> {
+    pub fn pass(&mut self, item: T, now: Duration) -> Pushed {
         self.turn(now);
         if !self.has_room() {
-            return Pushed::Full(item);
+            return Pushed::Full;
         }
         self.number += 1;
         self.line.put(item, now, Order::Kept);
@@ -202,7 +198,7 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// Items that have not gone on yet.
-    pub(super) fn line(&self) -> &Line<T> {
+    pub fn line(&self) -> &Line<T> {
         &self.line
     }
 
@@ -212,7 +208,7 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// Sees an item that comes, whether it is taken or not.
-    pub(super) fn foresee(&mut self, item: &T, now: Duration) {
+    pub fn foresee(&mut self, item: &T, now: Duration) {
         if let Some(bytes) = item.octets().map(<[u8]>::len) {
             let (packet, longest) = (item.packet(bytes), item.longest());
             self.outlook.see(&self.rules, packet, longest, now);
@@ -220,7 +216,7 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// What the faults without an end did to items since the last call.
-    pub(super) fn outlook(&mut self) -> Outlook {
+    pub fn outlook(&mut self) -> Outlook {
         std::mem::take(&mut self.outlook)
     }
 
@@ -228,15 +224,14 @@ impl<T: Damageable> Faults<T> {
     pub fn turn(&mut self, now: Duration) {
         for rule in &mut self.rules {
             while let Some((at, ends)) = rule.take_turn(now) {
-                let value = rule.fault.value;
                 self.injected.push(Injection {
                     at,
                     direction: self.direction,
                     kind: rule.fault.kind,
                     what: if ends {
-                        What::Ends(value)
+                        What::Ends
                     } else {
-                        What::Begins(value)
+                        What::Begins(rule.fault.value)
                     },
                 });
             }
@@ -251,7 +246,7 @@ mod tests {
 
     impl Damageable for Vec<u8> {
         fn octets(&self) -> Option<&[u8]> {
-            // An empty one stands for what is no packet.
+            // An empty one is never harmed.
             (!self.is_empty()).then_some(self)
         }
 
@@ -297,7 +292,7 @@ mod tests {
             match faults.push(item(i), now) {
                 Pushed::Taken => {}
                 Pushed::Lost(kind) => lost.push(kind),
-                Pushed::Full(_) => panic!("the line is full"),
+                Pushed::Full => panic!("the line is full"),
             }
             out.extend(std::iter::from_fn(|| faults.pop_due(now)));
         }
@@ -450,10 +445,7 @@ mod tests {
             .filter(|injection| !matches!(injection.what, What::Item { .. }))
             .map(|injection| (injection.at, injection.what))
             .collect();
-        assert_eq!(
-            turns,
-            [(from, What::Begins(1.0)), (ms(20), What::Ends(1.0))]
-        );
+        assert_eq!(turns, [(from, What::Begins(1.0)), (ms(20), What::Ends)]);
     }
 
     #[test]
@@ -493,7 +485,7 @@ mod tests {
         }
         // One place is kept for a double.
         assert_eq!(usize::from(taken), super::super::line::CAPACITY - 1);
-        assert_eq!(faults.push(item(9), ms(0)), Pushed::Full(item(9)));
+        assert_eq!(faults.push(item(9), ms(0)), Pushed::Full);
         assert_eq!(faults.pop_due(ms(1000)), Some(item(0)));
         assert_eq!(faults.push(item(9), ms(1000)), Pushed::Taken);
     }

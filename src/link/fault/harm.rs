@@ -1,11 +1,10 @@
 //! What one rule does to one item.
 
-use super::engine::{How, Injection, What};
+use super::engine::How;
 use super::line::Order;
 use super::rule::Rule;
-use crate::link::Tally;
 use crate::rng::PixelStream;
-use skyloop_protocols::{Direction, FaultKind};
+use skyloop_protocols::FaultKind;
 use std::time::Duration;
 
 /// In which order an item suffers: first what the line does, then its time, at last the receiver.
@@ -74,11 +73,8 @@ impl Way {
             }
             FaultKind::Duplicate => self.twice = true,
             FaultKind::Reorder => self.order = Order::Swapped,
-            FaultKind::Stuck
-            | FaultKind::Down
-            | FaultKind::BusOff
-            | FaultKind::Drop
-            | FaultKind::Overrun => {}
+            // A loss: `is_loss`.
+            _ => {}
         }
         Some(How::Plainly)
     }
@@ -90,23 +86,9 @@ pub(super) fn is_loss(kind: FaultKind) -> bool {
     matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
 }
 
-/// Notes in a link's tally what faults have done by `now`, so that messages name them: `due` is when the next late packet in and out goes on.
-pub(super) fn note_harm(
-    tally: &Tally,
-    due: [Option<Duration>; 2],
-    injected: &[Injection],
-    now: Duration,
-) {
-    let damages = |kind| matches!(kind, FaultKind::Truncate | FaultKind::BitFlips);
-    for (direction, due) in [Direction::In, Direction::Out].into_iter().zip(due) {
-        let is_lost = |one: &&Injection| {
-            one.direction == direction
-                && matches!(one.what, What::Item { .. })
-                && (is_loss(one.kind) || damages(one.kind))
-        };
-        let lost = injected.iter().filter(is_lost).count();
-        tally.note_harm(direction, due.is_some_and(|due| due > now), lost as u32);
-    }
+/// Whether an item that meets a fault of this kind is damaged.
+pub(super) fn is_damage(kind: FaultKind) -> bool {
+    matches!(kind, FaultKind::Truncate | FaultKind::BitFlips)
 }
 
 /// Which of `bits` bits are inverted, each with `probability`: the gaps between them are geometric (Devroye 1986,

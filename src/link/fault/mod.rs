@@ -1,5 +1,5 @@
-//! Faults in any link: packets harmed, lost, doubled, late or out of order, by a schedule or by the client's
-//! command. All of it repeats with its seeds, and is written down.
+//! Faults in any link: items are damaged, lost, doubled, delayed or reordered, by a schedule or by the client's
+//! command. All of it repeats with its seeds, and is logged.
 //!
 //! The order is wire, faults, capture, emulator: a recording holds what the emulator received and what it sent.
 
@@ -7,6 +7,7 @@ mod book;
 mod bus;
 mod engine;
 mod harm;
+mod injector;
 mod line;
 mod outage;
 mod plan;
@@ -17,9 +18,14 @@ mod wire;
 
 pub use book::{Book, MARK as LOG_MARK};
 pub use bus::BusFaults;
-pub use engine::{Damageable, Faults, How, Injection, Pushed, What};
 pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
-pub use rule::Rule;
-pub use stopped::{Needs, Shape, Stop};
+pub use stopped::{Needs, Stop};
 pub use wire::wrap;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Locks data that is still valid after a panic of another thread.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

