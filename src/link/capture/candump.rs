@@ -91,15 +91,7 @@ fn parse(line: &str) -> Option<Record<CanFrame>> {
     let (s, us) = time.split_once('.')?;
     let us = (us.len() == 6).then(|| us.parse::<u32>().ok())??;
     let at = Duration::from_secs(s.parse().ok()?).checked_add(Duration::from_micros(us.into()))?;
-    Some(Record {
-        at,
-        direction,
-        link: 0,
-        exchange: 0,
-        first: false,
-        made: None,
-        item,
-    })
+    Some(Record::on_bus(at, direction, item))
 }
 
 /// The frame of `123#DEADBEEF`, `123##5DEADBEEF` or `123#R8`.
@@ -148,15 +140,8 @@ pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
         let us = frame.at.as_micros() as u64;
         let end = &mut ends[usize::from(frame.direction == Direction::Out)];
         if let Some(packet) = end.receive(&frame.item, us) {
-            packets.push(Record {
-                at: frame.at,
-                direction: frame.direction,
-                link: 0,
-                exchange: frame.exchange,
-                first: false,
-                made: None,
-                item: Bytes::copy_from_slice(packet),
-            });
+            let packet = Bytes::copy_from_slice(packet);
+            packets.push(Record::on_bus(frame.at, frame.direction, packet));
         }
         // What a listener would answer, the end itself has.
         while end.next_frame(us).is_some() {}
@@ -169,15 +154,8 @@ mod tests {
     use super::*;
 
     fn record(item: CanFrame, direction: Direction) -> Record<CanFrame> {
-        Record {
-            at: Duration::new(1_436_509_052, 249_713_000),
-            direction,
-            link: 0,
-            exchange: 0,
-            first: false,
-            made: None,
-            item,
-        }
+        let at = Duration::new(1_436_509_052, 249_713_000);
+        Record::on_bus(at, direction, item)
     }
 
     #[test]

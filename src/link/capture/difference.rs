@@ -1,44 +1,40 @@
 //! Two packets that should be one: the first thing in which they differ, in words.
 
-use skyloop_protocols::packet::{HEADER_LENGTH, identify, reseal};
+use super::place::{Place, sealed};
+use skyloop_protocols::packet::{HEADER_LENGTH, identify};
 use skyloop_protocols::pixels::{OBJECTS_PER_PART, unpack};
 use skyloop_protocols::reply::Window;
 use skyloop_protocols::{
-    Counters, MAX_PACKET, Nack, ObjectPart, Personality, PixelBlock, Reply, Status, Timing,
+    Counters, Nack, ObjectPart, Packing, Personality, PixelBlock, Reply, Status, Timing,
     WindowBlock, WireTime, Withheld,
 };
+use std::fmt::Debug;
 
-/// What a packet is called.
+/// The name of a packet in messages.
 pub fn called(personality: &Personality, packet: &[u8]) -> String {
-    match (personality.decode_reply)(&sealed(packet)) {
-        Ok((_, Reply::FrameHeader(header))) => format!("the FrameHeader of frame {}", header.frame),
-        Ok((_, Reply::FrameEnd(end))) => format!("the FrameEnd of frame {}", end.frame),
-        Ok((_, Reply::PixelBlock(block))) => {
-            format!("PixelBlock {} of frame {}", block.index, block.frame)
-        }
-        Ok((_, Reply::Compressed(block))) => {
-            format!("Compressed {} of frame {}", block.index, block.frame)
-        }
-        Ok((_, Reply::Windows(block))) => {
-            format!("Windows {} of frame {}", block.index, block.frame)
-        }
-        Ok((_, Reply::Objects(part))) => format!("Objects {} of frame {}", part.part, part.frame),
-        Ok((_, Reply::Labels(part))) => format!("Labels {} of frame {}", part.part, part.frame),
-        Ok((_, Reply::Nack(nack))) => format!("a Nack ({:?}: {})", nack.reason, nack.detail),
-        Ok((_, reply)) => {
-            let name = format!("{reply:?}");
-            let end = name.find(['(', ' ']).unwrap_or(name.len());
-            format!("a packet {}", &name[..end])
-        }
-        Err(_) => match identify(packet) {
+    let sealed = sealed(packet);
+    let Ok((_, reply)) = (personality.decode_reply)(&sealed) else {
+        return match identify(packet) {
             Some((apid, count)) => format!("packet {count} of APID {apid:#05x}"),
             None => "a runt".to_string(),
+        };
+    };
+    if let Reply::Nack(nack) = &reply {
+        return format!("a Nack ({:?}: {})", nack.reason, nack.detail);
+    }
+    let text = format!("{reply:?}");
+    let name = text.split(['(', ' ']).next().unwrap_or_default();
+    match Place::of(&reply, packet) {
+        Some(Place { frame, number, .. }) => match number {
+            Some(number) => format!("{name} {number} of frame {frame}"),
+            None => format!("the {name} of frame {frame}"),
         },
+        None => format!("a packet {name}"),
     }
 }
 
 /// The first difference of a replayed packet from the recorded one; none if there is none that counts. A Status may
-/// differ in its counters, those of the link depend on the link, and in its times.
+/// differ in its counters, as those of the link depend on the link, and in its times.
 pub fn first(
     personality: &Personality,
     width: u16,
@@ -48,74 +44,58 @@ pub fn first(
     if recorded == replayed {
         return None;
     }
-    // What was altered in the recording by hand may have lost its CRC.
     let (was, is) = (sealed(recorded), sealed(replayed));
     let decode = personality.decode_reply;
     let words = match (decode(&was), decode(&is)) {
-        (Ok((_, Reply::PixelBlock(was))), Ok((_, Reply::PixelBlock(is)))) => {
-            pixel(width, &was, &is)
-        }
-        (Ok((_, Reply::Windows(was))), Ok((_, Reply::Windows(is)))) => window(&was, &is),
-        (Ok((_, Reply::Objects(was))), Ok((_, Reply::Objects(is)))) => object(&was, &is),
-        // What follows the pixel that differs is coded otherwise too: the octet tells where.
-        (Ok((_, Reply::Compressed(was))), Ok((_, Reply::Compressed(is))))
-            if was.count == is.count =>
-        {
-            None
-        }
-        (Ok((_, Reply::Labels(was))), Ok((_, Reply::Labels(is)))) => text(was.text, is.text),
-        (Ok((_, Reply::Status(was))), Ok((_, Reply::Status(is)))) => {
-            let blind = |status: Status| Status {
-                counters: Counters::default(),
-                exposure_start: WireTime::default(),
-                exposure_end: WireTime::default(),
-                timing: Timing::default(),
-                latency_p50_s: 0.0,
-                latency_p99_s: 0.0,
-                latency_max_s: 0.0,
-                withheld: Withheld::None,
-                ..status
-            };
-            if blind(was) == blind(is) {
-                return None;
-            }
-            line(&blind(was), &blind(is))
-        }
-        (Ok((was_header, Reply::Nack(was))), Ok((is_header, Reply::Nack(is)))) => {
-            // Each run's links have addresses of their own.
-            let (was_text, is_text) = (without_addresses(was.detail), without_addresses(is.detail));
-            let (was, is) = (
-                Nack {
-                    detail: &was_text,
-                    ..was
-                },
-                Nack {
-                    detail: &is_text,
-                    ..is
-                },
-            );
-            if (was_header, was) == (is_header, is) {
-                return None;
-            }
-            line(&was, &is).or_else(|| line(&was_header, &is_header))
-        }
-        (Ok((_, was)), Ok((_, is))) => {
-            if std::mem::discriminant(&was) == std::mem::discriminant(&is) {
+        (Ok((was_header, was)), Ok((is_header, is))) => match (was, is) {
+            (Reply::PixelBlock(was), Reply::PixelBlock(is)) => pixel(width, &was, &is),
+            (Reply::Windows(was), Reply::Windows(is)) => window(&was, &is),
+            (Reply::Objects(was), Reply::Objects(is)) => object(&was, &is),
+            // What follows the pixel that differs is coded otherwise too: the byte tells where.
+            (Reply::Compressed(was), Reply::Compressed(is)) if was.count == is.count => None,
+            (Reply::Labels(was), Reply::Labels(is)) => text(was.text, is.text),
+            (Reply::Status(was), Reply::Status(is)) => {
+                let (was, is) = (settings(was), settings(is));
+                if was == is {
+                    return None;
+                }
                 line(&was, &is)
-            } else {
-                Some(format!("{} comes", called(personality, replayed)))
             }
-        }
+            (Reply::Nack(was), Reply::Nack(is)) => {
+                // Each run's links have addresses of their own.
+                let [was_text, is_text] = [was, is].map(|nack| without_addresses(nack.detail));
+                let detail = &was_text;
+                let was = Nack { detail, ..was };
+                let detail = &is_text;
+                let is = Nack { detail, ..is };
+                if (was_header, was) == (is_header, is) {
+                    return None;
+                }
+                line(&was, &is).or_else(|| line(&was_header, &is_header))
+            }
+            (was, is) if std::mem::discriminant(&was) == std::mem::discriminant(&is) => {
+                line(&was, &is)
+            }
+            _ => Some(format!("{} comes", called(personality, replayed))),
+        },
         _ => None,
     };
     Some(words.unwrap_or_else(|| octet(recorded, replayed)))
 }
 
-/// The packet with the CRC that fits it.
-pub fn sealed(packet: &[u8]) -> Vec<u8> {
-    let mut packet = packet.to_vec();
-    reseal(&mut packet);
-    packet
+/// A Status without its counters and times.
+fn settings(status: Status) -> Status {
+    Status {
+        counters: Counters::default(),
+        exposure_start: WireTime::default(),
+        exposure_end: WireTime::default(),
+        timing: Timing::default(),
+        latency_p50_s: 0.0,
+        latency_p99_s: 0.0,
+        latency_max_s: 0.0,
+        withheld: Withheld::None,
+        ..status
+    }
 }
 
 /// A text whose words that are links' addresses all read the same.
@@ -130,25 +110,9 @@ fn pixel(width: u16, was: &PixelBlock<'_>, is: &PixelBlock<'_>) -> Option<String
     if place(was) != place(is) {
         return None;
     }
-    let digits = |block: &PixelBlock<'_>| {
-        let mut pixels = [0; MAX_PACKET];
-        let found = unpack(block.packing, block.data, &mut pixels);
-        pixels[..found.min(block.count.into())].to_vec()
-    };
-    let (was_digits, is_digits) = (digits(was), digits(is));
-    let at = was_digits
-        .iter()
-        .zip(&is_digits)
-        .position(|(a, b)| a != b)?;
-    let pixel = was.first_pixel + at as u32;
-    let width = u32::from(width.max(1));
-    Some(format!(
-        "pixel (column {}, row {}): recorded {}, replayed {}",
-        pixel % width,
-        pixel / width,
-        was_digits[at],
-        is_digits[at]
-    ))
+    let (first, width) = (was.first_pixel as usize, usize::from(width.max(1)));
+    let place = |at: usize| [(first + at) % width, (first + at) / width];
+    first_pixel(was.packing, was.count.into(), [was.data, is.data], place)
 }
 
 /// The first pixel of the first window that differs; none if it is not a pixel.
@@ -156,33 +120,40 @@ fn window(was: &WindowBlock<'_>, is: &WindowBlock<'_>) -> Option<String> {
     if (was.packing, was.size) != (is.packing, is.size) {
         return line(was, is);
     }
+    let (packing, size) = (was.packing, usize::from(was.size));
     let mut pairs = (was.first..).zip(was.windows().zip(is.windows()));
-    let (number, (was_window, is_window)) = pairs.find(|(_, (was, is))| was != is)?;
-    let place = |window: &Window<'_>| (window.column, window.row);
-    if place(&was_window) != place(&is_window) {
+    let (number, (was, is)) = pairs.find(|(_, (was, is))| was != is)?;
+    let corner = |window: &Window<'_>| (window.column, window.row);
+    if corner(&was) != corner(&is) {
         return Some(format!(
             "window {number}: recorded at (column, row) {:?}, replayed at {:?}",
-            place(&was_window),
-            place(&is_window)
+            corner(&was),
+            corner(&is)
         ));
     }
-    let size = usize::from(was.size);
-    let digits = |window: &Window<'_>| {
-        let mut pixels = vec![0; size * size];
-        unpack(was.packing, window.data, &mut pixels);
+    let (column, row) = (usize::from(was.column), usize::from(was.row));
+    let place = |at| [column + at % size, row + at / size];
+    let words = first_pixel(packing, size * size, [was.data, is.data], place)?;
+    Some(format!("window {number}, {words}"))
+}
+
+/// The first of `count` packed pixels that differs; `place` gives the column and row of each.
+fn first_pixel(
+    packing: Packing,
+    count: usize,
+    data: [&[u8]; 2],
+    place: impl Fn(usize) -> [usize; 2],
+) -> Option<String> {
+    let [was, is] = data.map(|data| {
+        let mut pixels = vec![0; count];
+        unpack(packing, data, &mut pixels);
         pixels
-    };
-    let (was_digits, is_digits) = (digits(&was_window), digits(&is_window));
-    let at = was_digits
-        .iter()
-        .zip(&is_digits)
-        .position(|(a, b)| a != b)?;
+    });
+    let at = was.iter().zip(&is).position(|(a, b)| a != b)?;
+    let [column, row] = place(at);
     Some(format!(
-        "window {number}, pixel (column {}, row {}): recorded {}, replayed {}",
-        usize::from(was_window.column) + at % size,
-        usize::from(was_window.row) + at / size,
-        was_digits[at],
-        is_digits[at]
+        "pixel (column {column}, row {row}): recorded {}, replayed {}",
+        was[at], is[at]
     ))
 }
 
@@ -194,7 +165,7 @@ fn object(was: &ObjectPart<'_>, is: &ObjectPart<'_>) -> Option<String> {
     Some(format!("object {number}: {}", line(&was, &is)?))
 }
 
-/// Texts around their first different octet.
+/// Texts around their first different byte.
 fn text(was: &[u8], is: &[u8]) -> Option<String> {
     let at = was.iter().zip(is).position(|(a, b)| a != b)?;
     let around = |text: &[u8]| {
@@ -209,7 +180,7 @@ fn text(was: &[u8], is: &[u8]) -> Option<String> {
 }
 
 /// The first field in which two messages differ.
-fn line(was: &impl std::fmt::Debug, is: &impl std::fmt::Debug) -> Option<String> {
+fn line(was: &impl Debug, is: &impl Debug) -> Option<String> {
     let (was, is) = (format!("{was:#?}"), format!("{is:#?}"));
     let (was, is) = was.lines().zip(is.lines()).find(|(a, b)| a != b)?;
     let clean = |line: &str| line.trim().trim_end_matches(',').to_string();
@@ -222,32 +193,25 @@ fn line(was: &impl std::fmt::Debug, is: &impl std::fmt::Debug) -> Option<String>
     })
 }
 
+/// The first byte that differs.
 fn octet(was: &[u8], is: &[u8]) -> String {
-    match was.iter().zip(is).position(|(a, b)| a != b) {
-        Some(at) => {
-            let place = if at < HEADER_LENGTH {
-                "header octet"
-            } else {
-                "octet"
-            };
-            format!(
-                "{place} {at}: recorded {:#04x}, replayed {:#04x}",
-                was[at], is[at]
-            )
-        }
-        None => format!(
+    let Some(at) = was.iter().zip(is).position(|(a, b)| a != b) else {
+        return format!(
             "length: recorded {} bytes, replayed {}",
             was.len(),
             is.len()
-        ),
-    }
+        );
+    };
+    let part = if at < HEADER_LENGTH { "header " } else { "" };
+    let (was, is) = (was[at], is[at]);
+    format!("{part}octet {at}: recorded {was:#04x}, replayed {is:#04x}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use skyloop_protocols::personality::NATIVE;
-    use skyloop_protocols::{CompressedBlock, ObjectRecord, Packing, WireTime};
+    use skyloop_protocols::{CompressedBlock, MAX_PACKET, ObjectRecord};
 
     /// What is said of a packet of which bit 0 of an octet of its fields is another.
     fn altered(reply: &Reply<'_>, octet: usize) -> String {

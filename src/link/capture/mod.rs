@@ -6,10 +6,10 @@ pub mod candump;
 mod difference;
 mod origin;
 pub mod pcapng;
+mod place;
 mod recording;
 pub mod replay;
 mod silence;
-mod whole;
 
 use super::inbox::Observer;
 use super::{Inbound, LinkError, Outbound, Outbox, Wire};
@@ -45,6 +45,21 @@ pub struct Record<P> {
     pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
+}
+
+impl<P> Record<P> {
+    /// A record made on a CAN bus, which has one link and one exchange.
+    fn on_bus(at: Duration, direction: Direction, item: P) -> Record<P> {
+        Record {
+            at,
+            direction,
+            link: 0,
+            exchange: 0,
+            first: false,
+            made: None,
+            item,
+        }
+    }
 }
 
 /// How a recording of packets is recognised: pcapng's section header and the program that wrote it. One of CAN frames has no mark.
@@ -250,16 +265,8 @@ pub struct Recorder {
 impl Recorder {
     /// Records one line of a log of CAN frames.
     pub fn frame(&self, instant: Instant, direction: Direction, frame: &CanFrame) {
-        let line = candump::line(&Record {
-            at: self.clock.of(instant),
-            direction,
-            link: 0,
-            exchange: 0,
-            first: false,
-            made: None,
-            item: *frame,
-        });
-        self.send(line.into_bytes());
+        let record = Record::on_bus(self.clock.of(instant), direction, *frame);
+        self.send(candump::line(&record).into_bytes());
     }
 
     fn send(&self, record: Vec<u8>) {

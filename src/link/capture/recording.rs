@@ -1,14 +1,16 @@
 //! A recording, read from its file for a replay.
+//!
+//! Frames of a bus were queued before they were recorded there. Packets that a client requested again stand among
+//! others than where they were sent, those of a frame that a Reset ends still follow it, and what the bus lost is
+//! missing. So such a recording is sorted first.
 
-use super::pcapng::Packets;
-use super::whole::{OnTheBus, Place, sorted_out};
+use super::place::{Place, place_of};
 use super::{CaptureError, Origin, Record, candump, pcapng};
 use crate::link::{LinkUrl, Roles};
 use bytes::Bytes;
-use skyloop_orbit::LARGEST_FILE;
-use skyloop_orbit::path_text;
-use skyloop_protocols::Personality;
-use std::collections::BTreeMap;
+use skyloop_orbit::{LARGEST_FILE, path_text};
+use skyloop_protocols::{Command, Direction, Personality, Reply};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -39,9 +41,9 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
         reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
     };
     // Before the rest is read.
-    let check = |head: &[u8]| match pcapng::is_pcapng(head) || is_candump(head) {
-        true => Ok(()),
-        false => Err(ErrorKind::InvalidData.into()),
+    let check = |head: &[u8]| {
+        let is_known = pcapng::is_pcapng(head) || is_candump(head);
+        is_known.then_some(()).ok_or(ErrorKind::InvalidData.into())
     };
     let octets = skyloop_orbit::read_bytes(file, LARGEST_FILE, check);
     let octets = octets.map_err(|source| match source.kind() {
@@ -51,49 +53,270 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
             source,
         },
     })?;
-    if pcapng::is_pcapng(&octets) {
-        let found = pcapng::read(file, &Bytes::from(octets))?;
-        let Packets {
-            comments,
-            links,
-            records,
-        } = found;
-        let roles = |link: &String| match LinkUrl::parse(link) {
-            Ok(url) => url.roles().unwrap_or(Roles::ALL),
-            // A loopback.
-            Err(_) => Roles::ALL,
-        };
-        return Ok(Recording {
-            origin: Origin::of_lines(&comments),
-            links: links.iter().map(roles).collect(),
-            events: records,
-            ..Recording::default()
-        });
+    if !pcapng::is_pcapng(&octets) {
+        let text = String::from_utf8(octets).map_err(|_| no_recording())?;
+        let packets = candump::packets(&candump::read(file, &text)?);
+        return Ok(sorted_out(personality, packets));
     }
-    match String::from_utf8(octets) {
-        Ok(text) => {
-            let events = candump::packets(&candump::read(file, &text)?);
-            let OnTheBus {
-                events,
-                altered,
-                torn,
-                doubled,
-            } = sorted_out(personality, events);
-            Ok(Recording {
-                origin: None,
-                links: vec![Roles::ALL],
-                events,
-                on_the_bus: true,
-                altered,
-                torn,
-                doubled,
-            })
-        }
-        Err(_) => Err(no_recording()),
-    }
+    let found = pcapng::read(file, &Bytes::from(octets))?;
+    let roles = |link: &String| match LinkUrl::parse(link) {
+        Ok(url) => url.roles().unwrap_or(Roles::ALL),
+        // A loopback.
+        Err(_) => Roles::ALL,
+    };
+    Ok(Recording {
+        origin: Origin::of_lines(&found.comments),
+        links: found.links.iter().map(roles).collect(),
+        events: found.records,
+        ..Recording::default()
+    })
 }
 
 /// Whether a file that begins so may be a log of candump.
 fn is_candump(head: &[u8]) -> bool {
     head.trim_ascii_start().starts_with(b"(")
+}
+
+/// What a recording has of one frame.
+#[derive(Default)]
+struct Found {
+    /// Packets that it should have.
+    due: Option<u32>,
+    /// Where each of its packets stands first.
+    places: BTreeMap<Place, usize>,
+    /// Whether packets are there twice.
+    twice: bool,
+}
+
+/// What can be compared of a recording made on a bus: what was received, and the packets of frames, each once and
+/// where it was sent first at the latest.
+fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recording {
+    let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
+    let mut asked = BTreeSet::new();
+    let mut resets = Vec::new();
+    let mut altered: BTreeMap<Place, Vec<Bytes>> = BTreeMap::new();
+    for (at, event) in events.iter().enumerate() {
+        if event.direction == Direction::In {
+            match (personality.decode_command)(&event.item) {
+                Ok((_, Command::Resend { frame, .. })) => {
+                    asked.insert(frame);
+                }
+                Ok((_, Command::Reset)) => resets.push(at),
+                _ => {}
+            }
+            continue;
+        }
+        let Some(place) = place_of(personality, &event.item) else {
+            continue;
+        };
+        let found = frames.entry(place.frame).or_default();
+        if let Ok((_, Reply::FrameHeader(header))) = (personality.decode_reply)(&event.item) {
+            found.due = Some(header.packets());
+        }
+        let before = *found.places.entry(place).or_insert(at);
+        found.twice |= before != at;
+        if events[before].item != event.item {
+            altered.entry(place).or_default().push(event.item.clone());
+        }
+    }
+    let all = frames.len();
+    frames.retain(|frame, found| !found.twice || asked.contains(frame));
+    altered.retain(|place, _| frames.contains_key(&place.frame));
+    let whole = |found: &&Found| found.due == u32::try_from(found.places.len()).ok();
+    let moments = moments(&events, &frames, &resets);
+    let kept = events.into_iter().zip(moments);
+    let mut kept: Vec<_> = kept
+        .filter_map(|(event, moment)| Some((moment?, event)))
+        .collect();
+    kept.sort_by_key(|(moment, _)| *moment);
+    Recording {
+        origin: None,
+        links: vec![Roles::ALL],
+        on_the_bus: true,
+        events: kept.into_iter().map(|(_, event)| event).collect(),
+        altered,
+        torn: frames.len() - frames.values().filter(whole).count(),
+        doubled: all - frames.len(),
+    }
+}
+
+/// When an event happened: after which event of the recording, and in order of places among several such.
+type Moment = (usize, Place);
+
+/// When the emulator took or sent each event; none of those that are not compared.
+fn moments(
+    events: &[Record<Bytes>],
+    frames: &BTreeMap<u32, Found>,
+    resets: &[usize],
+) -> Vec<Option<Moment>> {
+    let mut moments = vec![None; events.len()];
+    for found in frames.values() {
+        // Packets are sent in order: one that stands after a later one was lost there, and sent again.
+        let mut next = usize::MAX;
+        for (place, at) in found.places.iter().rev() {
+            next = next.min(*at);
+            moments[*at] = Some((next, *place));
+        }
+    }
+    // A Reset ends the frame under way: its packets had been sent before. What was received keeps its order.
+    let mut earliest = 0;
+    let received = |at: &usize| events[*at].direction == Direction::In;
+    for at in (0..events.len()).filter(received) {
+        if resets.contains(&at) {
+            let begun = frames.values().filter_map(|found| {
+                let first = found.places.values().min()?;
+                (*first < at).then_some(found.places.values().max()?)
+            });
+            earliest = begun.copied().max().unwrap_or(0).max(earliest);
+        }
+        // After all packets of that moment.
+        earliest = earliest.max(at);
+        moments[at] = Some((earliest, Place::LAST));
+    }
+    moments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_protocols::personality::NATIVE;
+    use skyloop_protocols::{
+        FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelLevel, WireTime,
+    };
+    use std::time::Duration;
+
+    fn event(direction: Direction, item: &[u8]) -> Record<Bytes> {
+        Record::on_bus(Duration::ZERO, direction, Bytes::copy_from_slice(item))
+    }
+
+    /// The header, from the golden vectors' own codec, of a frame with `parts` parts of labels and no pixels.
+    fn header(frame: u32, parts: u16) -> Record<Bytes> {
+        let golden = FrameHeader {
+            frame,
+            attitude_sequence: 0,
+            width: 8,
+            height: 8,
+            bits: 12,
+            packing: Packing::Bits12,
+            pixel_level: PixelLevel::None,
+            label_level: LabelLevel::Text,
+            window_size: 0,
+            windows: 0,
+            blocks: 0,
+            label_parts: parts,
+            label_bytes: 1375 * u32::from(parts),
+            exposure_start: WireTime(0),
+            exposure_end: WireTime(1),
+            seed: 1,
+            gain_e_per_dn: 1.0,
+            offset_dn: 0.0,
+        };
+        out(&Reply::FrameHeader(golden))
+    }
+
+    fn part(frame: u32, part: u16, parts: u16, letter: u8) -> Record<Bytes> {
+        let text = [letter; 1375];
+        out(&Reply::Labels(LabelPart {
+            frame,
+            part,
+            parts,
+            text: &text,
+        }))
+    }
+
+    fn end(frame: u32) -> Record<Bytes> {
+        out(&Reply::FrameEnd(FrameEnd {
+            frame,
+            ..FrameEnd::default()
+        }))
+    }
+
+    fn out(reply: &Reply<'_>) -> Record<Bytes> {
+        let mut buffer = [0; MAX_PACKET];
+        let length = reply.encode(0, WireTime::default(), &mut buffer).unwrap();
+        event(Direction::Out, &buffer[..length])
+    }
+
+    fn resend(frame: u32) -> Record<Bytes> {
+        command(&Command::Resend {
+            frame,
+            first: 1,
+            count: 1,
+        })
+    }
+
+    fn command(command: &Command) -> Record<Bytes> {
+        let mut buffer = [0; MAX_PACKET];
+        let length = command.encode(0, WireTime::default(), &mut buffer).unwrap();
+        event(Direction::In, &buffer[..length])
+    }
+
+    #[test]
+    fn what_is_compared_stands_where_it_was_sent_first() {
+        let [ping, reset] = [Command::Ping, Command::Reset].map(|one| command(&one));
+        for (case, events, order, torn, doubled) in [
+            (
+                "without its header; a part twice that nobody requested; whole",
+                vec![
+                    part(1, 0, 1, b'a'),
+                    header(2, 1),
+                    part(2, 0, 1, b'a'),
+                    part(2, 0, 1, b'a'),
+                    header(3, 1),
+                    part(3, 0, 1, b'a'),
+                    end(3),
+                ],
+                vec![0, 4, 5, 6],
+                1,
+                1,
+            ),
+            (
+                "what follows a Reset was sent before it",
+                vec![
+                    header(1, 3),
+                    reset,
+                    ping.clone(),
+                    part(1, 0, 3, b'a'),
+                    part(1, 1, 3, b'b'),
+                    ping,
+                    header(2, 1),
+                    part(2, 0, 1, b'a'),
+                    end(2),
+                ],
+                vec![0, 3, 4, 1, 2, 5, 6, 7, 8],
+                1,
+                0,
+            ),
+            (
+                "the log lacks part 1, both come again, and the next frame has begun",
+                vec![
+                    header(1, 3),
+                    part(1, 0, 3, b'a'),
+                    part(1, 2, 3, b'c'),
+                    end(1),
+                    resend(1),
+                    header(2, 0),
+                    end(2),
+                    part(1, 0, 3, b'a'),
+                    part(1, 1, 3, b'b'),
+                ],
+                vec![0, 1, 8, 2, 3, 4, 5, 6],
+                0,
+                0,
+            ),
+        ] {
+            let found = sorted_out(&NATIVE, events.clone());
+            let order: Vec<_> = order.iter().map(|at: &usize| events[*at].clone()).collect();
+            assert_eq!(found.events, order, "{case}");
+            assert_eq!((found.torn, found.doubled), (torn, doubled), "{case}");
+            assert!(found.altered.is_empty(), "{case}");
+        }
+        // What came again otherwise is kept.
+        let other = part(1, 0, 1, b'b');
+        let events = vec![header(1, 1), part(1, 0, 1, b'a'), resend(1), other.clone()];
+        let found = sorted_out(&NATIVE, events.clone());
+        assert_eq!(found.events, events[..3]);
+        let altered: Vec<_> = found.altered.into_values().collect();
+        assert_eq!(altered, [vec![other.item]]);
+    }
 }

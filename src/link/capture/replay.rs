@@ -6,10 +6,10 @@
 //! recording has before that. No clock is asked.
 
 use super::Record;
-use super::difference::{called, first, sealed};
+use super::difference::{called, first};
+use super::place::{Place, place_of, sealed};
 pub use super::recording::{Recording, load};
 use super::silence::Silence;
-use super::whole::{Place, due, place_of};
 use crate::link::inbox::{Observer, inbox};
 use crate::link::{
     FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire,
@@ -113,28 +113,29 @@ impl Replay {
         personality: &'static Personality,
     ) -> (Vec<(Wire, Roles)>, Replay) {
         let Recording {
-            origin: _,
             links,
             events,
             on_the_bus,
             altered,
-            torn: _,
-            doubled: _,
+            ..
         } = recording;
+        let mut left = vec![BTreeMap::new(); links.len()];
+        let mut ahead = BTreeSet::new();
+        let sent = |event: &&Record<Bytes>| event.direction == Direction::Out;
+        for event in events.iter().filter(sent) {
+            let Some(place) = place_of(personality, &event.item) else {
+                continue;
+            };
+            if let Some(left) = left.get_mut(event.link as usize) {
+                *left.entry(place.frame).or_default() += 1;
+            }
+            ahead.insert(place);
+        }
         let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
-        for link in 0..links.len() {
+        for left in left {
             let tally = Arc::new(Tally::default());
             let (intake, inbox) = inbox(tally.clone());
             inboxes.push((inbox, tally));
-            let mut left = BTreeMap::new();
-            let own = |event: &&Record<Bytes>| {
-                event.direction == Direction::Out && event.link as usize == link
-            };
-            for event in events.iter().filter(own) {
-                if let Some(Place { frame, .. }) = place_of(personality, &event.item) {
-                    *left.entry(frame).or_default() += 1;
-                }
-            }
             ends.push(End {
                 intake: Some(intake),
                 looked: true,
@@ -146,12 +147,6 @@ impl Replay {
                 crc: Crc32::new(),
             });
         }
-        let ahead = events
-            .iter()
-            .filter(|event| on_the_bus && event.direction == Direction::Out);
-        let ahead = ahead
-            .filter_map(|event| place_of(personality, &event.item))
-            .collect();
         let replay = Replay {
             state: Arc::new(Mutex::new(State {
                 events,
@@ -270,13 +265,10 @@ impl Replay {
 
     /// Whether a packet is the recorded one; else that is the difference, and the end.
     fn compare(&self, state: &mut State, link: usize, recorded: &[u8], packet: &[u8]) -> bool {
-        let counted = if state.on_the_bus {
-            counted_as(packet, recorded)
-        } else {
-            packet.to_vec()
-        };
+        let counted = state.on_the_bus.then(|| counted_as(packet, recorded));
+        let packet = counted.as_deref().unwrap_or(packet);
         let width = state.ends[link].width;
-        let Some(words) = first(state.personality, width, recorded, &counted) else {
+        let Some(words) = first(state.personality, width, recorded, packet) else {
             return true;
         };
         let name = called(state.personality, recorded);
@@ -358,12 +350,8 @@ impl Outbox for Played {
         let Some(event) = state.events.get(state.at).cloned() else {
             return Ok(None);
         };
-        if event.direction == Direction::In {
-            // The recorded emulator took a packet first.
-            return Ok(Some(what));
-        }
-        if event.link as usize != link {
-            // It sent over another link first.
+        if event.direction == Direction::In || event.link as usize != link {
+            // The recorded emulator took a packet first, or sent over another link.
             return Ok(Some(what));
         }
         if frame.is_some() && left.unwrap_or(0) == 0 {
@@ -371,7 +359,8 @@ impl Outbox for Played {
             state.silence.excused();
             return Ok(Some(what));
         }
-        if place.is_some_and(|place| state.is_lost(&place)) {
+        if place.is_some_and(|place| state.on_the_bus && !state.ahead.contains(&place)) {
+            // The recording on the bus lacks this packet, though it has others of its frame.
             return Ok(None);
         }
         let altered = place.and_then(|place| state.altered.get(&place).cloned());
@@ -403,11 +392,6 @@ impl Outbox for Played {
 }
 
 impl State {
-    /// Whether a packet is missing in a recording made on the bus, though others of its frame come.
-    fn is_lost(&self, place: &Place) -> bool {
-        self.on_the_bus && !self.ahead.contains(place)
-    }
-
     /// Why the recorded emulator refused the packet that was taken last from this link; none if it did not.
     fn refusal(&self, link: usize) -> Option<String> {
         let taken = self.ends[link].taken?;
@@ -437,7 +421,7 @@ impl State {
             // Else it is sent again, on the client's request.
             let known = |same: &Same| (same.frame, same.link) == (frame, link);
             if !self.progress.frames.iter().any(known) {
-                (end.width, end.due, end.crc) = (header.width, due(&header), Crc32::new());
+                (end.width, end.due, end.crc) = (header.width, header.packets(), Crc32::new());
                 end.frame = self.progress.frames.len();
                 self.progress.frames.push(Same {
                     frame,
