@@ -1,5 +1,6 @@
 //! One link, and what its client has agreed with the emulator.
 
+use super::add;
 use super::deliver::Delivery;
 use super::leaving::Left;
 use super::passed::Passed;
@@ -183,7 +184,7 @@ impl Channel {
     /// Queues an answer behind those that wait. A client that takes nothing loses answers beyond [`MAX_ANSWERS`].
     pub fn answer(&mut self, answer: Bytes) -> Result<(), LinkError> {
         if self.exchange.answers.len() >= MAX_ANSWERS {
-            self.lost = self.lost.wrapping_add(1);
+            add(&mut self.lost, 1);
             if !std::mem::replace(&mut self.exchange.overrun, true) {
                 tracing::warn!(
                     "{MAX_ANSWERS} answers wait: the client does not read them, or asks for more than the link carries; more are lost, and counted"
@@ -304,8 +305,10 @@ impl Channel {
 
     /// Counts the answers that wait as lost.
     pub fn lose_answers(&mut self) {
-        let waiting = self.exchange.answers.drain(..).count() as u32;
-        self.lost = self.lost.wrapping_add(waiting);
+        add(
+            &mut self.lost,
+            self.exchange.answers.drain(..).count() as u32,
+        );
     }
 
     /// Takes the oldest frame out that waits behind others, where more than `most` are on their way.

@@ -1,10 +1,10 @@
 //! To the wire: pictures as their packets, on every link that brings frames, paced by each client's credit.
 
-use super::Server;
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
 use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
+use super::{Server, add};
 use crate::link::{LinkError, SOON, patience};
 use crate::stats::Pending;
 use bytes::Bytes;
@@ -359,7 +359,7 @@ impl Server {
         }
         for (at, older) in passed_over {
             let cause = self.report_passed(at, older.frame);
-            self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
+            add(&mut self.counters.frames_dropped, 1);
             self.end(at, older, Some(cause));
         }
     }
@@ -435,8 +435,7 @@ impl Server {
     /// A packet that the link has refused is lost with its frame.
     fn lose_refused(&mut self, at: usize, delivery: &Delivery) {
         if let Some((_, true)) = delivery.waiting {
-            let channel = &mut self.channels[at];
-            channel.lost = channel.lost.wrapping_add(1);
+            add(&mut self.channels[at].lost, 1);
         }
     }
 
@@ -490,7 +489,7 @@ impl Server {
             .collect();
         let sent = again.len();
         for packet in again {
-            self.counters.resent_blocks = self.counters.resent_blocks.wrapping_add(1);
+            add(&mut self.counters.resent_blocks, 1);
             channel.answer(packet)?;
         }
         Ok(Some(sent))

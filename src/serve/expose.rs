@@ -8,7 +8,7 @@ use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
 use super::withheld::{LEFT_OUT, NO_ATTITUDE, RUN_ENDED};
-use super::{POLL, Server};
+use super::{POLL, Server, add};
 use crate::abort::Abort;
 use crate::config::Clock as Kind;
 use crate::engine::Shot;
@@ -130,14 +130,16 @@ impl Server {
 
     /// An exposure has no frame.
     pub(super) fn miss(&mut self, due: &Due) {
-        self.missed = self.missed.wrapping_add(1);
+        add(&mut self.missed, 1);
         self.miss_trigger(due);
     }
 
     /// Counts the Trigger of an exposure that has no frame, if one asked for it.
     fn miss_trigger(&mut self, due: &Due) {
-        let triggers = &mut self.counters.triggers_missed;
-        *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
+        add(
+            &mut self.counters.triggers_missed,
+            u32::from(due.trigger > 0),
+        );
     }
 
     /// Books the attitude that a frame shows; how many frames were made of it before: in step none, each asks for its own.
@@ -148,9 +150,8 @@ impl Server {
             AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
             _ => (0, 0),
         };
-        let counters = &mut self.counters;
-        counters.attitudes_stale = counters.attitudes_stale.wrapping_add(stale);
-        counters.attitudes_future = counters.attitudes_future.wrapping_add(future);
+        add(&mut self.counters.attitudes_stale, stale);
+        add(&mut self.counters.attitudes_future, future);
         let number = pointing.message.number;
         let repeat = match self.truth.shown {
             Some((shown, frames)) if shown == number && !asks => frames.wrapping_add(1),
@@ -201,15 +202,14 @@ impl Server {
             Progress::Made(shot, at, took) => {
                 self.overrun.learn(picture.asked.level, took);
                 let coarsened = u32::from(picture.asked.level > 0);
-                let counters = &mut self.counters;
-                counters.frames_rendered = counters.frames_rendered.wrapping_add(1);
-                counters.frames_coarsened = counters.frames_coarsened.wrapping_add(coarsened);
+                add(&mut self.counters.frames_rendered, 1);
+                add(&mut self.counters.frames_coarsened, coarsened);
                 self.stats.add(&shot);
-                self.stats.coarsened = self.stats.coarsened.wrapping_add(coarsened);
+                add(&mut self.stats.coarsened, coarsened);
                 self.absent.report(&shot);
                 self.digits = picture.complete(shot, at);
                 self.makes(None);
-                self.next_frame = self.next_frame.wrapping_add(1);
+                add(&mut self.next_frame, 1);
                 self.begin(number);
             }
             Progress::Failed(why) => {
@@ -232,9 +232,8 @@ impl Server {
         }
         self.miss_trigger(&picture.asked.due);
         self.makes(None);
-        self.next_frame = self.next_frame.wrapping_add(1);
-        let abandoned = &mut self.counters.frames_abandoned;
-        *abandoned = abandoned.wrapping_add(1);
+        add(&mut self.next_frame, 1);
+        add(&mut self.counters.frames_abandoned, 1);
     }
 
     /// Cancels the frame that is made if nobody gets it.
@@ -258,13 +257,10 @@ impl Server {
             let picture = self.pictures.remove(at);
             if picture.whole {
                 self.note_delivered(picture.number);
+                add(&mut self.counters.frames_delivered, 1);
+            } else {
+                add(&mut self.counters.frames_abandoned, 1);
             }
-            let counters = &mut self.counters;
-            let counter = match picture.whole {
-                true => &mut counters.frames_delivered,
-                false => &mut counters.frames_abandoned,
-            };
-            *counter = counter.wrapping_add(1);
             let Some(shot) = picture.into_shot() else {
                 continue;
             };

@@ -3,7 +3,7 @@
 use super::clock::{Due, Heard, MAX_WAITING, SURE_S};
 use super::receive::Refusal;
 use super::withheld::{CLOCK_SET, name};
-use super::{Latched, Server};
+use super::{Latched, Server, add};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::OutOfOrder;
 use crate::link::{Inbound, LinkError};
@@ -25,21 +25,15 @@ impl Server {
     ) -> Result<(), Refusal> {
         let epoch = to_epoch(header.time);
         if self.clock.is_full() {
-            return Err(Refusal {
-                reason: Reason::Busy,
-                detail: format!(
-                    "{MAX_WAITING} attitudes already wait for their frames; wait for a frame"
-                ),
-            });
+            return Err(Refusal::busy(format!(
+                "{MAX_WAITING} attitudes already wait for their frames; wait for a frame"
+            )));
         }
         if attitude.state.is_none() && self.has_objects {
-            return Err(Refusal {
-                reason: Reason::ValueOutOfRange,
-                detail: format!(
-                    "attitude {} carries no position, and objects are configured: send the state it sees them from",
-                    attitude.sequence
-                ),
-            });
+            return Err(Refusal::value(format!(
+                "attitude {} carries no position, and objects are configured: send the state it sees them from",
+                attitude.sequence
+            )));
         }
         let orbit = attitude
             .state
@@ -60,10 +54,8 @@ impl Server {
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
         let camera = self.settings.camera.clone();
-        exposable(&vehicle, camera.exposure_s + camera.readout_s()).map_err(|why| Refusal {
-            reason: Reason::ValueOutOfRange,
-            detail: format!("attitude {}: {why}", attitude.sequence),
-        })?;
+        exposable(&vehicle, camera.exposure_s + camera.readout_s())
+            .map_err(|why| Refusal::value(format!("attitude {}: {why}", attitude.sequence)))?;
         if self.clock.awaits_time() {
             // After a pause another time may have begun.
             self.truth.history.forget_after(epoch);
@@ -71,17 +63,13 @@ impl Server {
         if let Heard::Doubted(ahead_s) = self.hear(epoch, inbound.arrived)
             && ahead_s > 0.0
         {
-            return Err(Refusal {
-                reason: Reason::ValueOutOfRange,
-                detail: format!(
-                    "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for {SURE_S} s",
-                    attitude.sequence
-                ),
-            });
+            return Err(Refusal::value(format!(
+                "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for {SURE_S} s",
+                attitude.sequence
+            )));
         }
         let out_of_order = self.is_out_of_order(epoch, attitude.sequence, inbound.arrived)?;
-        let backwards = &mut self.counters.time_backwards;
-        *backwards = backwards.wrapping_add(u32::from(out_of_order));
+        add(&mut self.counters.time_backwards, u32::from(out_of_order));
         self.accepted += 1;
         let latched = Latched {
             vehicle,
@@ -105,9 +93,8 @@ impl Server {
             );
             self.truth.history.clear();
             let asked_for = self.clock.forget();
-            self.missed = self.missed.wrapping_add(asked_for);
-            let triggers = &mut self.counters.triggers_missed;
-            *triggers = triggers.wrapping_add(asked_for);
+            add(&mut self.missed, asked_for);
+            add(&mut self.counters.triggers_missed, asked_for);
             (0..asked_for).for_each(|_| self.fail(Request::default(), CLOCK_SET));
         }
         heard

@@ -1,9 +1,9 @@
 //! Frames whose last packet is in a link's queue: when it leaves, the frame's times are known, of that link. A client that takes nothing spoils no other's figures.
 
-use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
 use super::withheld::of_unsent;
+use super::{Server, add};
 use crate::link::{Exit, Mark, QUEUE, Unsent};
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
@@ -153,7 +153,7 @@ impl Server {
     fn take_back(&mut self, frame: u32) {
         let counters = &mut self.counters;
         counters.frames_delivered = counters.frames_delivered.wrapping_sub(1);
-        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(1);
+        add(&mut counters.frames_abandoned, 1);
         for other in &mut self.leaving {
             other.is_delivered &= other.left.times.frame != frame;
         }
@@ -182,8 +182,8 @@ impl Server {
             left.times.spare_s = f64::INFINITY;
         }
         let times = left.times;
-        let missed = &mut self.counters.deadlines_missed;
-        *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
+        let is_missed = u32::from(times.spare_s < 0.0);
+        add(&mut self.counters.deadlines_missed, is_missed);
         if let Some(channel) = self.channels.get_mut(leaving.at) {
             channel.latencies.add(&times);
             channel.latest = Some(left);

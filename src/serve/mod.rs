@@ -61,6 +61,11 @@ const GIVE_UP: Duration = Duration::from_secs(5);
 /// How long it waits after a signal, for all links together.
 const GIVE_UP_ON_STOP: Duration = Duration::from_millis(1500);
 
+/// Adds to a counter, which wraps.
+fn add(counter: &mut u32, more: u32) {
+    *counter = counter.wrapping_add(more);
+}
+
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
 struct Latched {
@@ -411,11 +416,9 @@ impl Server {
 
     /// Counts requests that will have no frame.
     fn abandon(&mut self, waited: u32, cause: &'static str) {
-        let counters = &mut self.counters;
-        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(waited);
+        add(&mut self.counters.frames_abandoned, waited);
         if self.is_requested_by("Trigger") {
-            let counters = &mut self.counters;
-            counters.triggers_missed = counters.triggers_missed.wrapping_add(waited);
+            add(&mut self.counters.triggers_missed, waited);
         }
         (0..waited).for_each(|_| self.fail(Request::default(), cause));
     }
@@ -481,7 +484,7 @@ impl Server {
         };
         for channel in &self.channels {
             channel.wire.tally.add_to(&mut counters);
-            counters.lost_outbound = counters.lost_outbound.wrapping_add(channel.lost);
+            add(&mut counters.lost_outbound, channel.lost);
         }
         counters
     }

@@ -1,15 +1,15 @@
 //! Commands change the camera's settings and the exchange, or are refused.
 
-use super::Server;
 use super::budget;
 use super::clock::Asked;
 use super::receive::Refusal;
+use super::{Server, add};
 use crate::camera::{EXPOSURE_S, GAIN_E_PER_DN, RATE_HZ};
 use crate::config::Clock as Kind;
 use crate::link::FAULT_REFUSED;
 use crate::scene::turn_at;
 use skyloop_firmware_sim::time::to_epoch;
-use skyloop_protocols::{Command, Header, Output, Reason, WireTime, Withheld};
+use skyloop_protocols::{Command, Header, Output, WireTime, Withheld};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::time::Instant;
@@ -35,9 +35,8 @@ impl Server {
                     && self.kind != Kind::Stepped
                 {
                     let open_s = seconds + camera.readout_s();
-                    turn_at(latest.vehicle.rates, open_s).map_err(|error| Refusal {
-                        reason: Reason::ValueOutOfRange,
-                        detail: format!("Exposure.seconds = {seconds}: {error}"),
+                    turn_at(latest.vehicle.rates, open_s).map_err(|error| {
+                        Refusal::value(format!("Exposure.seconds = {seconds}: {error}"))
                     })?;
                 }
                 self.settings.change().exposure_s = seconds;
@@ -52,10 +51,8 @@ impl Server {
                 let camera = self.settings.camera.clone();
                 let most = 1.0 / camera.period_s(camera.exposure_s);
                 self.do_not_overlap("FrameRate.hz", hz, most, "shorten Exposure")?;
-                self.may_hold_back(hz).map_err(|why| Refusal {
-                    reason: Reason::ValueOutOfRange,
-                    detail: format!("FrameRate: {why}, or ask for fewer"),
-                })?;
+                self.may_hold_back(hz)
+                    .map_err(|why| Refusal::value(format!("FrameRate: {why}, or ask for fewer")))?;
                 for at in 0..self.channels.len() {
                     let output = self.channels[at].exchange.output;
                     self.must_fit(at, &output, hz, "FrameRate")?;
@@ -69,16 +66,12 @@ impl Server {
             Command::SingleShot => {
                 self.by_cadence_only("SingleShot")?;
                 if self.truth.history.latest().is_none() {
-                    return Err(Refusal {
-                        reason: Reason::Busy,
-                        detail: "SingleShot: no attitude yet; send one first".to_string(),
-                    });
+                    return Err(Refusal::busy("SingleShot: no attitude yet; send one first"));
                 }
                 if self.clock.is_paused() {
-                    return Err(Refusal {
-                        reason: Reason::Busy,
-                        detail: "SingleShot: exposures are paused; send Resume first".to_string(),
-                    });
+                    return Err(Refusal::busy(
+                        "SingleShot: exposures are paused; send Resume first",
+                    ));
                 }
                 self.must_rest("SingleShot")?;
                 let exposure_s = self.settings.camera.exposure_s;
@@ -115,12 +108,9 @@ impl Server {
                 let sent = credit.sent();
                 let before = credit.granted();
                 if !credit.grant(packets) {
-                    return Err(Refusal {
-                        reason: Reason::ValueOutOfRange,
-                        detail: format!(
-                            "Credit.packets = {packets}: it lies behind the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
-                        ),
-                    });
+                    return Err(Refusal::value(format!(
+                        "Credit.packets = {packets}: it lies behind the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
+                    )));
                 }
                 let step = credit.granted().wrapping_sub(before);
                 let exchange = &mut self.channels[at].exchange;
@@ -133,13 +123,10 @@ impl Server {
                 let detector = &self.settings.camera.detector;
                 let most = detector.width.min(detector.height);
                 if usize::from(output.window_size) > most {
-                    return Err(Refusal {
-                        reason: Reason::ValueOutOfRange,
-                        detail: format!(
-                            "Output.window_size = {}: the frame has {most} pixels across; ask for no more",
-                            output.window_size
-                        ),
-                    });
+                    return Err(Refusal::value(format!(
+                        "Output.window_size = {}: the frame has {most} pixels across; ask for no more",
+                        output.window_size
+                    )));
                 }
                 self.must_fit(at, &output, self.settings.camera.rate_hz, "Output")?;
                 self.channels[at].exchange.output = output;
@@ -150,13 +137,10 @@ impl Server {
                     usize::from(*column) >= detector.width || usize::from(*row) >= detector.height
                 });
                 if let Some([column, row]) = outside {
-                    return Err(Refusal {
-                        reason: Reason::ValueOutOfRange,
-                        detail: format!(
-                            "Positions: ({column}, {row}) is outside the frame of {} x {} pixels; give centres inside it",
-                            detector.width, detector.height
-                        ),
-                    });
+                    return Err(Refusal::value(format!(
+                        "Positions: ({column}, {row}) is outside the frame of {} x {} pixels; give centres inside it",
+                        detector.width, detector.height
+                    )));
                 }
                 let listed = (!positions.centres().is_empty()).then_some(positions);
                 let before = std::mem::replace(&mut self.channels[at].exchange.positions, listed);
@@ -171,21 +155,16 @@ impl Server {
                 count,
             } => {
                 if self.channels[at].wire.tally.awaits_proof() {
-                    return Err(Refusal {
-                        reason: Reason::Busy,
-                        detail: "Resend: this address is not proved; return the Challenge first"
-                            .to_string(),
-                    });
+                    return Err(Refusal::busy(
+                        "Resend: this address is not proved; return the Challenge first",
+                    ));
                 }
                 let sent = self.resend(at, frame, first, count);
                 // A link that has gone is noticed at its next packet.
                 let Some(sent) = sent.unwrap_or(Some(0)) else {
-                    return Err(Refusal {
-                        reason: Reason::ValueOutOfRange,
-                        detail: format!(
-                            "Resend.frame = {frame}: only the packets of the last two frames are kept"
-                        ),
-                    });
+                    return Err(Refusal::value(format!(
+                        "Resend.frame = {frame}: only the packets of the last two frames are kept"
+                    )));
                 };
                 // One that paces shows by its Credit what it has received.
                 if sent > 0 && self.channels[at].exchange.window.is_none() {
@@ -206,15 +185,13 @@ impl Server {
                     camera: self.settings.camera.clone(),
                     arrived,
                 })?;
-                self.counters.triggers = self.counters.triggers.wrapping_add(1);
+                add(&mut self.counters.triggers, 1);
                 self.channels[at].exchange.triggered = true;
             }
             // The link has done it as the packet passed.
             Command::Fault(fault) => {
-                let refused = |why: Cow<'_, str>| Refusal {
-                    reason: Reason::NotSupported,
-                    detail: format!("{FAULT_REFUSED}{why}"),
-                };
+                let refused =
+                    |why: Cow<'_, str>| Refusal::not_supported(format!("{FAULT_REFUSED}{why}"));
                 let outbox = &self.channels[at].wire.outbox;
                 outbox.injects(fault.kind).map_err(refused)?;
             }
@@ -242,10 +219,7 @@ impl Server {
             ..*output
         };
         let fits = budget::fits(&channel.wire, channel.roles, &camera, output, rate_hz);
-        fits.map_err(|why| Refusal {
-            reason: Reason::ValueOutOfRange,
-            detail: format!("{command}: {why}"),
-        })
+        fits.map_err(|why| Refusal::value(format!("{command}: {why}")))
     }
 
     /// Refuses a rate at which the device holds all frames back beyond their deadlines, where such frames are left out.
@@ -254,10 +228,9 @@ impl Server {
         let why = latency.and_then(|latency| self.never_in_time(latency.as_secs_f64()));
         match why.filter(|_| self.overrun.leaves_out()) {
             None => Ok(()),
-            Some(why) => Err(Refusal {
-                reason: Reason::ValueOutOfRange,
-                detail: format!("FrameRate.hz = {hz}: {why}; set run.latency_s, or ask for less"),
-            }),
+            Some(why) => Err(Refusal::value(format!(
+                "FrameRate.hz = {hz}: {why}; set run.latency_s, or ask for less"
+            ))),
         }
     }
 
@@ -267,10 +240,9 @@ impl Server {
         if cadence.is_none_or(|cadence| !cadence.single_shot_is_open()) {
             return Ok(());
         }
-        Err(Refusal {
-            reason: Reason::Busy,
-            detail: format!("{command}: a single shot is being exposed; wait for its frame"),
-        })
+        Err(Refusal::busy(format!(
+            "{command}: a single shot is being exposed; wait for its frame"
+        )))
     }
 
     /// At a cadence, one exposure ends before the next begins.
@@ -284,12 +256,9 @@ impl Server {
         if self.clock.cadence().is_none() || value <= most {
             return Ok(());
         }
-        Err(Refusal {
-            reason: Reason::ValueOutOfRange,
-            detail: format!(
-                "{field} = {value}: exposures would overlap; at most {most}, or {remedy} first"
-            ),
-        })
+        Err(Refusal::value(format!(
+            "{field} = {value}: exposures would overlap; at most {most}, or {remedy} first"
+        )))
     }
 
     /// Refuses `command` where frames do not come at the camera's cadence.
@@ -298,12 +267,9 @@ impl Server {
             return Ok(());
         }
         let asks = self.clock.asks();
-        Err(Refusal {
-            reason: Reason::NotSupported,
-            detail: format!(
-                "{command} has no meaning where each {asks} gives its frame: send one when a frame is wanted"
-            ),
-        })
+        Err(Refusal::not_supported(format!(
+            "{command} has no meaning where each {asks} gives its frame: send one when a frame is wanted"
+        )))
     }
 }
 
@@ -311,12 +277,9 @@ fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Ref
     if range.contains(&value) {
         return Ok(());
     }
-    Err(Refusal {
-        reason: Reason::ValueOutOfRange,
-        detail: format!(
-            "{field} = {value}: must be {} to {}",
-            range.start(),
-            range.end()
-        ),
-    })
+    Err(Refusal::value(format!(
+        "{field} = {value}: must be {} to {}",
+        range.start(),
+        range.end()
+    )))
 }

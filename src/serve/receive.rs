@@ -1,7 +1,7 @@
 //! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
 
-use super::Server;
 use super::deliver::LISTEN;
+use super::{Server, add};
 use crate::link::{Inbound, LinkError, QUEUE};
 use skyloop_protocols::apid::{ATTITUDE, CHALLENGE, COMMAND};
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
@@ -12,6 +12,26 @@ use std::time::{Duration, Instant};
 pub(super) struct Refusal {
     pub reason: Reason,
     pub detail: String,
+}
+
+impl Refusal {
+    /// A value is out of range.
+    pub fn value(detail: impl Into<String>) -> Refusal {
+        let (reason, detail) = (Reason::ValueOutOfRange, detail.into());
+        Refusal { reason, detail }
+    }
+
+    /// Not now.
+    pub fn busy(detail: impl Into<String>) -> Refusal {
+        let (reason, detail) = (Reason::Busy, detail.into());
+        Refusal { reason, detail }
+    }
+
+    /// Not here.
+    pub fn not_supported(detail: impl Into<String>) -> Refusal {
+        let (reason, detail) = (Reason::NotSupported, detail.into());
+        Refusal { reason, detail }
+    }
 }
 
 impl Server {
@@ -71,7 +91,7 @@ impl Server {
             .wrapping_sub(self.channels[at].exchange.number);
         if newer > u32::MAX / 2 {
             // Of a client that another has followed: it was late.
-            self.counters.foreign_packets = self.counters.foreign_packets.wrapping_add(1);
+            add(&mut self.counters.foreign_packets, 1);
             return Ok(());
         }
         if newer != 0 {
@@ -129,7 +149,7 @@ impl Server {
                 gaps.missing(header.apid, header.sequence_count)
             }
         };
-        self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
+        add(&mut self.counters.sequence_gaps, u32::from(missing));
         let done = match command {
             command if !self.channels[at].roles.truth && self.is_truth(&command) => {
                 Err(self.not_the_truth())
@@ -161,10 +181,8 @@ impl Server {
             return self.nack(at, header.apid, header.sequence_count, reason, &detail);
         }
         match command {
-            Command::Attitude(_) => {
-                self.counters.attitudes = self.counters.attitudes.wrapping_add(1)
-            }
-            _ => self.counters.commands = self.counters.commands.wrapping_add(1),
+            Command::Attitude(_) => add(&mut self.counters.attitudes, 1),
+            _ => add(&mut self.counters.commands, 1),
         }
         match command {
             Command::Attitude(_)
@@ -205,11 +223,8 @@ impl Server {
     fn not_the_truth(&self) -> Refusal {
         let truth = self.channels.iter().find(|channel| channel.roles.truth);
         let address = truth.map_or("another link", |channel| &channel.wire.address);
-        Refusal {
-            reason: Reason::NotSupported,
-            detail: format!(
-                "this link takes no Attitude, Trigger, Pause or Resume, and no settings of the first camera: send them over {address}"
-            ),
-        }
+        Refusal::not_supported(format!(
+            "this link takes no Attitude, Trigger, Pause or Resume, and no settings of the first camera: send them over {address}"
+        ))
     }
 }

@@ -7,7 +7,7 @@ use crate::serve::Latched;
 use crate::serve::receive::Refusal;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
-use skyloop_protocols::{Mode, Reason, SyncState};
+use skyloop_protocols::{Mode, SyncState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -109,12 +109,9 @@ impl Clock for External {
         let now = self.cadence.scene_at(asked.arrived);
         let ahead_s = now.map_or(0.0, |now| (asked.start - now).to_seconds());
         if ahead_s > MAX_AHEAD_S {
-            return Err(Refusal {
-                reason: Reason::ValueOutOfRange,
-                detail: format!(
-                    "Trigger.start: {ahead_s:.0} s ahead of the client's clock, at most {MAX_AHEAD_S} s; send it nearer to its time"
-                ),
-            });
+            return Err(Refusal::value(format!(
+                "Trigger.start: {ahead_s:.0} s ahead of the client's clock, at most {MAX_AHEAD_S} s; send it nearer to its time"
+            )));
         }
         let ends = |asked: &Asked| asked.start + seconds(asked.camera.exposure_s);
         let end = ends(&asked);

@@ -15,7 +15,7 @@ use crate::camera::Camera;
 use crate::config::{Clock as Kind, Run, Trigger};
 use external::External;
 use hifitime::Epoch;
-use skyloop_protocols::{Mode, Reason, SyncState};
+use skyloop_protocols::{Mode, SyncState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stepped::Stepped;
@@ -172,15 +172,13 @@ pub(super) fn of(kind: Kind, run: &Run, rate_hz: f64) -> Box<dyn Clock> {
 }
 
 fn full(what: &str) -> Refusal {
-    Refusal {
-        reason: Reason::Busy,
-        detail: format!("{MAX_WAITING} {what} already wait for their frames; wait for a frame"),
-    }
+    Refusal::busy(format!(
+        "{MAX_WAITING} {what} already wait for their frames; wait for a frame"
+    ))
 }
 
 fn no_triggers() -> Refusal {
-    Refusal {
-        reason: Reason::NotSupported,
-        detail: "Trigger: frames come of themselves here; set run.trigger = \"packet\", with run.clock \"stepped\" or \"external\"".to_string(),
-    }
+    Refusal::not_supported(
+        "Trigger: frames come of themselves here; set run.trigger = \"packet\", with run.clock \"stepped\" or \"external\"",
+    )
 }
