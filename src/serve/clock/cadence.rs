@@ -300,11 +300,10 @@ fn system_time(at: Instant) -> Epoch {
 mod tests {
     use super::*;
 
-    /// A clock of `rate_hz` set at some instant, and that instant.
-    fn set(rate_hz: f64) -> (Cadence, Instant) {
-        let (mut clock, zero) = (Cadence::new(rate_hz, None), Instant::now());
-        clock.set(scene(), zero);
-        (clock, zero)
+    /// A clock and the instant when it was set to [`scene`]. Times are ms since then.
+    struct Rig {
+        clock: Cadence,
+        zero: Instant,
     }
 
     fn scene() -> Epoch {
@@ -315,113 +314,136 @@ mod tests {
         Duration::from_millis(ms)
     }
 
-    /// When the exposure that is taken at `now` has ended, ms after the first attitude.
-    fn taken(clock: &mut Cadence, now: Instant) -> Option<i64> {
-        let due = clock.take_due(0.0, now)?;
-        Some(((due.mid - scene()).to_seconds() * 1e3).round() as i64)
+    impl Rig {
+        fn of(mut clock: Cadence) -> Rig {
+            let zero = Instant::now();
+            clock.set(scene(), zero);
+            Rig { clock, zero }
+        }
+
+        fn new(rate_hz: f64) -> Rig {
+            Rig::of(Cadence::new(rate_hz, None))
+        }
+
+        fn due(&mut self, now: u64) -> Option<Due> {
+            self.clock.take_due(0.0, self.zero + ms(now))
+        }
+
+        /// When the exposure that is taken at `now` has ended, in the scene's time.
+        fn taken(&mut self, now: u64) -> Option<i64> {
+            let mid = self.due(now)?.mid;
+            Some(((mid - scene()).to_seconds() * 1e3).round() as i64)
+        }
+
+        fn set_rate(&mut self, rate_hz: f64, now: u64) {
+            self.clock.set_rate(rate_hz, self.zero + ms(now));
+        }
+
+        fn pause(&mut self, now: u64) {
+            self.clock.pause(self.zero + ms(now));
+        }
+
+        fn resume(&mut self, now: u64) {
+            self.clock.resume(self.zero + ms(now));
+        }
     }
 
     #[test]
     fn what_waits_at_a_pause_has_the_time_of_its_exposure() {
         // Taken while it is paused, and after it.
         for resumed in [false, true] {
-            let (mut clock, zero) = set(50.0);
-            clock.pause(zero + ms(35));
+            let mut rig = Rig::new(50.0);
+            rig.pause(35);
             if resumed {
-                clock.resume(zero + ms(1000));
+                rig.resume(1000);
             }
-            assert_eq!(taken(&mut clock, zero + ms(1001)), Some(20), "{resumed}");
-            assert_eq!(taken(&mut clock, zero + ms(1002)), None);
-            clock.resume(zero + ms(2000));
+            assert_eq!(rig.taken(1001), Some(20), "{resumed}");
+            assert_eq!(rig.taken(1002), None);
+            rig.resume(2000);
             let next = if resumed { 1030 } else { 2030 };
             // X-Val: 15 ms to go of what stood still at 35, and a period anew.
-            assert_eq!(taken(&mut clock, zero + ms(next)), Some(55), "{resumed}");
+            assert_eq!(rig.taken(next), Some(55), "{resumed}");
         }
     }
 
     #[test]
     fn what_waits_keeps_its_time_through_further_pauses_and_times_that_are_told() {
-        let (mut clock, zero) = set(50.0);
-        clock.pause(zero + ms(35));
-        clock.resume(zero + ms(1000));
-        clock.pause(zero + ms(1002));
-        assert_eq!(taken(&mut clock, zero + ms(1500)), Some(20), "paused twice");
+        let mut rig = Rig::new(50.0);
+        rig.pause(35);
+        rig.resume(1000);
+        rig.pause(1002);
+        assert_eq!(rig.taken(1500), Some(20), "paused twice");
         // A time that is told during the pause, and one after it.
         for resumed in [false, true] {
-            let (mut clock, zero) = set(50.0);
-            clock.pause(zero + ms(35));
+            let mut rig = Rig::new(50.0);
+            rig.pause(35);
             if resumed {
-                clock.resume(zero + ms(1000));
+                rig.resume(1000);
             }
-            clock.start(scene() + seconds(0.038), zero + ms(1003));
-            clock.resume(zero + ms(1004));
-            assert_eq!(taken(&mut clock, zero + ms(1005)), Some(20), "{resumed}");
+            rig.clock
+                .start(scene() + seconds(0.038), rig.zero + ms(1003));
+            rig.resume(1004);
+            assert_eq!(rig.taken(1005), Some(20), "{resumed}");
         }
         // But where it is another time without a pause, what ended has that.
-        let (mut clock, zero) = set(50.0);
-        clock.start(scene() + seconds(100.0), zero + ms(25));
-        assert_eq!(taken(&mut clock, zero + ms(26)), Some(99_995));
+        let mut rig = Rig::new(50.0);
+        rig.clock.start(scene() + seconds(100.0), rig.zero + ms(25));
+        assert_eq!(rig.taken(26), Some(99_995));
     }
 
     #[test]
     fn exposures_end_at_the_period_and_carry_the_scenes_time() {
-        assert!(
-            Cadence::new(50.0, None)
-                .take_due(0.01, Instant::now())
-                .is_none()
-        );
-        let (mut clock, zero) = set(50.0);
+        let unset = Cadence::new(50.0, None).take_due(0.01, Instant::now());
+        assert!(unset.is_none());
+        let Rig { mut clock, zero } = Rig::new(50.0);
         assert!(clock.take_due(0.01, zero + ms(19)).is_none());
         let due = clock.take_due(0.01, zero + ms(25)).unwrap();
-        let mid = due.mid;
         // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.
-        assert!(((mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
+        assert!(((due.mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
         // The frame is late from 40 ms on.
-        assert_eq!(
-            (due.end, due.deadline),
-            (zero + ms(20), Some(zero + ms(40)))
-        );
-        assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
-        assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
-        clock.clear(50.0, zero + ms(145));
+        assert_eq!(due.end, zero + ms(20));
+        assert_eq!(due.deadline, Some(zero + ms(40)));
+        let mut rig = Rig { clock, zero };
+        assert_eq!(rig.taken(95), Some(80), "the newest");
+        assert_eq!(rig.clock.missed, 2, "those that ended at 40 and at 60 ms");
+        rig.clock.clear(50.0, zero + ms(145));
         // And those that ended at 100, 120 and 140 ms.
-        assert_eq!((clock.missed, taken(&mut clock, zero + ms(200))), (5, None));
+        assert_eq!((rig.clock.missed, rig.taken(200)), (5, None));
+        // A latency that is set is the deadline.
+        let mut rig = Rig::of(Cadence::new(10.0, Some(ms(30))));
+        assert_eq!(rig.due(105).unwrap().deadline, Some(rig.zero + ms(130)));
     }
 
     #[test]
     fn another_rate_counts_from_the_last_exposure_and_invents_no_missed_ones() {
-        let (mut clock, zero) = set(10.0);
-        assert_eq!(taken(&mut clock, zero + ms(100)), Some(100));
-        clock.set_rate(20.0, zero + ms(130));
-        assert_eq!(taken(&mut clock, zero + ms(150)), Some(150));
-        clock.set_rate(1.0, zero + ms(160));
-        assert_eq!(taken(&mut clock, zero + ms(1150)), Some(1150));
-        clock.set_rate(100.0, zero + ms(1850));
-        assert_eq!(
-            taken(&mut clock, zero + ms(1860)),
-            Some(1860),
-            "from the command"
-        );
-        assert_eq!(clock.missed, 0);
+        let mut rig = Rig::new(10.0);
+        assert_eq!(rig.taken(100), Some(100));
+        rig.set_rate(20.0, 130);
+        assert_eq!(rig.taken(150), Some(150));
+        rig.set_rate(1.0, 160);
+        assert_eq!(rig.taken(1150), Some(1150));
+        rig.set_rate(100.0, 1850);
+        assert_eq!(rig.taken(1860), Some(1860), "from the command");
+        assert_eq!(rig.clock.missed, 0);
         // Those of 1870 to 1890 ms; that of 1900 still waits for its frame.
-        clock.set_rate(1.0, zero + ms(1905));
-        assert_eq!(clock.missed, 3);
-        assert_eq!(taken(&mut clock, zero + ms(1906)), Some(1900));
-        assert_eq!(taken(&mut clock, zero + ms(2900)), Some(2900));
+        rig.set_rate(1.0, 1905);
+        assert_eq!(rig.clock.missed, 3);
+        assert_eq!(rig.taken(1906), Some(1900));
+        assert_eq!(rig.taken(2900), Some(2900));
     }
 
     #[test]
     fn rates_and_exposures_that_are_no_numbers_are_brought_into_their_ranges() {
         // X-Val: the slowest rate of all, 1e-4 Hz, has a period of 1e4 s.
         for slow in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
-            let (mut clock, zero) = set(slow);
+            let Rig { mut clock, zero } = Rig::new(slow);
             assert_eq!(clock.until_due(zero), Duration::from_secs(10_000));
             clock.set_rate(f64::INFINITY, zero);
             assert_eq!(clock.until_due(zero), Duration::from_micros(100));
         }
         for [exposure_s, ended_s] in [[f64::NAN, 1e-9], [-1.0, 1e-9], [f64::INFINITY, 1e4]] {
-            let (mut clock, zero) = set(10.0);
+            let Rig { mut clock, zero } = Rig::new(10.0);
             clock.single_shot(exposure_s, zero);
             assert_eq!(clock.until_due(zero), Duration::from_secs_f64(ended_s));
             clock.take_due(exposure_s, zero + Duration::from_secs(20_000));
@@ -430,38 +452,34 @@ mod tests {
 
     #[test]
     fn a_single_shot_is_passed_over_for_nothing() {
-        let (mut clock, zero) = set(10.0);
-        clock.single_shot(0.25, zero + ms(350));
-        assert_eq!(clock.missed, 2, "those that ended at 100 and at 200 ms");
-        assert_eq!(taken(&mut clock, zero + ms(360)), Some(300));
-        assert!(clock.single_shot_is_open() && taken(&mut clock, zero + ms(599)).is_none());
-        clock.set_rate(20.0, zero + ms(500));
-        assert!(clock.single_shot_is_open(), "a rate does not end it");
-        let due = clock.take_due(0.0, zero + ms(725)).unwrap();
+        let mut rig = Rig::new(10.0);
+        rig.clock.single_shot(0.25, rig.zero + ms(350));
+        let missed = rig.clock.missed;
+        assert_eq!(missed, 2, "those that ended at 100 and at 200 ms");
+        assert_eq!(rig.taken(360), Some(300));
+        assert!(rig.clock.single_shot_is_open() && rig.taken(599).is_none());
+        rig.set_rate(20.0, 500);
+        assert!(rig.clock.single_shot_is_open(), "a rate does not end it");
+        let due = rig.due(725).unwrap();
+        assert_eq!(due.end, rig.zero + ms(600));
         // X-Val: a period of 20 Hz after its end.
-        assert_eq!(
-            (due.end, due.deadline),
-            (zero + ms(600), Some(zero + ms(650)))
-        );
-        assert!(!clock.single_shot_is_open());
-        assert_eq!(clock.missed, 4, "and those that ended at 650 and at 700 ms");
-        assert_eq!(taken(&mut clock, zero + ms(750)), Some(750));
-        clock.single_shot(0.1, zero + ms(760));
-        assert_eq!(taken(&mut clock, zero + ms(5000)), Some(860));
-        assert_eq!(
-            taken(&mut clock, zero + ms(9000)),
-            None,
-            "the cadence rests"
-        );
-        clock.set_rate(10.0, zero + ms(9000));
-        assert_eq!(taken(&mut clock, zero + ms(9100)), Some(9100));
-        assert_eq!(clock.missed, 4);
+        assert_eq!(due.deadline, Some(rig.zero + ms(650)));
+        assert!(!rig.clock.single_shot_is_open());
+        let missed = rig.clock.missed;
+        assert_eq!(missed, 4, "and those that ended at 650 and at 700 ms");
+        assert_eq!(rig.taken(750), Some(750));
+        rig.clock.single_shot(0.1, rig.zero + ms(760));
+        assert_eq!(rig.taken(5000), Some(860));
+        assert_eq!(rig.taken(9000), None, "the cadence rests");
+        rig.set_rate(10.0, 9000);
+        assert_eq!(rig.taken(9100), Some(9100));
+        assert_eq!(rig.clock.missed, 4);
     }
 
     #[test]
     fn a_time_that_is_set_ahead_keeps_exposures_at_their_times() {
         for ahead_s in [0.03, -0.03] {
-            let (mut clock, zero) = set(10.0);
+            let Rig { mut clock, zero } = Rig::new(10.0);
             clock.set_ahead(ahead_s);
             let off = (clock.scene_at(zero).unwrap() - scene()).to_seconds() - ahead_s;
             assert!(off.abs() < 1e-9, "{off}");
@@ -473,14 +491,5 @@ mod tests {
             let back = clock.instant_of(due.mid).unwrap();
             assert!(back.max(due.end) - back.min(due.end) < Duration::from_micros(1));
         }
-    }
-
-    #[test]
-    fn a_latency_that_is_set_is_the_deadline() {
-        let mut clock = Cadence::new(10.0, Some(ms(30)));
-        let zero = Instant::now();
-        clock.set(scene(), zero);
-        let due = clock.take_due(0.01, zero + ms(105)).unwrap();
-        assert_eq!(due.deadline, Some(zero + ms(130)));
     }
 }

@@ -1,10 +1,9 @@
-//! Who gives the time: three clocks behind one trait.
+//! The clocks of a run: stepped, by this machine, by the client.
 
 mod cadence;
 mod discipline;
-mod external;
+mod paced;
 mod stepped;
-mod wall;
 
 pub use cadence::Cadence;
 pub(super) use discipline::SURE_S;
@@ -13,13 +12,12 @@ use super::Latched;
 use super::receive::Refusal;
 use crate::camera::Camera;
 use crate::config::{Clock as Kind, Run, Trigger};
-use external::External;
 use hifitime::Epoch;
+use paced::Paced;
 use skyloop_protocols::{Mode, SyncState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stepped::Stepped;
-use wall::Wall;
 
 /// Exposures that may wait for their frame; more are refused as busy.
 pub(super) const MAX_WAITING: usize = 64;
@@ -158,15 +156,14 @@ pub trait Clock: Send {
 
 /// The clock of a kind, as `run` has it otherwise.
 pub(super) fn of(kind: Kind, run: &Run, rate_hz: f64) -> Box<dyn Clock> {
-    let latency = run.latency_s.map(Duration::from_secs_f64);
+    let cadence = Cadence::new(rate_hz, run.latency_s.map(Duration::from_secs_f64));
     let packets = run.trigger == Trigger::Packet;
     match kind {
         Kind::Stepped => Box::new(Stepped::new(packets)),
-        Kind::Wall => Box::new(Wall::new(Cadence::new(rate_hz, latency))),
+        Kind::Wall => Box::new(Paced::wall(cadence)),
         Kind::External => {
             let holdover = Duration::from_secs_f64(run.holdover_s);
-            let cadence = Cadence::new(rate_hz, latency);
-            Box::new(External::new(cadence, packets, holdover))
+            Box::new(Paced::external(cadence, packets, holdover))
         }
     }
 }

@@ -1,4 +1,5 @@
-//! By the client's clock: its attitudes and triggers tell the time, and exposures are made at the camera's cadence of that time, or at triggers.
+//! By the camera's cadence, or at triggers: in this machine's time, or in that which the client's attitudes and triggers
+//! tell.
 
 use super::discipline::{Correction, Discipline, is_set};
 use super::{Asked, Cadence, Clock, Due, Heard, MAX_WAITING, Sync, full};
@@ -11,36 +12,55 @@ use skyloop_protocols::{Mode, SyncState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How far ahead of the client's time a Trigger may ask, s: what lies further ahead would hold a place for nothing.
+/// How far ahead of the client's time a Trigger may ask, s: one further ahead would occupy a place for nothing.
 const MAX_AHEAD_S: f64 = 86_400.0;
 
-/// A cadence by the client's time.
-pub(super) struct External {
+/// Exposures at a cadence or at triggers.
+pub(super) struct Paced {
     cadence: Cadence,
-    discipline: Discipline,
-    /// When the client's time was last heard.
-    heard: Option<Instant>,
-    /// After this silence it is no longer followed.
-    holdover: Duration,
+    /// How the client's time is followed; none by this machine's clock, from the first attitude on.
+    follows: Option<Follows>,
     /// Triggers that wait for the end of their exposures, the first to end first; none where they ask for nothing.
     triggers: Option<Vec<Asked>>,
     /// The scene's time that a pause has stopped, or the latest that was told since.
     stood: Option<Epoch>,
 }
 
-impl External {
-    pub fn new(cadence: Cadence, packets: bool, holdover: Duration) -> External {
-        External {
+/// The client's clock.
+struct Follows {
+    discipline: Discipline,
+    /// When its time was last heard.
+    heard: Option<Instant>,
+    /// After this silence it is no longer followed.
+    holdover: Duration,
+}
+
+impl Paced {
+    /// By this machine's clock.
+    pub fn wall(cadence: Cadence) -> Paced {
+        Paced {
             cadence,
-            discipline: Discipline::default(),
-            heard: None,
-            holdover,
-            triggers: packets.then(Vec::new),
+            follows: None,
+            triggers: None,
             stood: None,
         }
     }
 
-    /// Since a pause any time may be told. Where it lies before the one that stood still, triggers of that would wait for it to come again.
+    /// By the client's clock; `packets`: triggers ask for frames.
+    pub fn external(cadence: Cadence, packets: bool, holdover: Duration) -> Paced {
+        Paced {
+            follows: Some(Follows {
+                discipline: Discipline::default(),
+                heard: None,
+                holdover,
+            }),
+            triggers: packets.then(Vec::new),
+            ..Paced::wall(cadence)
+        }
+    }
+
+    /// Since a pause any time may be told. Where it lies before the one that stood still, triggers of that would wait
+    /// for it to come again.
     fn told_anew(&mut self, told: Epoch) -> Heard {
         let before = self.stood.filter(|stood| told < *stood);
         let is_set_back = before.is_some_and(|stood| is_set(told, stood));
@@ -60,34 +80,44 @@ impl External {
     }
 }
 
-impl Clock for External {
+impl Clock for Paced {
     fn mode(&self) -> Mode {
-        Mode::External
+        match self.follows {
+            Some(_) => Mode::External,
+            None => Mode::Wall,
+        }
     }
 
     fn cadence(&mut self) -> Option<&mut Cadence> {
         self.triggers.is_none().then_some(&mut self.cadence)
     }
 
-    fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
+    fn latched(&mut self, latched: &Latched, _: &Arc<Camera>) {
+        if self.follows.is_none() {
+            self.cadence.set(latched.vehicle.epoch, latched.arrived);
+        }
+    }
 
     fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
+        let Some(follows) = &mut self.follows else {
+            return Heard::Fits;
+        };
         let own = self.cadence.scene_at(arrived);
         let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
-            self.discipline = Discipline::default();
+            follows.discipline = Discipline::default();
+            follows.heard = Some(arrived);
             self.cadence.start(told, arrived);
-            self.heard = Some(arrived);
             return self.told_anew(told);
         };
-        match self.discipline.hear(told, own) {
+        match follows.discipline.hear(told, own) {
             Correction::Slew(ahead_s) => {
-                self.heard = Some(arrived);
+                follows.heard = Some(arrived);
                 self.cadence.set_ahead(ahead_s);
                 Heard::Fits
             }
             Correction::Doubt(ahead_s) => Heard::Doubted(ahead_s),
             Correction::Jump => {
-                self.heard = Some(arrived);
+                follows.heard = Some(arrived);
                 self.cadence.start(told, arrived);
                 Heard::Jumped
             }
@@ -180,7 +210,7 @@ impl Clock for External {
 
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
-        // They have waited for this, and for nothing of ours.
+        // Their latency does not include the pause.
         for asked in self.triggers.iter_mut().flatten() {
             asked.arrived = asked.arrived.max(now);
         }
@@ -189,21 +219,25 @@ impl Clock for External {
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
         let waited = self.end(now);
         self.cadence.clear(rate_hz, now);
-        (self.discipline, self.heard, self.stood) = (Discipline::default(), None, None);
+        self.stood = None;
+        if let Some(follows) = &mut self.follows {
+            (follows.discipline, follows.heard) = (Discipline::default(), None);
+        }
         waited
     }
 
     fn sync(&self, now: Instant) -> Sync {
-        let state = match self.heard {
-            None => SyncState::Waiting,
-            Some(heard) if now.saturating_duration_since(heard) <= self.holdover => {
-                SyncState::Locked
-            }
-            Some(_) => SyncState::Holdover,
+        let Some(follows) = &self.follows else {
+            return Sync::default();
         };
+        let is_fresh = |heard| now.saturating_duration_since(heard) <= follows.holdover;
         Sync {
-            state,
-            offset_s: self.discipline.offset_s(),
+            state: match follows.heard {
+                None => SyncState::Waiting,
+                Some(heard) if is_fresh(heard) => SyncState::Locked,
+                Some(_) => SyncState::Holdover,
+            },
+            offset_s: follows.discipline.offset_s(),
         }
     }
 }
@@ -224,7 +258,7 @@ mod tests {
 
     /// The emulator's side of a flight, at instants that are made up: no test depends on when it runs.
     struct Flight {
-        clock: External,
+        clock: Paced,
         camera: Camera,
         zero: Instant,
         /// Since then, s.
@@ -238,7 +272,7 @@ mod tests {
             let mut camera = Config::defaults().unwrap().camera;
             camera.exposure_s = EXPOSURE_S;
             Flight {
-                clock: External::new(Cadence::new(RATE_HZ, None), false, Duration::from_secs(1)),
+                clock: Paced::external(Cadence::new(RATE_HZ, None), false, Duration::from_secs(1)),
                 camera,
                 zero: Instant::now(),
                 now_s: 0.0,
@@ -248,6 +282,10 @@ mod tests {
 
         fn now(&self) -> Instant {
             self.zero + Duration::from_secs_f64(self.now_s)
+        }
+
+        fn sync(&self) -> Sync {
+            self.clock.sync(self.now())
         }
 
         /// For so long the client tells what `time_s` says of each moment, if anything, both in s.
@@ -267,22 +305,18 @@ mod tests {
             heard
         }
 
-        /// Takes what was exposed; all of it ended a whole number of periods after `zero_s`, none twice or left out, and when the client's clock said so
-        /// (`time_s`) but for `off_s`.
+        /// Takes what was exposed. All of it ended a whole number of periods after `zero_s`, none twice or left out, and
+        /// when the client's clock said so (`time_s`) but for `off_s`.
         fn on_the_grid(&mut self, zero_s: f64, time_s: impl Fn(f64) -> f64, off_s: f64) -> usize {
             for (end_s, due_s) in &self.ends {
                 let periods = (end_s - zero_s) * RATE_HZ;
                 assert!((periods - periods.round()).abs() < 1e-5, "{periods}");
-                assert!(
-                    (time_s(*due_s) - end_s).abs() <= off_s,
-                    "{end_s} at {due_s}"
-                );
+                let off = (time_s(*due_s) - end_s).abs();
+                assert!(off <= off_s, "{end_s} at {due_s}");
             }
             for two in self.ends.windows(2) {
-                assert!(
-                    ((two[1].0 - two[0].0) * RATE_HZ - 1.0).abs() < 1e-5,
-                    "{two:?}"
-                );
+                let periods = (two[1].0 - two[0].0) * RATE_HZ;
+                assert!((periods - 1.0).abs() < 1e-5, "{two:?}");
             }
             assert_eq!(self.clock.missed(), 0);
             std::mem::take(&mut self.ends).len()
@@ -292,18 +326,18 @@ mod tests {
     #[test]
     fn exposures_end_at_the_cadence_of_the_clients_time_and_on_when_it_falls_silent() {
         let mut flight = Flight::begin();
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Waiting);
+        assert_eq!(flight.sync().state, SyncState::Waiting);
         flight.fly(1.0, |_| None);
         assert_eq!(flight.ends.len(), 0);
         flight.fly(5.0, |s| Some(s - 1.02));
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        assert_eq!(flight.sync().state, SyncState::Locked);
         // X-Val: 4.98 s after the first time told, at 20 Hz.
         assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 99);
         flight.fly(2.0, |_| None);
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Holdover);
+        assert_eq!(flight.sync().state, SyncState::Holdover);
         assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 40);
         flight.fly(0.1, |s| Some(s - 1.02));
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        assert_eq!(flight.sync().state, SyncState::Locked);
         flight.on_the_grid(0.0, |s| s - 1.02, 1e-6);
     }
 
@@ -321,7 +355,7 @@ mod tests {
             let count = flight.on_the_grid(0.0, time_s, off_s);
             let due = (10.0 * pace * RATE_HZ).floor() as usize;
             assert!((due - 1..=due).contains(&count), "{count} of {due}");
-            let gained_s = flight.clock.sync(flight.now()).offset_s;
+            let gained_s = flight.sync().offset_s;
             assert!((gained_s - 10.0 * (pace - 1.0)).abs() < off_s, "{gained_s}");
         }
     }
@@ -337,11 +371,8 @@ mod tests {
             let jump = heard.iter().position(|one| *one == Heard::Jumped).unwrap();
             // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th tick of 20 ms, which is the first after 0.26 s.
             assert_eq!(jump, 13);
-            assert!(
-                heard[..jump]
-                    .iter()
-                    .all(|one| matches!(one, Heard::Doubted(_)))
-            );
+            let mut before = heard[..jump].iter();
+            assert!(before.all(|one| matches!(one, Heard::Doubted(_))));
             assert!(heard[jump + 1..].iter().all(|one| *one == Heard::Fits));
             let zero_s = time_s(flight.now_s - 0.4 + 14.0 * TICK_S);
             // Those before it are of the other time, but for one on the seam.
@@ -350,11 +381,9 @@ mod tests {
             flight.fly(2.0, |s| Some(time_s(s)));
             // X-Val: 0.12 s and 2 s after it was sure, at 20 Hz.
             assert_eq!(flight.on_the_grid(zero_s, time_s, 1e-6), 42);
-            let offset_s = flight.clock.sync(flight.now()).offset_s;
-            assert!(
-                (offset_s - before_s - hours * 3600.0).abs() < 1e-3,
-                "{offset_s}"
-            );
+            let offset_s = flight.sync().offset_s;
+            let off_s = offset_s - before_s - hours * 3600.0;
+            assert!(off_s.abs() < 1e-3, "{offset_s}");
         }
     }
 
@@ -363,13 +392,13 @@ mod tests {
     fn times_that_are_all_doubted_lead_to_holdover() {
         let mut flight = Flight::begin();
         flight.fly(0.5, Some);
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        assert_eq!(flight.sync().state, SyncState::Locked);
         // Each is off by another hour.
         let heard = flight.fly(2.0, |s| Some(s + 3600.0 * (s / TICK_S).round()));
         assert!(heard.iter().all(|one| matches!(one, Heard::Doubted(_))));
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Holdover);
+        assert_eq!(flight.sync().state, SyncState::Holdover);
         flight.fly(0.5, Some);
-        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        assert_eq!(flight.sync().state, SyncState::Locked);
     }
 
     #[test]
@@ -380,6 +409,6 @@ mod tests {
         flight.fly(0.08, Some);
         flight.fly(4.0, |s| Some(s + off_s(s)));
         assert_eq!(flight.on_the_grid(TICK_S, |s| s, 1e-6), 81);
-        assert_eq!(flight.clock.sync(flight.now()).offset_s, 0.0);
+        assert_eq!(flight.sync().offset_s, 0.0);
     }
 }
