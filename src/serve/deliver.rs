@@ -3,6 +3,7 @@
 use super::channel::{Channel, Deaf, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
+use super::picture::Picture;
 use super::withheld::{CLIENT_GONE, LAPSED, RESET, RUN_ENDED, name, standstill};
 use super::{Server, add};
 use crate::link::{LinkError, SOON, patience};
@@ -104,19 +105,10 @@ enum Step {
     Moved,
     NoCredit,
     NoRoom,
-    /// Nothing is there to be sent until the renderer tells, or for so long.
+    /// There is nothing to send until the renderer reports, or for so long.
     NotYet(Option<Duration>),
-    Done,
-    /// Its client has gone, or another has come.
-    ClientGone,
-    /// It was refused while it was made.
-    Refused,
-    /// It cannot be encoded, for this reason.
-    TooLong(String),
-    /// Its client has sent Reset.
-    Reset,
-    /// The link has removed packets of it: the proof of the address has lapsed.
-    Unproved,
+    /// All of the frame is in the link's queue, or it is withheld for a cause.
+    Over(Option<&'static str>),
 }
 
 /// What a round over all links came to.
@@ -155,29 +147,12 @@ impl Server {
                     return Err(error);
                 }
             };
-            let end = match &step {
-                Step::Done => Some(None),
-                Step::TooLong(why) => {
-                    let detail = format!("frame {}: {why}", delivery.frame);
-                    self.report(at, Withheld::TooLong, &detail);
-                    Some(Some(name(Withheld::TooLong)))
-                }
-                Step::Reset => Some(Some(RESET)),
-                Step::ClientGone => Some(Some(CLIENT_GONE)),
-                Step::Refused => Some(Some(name(Withheld::Refused))),
-                Step::Unproved => {
-                    let frame = delivery.frame;
-                    self.report(at, Withheld::NoProof, &format!("frame {frame}: {LAPSED}"));
-                    Some(Some(name(Withheld::NoProof)))
-                }
-                _ => None,
-            };
-            if let Some(cause) = end {
-                round.moved = true;
-                self.end(at, delivery, cause);
-                continue;
-            }
             match step {
+                Step::Over(cause) => {
+                    round.moved = true;
+                    self.end(at, delivery, cause);
+                    continue;
+                }
                 Step::Moved => round.moved = true,
                 Step::NotYet(pause) => {
                     delivery.watch = Watch::of(&self.channels[at]);
@@ -200,7 +175,6 @@ impl Server {
                         self.report_standstill(at, &mut delivery, !is_full);
                     }
                 }
-                _ => {}
             }
             self.channels[at].deliveries.push_front(delivery);
         }
@@ -212,19 +186,18 @@ impl Server {
         let channel = &mut self.channels[at];
         // Its client has gone, or another has come: the one that this is for will never have all of it.
         if channel.has_gone(delivery.exchange) {
-            return Ok(Step::ClientGone);
+            return Ok(Step::Over(Some(CLIENT_GONE)));
         }
         if channel.exchange.resets != delivery.resets {
-            return Ok(Step::Reset);
+            return Ok(Step::Over(Some(RESET)));
         }
-        let mut pictures = self.pictures.iter_mut();
-        let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
-            return Ok(Step::Refused);
+        let Some(picture) = Picture::of(&mut self.pictures, delivery.frame) else {
+            return Ok(Step::Over(Some(name(Withheld::Refused))));
         };
         if !delivery.has_begun() {
             delivery.unproved = channel.wire.tally.unproved();
         } else if delivery.unproved != channel.wire.tally.unproved() {
-            return Ok(Step::Unproved);
+            return Ok(self.withhold(at, delivery.frame, Withheld::NoProof, LAPSED));
         }
         if delivery.cut.is_none() {
             let wait = picture.asked.release.checked_duration_since(Instant::now());
@@ -236,7 +209,9 @@ impl Server {
             match Cut::open(picture, &exchange.output, positions, channel.roles) {
                 Ok(None) => return Ok(Step::NotYet(None)),
                 Ok(cut) => delivery.cut = cut,
-                Err(why) => return Ok(Step::TooLong(why)),
+                Err(why) => {
+                    return Ok(self.withhold(at, delivery.frame, Withheld::TooLong, &why));
+                }
             }
             channel.keep(delivery.frame);
             delivery.before = channel.wire.tally.departed.place();
@@ -250,7 +225,7 @@ impl Server {
         };
         if delivery.waiting.is_none() {
             if cut.is_over() {
-                return Ok(Step::Done);
+                return Ok(Step::Over(None));
             }
             // Frames wait here, not in the link's queue: those that are given up are never sent.
             if channel.wire.tally.awaits_proof() {
@@ -271,14 +246,17 @@ impl Server {
                 Ok(packet)
             });
             match packet {
-                Next::Over => return Ok(Step::Done),
+                Next::Over => return Ok(Step::Over(None)),
                 Next::NotYet => return Ok(Step::NotYet(None)),
                 Next::Packet(Ok(packet)) => delivery.waiting = Some((packet, false)),
-                Next::Packet(Err(error)) => return Ok(Step::TooLong(error.to_string())),
+                Next::Packet(Err(error)) => {
+                    let why = error.to_string();
+                    return Ok(self.withhold(at, delivery.frame, Withheld::TooLong, &why));
+                }
             }
         }
         let Some((packet, refused)) = &mut delivery.waiting else {
-            return Ok(Step::Done);
+            return Ok(Step::Over(None));
         };
         let sent = match channel.flush() {
             Ok(true) => channel.offer(packet),
@@ -301,17 +279,22 @@ impl Server {
         delivery.watch = Watch::of(channel);
         // Who has got the last packet may ask at once what was delivered.
         Ok(if cut.is_over() {
-            Step::Done
+            Step::Over(None)
         } else {
             Step::Moved
         })
     }
 
+    /// Reports a frame that is withheld on a link.
+    fn withhold(&mut self, at: usize, frame: u32, why: Withheld, detail: &str) -> Step {
+        self.report(at, why, &format!("frame {frame}: {detail}"));
+        Step::Over(Some(name(why)))
+    }
+
     /// Puts a frame on its way over each link that brings frames and whose client has said something.
     pub(super) fn begin(&mut self, frame: u32) {
         let most = self.most_under_way();
-        let mut pictures = self.pictures.iter_mut();
-        let Some(picture) = pictures.find(|picture| picture.number == frame) else {
+        let Some(picture) = Picture::of(&mut self.pictures, frame) else {
             return;
         };
         let Some(request) = picture.request.take() else {
@@ -378,7 +361,10 @@ impl Server {
 
     /// A frame's way over a link is over: all of it is in the link's queue, or it is withheld for a `cause`.
     fn end(&mut self, at: usize, delivery: Delivery, cause: Option<&'static str>) {
-        self.lose_refused(at, &delivery);
+        if let Some((_, true)) = delivery.waiting {
+            // A packet that the link has refused is lost with its frame.
+            add(&mut self.channels[at].lost, 1);
+        }
         let Delivery {
             frame,
             entry,
@@ -386,8 +372,7 @@ impl Server {
             before,
             ..
         } = delivery;
-        let mut pictures = self.pictures.iter_mut();
-        let picture = pictures.find(|picture| picture.number == frame);
+        let picture = Picture::of(&mut self.pictures, frame);
         // A frame without a picture was refused while it was made.
         let cause = cause.or(picture.is_none().then_some(name(Withheld::Refused)));
         let channel = &mut self.channels[at];
@@ -432,13 +417,6 @@ impl Server {
         self.end(at, delivery, Some(name(why)));
     }
 
-    /// A packet that the link has refused is lost with its frame.
-    fn lose_refused(&mut self, at: usize, delivery: &Delivery) {
-        if let Some((_, true)) = delivery.waiting {
-            add(&mut self.channels[at].lost, 1);
-        }
-    }
-
     /// The run's end: nothing is sent any more.
     pub(super) fn give_all_up(&mut self) {
         for at in 0..self.channels.len() {
@@ -457,10 +435,8 @@ impl Server {
             let Some(delivery) = place.and_then(|place| channel.deliveries.remove(place)) else {
                 continue;
             };
-            let cause = match channel.has_gone(delivery.exchange) {
-                true => CLIENT_GONE,
-                false => RESET,
-            };
+            let has_gone = channel.has_gone(delivery.exchange);
+            let cause = if has_gone { CLIENT_GONE } else { RESET };
             self.end(at, delivery, Some(cause));
         }
     }
@@ -474,12 +450,8 @@ impl Server {
         count: u32,
     ) -> Result<Option<usize>, LinkError> {
         let channel = &mut self.channels[at];
-        let Some(kept) = channel
-            .exchange
-            .kept
-            .iter()
-            .find(|kept| kept.frame == frame && !kept.packets.is_empty())
-        else {
+        let mut kept = channel.exchange.kept.iter();
+        let Some(kept) = kept.find(|kept| kept.frame == frame && !kept.packets.is_empty()) else {
             return Ok(None);
         };
         let asked = kept.packets.iter().skip(first as usize);

@@ -174,11 +174,8 @@ impl Server {
         let Some(number) = self.making else {
             return Ok(());
         };
-        let Some(at) = self
-            .pictures
-            .iter()
-            .position(|picture| picture.number == number)
-        else {
+        let mut pictures = self.pictures.iter();
+        let Some(at) = pictures.position(|picture| picture.number == number) else {
             return Ok(());
         };
         let picture = &mut self.pictures[at];

@@ -128,8 +128,7 @@ impl Server {
         if leaving.is_delivered {
             self.take_back(frame);
         }
-        let mut pictures = self.pictures.iter_mut();
-        if let Some(picture) = pictures.find(|picture| picture.number == frame) {
+        if let Some(picture) = Picture::of(&mut self.pictures, frame) {
             picture.whole = false;
         }
     }
@@ -212,10 +211,8 @@ impl Server {
         let Some(metrics) = &self.metrics else {
             return;
         };
-        if self
-            .looked
-            .is_some_and(|at| now.saturating_duration_since(at) < LOOK)
-        {
+        let is_recent = |at| now.saturating_duration_since(at) < LOOK;
+        if self.looked.is_some_and(is_recent) {
             return;
         }
         let several = self.bringing().count() > 1;

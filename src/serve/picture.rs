@@ -61,6 +61,11 @@ pub(super) struct Picture {
 }
 
 impl Picture {
+    /// Frame `number` among those that are made or sent.
+    pub fn of(pictures: &mut [Picture], number: u32) -> Option<&mut Picture> {
+        pictures.iter_mut().find(|picture| picture.number == number)
+    }
+
     /// A frame that is asked for; `digits` is memory for its pixels.
     pub fn new(request: Request, number: u32, asked: Asked, mut digits: Vec<u16>) -> Picture {
         digits.clear();
