@@ -201,19 +201,13 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::link::{self, Options};
+    use crate::link::{self, fixture::options};
     use skyloop_firmware_sim::can::settings::Settings;
-    use skyloop_protocols::personality::NATIVE;
     use std::sync::Arc;
 
     /// Octets and time of the built-in scene's 20 windows of 11 x 11 pixels on a bus, in µs.
     fn windows_on(bus: &str) -> (usize, f64) {
-        let options = Options {
-            idle: Duration::from_secs(5),
-            personality: &NATIVE,
-            bus: None,
-        };
-        let (mut wire, _port) = link::loopback("memory", &options).unwrap();
+        let (mut wire, _port) = link::loopback("memory", &options()).unwrap();
         let bus = Settings::parse(bus, &["bitrate", "fd", "load"]).unwrap();
         wire.airtime = Some(Arc::new(move |octets| bus.packet_duration(octets)));
         let camera = Config::builtin().unwrap().camera;

@@ -221,14 +221,37 @@ mod tests {
     use super::*;
     use crate::fidelity::{Knob, Value};
 
-    const NOT_HELD: Duration = Duration::ZERO;
+    const LATE: Verdict = shoot(0, Some("late"));
+    const FINEST: Verdict = shoot(0, None);
+
+    const fn shoot(level: usize, overrun: Option<&'static str>) -> Verdict {
+        Verdict::Shoot { level, overrun }
+    }
+
+    fn coarsened(level: usize) -> Verdict {
+        shoot(level, Some("coarsen"))
+    }
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
 
-    fn of(policy: OnOverrun) -> Overrun {
-        Overrun::new(policy, Fidelity::REALTIME, &[fast(), wing_e(1.0)]).0
+    impl Overrun {
+        fn of(policy: OnOverrun) -> Overrun {
+            Overrun::new(policy, Fidelity::REALTIME, &[fast(), wing_e(1.0)]).0
+        }
+
+        /// Decides about a frame that is late after `spare` ms and held for `held` ms.
+        fn at(&mut self, spare: u64, held: u64) -> Verdict {
+            self.decide(Some(ms(spare)), ms(held))
+        }
+
+        /// Frames of the levels took so many ms, the finest first.
+        fn took<const N: usize>(&mut self, ms: [u64; N]) {
+            for (level, ms) in ms.into_iter().enumerate() {
+                self.learn(level, Duration::from_millis(ms));
+            }
+        }
     }
 
     fn fast() -> Coarser {
@@ -239,88 +262,62 @@ mod tests {
         Coarser::Knob(Knob::named("wing_e").unwrap(), Value::Number(wing_e))
     }
 
-    fn shoot(level: usize, overrun: impl Into<Option<&'static str>>) -> Verdict {
-        let overrun = overrun.into();
-        Verdict::Shoot { level, overrun }
-    }
-
     #[test]
     fn late_frames_come_late_and_say_so() {
-        let mut overrun = of(OnOverrun::Late);
-        assert_eq!(
-            overrun.decide(Some(ms(0)), NOT_HELD),
-            shoot(0, None),
-            "nothing is known yet"
-        );
-        overrun.learn(0, ms(50));
-        assert_eq!(overrun.decide(Some(ms(50)), NOT_HELD), shoot(0, None));
-        assert_eq!(overrun.decide(Some(ms(49)), NOT_HELD), shoot(0, "late"));
-        assert_eq!(
-            overrun.decide(None, NOT_HELD),
-            shoot(0, None),
-            "a single shot"
-        );
+        let mut overrun = Overrun::of(OnOverrun::Late);
+        assert_eq!(overrun.at(0, 0), FINEST, "nothing is known yet");
+        overrun.took([50]);
+        assert_eq!([overrun.at(50, 0), overrun.at(49, 0)], [FINEST, LATE]);
+        let single_shot = overrun.decide(None, Duration::ZERO);
+        assert_eq!(single_shot, FINEST);
         assert_eq!((overrun.dropped, overrun.fidelity(1)), (0, None));
     }
 
     #[test]
     fn exposures_are_left_out_until_a_frame_may_be_in_time_again() {
-        let mut overrun = of(OnOverrun::Drop);
-        overrun.learn(0, ms(200));
-        let tried = |overrun: &mut Overrun| {
-            let verdicts = std::iter::repeat_with(|| overrun.decide(Some(ms(100)), NOT_HELD));
-            verdicts
-                .take_while(|verdict| *verdict == Verdict::Drop)
-                .count()
-        };
-        assert_eq!((tried(&mut overrun), overrun.dropped), (4, 4));
-        overrun.learn(0, ms(10));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
+        let mut overrun = Overrun::of(OnOverrun::Drop);
+        overrun.took([200]);
+        let verdicts = std::iter::repeat_with(|| overrun.at(100, 0));
+        let dropped = verdicts.take_while(|verdict| *verdict == Verdict::Drop);
+        assert_eq!((dropped.count(), overrun.dropped), (4, 4));
+        overrun.took([10]);
+        assert_eq!(overrun.at(100, 0), FINEST);
         // The first frame after those that were left out has said so.
-        overrun.learn(0, ms(101));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), Verdict::Drop);
-        overrun.learn(0, ms(99));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, "drop"));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
+        overrun.took([101]);
+        assert_eq!(overrun.at(100, 0), Verdict::Drop);
+        overrun.took([99]);
+        assert_eq!(overrun.at(100, 0), shoot(0, Some("drop")));
+        assert_eq!(overrun.at(100, 0), FINEST);
     }
 
     #[test]
     fn frames_are_coarsened_in_the_order_that_is_configured() {
-        let mut overrun = of(OnOverrun::Coarsen);
-        overrun.learn(0, ms(200));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(1, "coarsen"));
+        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        overrun.took([200]);
+        assert_eq!(overrun.at(100, 0), coarsened(1));
         assert_eq!(overrun.fidelity(1), Some(Fidelity::FAST));
         overrun.learn(1, ms(150));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(2, "coarsen"));
-        assert_eq!(
-            overrun.fidelity(2).map(|fidelity| fidelity.wing_e),
-            Some(1.0)
-        );
+        assert_eq!(overrun.at(100, 0), coarsened(2));
+        assert_eq!(overrun.fidelity(2).unwrap().wing_e, 1.0);
         overrun.learn(2, ms(120));
-        assert_eq!(
-            overrun.decide(Some(ms(100)), NOT_HELD),
-            shoot(2, "late"),
-            "the coarsest"
-        );
+        assert_eq!(overrun.at(100, 0), shoot(2, Some("late")), "the coarsest");
         // With more time the finest that fits.
         overrun.learn(2, ms(90));
-        assert_eq!(overrun.decide(Some(ms(160)), NOT_HELD), shoot(1, "coarsen"));
+        assert_eq!(overrun.at(160, 0), coarsened(1));
         // What was too slow is tried again.
         overrun.learn(1, ms(90));
-        let next: Vec<Verdict> = (0..12)
-            .map(|_| overrun.decide(Some(ms(100)), NOT_HELD))
-            .collect();
-        assert!(next.contains(&shoot(0, None)), "{next:?}");
+        let mut next = (0..12).map(|_| overrun.at(100, 0));
+        assert!(next.any(|verdict| verdict == FINEST));
         assert_eq!(overrun.dropped, 0);
     }
 
     #[test]
     fn what_never_is_in_time_is_tried_ever_more_seldom_and_one_hiccup_costs_little() {
         for policy in [OnOverrun::Coarsen, OnOverrun::Drop] {
-            let mut overrun = of(policy);
+            let mut overrun = Overrun::of(policy);
             let mut tried = Vec::new();
             for n in 0..2000 {
-                if let Verdict::Shoot { level, .. } = overrun.decide(Some(ms(100)), NOT_HELD) {
+                if let Verdict::Shoot { level, .. } = overrun.at(100, 0) {
                     overrun.learn(level, if level == 0 { ms(115) } else { ms(60) });
                     tried.extend((level == 0).then_some(n));
                 }
@@ -329,118 +326,95 @@ mod tests {
             // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then five times 256 and one.
             assert_eq!(apart, [4, 8, 16, 32, 64, 128, 256, 256, 256, 256, 256, 256]);
             // When it is in time again, that is forgotten.
-            while !matches!(
-                overrun.decide(Some(ms(100)), NOT_HELD),
-                Verdict::Shoot { level: 0, .. }
-            ) {}
-            overrun.learn(0, ms(90));
-            assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
-            overrun.learn(0, ms(101));
-            let next = (0..5).map(|_| overrun.decide(Some(ms(100)), NOT_HELD));
             let is_tried = |verdict| matches!(verdict, Verdict::Shoot { level: 0, .. });
-            assert_eq!(
-                next.map(is_tried).collect::<Vec<_>>(),
-                [false, false, false, false, true]
-            );
+            while !is_tried(overrun.at(100, 0)) {}
+            overrun.took([90]);
+            assert_eq!(overrun.at(100, 0), FINEST);
+            overrun.took([101]);
+            let next = [(); 5].map(|()| is_tried(overrun.at(100, 0)));
+            assert_eq!(next, [false, false, false, false, true]);
         }
     }
 
     #[test]
     fn a_way_that_took_long_once_leaves_few_exposures_out() {
-        let mut overrun = of(OnOverrun::Drop);
-        overrun.learn(0, ms(10));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+        let mut overrun = Overrun::of(OnOverrun::Drop);
+        overrun.took([10]);
+        assert_eq!(overrun.at(100, 80), FINEST);
         overrun.learn_way(ms(95));
-        for _ in 0..4 {
-            assert_eq!(overrun.decide(Some(ms(100)), ms(80)), Verdict::Drop);
-        }
-        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, "drop"));
+        assert_eq!([(); 4].map(|()| overrun.at(100, 80)), [Verdict::Drop; 4]);
+        assert_eq!(overrun.at(100, 80), shoot(0, Some("drop")));
         overrun.learn_way(ms(5));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+        assert_eq!(overrun.at(100, 80), FINEST);
     }
 
     #[test]
     fn what_a_device_holds_back_for_too_long_is_late_however_coarse_it_is() {
         for (policy, verdict) in [
-            (OnOverrun::Late, shoot(0, "late")),
-            (OnOverrun::Coarsen, shoot(0, "late")),
+            (OnOverrun::Late, LATE),
+            (OnOverrun::Coarsen, LATE),
             (OnOverrun::Drop, Verdict::Drop),
         ] {
             // Before the first frame, too.
-            let mut overrun = of(policy);
-            assert_eq!(overrun.decide(Some(ms(100)), ms(101)), verdict);
-            overrun.learn(0, ms(90));
-            assert_eq!(overrun.decide(Some(ms(100)), ms(101)), verdict);
+            let mut overrun = Overrun::of(policy);
+            assert_eq!(overrun.at(100, 101), verdict);
+            overrun.took([90]);
+            assert_eq!(overrun.at(100, 101), verdict);
         }
         // What is rendered meanwhile takes no time besides; the way comes after both.
-        let mut overrun = of(OnOverrun::Coarsen);
-        overrun.learn(0, ms(70));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        overrun.took([70]);
+        assert_eq!(overrun.at(100, 80), FINEST);
         overrun.learn_way(ms(25));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, "late"));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(0, None));
-        overrun.learn(0, ms(90));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(1, "coarsen"));
+        assert_eq!([overrun.at(100, 80), overrun.at(100, 75)], [LATE, FINEST]);
+        overrun.took([90]);
+        assert_eq!(overrun.at(100, 75), coarsened(1));
         // Held for too long, and the finest not ready by then: the first that is; if none is, the last.
-        let mut overrun = of(OnOverrun::Coarsen);
-        [150, 100]
-            .into_iter()
-            .zip(0..)
-            .for_each(|(took, level)| overrun.learn(level, ms(took)));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(101)), shoot(1, "late"));
-        [150, 140, 130]
-            .into_iter()
-            .zip(0..)
-            .for_each(|(took, level)| overrun.learn(level, ms(took)));
-        assert_eq!(overrun.decide(Some(ms(100)), ms(101)), shoot(2, "late"));
+        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        overrun.took([150, 100]);
+        assert_eq!(overrun.at(100, 101), shoot(1, Some("late")));
+        overrun.took([150, 140, 130]);
+        assert_eq!(overrun.at(100, 101), shoot(2, Some("late")));
     }
 
     /// The settings of all levels, and the steps that are none, from `fidelity` on.
     fn levels(fidelity: Fidelity, steps: &[Coarser]) -> (Vec<Fidelity>, Vec<String>) {
         let (overrun, idle) = Overrun::new(OnOverrun::Coarsen, fidelity, steps);
-        let levels = (0..).map_while(|level| overrun.fidelity(level)).collect();
+        let levels = overrun.levels.iter().map(|level| level.fidelity).collect();
         (levels, idle.iter().map(|step| step.to_string()).collect())
     }
 
     #[test]
-    fn steps_are_of_the_setting_that_the_run_has() {
-        for fidelity in [Fidelity::FAST, Fidelity::REALTIME, Fidelity::REFERENCE] {
-            let coarser = Fidelity {
-                wing_e: 0.5,
-                ..fidelity
-            };
-            let (levels, idle) = levels(fidelity, &[wing_e(0.5)]);
-            assert_eq!(levels, [fidelity, coarser]);
-            assert_eq!(idle.len(), 0);
-        }
-    }
-
-    #[test]
-    fn what_makes_nothing_coarser_is_no_level_and_is_told() {
-        let fastest = Fidelity {
+    fn steps_are_of_the_setting_that_the_run_has_and_those_that_are_no_coarser_are_told() {
+        let coarser = |fidelity| Fidelity {
             wing_e: 0.5,
-            ..Fidelity::FAST
+            ..fidelity
         };
+        for fidelity in [Fidelity::FAST, Fidelity::REALTIME, Fidelity::REFERENCE] {
+            let expected = (vec![fidelity, coarser(fidelity)], vec![]);
+            assert_eq!(levels(fidelity, &[wing_e(0.5)]), expected);
+        }
         let reference = Coarser::Preset("reference", Fidelity::REFERENCE);
         let steps = [reference, fast(), wing_e(0.1), wing_e(0.5), fast()];
-        assert_eq!(
-            levels(Fidelity::FAST, &steps),
-            (
-                vec![Fidelity::FAST, fastest],
-                ["\"reference\"", "\"fast\"", "\"wing_e = 0.1\"", "\"fast\""]
-                    .map(str::to_string)
-                    .to_vec()
-            )
-        );
-        // With no step left a late frame is late.
-        let (mut overrun, idle) = Overrun::new(OnOverrun::Coarsen, Fidelity::FAST, &[fast()]);
-        assert_eq!(idle.len(), 1);
-        overrun.learn(0, ms(200));
-        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, "late"));
-        // Nobody asks for steps that are not taken.
-        for policy in [OnOverrun::Late, OnOverrun::Drop] {
-            let (overrun, idle) = Overrun::new(policy, Fidelity::FAST, &[fast()]);
-            assert_eq!((overrun.levels.len(), idle.len()), (1, 0));
+        let (found, idle) = levels(Fidelity::FAST, &steps);
+        assert_eq!(found, [Fidelity::FAST, coarser(Fidelity::FAST)]);
+        let expected = ["\"reference\"", "\"fast\"", "\"wing_e = 0.1\"", "\"fast\""];
+        assert_eq!(idle, expected);
+        // With no step left a late frame is late. Steps that are not taken are not told.
+        for (policy, idle_steps) in [
+            (OnOverrun::Coarsen, 1),
+            (OnOverrun::Late, 0),
+            (OnOverrun::Drop, 0),
+        ] {
+            let (mut overrun, idle) = Overrun::new(policy, Fidelity::FAST, &[fast()]);
+            assert_eq!((overrun.levels.len(), idle.len()), (1, idle_steps));
+            overrun.took([200]);
+            let late = if policy == OnOverrun::Drop {
+                Verdict::Drop
+            } else {
+                LATE
+            };
+            assert_eq!(overrun.at(100, 0), late);
         }
     }
 }

@@ -382,81 +382,39 @@ impl Server {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use Harm::{Delays, Loses};
 
-    /// Credit that is late or lost stops frames as frame packets do; a full link can only come of packets that are late on the way out.
+    /// Credit that is late or lost stops frames as frame packets do. A full link can only come of packets that are late
+    /// on the way out.
     #[test]
     fn a_fault_is_the_remedy_where_it_can_be_the_cause() {
-        use Harm::{Delays, Loses};
+        use Withheld::{
+            Lost, NoClient, NoCredit, NoProof, NoTrigger, NotRead, Refused, SlowLink, TooLong,
+        };
+        const LATE_OUT: Option<&str> = Some("delays packets on the way out");
+        const LATE_IN: Option<&str> = Some("delays packets on the way in");
+        const LOST_OUT: Option<&str> = Some("lost or damaged packets on the way out");
+        const LOST_IN: Option<&str> = Some("lost or damaged packets on the way in");
         for (why, way_in, way_out, says) in [
-            (
-                Withheld::NoCredit,
-                None,
-                Some(Delays),
-                Some("delays packets on the way out"),
-            ),
-            (
-                Withheld::NoCredit,
-                Some(Delays),
-                None,
-                Some("delays packets on the way in"),
-            ),
-            (
-                Withheld::NoCredit,
-                Some(Loses),
-                None,
-                Some("lost or damaged packets on the way in"),
-            ),
-            (Withheld::NoCredit, None, None, None),
-            (
-                Withheld::Lost,
-                None,
-                Some(Delays),
-                Some("delays packets on the way out"),
-            ),
-            (
-                Withheld::Lost,
-                None,
-                Some(Loses),
-                Some("lost or damaged packets on the way out"),
-            ),
-            (
-                Withheld::Lost,
-                Some(Delays),
-                None,
-                Some("delays packets on the way in"),
-            ),
-            (
-                Withheld::Lost,
-                Some(Loses),
-                None,
-                Some("lost or damaged packets on the way in"),
-            ),
-            (
-                Withheld::Lost,
-                Some(Delays),
-                Some(Loses),
-                Some("on the way out"),
-            ),
-            (Withheld::Lost, None, None, None),
-            (
-                Withheld::NotRead,
-                None,
-                Some(Delays),
-                Some("delays packets on the way out"),
-            ),
-            (Withheld::NotRead, Some(Delays), Some(Loses), None),
-            (
-                Withheld::NoClient,
-                Some(Loses),
-                None,
-                Some("lost or damaged packets on the way in"),
-            ),
-            (Withheld::NoClient, None, Some(Loses), None),
-            (Withheld::SlowLink, Some(Delays), Some(Delays), None),
-            (Withheld::NoProof, Some(Delays), Some(Delays), None),
-            (Withheld::TooLong, Some(Delays), Some(Delays), None),
-            (Withheld::Refused, Some(Delays), Some(Delays), None),
-            (Withheld::NoTrigger, Some(Delays), Some(Delays), None),
+            (NoCredit, None, Some(Delays), LATE_OUT),
+            (NoCredit, Some(Delays), None, LATE_IN),
+            (NoCredit, Some(Loses), None, LOST_IN),
+            (NoCredit, None, None, None),
+            (Lost, None, Some(Delays), LATE_OUT),
+            (Lost, None, Some(Loses), LOST_OUT),
+            (Lost, Some(Delays), None, LATE_IN),
+            (Lost, Some(Loses), None, LOST_IN),
+            (Lost, Some(Delays), Some(Loses), Some("on the way out")),
+            (Lost, None, None, None),
+            (NotRead, None, Some(Delays), LATE_OUT),
+            (NotRead, Some(Delays), Some(Loses), None),
+            (NoClient, Some(Loses), None, LOST_IN),
+            (NoClient, None, Some(Loses), None),
+            (SlowLink, Some(Delays), Some(Delays), None),
+            (NoProof, Some(Delays), Some(Delays), None),
+            (TooLong, Some(Delays), Some(Delays), None),
+            (Refused, Some(Delays), Some(Delays), None),
+            (NoTrigger, Some(Delays), Some(Delays), None),
         ] {
             let udp = "udp://127.0.0.1:1";
             let found = remedy(why, udp, [way_in, way_out]);
@@ -467,7 +425,7 @@ mod tests {
             }
         }
         for (address, has_socket) in [("udp://[::1]:1", true), ("pty:///a", false)] {
-            let found = remedy(Withheld::Lost, address, [None; 2]);
+            let found = remedy(Lost, address, [None; 2]);
             assert_eq!(
                 found.contains("SO_RCVBUF"),
                 has_socket,
