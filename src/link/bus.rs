@@ -1,6 +1,6 @@
 //! Packets on a CAN bus, common to SocketCAN and to adapters on a serial line: the emulator's end of a carrier.
 
-use super::inbox::{Watch, inbox};
+use super::inbox::inbox;
 use super::{
     AroundBus, Inbound, Intake, LinkError, LinkUrl, Options, Outbound, Tally, Unsent, Wire, count,
     is_of_frame, outbox,
@@ -9,7 +9,6 @@ use bytes::Bytes;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
-use skyloop_firmware_sim::port::PortError;
 use skyloop_protocols::can::{Node, Side};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -85,7 +84,7 @@ pub(super) fn start(
     let (mut outbox, departures) = outbox::queue(&address, &tally);
     let end = End {
         departures,
-        watch: arrivals.watch(),
+        watch: Box::new(arrivals.watch()),
         arrivals,
         tally: tally.clone(),
         address: address.clone(),
@@ -107,12 +106,9 @@ pub(super) fn start(
     }
     let line = settings.clone();
     Ok(Wire {
-        address,
-        inbox,
-        outbox: Box::new(outbox),
-        tally,
         airtime: Some(Arc::new(move |octets| line.packet_duration(octets))),
         sender: Some(sender),
+        ..Wire::new(address, inbox, outbox, tally)
     })
 }
 
@@ -131,7 +127,7 @@ fn around(
 struct End {
     departures: Receiver<Outbound>,
     arrivals: Intake,
-    watch: Watch,
+    watch: Box<dyn Fn() -> bool + Send>,
     tally: Arc<Tally>,
     address: String,
     /// Whether the log tells already that the bus is in trouble.
@@ -151,16 +147,11 @@ impl Above for End {
 
     fn arrived(&mut self, packet: &[u8], at: Instant) -> bool {
         self.told = false;
-        let inbound = Inbound {
-            exchange: 0,
-            packet: Bytes::copy_from_slice(packet),
-            arrived: at,
-        };
-        self.arrivals.push(inbound).is_ok()
+        self.arrivals.push(Inbound::new(0, packet, at)).is_ok()
     }
 
     fn is_wanted(&self) -> bool {
-        self.watch.is_wanted()
+        (self.watch)()
     }
 
     fn ended(&mut self, packet: Bytes, is_sent: bool) {
@@ -223,10 +214,4 @@ pub(super) fn refused(url: &LinkUrl, settings: &Settings, source: Refusal) -> Li
         url.text.clone()
     };
     LinkError::Refused { url, source }
-}
-
-/// The error for a loopback without a flight computer's end.
-pub(super) fn no_client(url: &LinkUrl, error: PortError) -> LinkError {
-    let error = std::io::Error::other(error);
-    url.failed("open the client's end", error, "try again")
 }

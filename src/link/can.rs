@@ -29,8 +29,6 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     let wire = bus::open(url, options, &settings, socket::open)?;
     let bus = socket::open(&settings).map_err(|refusal| bus::refused(url, &settings, refusal))?;
     let port = CanPort::over(VIRTUAL, bus, None, &settings);
-    Ok((
-        wire,
-        Box::new(port.map_err(|error| bus::no_client(url, error))?),
-    ))
+    let port = port.map_err(|error| url.no_client(error))?;
+    Ok((wire, Box::new(port)))
 }

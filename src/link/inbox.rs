@@ -39,11 +39,6 @@ pub struct Intake {
     shared: Arc<Shared>,
 }
 
-/// Tells a thread without packets whether the emulator has gone.
-pub(crate) struct Watch {
-    shared: Arc<Shared>,
-}
-
 /// The emulator's end.
 pub struct Inbox {
     shared: Arc<Shared>,
@@ -124,18 +119,10 @@ impl Intake {
         Ok(())
     }
 
-    /// A look at the other end that is no end of the wire.
-    pub(crate) fn watch(&self) -> Watch {
-        Watch {
-            shared: self.shared.clone(),
-        }
-    }
-}
-
-impl Watch {
-    /// Whether the emulator still has its end.
-    pub(crate) fn is_wanted(&self) -> bool {
-        self.shared.lock().read
+    /// Tells whether the emulator still has its end: for a thread that brings no packets.
+    pub(crate) fn watch(&self) -> impl Fn() -> bool + Send + use<> {
+        let shared = self.shared.clone();
+        move || shared.lock().read
     }
 }
 
@@ -321,10 +308,10 @@ mod tests {
     #[test]
     fn an_emulator_that_has_gone_takes_nothing() {
         let (intake, inbox) = inbox(Arc::new(Tally::default()));
-        let watch = intake.watch();
-        assert!(watch.is_wanted());
+        let is_wanted = intake.watch();
+        assert!(is_wanted());
         drop(inbox);
-        assert!(!watch.is_wanted() && intake.push(attitude(1)).is_err());
+        assert!(!is_wanted() && intake.push(attitude(1)).is_err());
     }
 
     #[test]

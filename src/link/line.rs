@@ -2,7 +2,6 @@
 
 use super::inbox::Gone;
 use super::{Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Tally, Unsent, count};
-use bytes::Bytes;
 use skyloop_protocols::slip::{self, FrameError};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -30,7 +29,26 @@ pub(super) fn airtime(baud: u32) -> Airtime {
     })
 }
 
-/// Octets to packets.
+/// Both ends of a pseudo-terminal, for a loopback.
+#[cfg(unix)]
+pub(super) fn pseudo_terminal(
+    url: &LinkUrl,
+) -> Result<(serialport::TTYPort, serialport::TTYPort), LinkError> {
+    const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
+    let failed =
+        |error: serialport::Error| url.failed("open a pseudo-terminal pair", error.into(), REMEDY);
+    serialport::TTYPort::pair().map_err(failed)
+}
+
+/// The error for a system without pseudo-terminals.
+#[cfg(not(unix))]
+pub(super) fn no_pseudo_terminal(url: &LinkUrl) -> LinkError {
+    const REMEDY: &str = "this system has none: use --link udp or memory";
+    let error = std::io::ErrorKind::Unsupported.into();
+    url.failed("open a pseudo-terminal pair", error, REMEDY)
+}
+
+/// Bytes to packets.
 pub(super) struct Ear {
     decoder: slip::Decoder<{ slip::BUFFER }>,
     /// Frames without a packet since the last packet.
@@ -80,11 +98,8 @@ impl Ear {
                 }
                 Some(Ok(packet)) => {
                     (self.bad, self.heard) = (0, true);
-                    self.arrivals.push(Inbound {
-                        exchange,
-                        packet: Bytes::copy_from_slice(packet),
-                        arrived: Instant::now(),
-                    })?;
+                    let inbound = Inbound::new(exchange, packet, Instant::now());
+                    self.arrivals.push(inbound)?;
                 }
             }
         }
@@ -130,8 +145,9 @@ pub(super) fn write(
 
 #[cfg(test)]
 mod tests {
-    use super::super::inbox::inbox;
     use super::*;
+    use crate::link::fixture::framed;
+    use crate::link::inbox::inbox;
 
     #[test]
     fn a_packet_takes_ten_bit_times_an_octet() {
@@ -144,17 +160,7 @@ mod tests {
         let tally = Arc::new(Tally::default());
         let (intake, inbox) = inbox(tally.clone());
         let mut ear = Ear::new(intake, tally.clone());
-        let counts = || {
-            let tally = &tally;
-            [
-                tally.counters().runts,
-                tally.counters().oversize,
-                tally.counters().bad_framing,
-                tally.counters().bad_crc,
-            ]
-        };
-        let mut good = Vec::new();
-        slip::encode(b"packet", &mut |octet| good.push(octet));
+        let good = framed(b"packet");
         let mut damaged = good.clone();
         damaged[2] ^= 1;
         let frames: [(&[u8], [u32; 4]); 5] = [
@@ -166,7 +172,14 @@ mod tests {
         ];
         for (frame, expected) in frames {
             ear.hear(frame, 5).unwrap();
-            assert_eq!(counts(), expected);
+            let found = tally.counters();
+            let counts = [
+                found.runts,
+                found.oversize,
+                found.bad_framing,
+                found.bad_crc,
+            ];
+            assert_eq!(counts, expected);
         }
         let inbound = inbox.try_recv().unwrap();
         assert_eq!((&inbound.packet[..], inbound.exchange), (&b"packet"[..], 5));

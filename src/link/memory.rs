@@ -4,7 +4,6 @@ use super::{
     BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally,
     Wire, count, inbox::inbox,
 };
-use bytes::Bytes;
 use skyloop_firmware_sim::port::{Port, PortError};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -29,25 +28,17 @@ fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
 fn loopback(_: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     let tally = Arc::new(Tally::default());
     let (to_emulator, inbox) = inbox(tally.clone());
-    let (outbox, from_emulator) = sync_channel(QUEUE);
-    let wire = Wire {
-        address: "memory".to_string(),
-        inbox,
-        outbox: Box::new(MemoryOutbox {
-            queue: outbox,
-            tally: tally.clone(),
-        }),
-        tally,
-        airtime: None,
-        sender: None,
+    let (queue, from_emulator) = sync_channel(QUEUE);
+    let outbox = MemoryOutbox {
+        queue,
+        tally: tally.clone(),
     };
-    Ok((
-        wire,
-        Box::new(MemoryPort {
-            to_emulator,
-            from_emulator,
-        }),
-    ))
+    let port = MemoryPort {
+        to_emulator,
+        from_emulator,
+    };
+    let wire = Wire::new("memory".to_string(), inbox, outbox, tally);
+    Ok((wire, Box::new(port)))
 }
 
 /// The emulator's end.
@@ -88,13 +79,9 @@ struct MemoryPort {
 
 impl Port for MemoryPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let packet = Bytes::copy_from_slice(packet);
-        let inbound = Inbound {
-            exchange: 0,
-            packet,
-            arrived: Instant::now(),
-        };
-        let taken = self.to_emulator.push(inbound);
+        let taken = self
+            .to_emulator
+            .push(Inbound::new(0, packet, Instant::now()));
         taken.map_err(|_| PortError::Closed)
     }
 

@@ -128,6 +128,17 @@ pub struct Inbound {
     pub arrived: Instant,
 }
 
+impl Inbound {
+    fn new(exchange: u32, packet: &[u8], arrived: Instant) -> Inbound {
+        let packet = Bytes::copy_from_slice(packet);
+        Inbound {
+            exchange,
+            packet,
+            arrived,
+        }
+    }
+}
+
 /// Something for the link to do.
 #[derive(Debug, Clone)]
 pub enum Outbound {
@@ -196,6 +207,23 @@ impl inbox::Observer for ClientSeen {
 }
 
 impl Wire {
+    /// A link without a rate of its own and without a thread that sends.
+    fn new(
+        address: String,
+        inbox: Inbox,
+        outbox: impl Outbox + 'static,
+        tally: Arc<Tally>,
+    ) -> Wire {
+        Wire {
+            address,
+            inbox,
+            outbox: Box::new(outbox),
+            tally,
+            airtime: None,
+            sender: None,
+        }
+    }
+
     /// Sets `seen` when a valid packet of a client comes, as `is_valid` says.
     pub fn note_client(&mut self, is_valid: fn(&[u8]) -> bool, seen: &Arc<AtomicBool>) {
         self.inbox.observe(Box::new(ClientSeen {
@@ -412,4 +440,39 @@ fn examples() -> String {
         .filter(|example| example.contains("://"))
         .collect::<Vec<_>>()
         .join(" or ")
+}
+
+/// What tests of several links use.
+#[cfg(test)]
+pub(crate) mod fixture {
+    use super::{Options, Outbound, Wire};
+    use bytes::Bytes;
+    use skyloop_protocols::personality::NATIVE;
+    use skyloop_protocols::slip;
+    use std::time::Duration;
+
+    pub const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// Packets of the native language and no bus.
+    pub fn options() -> Options {
+        Options {
+            idle: PATIENCE,
+            personality: &NATIVE,
+            bus: None,
+        }
+    }
+
+    /// A packet as a line carries it.
+    pub fn framed(packet: &[u8]) -> Vec<u8> {
+        let mut line = Vec::new();
+        slip::encode(packet, &mut |octet| line.push(octet));
+        line
+    }
+
+    /// Queues a packet, which must find room.
+    pub fn offer(wire: &mut Wire, exchange: u32, packet: &[u8]) {
+        let packet = Bytes::copy_from_slice(packet);
+        let full = wire.outbox.offer(Outbound::Packet { exchange, packet });
+        assert!(full.unwrap().is_none());
+    }
 }

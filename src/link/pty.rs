@@ -47,10 +47,8 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     let name = pseudo.name();
     // The loopback's own client is the only one.
     let wire = start(url, pseudo, baud, true)?;
-    let port = FlightComputerPort::open(&name, baud).map_err(|error| {
-        let error = io::Error::other(error);
-        url.failed("open the client's end", error, "try again")
-    })?;
+    let port = FlightComputerPort::open(&name, baud);
+    let port = port.map_err(|error| url.no_client(error))?;
     Ok((wire, Box::new(port)))
 }
 
@@ -72,8 +70,8 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     let last = Arc::new(AtomicBool::new(last));
     let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
     let parting = last.clone();
-    let watch = arrivals.watch();
-    let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
+    let wanted = arrivals.watch();
+    let ear = Ear::new(arrivals, tally.clone());
     thread(url, "pty-read", move || {
         if let Err(error) = read(&reading, baud, ear, &heard, [&stop, &parting]) {
             tracing::error!(%error, "{} can no longer be read", reading.name());
@@ -95,17 +93,15 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
         }
         ended.store(true, Ordering::Relaxed);
     })?;
+    let outbox = NamedOutbox {
+        outbox,
+        pseudo,
+        last,
+    };
     Ok(Wire {
-        address,
-        inbox,
-        outbox: Box::new(NamedOutbox {
-            outbox,
-            pseudo,
-            last,
-        }),
-        tally,
         airtime: Some(airtime(baud)),
         sender: Some(sender),
+        ..Wire::new(address, inbox, outbox, tally)
     })
 }
 
@@ -251,29 +247,14 @@ impl Pair {
 mod tests {
     use super::*;
     use crate::link::Standstill;
-    use bytes::Bytes;
+    use crate::link::fixture::{PATIENCE, framed, offer, options};
     use serialport::{ClearBuffer, SerialPort, TTYPort};
-    use skyloop_protocols::slip;
     use std::io::{Read, Write};
     use std::sync::mpsc::RecvTimeoutError;
-
-    const PATIENCE: Duration = Duration::from_secs(20);
 
     fn client(name: &str) -> TTYPort {
         let port = serialport::new(name, 115_200).timeout(PATIENCE);
         port.open_native().unwrap()
-    }
-
-    fn framed(packet: &[u8]) -> Vec<u8> {
-        let mut line = Vec::new();
-        slip::encode(packet, &mut |octet| line.push(octet));
-        line
-    }
-
-    fn offer(wire: &mut Wire, exchange: u32, packet: &'static [u8]) {
-        let packet = Bytes::from_static(packet);
-        let full = wire.outbox.offer(Outbound::Packet { exchange, packet });
-        assert!(full.unwrap().is_none());
     }
 
     #[test]
@@ -281,21 +262,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("tracker").display().to_string();
         let url = LinkUrl::parse(&format!("pty://{name}?baud=921600")).unwrap();
-        let options = Options {
-            idle: PATIENCE,
-            personality: &skyloop_protocols::personality::NATIVE,
-            bus: None,
-        };
-        let mut wire = open(&url, &options).unwrap();
+        let mut wire = open(&url, &options()).unwrap();
         assert_eq!(wire.address, url.text);
         for exchange in 1..=3 {
             let mut port = client(&name);
             port.write_all(&framed(b"hello")).unwrap();
             let inbound = wire.inbox.recv_timeout(PATIENCE).unwrap();
-            assert_eq!(
-                (&inbound.packet[..], inbound.exchange),
-                (&b"hello"[..], exchange)
-            );
+            assert_eq!(&inbound.packet[..], b"hello");
+            assert_eq!(inbound.exchange, exchange);
             assert_eq!(wire.tally.counters().reconnects, exchange - 1);
             // What answers the client before is lost, and counted; half a packet ends with its client.
             offer(&mut wire, exchange - 1, b"late");
@@ -309,10 +283,8 @@ mod tests {
             let quiet = wire.inbox.recv_timeout(Duration::from_millis(200));
             assert_eq!(quiet.unwrap_err(), RecvTimeoutError::Timeout);
         }
-        assert_eq!(
-            wire.tally.counters().bad_framing + wire.tally.counters().bad_crc,
-            0
-        );
+        let counters = wire.tally.counters();
+        assert_eq!((counters.bad_framing, counters.bad_crc), (0, 0));
         drop(wire);
         assert!(Path::new(&name).symlink_metadata().is_err());
     }
@@ -320,12 +292,7 @@ mod tests {
     #[test]
     fn a_packet_takes_its_time_on_the_line_and_the_last_one_arrives() {
         let url = LinkUrl::parse_loopback("pty?baud=9600").unwrap();
-        let options = Options {
-            idle: PATIENCE,
-            personality: &skyloop_protocols::personality::NATIVE,
-            bus: None,
-        };
-        let (mut wire, mut port) = loopback(&url, &options).unwrap();
+        let (mut wire, mut port) = loopback(&url, &options()).unwrap();
         // X-Val: 100 octets without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.
         let takes = Duration::from_micros(110_416);
         let sent = Instant::now();
@@ -335,11 +302,7 @@ mod tests {
         offer(&mut wire, 1, &[b'a'; 100]);
         wire.close(Standstill::of(&wire.tally, PATIENCE));
         drop(wire);
-        assert!(
-            port.recv(PATIENCE)
-                .unwrap()
-                .is_some_and(|packet| packet.len() == 100)
-        );
+        assert_eq!(port.recv(PATIENCE).unwrap(), Some(vec![b'a'; 100]));
         assert!(there >= takes && back.elapsed() >= takes, "{there:?}");
     }
 

@@ -1,5 +1,9 @@
 //! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
 
+#[cfg(not(unix))]
+use super::line::no_pseudo_terminal;
+#[cfg(unix)]
+use super::line::pseudo_terminal;
 use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, write};
 #[cfg(target_os = "linux")]
 use super::low_latency;
@@ -59,8 +63,8 @@ fn start(
     outbox.releases = false;
     let ended = Arc::new(AtomicBool::new(false));
     let (reading, stop) = (line.clone(), ended.clone());
-    let watch = arrivals.watch();
-    let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
+    let wanted = arrivals.watch();
+    let ear = Ear::new(arrivals, tally.clone());
     thread(url, "serial-read", move || {
         read(&reading, input, ear, &stop)
     })?;
@@ -72,12 +76,9 @@ fn start(
         ended.store(true, Ordering::Relaxed);
     })?;
     Ok(Wire {
-        address,
-        inbox,
-        outbox: Box::new(outbox),
-        tally,
         airtime,
         sender: Some(sender),
+        ..Wire::new(address, inbox, outbox, tally)
     })
 }
 
@@ -233,38 +234,30 @@ fn is_passing(error: &std::io::Error) -> bool {
 /// The flight computer has one end of a pseudo-terminal, the emulator opens the other by its name.
 #[cfg(unix)]
 fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
-    use serialport::TTYPort;
     use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
     let baud = baud_of(url, 115_200)?;
-    let (master, slave) = TTYPort::pair().map_err(|error| {
-        const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
-        url.failed("open a pseudo-terminal pair", error.into(), REMEDY)
-    })?;
+    let (master, slave) = pseudo_terminal(url)?;
     let device = slave.name().unwrap_or_default();
     // A pseudo-terminal carries octets as fast as they come, whatever rate it is set to.
     let wire = start(url, &device, baud, None, true)?;
     drop(slave);
-    let port = FlightComputerPort::over(Box::new(master)).map_err(|error| {
-        let error = std::io::Error::other(error);
-        url.failed("open the client's end", error, "try again")
-    })?;
+    let port = FlightComputerPort::over(Box::new(master));
+    let port = port.map_err(|error| url.no_client(error))?;
     Ok((wire, Box::new(port)))
 }
 
 #[cfg(not(unix))]
 fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
-    const REMEDY: &str = "this system has none: use --link udp or memory";
-    let error = ErrorKind::Unsupported.into();
-    Err(url.failed("open a pseudo-terminal pair", error, REMEDY))
+    Err(no_pseudo_terminal(url))
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
-    use crate::link::{Outbound, Standstill};
-    use bytes::Bytes;
+    use crate::link::Standstill;
+    use crate::link::fixture::{PATIENCE, framed, offer};
     use serialport::TTYPort;
-    use skyloop_protocols::slip;
     use std::io::{Read, Write};
     use std::path::Path;
     use std::sync::mpsc::RecvTimeoutError;
@@ -284,19 +277,8 @@ mod tests {
         (client, device)
     }
 
-    fn send(client: &mut TTYPort, packet: &[u8]) {
-        let mut line = Vec::new();
-        slip::encode(packet, &mut |octet| line.push(octet));
-        client.write_all(&line).unwrap();
-    }
-
-    fn offer(wire: &mut Wire, packet: Vec<u8>) {
-        let packet = Bytes::from(packet);
-        let full = wire.outbox.offer(Outbound::Packet {
-            exchange: 0,
-            packet,
-        });
-        assert!(full.unwrap().is_none());
+    fn heard(wire: &Wire) -> Vec<u8> {
+        wire.inbox.recv_timeout(PATIENCE).unwrap().packet.to_vec()
     }
 
     #[test]
@@ -305,35 +287,25 @@ mod tests {
         let path = folder.path().join("port");
         let (mut client, mut device) = named(&path);
         let mut wire = at(&path);
-        send(&mut client, b"first");
-        let patience = 200 * READ_TIMEOUT;
-        assert_eq!(
-            &wire.inbox.recv_timeout(patience).unwrap().packet[..],
-            b"first"
-        );
+        client.write_all(&framed(b"first")).unwrap();
+        assert_eq!(heard(&wire), b"first");
         for round in 1..=2 {
-            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged. Its name goes first:
-            // the system gives the number to the next who asks.
+            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged. Its name goes
+            // first: the system gives the number to the next who asks.
             std::fs::remove_file(&path).unwrap();
             drop((client, device));
             let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
             assert_eq!(quiet, RecvTimeoutError::Timeout, "the link lives on");
-            offer(&mut wire, b"meanwhile".to_vec());
+            offer(&mut wire, 0, b"meanwhile");
             (client, device) = named(&path);
-            client.set_timeout(patience).unwrap();
+            client.set_timeout(PATIENCE).unwrap();
             let mut line = [0; 15];
             client.read_exact(&mut line).unwrap();
             assert_eq!(&line[1..10], b"meanwhile", "the queue waits with it");
-            send(&mut client, b"second");
-            let packet = wire.inbox.recv_timeout(patience).unwrap().packet;
-            assert_eq!(&packet[..], b"second");
-            assert_eq!(
-                (
-                    wire.tally.counters().reconnects,
-                    wire.tally.counters().lost_outbound
-                ),
-                (round, 0)
-            );
+            client.write_all(&framed(b"second")).unwrap();
+            assert_eq!(heard(&wire), b"second");
+            let counters = wire.tally.counters();
+            assert_eq!((counters.reconnects, counters.lost_outbound), (round, 0));
         }
     }
 
@@ -346,60 +318,9 @@ mod tests {
         std::fs::remove_file(&path).unwrap();
         drop(ends);
         for _ in 0..5 {
-            offer(&mut wire, vec![1; 100]);
+            offer(&mut wire, 0, &[1; 100]);
         }
-        assert_eq!(close(wire, Duration::from_millis(500)), 5);
-    }
-
-    #[test]
-    fn a_client_that_does_not_read_is_heard() {
-        let (wire, mut client) = with_queued(40);
-        // The writer is stuck by now, and the reader has had nothing to read for a while.
-        std::thread::sleep(3 * READ_TIMEOUT);
-        for round in 0..5 {
-            send(&mut client, b"hello");
-            let heard = wire.inbox.recv_timeout(200 * READ_TIMEOUT);
-            assert_eq!(&heard.expect("it is heard").packet[..], b"hello", "{round}");
-            std::thread::sleep(2 * READ_TIMEOUT);
-        }
-    }
-
-    /// Both ends of a pseudo-terminal: the emulator's with `packets` of 1400 octets queued, and the client's.
-    fn with_queued(packets: usize) -> (Wire, TTYPort) {
-        let (client, device) = TTYPort::pair().unwrap();
-        let mut wire = at(Path::new(&device.name().unwrap()));
-        for _ in 0..packets {
-            offer(&mut wire, vec![1; 1400]);
-        }
-        (wire, client)
-    }
-
-    /// Packets lost by closing.
-    fn close(mut wire: Wire, patience: Duration) -> u32 {
-        let tally = wire.tally.clone();
-        wire.close(Standstill::of(&tally, patience));
-        tally.counters().lost_outbound
-    }
-
-    #[test]
-    fn closing_waits_for_a_slow_reader() {
-        let (wire, mut client) = with_queued(40);
-        let closing = std::thread::spawn(move || close(wire, Duration::from_secs(30)));
-        // At first 2 kB/s; the pseudo-terminal lets 4 KiB pass at once.
-        let mut pauses = [Duration::from_millis(100); 30].into_iter();
-        let mut buffer = [0; 200];
-        while !closing.is_finished() {
-            let _ = client.read(&mut buffer);
-            std::thread::sleep(pauses.next().unwrap_or_default());
-        }
-        assert_eq!(closing.join().unwrap(), 0);
-    }
-
-    #[test]
-    fn what_nobody_reads_is_lost_and_counted() {
-        let (wire, _client) = with_queued(40);
-        let lost = close(wire, Duration::from_millis(500));
-        // 40 packets of 1400 octets; a pseudo-terminal holds some 4 to 20 KiB of them.
-        assert!((20..40).contains(&lost), "{lost}");
+        wire.close(Standstill::of(&wire.tally, Duration::from_millis(500)));
+        assert_eq!(wire.tally.counters().lost_outbound, 5);
     }
 }

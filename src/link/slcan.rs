@@ -32,12 +32,9 @@ fn check(url: &LinkUrl, settings: &Settings) -> Result<(), LinkError> {
 /// Both ends on a pseudo-terminal.
 #[cfg(unix)]
 fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    use serialport::{SerialPort, TTYPort};
+    use serialport::SerialPort;
     use skyloop_firmware_sim::can::port::CanPort;
-    let (master, slave) = TTYPort::pair().map_err(|error| {
-        const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
-        url.failed("open a pseudo-terminal pair", error.into(), REMEDY)
-    })?;
+    let (master, slave) = super::line::pseudo_terminal(url)?;
     let settings = bus::loopback_settings(url, &slave.name().unwrap_or_default(), KEYS)?;
     check(url, &settings)?;
     let refused = |refusal| bus::refused(url, &settings, refusal);
@@ -47,15 +44,11 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     );
     let wire = bus::start(url, options, ours, None, &settings)?;
     let port = CanPort::over(&settings.place, client, None, &settings);
-    Ok((
-        wire,
-        Box::new(port.map_err(|error| bus::no_client(url, error))?),
-    ))
+    let port = port.map_err(|error| url.no_client(error))?;
+    Ok((wire, Box::new(port)))
 }
 
 #[cfg(not(unix))]
 fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    const REMEDY: &str = "this system has none: use --link udp or memory";
-    let error = std::io::ErrorKind::Unsupported.into();
-    Err(url.failed("open a pseudo-terminal pair", error, REMEDY))
+    Err(super::line::no_pseudo_terminal(url))
 }

@@ -1,6 +1,7 @@
 //! Link URLs: `scheme://target?key=value&...`, and for `loopback`, which chooses the target, `scheme?key=value&...`.
 
 use super::{LINKS, LinkError, Roles, by_scheme, examples};
+use skyloop_firmware_sim::port::PortError;
 use std::ops::RangeInclusive;
 
 /// A link URL in parts.
@@ -124,16 +125,18 @@ impl LinkUrl {
         }
     }
 
-    /// The error for this URL, with an example of its scheme; of all, if it has none of them. Where the target is not to be chosen, the scheme is one.
+    /// The error for this URL, with an example of its scheme (of a loopback: the scheme), or of all schemes.
     pub fn refuse(&self, reason: String) -> LinkError {
-        let example = by_scheme(&self.scheme).map(|link| match self.text.contains("://") {
-            true => link.example.to_string(),
-            false => link.scheme.to_string(),
-        });
+        let is_loopback = !self.text.contains("://");
+        let examples = match by_scheme(&self.scheme) {
+            Some(link) if is_loopback => link.scheme.to_string(),
+            Some(link) => link.example.to_string(),
+            None => examples(),
+        };
         LinkError::Url {
             url: self.text.clone(),
             reason,
-            examples: example.unwrap_or_else(examples),
+            examples,
         }
     }
 
@@ -145,6 +148,12 @@ impl LinkUrl {
             examples.push_str(&format!("{sign}roles={roles}"));
         }
         error
+    }
+
+    /// The error for a loopback whose flight computer's end cannot be opened.
+    pub fn no_client(&self, error: PortError) -> LinkError {
+        let error = std::io::Error::other(error);
+        self.failed("open the client's end", error, "try again")
     }
 
     /// The error for what the system refuses to do with this URL.

@@ -173,15 +173,8 @@ impl Replay {
                 link,
             };
             inbox.observe(Box::new(played.clone()));
-            let wire = Wire {
-                address: format!("recording://{link}"),
-                inbox,
-                outbox: Box::new(played),
-                tally,
-                airtime: None,
-                sender: None,
-            };
-            (wire, roles)
+            let address = format!("recording://{link}");
+            (Wire::new(address, inbox, played, tally), roles)
         });
         (wires.collect(), replay)
     }

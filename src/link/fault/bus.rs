@@ -279,7 +279,7 @@ impl CanBus for FaultyBus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use skyloop_protocols::{Fault, WireTime, personality::NATIVE};
+    use skyloop_protocols::personality::NATIVE;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     /// One end of a bus between two.
@@ -300,15 +300,14 @@ mod tests {
         }
     }
 
-    /// The emulator's end with `plan`, the client's end, and the book.
-    fn bus(plan: &str) -> (Box<dyn CanBus>, Cable, Arc<Mutex<Book>>) {
+    /// The emulator's end with `plan`, and the client's end.
+    fn bus(plan: &str) -> (Box<dyn CanBus>, Cable) {
         let ((a, to_b), (b, to_a)) = (channel(), channel());
         let ours = Cable(a, Arc::new(Mutex::new(to_a)));
         let client = Cable(b, Arc::new(Mutex::new(to_b)));
         let plan = Plan::parse("faults.toml", plan, true).unwrap();
-        let book = Arc::new(Mutex::new(Book::default()));
-        let faults = BusFaults::new("bus", &Arc::default(), &plan, &NATIVE, &book);
-        (faults.around(Box::new(ours)), client, book)
+        let faults = BusFaults::new("bus", &Arc::default(), &plan, &NATIVE, &Arc::default());
+        (faults.around(Box::new(ours)), client)
     }
 
     fn always(direction: &str, kind: &str, value: f64) -> String {
@@ -323,16 +322,8 @@ mod tests {
     const SHORT: Duration = Duration::from_millis(30);
 
     #[test]
-    fn frames_are_harmed_one_by_one() {
-        let (mut ours, mut client, book) = bus(&always("in", "drop", 0.3));
-        for i in 0..200 {
-            client.send(&frame(i)).unwrap();
-        }
-        let came: Vec<CanFrame> = std::iter::from_fn(|| ours.recv(SHORT).unwrap()).collect();
-        // 0.3 of 200: 60, within five times sqrt(200 0.3 0.7) = 6.5.
-        assert!((108..=172).contains(&came.len()), "{}", came.len());
-        assert_eq!(book.lock().unwrap().total() as usize, 200 - came.len());
-        let (mut ours, mut client, _) = bus(&always("out", "truncate", 1.0));
+    fn a_frame_that_is_cut_is_valid() {
+        let (mut ours, mut client) = bus(&always("out", "truncate", 1.0));
         for i in 0..20 {
             assert_eq!(ours.send(&frame(i)).unwrap(), Sending::Sent);
             let cut = client.recv(LONG).unwrap().unwrap();
@@ -342,7 +333,7 @@ mod tests {
 
     #[test]
     fn late_frames_leave_while_nobody_sends() {
-        let (mut ours, mut client, _) = bus(&always("out", "delay", 0.05));
+        let (mut ours, mut client) = bus(&always("out", "delay", 0.05));
         let mut reader = ours.share().unwrap();
         let started = Instant::now();
         ours.send(&frame(1)).unwrap();
@@ -356,7 +347,7 @@ mod tests {
     #[test]
     fn off_the_bus_nothing_comes_and_what_leaves_waits() {
         let plan = always("out", "bus_off", 1.0) + "at_s = 0.5\nfor_s = 2.0\n";
-        let (mut ours, mut client, _) = bus(&plan);
+        let (mut ours, mut client) = bus(&plan);
         assert_eq!(ours.send(&frame(1)).unwrap(), Sending::Sent);
         let report = ours.recv(LONG).unwrap().unwrap();
         assert_eq!(Trouble::of(&report), Some(Trouble::BusOff));
@@ -367,39 +358,7 @@ mod tests {
         assert_eq!(ours.send(&frame(2)).unwrap(), Sending::Sent);
         let came: Vec<CanFrame> = std::iter::from_fn(|| client.recv(SHORT).unwrap()).collect();
         assert_eq!(came, [frame(1), frame(2)]);
-        assert_eq!(
-            ours.recv(SHORT).unwrap(),
-            None,
-            "frame 9 came while it was off"
-        );
-    }
-
-    #[test]
-    fn the_client_switches_faults_on_the_bus() {
-        let (mut ours, mut client, _) = bus("");
-        let mut node = Node::new(Side::Client, true);
-        let mut say = |value| {
-            let fault = Command::Fault(Fault {
-                kind: FaultKind::Drop,
-                direction: Direction::In,
-                value,
-                seconds: 0.0,
-            });
-            let mut buffer = [0; MAX_PACKET];
-            let length = fault.encode(0, WireTime(0), &mut buffer).unwrap();
-            node.send(&buffer[..length], 0).unwrap();
-            while let Some(frame) = node.next_frame(0) {
-                client.send(&frame).unwrap();
-            }
-            client.send(&frame(1)).unwrap();
-        };
-        let mut came = || {
-            let frames = std::iter::from_fn(|| ours.recv(SHORT).unwrap());
-            frames.filter(|came| *came == frame(1)).count()
-        };
-        say(1.0);
-        assert_eq!(came(), 0);
-        say(0.0);
-        assert_eq!(came(), 1);
+        let heard = ours.recv(SHORT).unwrap();
+        assert_eq!(heard, None, "frame 9 came while it was off");
     }
 }

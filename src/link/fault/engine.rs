@@ -261,24 +261,25 @@ mod tests {
 
     const LENGTH: usize = 126;
 
-    fn fault(kind: FaultKind, value: f64) -> Fault {
+    fn fault(kind: FaultKind, value: f64, seconds: f64) -> Fault {
+        let direction = Direction::In;
         Fault {
             kind,
-            direction: Direction::In,
+            direction,
             value,
-            seconds: 0.0,
+            seconds,
         }
     }
 
     fn always(kind: FaultKind, value: f64, seed: u64) -> Rule {
-        Rule::new(fault(kind, value), seed, 0, Duration::ZERO, None)
+        Rule::new(fault(kind, value, 0.0), seed, 0, Duration::ZERO, None)
     }
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
 
-    /// Item `i`: its number in every octet pair.
+    /// Item `i`: its number in every pair of bytes.
     fn item(i: u16) -> Vec<u8> {
         i.to_be_bytes().repeat(LENGTH / 2)
     }
@@ -300,6 +301,14 @@ mod tests {
         (out, faults.injected(), lost)
     }
 
+    /// How items were harmed.
+    fn hows(injected: &[Injection]) -> impl Iterator<Item = &How> {
+        injected.iter().filter_map(|one| match &one.what {
+            What::Item { how, .. } => Some(how),
+            _ => None,
+        })
+    }
+
     /// Whether `count` of `n` trials fits `probability` within five standard errors.
     fn fits(count: usize, n: usize, probability: f64) -> bool {
         let mean = n as f64 * probability;
@@ -307,25 +316,21 @@ mod tests {
     }
 
     #[test]
-    fn without_faults_everything_passes() {
-        let (out, injected, lost) = run(&[], 100);
-        assert!(out.into_iter().eq((0..100).map(item)));
-        assert!(injected.is_empty() && lost.is_empty());
-    }
-
-    #[test]
     fn losses_have_their_probability_and_are_told() {
-        const N: u16 = 20_000;
-        for kind in [FaultKind::Drop, FaultKind::Overrun] {
-            let (out, injected, lost) = run(&[always(kind, 0.05, 7)], N);
-            assert!(fits(lost.len(), N.into(), 0.05), "{kind:?}: {}", lost.len());
-            assert_eq!(out.len() + lost.len(), usize::from(N));
-            // One line for the rule's begin.
-            assert_eq!(injected.len(), lost.len() + 1);
-        }
-        for kind in [FaultKind::Stuck, FaultKind::Down, FaultKind::BusOff] {
-            let (out, _, lost) = run(&[always(kind, 1.0, 7)], 50);
-            assert_eq!((out.len(), lost), (0, vec![kind; 50]));
+        for (kind, probability, n) in [
+            (FaultKind::Drop, 0.05, 20_000),
+            (FaultKind::Overrun, 0.05, 20_000),
+            (FaultKind::Stuck, 1.0, 50),
+            (FaultKind::Down, 1.0, 50),
+            (FaultKind::BusOff, 1.0, 50),
+        ] {
+            let (out, injected, lost) = run(&[always(kind, probability, 7)], n);
+            let fits = probability == 1.0 || fits(lost.len(), n.into(), probability);
+            assert!(fits, "{kind:?}: {}", lost.len());
+            assert_eq!(out.len() + lost.len(), usize::from(n), "{kind:?}");
+            assert_eq!(hows(&injected).count(), lost.len(), "{kind:?}");
+            assert!(lost.iter().all(|one| *one == kind), "{kind:?}");
+            assert_eq!(out.is_empty(), probability == 1.0, "{kind:?}");
         }
     }
 
@@ -345,22 +350,14 @@ mod tests {
         assert!(fits(all, places.len() * usize::from(N), 1e-3), "{all}");
         // Chi-square over the places: mean their number, standard deviation sqrt(2 n).
         let expected = f64::from(N) * 1e-3;
-        let chi2 = places
-            .iter()
-            .map(|n| (*n as f64 - expected).powi(2) / expected);
-        let chi2: f64 = chi2.sum();
-        let n = places.len() as f64;
+        let chi2 = places.map(|n| (n as f64 - expected).powi(2) / expected);
+        let (chi2, n) = (chi2.iter().sum::<f64>(), places.len() as f64);
         assert!((chi2 - n).abs() < 5.0 * (2.0 * n).sqrt(), "{chi2}");
-        // The book has each of them.
-        let told = injected
-            .iter()
-            .filter_map(|injection| match &injection.what {
-                What::Item {
-                    how: How::Bits(bits),
-                    ..
-                } => Some(bits.len()),
-                _ => None,
-            });
+        // The log has each of them.
+        let told = hows(&injected).map(|how| match how {
+            How::Bits(bits) => bits.len(),
+            other => panic!("{other:?}"),
+        });
         assert_eq!(told.sum::<usize>(), all);
         let (out, ..) = run(&[always(FaultKind::BitFlips, 1.0, 3)], 2);
         assert!(out[1].iter().zip(item(1)).all(|(is, was)| *is == !was));
@@ -371,20 +368,20 @@ mod tests {
         let (out, ..) = run(&[always(FaultKind::Duplicate, 1.0, 1)], 3);
         assert_eq!(out, [0, 0, 1, 1, 2, 2].map(item));
         let (out, injected, _) = run(&[always(FaultKind::Truncate, 1.0, 1)], 2000);
-        let lengths: Vec<usize> = out.iter().map(Vec::len).collect();
-        assert_eq!(lengths.iter().min(), Some(&1));
-        assert_eq!(lengths.iter().max(), Some(&(LENGTH - 1)));
+        let lengths = || out.iter().map(Vec::len);
+        assert_eq!(
+            (lengths().min(), lengths().max()),
+            (Some(1), Some(LENGTH - 1))
+        );
         assert!(out.iter().zip(0..).all(|(cut, i)| item(i).starts_with(cut)));
-        assert_eq!(injected.len(), 2001);
+        assert_eq!(hows(&injected).count(), 2000);
         let (out, injected, _) = run(&[always(FaultKind::Reorder, 0.2, 1)], 2000);
-        let mut numbers: Vec<u16> = out
-            .iter()
-            .map(|o| u16::from_be_bytes([o[0], o[1]]))
-            .collect();
+        let number = |item: &Vec<u8>| u16::from_be_bytes([item[0], item[1]]);
+        let mut numbers: Vec<u16> = out.iter().map(number).collect();
         let swapped = numbers.windows(2).filter(|pair| pair[1] < pair[0]).count();
         // A draw in a row of draws lets the second pass the first: 0.2 / 1.2 of all change places.
         assert!(fits(swapped, 2000, 0.2 / 1.2), "{swapped}");
-        assert!(fits(injected.len() - 1, 2000, 0.2));
+        assert!(fits(hows(&injected).count(), 2000, 0.2));
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(0..2000), "none is lost");
     }
@@ -398,53 +395,41 @@ mod tests {
         assert_eq!((faults.pop_due(ms(24)), faults.line().len()), (None, 1));
         assert_eq!(faults.pop_due(ms(25)), Some(item(1)));
         let (out, injected, _) = run(&[always(FaultKind::Jitter, 0.02, 1)], 1000);
-        let late = injected
-            .iter()
-            .filter_map(|injection| match injection.what {
-                What::Item {
-                    how: How::Later(by),
-                    ..
-                } => Some(by.as_secs_f64()),
-                _ => None,
-            });
+        let late = hows(&injected).map(|how| match how {
+            How::Later(by) => by.as_secs_f64(),
+            other => panic!("{other:?}"),
+        });
         let late: Vec<f64> = late.collect();
         let mean = late.iter().sum::<f64>() / 1000.0;
         // Uniform: standard deviation 20 ms / sqrt(12).
         assert!((mean - 0.01).abs() < 5.0 * 0.02 / 12f64.sqrt() / 1000f64.sqrt());
         assert!(late.iter().all(|by| (0.0..0.02).contains(by)));
-        assert_ne!(out, (0..1000).map(item).collect::<Vec<_>>());
+        assert!(out.into_iter().ne((0..1000).map(item)));
     }
 
     #[test]
     fn a_run_repeats_with_its_seed_and_differs_with_another() {
-        let rules = |seed| {
-            [
-                always(FaultKind::Drop, 0.05, seed),
-                always(FaultKind::BitFlips, 1e-4, seed),
-                always(FaultKind::Jitter, 0.01, seed),
-            ]
+        let run = |seed| {
+            let faults = [
+                (FaultKind::Drop, 0.05),
+                (FaultKind::BitFlips, 1e-4),
+                (FaultKind::Jitter, 0.01),
+            ];
+            run(&faults.map(|(kind, value)| always(kind, value, seed)), 500)
         };
-        let (once, again, other) = (
-            run(&rules(5), 500),
-            run(&rules(5), 500),
-            run(&rules(6), 500),
-        );
-        assert_eq!(once, again);
-        assert_ne!(once.0, other.0);
+        assert_eq!(run(5), run(5));
+        assert_ne!(run(5).0, run(6).0);
     }
 
     #[test]
     fn rules_begin_and_end_on_time() {
         let from = Duration::from_micros(10_500);
-        let rule = Rule::new(fault(FaultKind::Down, 1.0), 1, 0, from, Some(ms(20)));
-        let (out, injected, lost) = run(&[rule], 30);
+        let rule = Rule::new(fault(FaultKind::Down, 1.0, 0.0), 1, 0, from, Some(ms(20)));
+        let (out, mut injected, lost) = run(&[rule], 30);
         // Those of 11 to 19 ms.
         assert_eq!((out.len(), lost.len()), (21, 9));
-        let turns: Vec<(Duration, What)> = injected
-            .into_iter()
-            .filter(|injection| !matches!(injection.what, What::Item { .. }))
-            .map(|injection| (injection.at, injection.what))
-            .collect();
+        injected.retain(|injection| !matches!(injection.what, What::Item { .. }));
+        let turns: Vec<_> = injected.into_iter().map(|one| (one.at, one.what)).collect();
         assert_eq!(turns, [(from, What::Begins(1.0)), (ms(20), What::Ends)]);
     }
 
@@ -452,24 +437,19 @@ mod tests {
     fn live_faults_take_the_place_of_their_kind() {
         let mut faults = Faults::new(Direction::In, &[always(FaultKind::Drop, 1.0, 1)]);
         assert_eq!(faults.push(item(0), ms(0)), Pushed::Lost(FaultKind::Drop));
-        faults.switch(fault(FaultKind::Drop, 0.0), ms(1));
+        faults.switch(fault(FaultKind::Drop, 0.0, 0.0), ms(1));
         assert_eq!(faults.push(item(1), ms(1)), Pushed::Taken);
-        let down = Fault {
-            seconds: 0.005,
-            ..fault(FaultKind::Down, 1.0)
-        };
-        faults.switch(down, ms(2));
+        faults.switch(fault(FaultKind::Down, 1.0, 0.005), ms(2));
         assert_eq!(faults.push(item(2), ms(6)), Pushed::Lost(FaultKind::Down));
         assert_eq!(faults.push(item(3), ms(7)), Pushed::Taken, "it has ended");
     }
 
     #[test]
     fn what_is_no_packet_is_never_harmed_and_keeps_its_place() {
-        let rules = [always(FaultKind::Delay, 0.02, 1)];
-        let mut faults = Faults::new(Direction::In, &rules);
+        let mut faults = Faults::new(Direction::In, &[always(FaultKind::Delay, 0.02, 1)]);
         faults.push(item(1), ms(0));
         faults.push(Vec::new(), ms(1));
-        faults.switch(fault(FaultKind::Drop, 1.0), ms(1));
+        faults.switch(fault(FaultKind::Drop, 1.0, 0.0), ms(1));
         faults.push(Vec::new(), ms(2));
         assert_eq!(faults.pop_due(ms(19)), None);
         let out: Vec<_> = std::iter::from_fn(|| faults.pop_due(ms(20))).collect();
@@ -477,14 +457,11 @@ mod tests {
     }
 
     #[test]
-    fn a_full_line_gives_back_what_it_cannot_take() {
+    fn a_full_line_takes_nothing() {
         let mut faults = Faults::new(Direction::In, &[always(FaultKind::Delay, 1.0, 1)]);
-        let mut taken = 0;
-        while faults.push(item(taken), ms(0)) == Pushed::Taken {
-            taken += 1;
-        }
+        let taken = (0..).take_while(|i| faults.push(item(*i), ms(0)) == Pushed::Taken);
         // One place is kept for a double.
-        assert_eq!(usize::from(taken), super::super::line::CAPACITY - 1);
+        assert_eq!(taken.count(), super::super::line::CAPACITY - 1);
         assert_eq!(faults.push(item(9), ms(0)), Pushed::Full);
         assert_eq!(faults.pop_due(ms(1000)), Some(item(0)));
         assert_eq!(faults.push(item(9), ms(1000)), Pushed::Taken);

@@ -210,44 +210,53 @@ mod tests {
 
     #[test]
     fn wrong_schedules_are_refused_by_key() {
-        let one = |keys: &str| format!("[[faults]]\ndirection = \"in\"\nkind = \"drop\"\n{keys}");
-        for (text, says) in [
-            (one("value = 1.5"), vec!["faults[0].value = 1.5", "above 0, at most 1"]),
-            (one(""), vec!["faults[0].value", "missing"]),
-            (one("value = 0.5\nat_s = -1.0"), vec!["faults[0].at_s = -1"]),
-            (one("value = nan"), vec!["faults[0].value = NaN"]),
-            (one("value = 0.5\nlength = 1"), vec!["length", "for_s"]),
+        let of = |kind, keys| format!("[[faults]]\ndirection = \"in\"\nkind = \"{kind}\"\n{keys}");
+        let up = of("drop", "value = 0.5").replace("\"in\"", "\"up\"");
+        let types = of("drop", "value = \"a\"\nat_s = \"b\"\nfor_s = true");
+        let types = types.replace("\"in\"", "7") + "\n[[faults]]\n";
+        let list = "faults = [7, { direction = \"in\", kind = 3, value = 1 }, [1], \
+                    { direction = \"up\", kind = \"drop\", at_s = -1 }]";
+        let cases: [(String, &[&str]); 15] = [
             (
-                one("value = 0.5").replace("\"in\"", "\"up\""),
-                vec!["faults[0].direction = \"up\"", "\"out\""],
+                of("drop", "value = 1.5"),
+                &["faults[0].value = 1.5", "above 0, at most 1"],
+            ),
+            (of("drop", ""), &["faults[0].value", "missing"]),
+            (
+                of("drop", "value = 0.5\nat_s = -1.0"),
+                &["faults[0].at_s = -1"],
+            ),
+            (of("drop", "value = nan"), &["faults[0].value = NaN"]),
+            (of("drop", "value = 0.5\nlength = 1"), &["length", "for_s"]),
+            (up, &["faults[0].direction = \"up\"", "\"out\""]),
+            (
+                of("lose", "value = 0.5"),
+                &["faults[0].kind = \"lose\"", "bit_flips"],
             ),
             (
-                one("value = 0.5").replace("drop", "lose"),
-                vec!["faults[0].kind = \"lose\"", "bit_flips"],
+                of("bus_off", "value = 1"),
+                &["faults[0].kind", "bus_off", "CAN", "use down"],
             ),
             (
-                one("value = 1").replace("drop", "bus_off"),
-                vec!["faults[0].kind", "bus_off", "CAN", "use down"],
+                of("stuck", "value = 0.5"),
+                &["faults[0].value = 0.5", "must be 1, as stuck"],
             ),
             (
-                one("value = 0.5").replace("drop", "stuck"),
-                vec!["faults[0].value = 0.5", "must be 1, as stuck"],
+                of("drop", "value = 0"),
+                &["faults[0].value", "do nothing", "for_s"],
             ),
             (
-                one("value = 0"),
-                vec!["faults[0].value", "do nothing", "for_s"],
+                of("stuck", "value = -0.0"),
+                &["faults[0].value", "do nothing", "for_s"],
             ),
             (
-                one("value = -0.0").replace("drop", "stuck"),
-                vec!["faults[0].value", "do nothing", "for_s"],
+                of("drop", "value = 0.5\nfor_s = 0"),
+                &["faults[0].for_s", "do nothing", "leave for_s out"],
             ),
+            (of("delay", "value = 61.0"), &["above 0, at most 60"]),
             (
-                one("value = 0.5\nfor_s = 0"),
-                vec!["faults[0].for_s", "do nothing", "leave for_s out"],
-            ),
-            (
-                one("value = \"a\"\nat_s = \"b\"\nfor_s = true").replace("\"in\"", "7") + "\n[[faults]]\n",
-                vec![
+                types,
+                &[
                     "6 faults",
                     "faults[0].direction: must be one of \"in\", \"out\", not 7",
                     "faults[0].value: must be a number, not \"a\"",
@@ -258,8 +267,8 @@ mod tests {
                 ],
             ),
             (
-                "faults = [7, { direction = \"in\", kind = 3, value = 1 }, [1], { direction = \"up\", kind = \"drop\", at_s = -1 }]".to_string(),
-                vec![
+                list.to_string(),
+                &[
                     "6 faults",
                     "faults[0]: must be a table of keys, not 7",
                     "faults[1].kind: must be one of \"bit_flips\", \"drop\"",
@@ -269,17 +278,13 @@ mod tests {
                     "faults[3].value: missing",
                 ],
             ),
-            (
-                one("value = 61.0").replace("drop", "delay"),
-                vec!["above 0, at most 60"],
-            ),
-        ] {
+        ];
+        for (text, says) in cases {
             let refused = parse(&text).unwrap_err();
             for word in says.iter().chain(&["faults.toml"]) {
                 assert!(refused.contains(word), "no {word:?} in {refused}");
             }
         }
-        let bus_off = one("value = 1.0").replace("drop", "bus_off");
-        assert!(Plan::parse("faults.toml", &bus_off, true).is_ok());
+        assert!(Plan::parse("faults.toml", &of("bus_off", "value = 1.0"), true).is_ok());
     }
 }

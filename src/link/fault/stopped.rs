@@ -1,4 +1,4 @@
-//! Recognizes faults without an end, and those that last 30 s longer, that let no packet through: a client gives up before one arrives.
+//! Recognizes lasting faults that let no packet through: a client gives up before one arrives.
 
 use super::plan::name;
 use super::rule::Rule;
@@ -7,7 +7,8 @@ use skyloop_protocols::{Direction, FaultKind};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Chance of a packet to pass below which its direction counts as stopped. A client sends a command some 20 times before it gives up: 2 % of such runs would get one through.
+/// Chance of a packet to pass below which its direction counts as stopped. A client sends a command some 20 times
+/// before it gives up: 2 % of such runs would get one through.
 const MIN_CHANCE: f64 = 1e-3;
 /// Jitter from which CAN frames, 0.1 to 1 ms apart, overtake each other in any order.
 const MAX_SPACING: Duration = Duration::from_millis(10);
@@ -15,7 +16,8 @@ const MAX_SPACING: Duration = Duration::from_millis(10);
 /// The frames of an attitude on CAN must come within this time (N_Cr).
 const MAX_SPREAD: Duration = Duration::from_micros(Parameters::FD.timeout_us);
 
-/// A fault that lasts so much longer counts as one without an end: the flight computer gives up after 30 s without an answer (`TIMEOUT` in `flight`).
+/// A fault that lasts so much longer counts as one without an end: the flight computer gives up after 30 s without an
+/// answer (`TIMEOUT` in `flight`).
 const LASTING: Duration = Duration::from_secs(30);
 
 /// A fault by which nothing passes any more.
@@ -41,13 +43,13 @@ pub struct Needs {
     pub long_packets: bool,
 }
 
-/// What lasting faults (those without an end, and those that last `LASTING` longer) do to the items of one direction, since the last call.
+/// What lasting faults (those without an end, and those that last `LASTING` longer) do to the items of one direction,
+/// since the last call.
 #[derive(Debug, Default)]
 pub(super) struct Outlook {
-    /// The kind that lets the fewest pass, and how many items had no chance.
-    lost: Option<(Culprit, u64)>,
-    /// The same if these items had been of the longest packets.
-    lost_if_long: Option<(Culprit, u64)>,
+    /// The kind that lets the fewest pass, and how many items had no chance: as they are, and if these items had been of
+    /// the longest packets.
+    lost: [Option<(Culprit, u64)>; 2],
     /// How much later items come.
     late: Late,
 }
@@ -67,19 +69,20 @@ fn late_s(rule: &Rule) -> f64 {
 impl Outlook {
     /// Sees an item meet `rules` at `now`.
     pub fn see(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
-        let endless = rules.iter();
         let lasts = |rule: &Rule| rule.until.map(|until| until.saturating_sub(now));
         let is_endless = |rule: &&Rule| lasts(rule).is_none_or(|lasts| lasts >= LASTING);
-        let endless = endless.filter(|rule| rule.is_on(now)).filter(is_endless);
+        let endless = rules
+            .iter()
+            .filter(|rule| rule.is_on(now))
+            .filter(is_endless);
         let mean_s: f64 = endless.clone().map(late_s).sum();
         if mean_s > 0.0 {
-            let most = endless
-                .clone()
-                .max_by(|a, b| late_s(a).total_cmp(&late_s(b)));
+            let latest = |a: &&Rule, b: &&Rule| late_s(a).total_cmp(&late_s(b));
+            let most = endless.clone().max_by(latest);
             let culprit = most.map(|rule| (rule.fault.kind, lasts(rule)));
             self.late = (Duration::from_secs_f64(mean_s), self.late.1 + 1, culprit);
         }
-        for (shape, lost) in [(item, &mut self.lost), (longest, &mut self.lost_if_long)] {
+        for (shape, lost) in [item, longest].into_iter().zip(&mut self.lost) {
             let chances = endless
                 .clone()
                 .map(|rule| (chance(rule, shape), (rule.fault.kind, lasts(rule))));
@@ -99,7 +102,8 @@ pub struct Shape {
     pub items: usize,
     /// Of each.
     pub bytes: usize,
-    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within `MAX_SPREAD`.
+    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within
+    /// `MAX_SPREAD`.
     pub in_order: bool,
 }
 
@@ -155,14 +159,11 @@ impl Met {
     }
 }
 
-/// By direction (out: true) and kind.
-type Lost = BTreeMap<(bool, &'static str), Met>;
-
 /// Packets of both directions that have no chance to pass.
 #[derive(Debug, Default)]
 pub(super) struct Stopped {
-    lost: Lost,
-    lost_if_long: Lost,
+    /// By length (longest: true), direction (out: true) and kind.
+    lost: BTreeMap<(bool, bool, &'static str), Met>,
     /// Delays and jitter of packets in and out: how much later they come on average, by which kind mostly.
     late: [Option<(Duration, FaultKind, Met)>; 2],
 }
@@ -176,14 +177,11 @@ impl Stopped {
             at: Instant::now(),
             lasts,
         };
-        for (lost, seen) in [
-            (&mut self.lost, seen.lost),
-            (&mut self.lost_if_long, seen.lost_if_long),
-        ] {
+        for (is_long, seen) in [false, true].into_iter().zip(seen.lost) {
             if let Some(((kind, lasts), count)) = seen {
-                let key = (out, name(kind));
-                let before = lost.get(&key).map_or(0, |before| before.packets);
-                lost.insert(key, met(before, count, lasts));
+                let key = (is_long, out, name(kind));
+                let before = self.lost.get(&key).map_or(0, |before| before.packets);
+                self.lost.insert(key, met(before, count, lasts));
             }
         }
         if let (delay, count, Some((kind, lasts))) = seen.late {
@@ -193,17 +191,14 @@ impl Stopped {
         }
     }
 
-    /// The fault without an end, or that lasts 30 s longer, by which nothing passes any more; none if no packet met one after `since`, or it is over at `now`.
+    /// The lasting fault by which nothing passes any more; none if no packet met one after `since`, or it is over at `now`.
     pub fn since(&self, since: Instant, now: Instant, needs: &Needs) -> Option<Stop> {
         let way = |out: bool| if out { "out" } else { "in" };
-        let frames = self.lost_if_long.iter();
-        let frames = frames.filter(|((out, _), _)| *out && needs.long_packets);
-        let mut lost = self
-            .lost
-            .iter()
-            .chain(frames)
-            .filter(|(_, met)| met.counts(since, now));
-        if let Some(((out, name), met)) = lost.next() {
+        let is_needed = |is_long: bool, out: bool| !is_long || (out && needs.long_packets);
+        let mut lost = self.lost.iter();
+        let stops = lost
+            .find(|((is_long, out, _), met)| is_needed(*is_long, *out) && met.counts(since, now));
+        if let Some(((_, out, name), met)) = stops {
             return Some(Stop {
                 fault: format!("{name}, {}", way(*out)),
                 packets: met.packets,
@@ -239,6 +234,13 @@ mod tests {
             seconds: 0.0,
         };
         Rule::new(fault, 1, 0, Duration::ZERO, until)
+    }
+
+    fn needs(long_packets: bool) -> Needs {
+        Needs {
+            patience: Duration::from_secs(30),
+            long_packets,
+        }
     }
 
     /// X-Val, by hand: 1400 bytes are 11,200 bits, exp(-11.2) = 1.4e-5 and exp(-5.6) = 3.7e-3; 23 CAN frames of 64 bytes have 11,776 bits;
@@ -288,21 +290,16 @@ mod tests {
         ] {
             let mut outlook = Outlook::default();
             let begin = Instant::now();
-            let rules = [rule(kind, value, until)];
             let shape = Shape {
                 items,
                 bytes,
                 in_order: items != 15,
             };
-            let long = Shape::one(1400);
-            outlook.see(&rules, shape, long, Duration::ZERO);
+            let rules = [rule(kind, value, until)];
+            outlook.see(&rules, shape, Shape::one(1400), Duration::ZERO);
             let mut stopped = Stopped::default();
             stopped.add(Direction::Out, outlook);
-            let patience = Duration::from_secs(30);
-            let needs = Needs {
-                patience,
-                long_packets,
-            };
+            let needs = needs(long_packets);
             let expected = stops.then(|| Stop {
                 fault: format!("{}, out", name(kind)),
                 packets: 1,
@@ -351,28 +348,20 @@ mod tests {
                 Some("jitter, out"),
             ),
         ] {
-            let mut stopped = Stopped::default();
-            let begin = Instant::now();
-            for (direction, (kind, value)) in
-                [Direction::In, Direction::Out].into_iter().zip(delays)
-            {
+            let (mut stopped, begin) = (Stopped::default(), Instant::now());
+            let ways = [(Direction::In, for_s), (Direction::Out, None)];
+            for ((direction, for_s), (kind, value)) in ways.into_iter().zip(delays) {
                 let mut outlook = Outlook::default();
-                let until = for_s.filter(|_| direction == Direction::In);
-                let rules = [rule(kind, value, until.map(Duration::from_secs))];
-                let shape = Shape::one(18);
-                outlook.see(&rules, shape, shape, Duration::ZERO);
+                let rules = [rule(kind, value, for_s.map(Duration::from_secs))];
+                outlook.see(&rules, Shape::one(18), Shape::one(18), Duration::ZERO);
                 stopped.add(direction, outlook);
             }
-            let needs = Needs {
-                patience: Duration::from_secs(30),
-                long_packets: false,
-            };
             let now = begin + Duration::from_secs(after_s);
-            let found = stopped.since(begin, now, &needs);
+            let found = stopped.since(begin, now, &needs(false));
             let case = format!("{delays:?} {for_s:?} {after_s}");
             assert_eq!(found.map(|stop| stop.fault).as_deref(), fault, "{case}");
             let later = Instant::now();
-            assert_eq!(stopped.since(later, later, &needs), None, "{case}");
+            assert_eq!(stopped.since(later, later, &needs(false)), None, "{case}");
         }
     }
 }

@@ -124,12 +124,9 @@ pub fn wrap(
         .spawn(move || way_out.run())
         .map_err(failed)?;
     Ok(Wire {
-        address: wire.address,
-        inbox,
-        outbox: Box::new(outbox),
-        tally: wire.tally,
         airtime: wire.airtime,
         sender: Some(sender),
+        ..Wire::new(wire.address, inbox, outbox, wire.tally)
     })
 }
 

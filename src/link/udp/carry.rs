@@ -83,7 +83,8 @@ impl Shared {
     /// Nobody listens at the address of a client's own socket.
     fn end(&self, own: &Own) {
         self.exchange.borrow_mut().end(own.peer);
-        self.own.take_if_same(own);
+        let mut present = self.own.borrow_mut();
+        present.take_if(|one| std::ptr::eq(&**one, own));
         self.changed.notify_waiters();
     }
 
@@ -124,20 +125,6 @@ impl Shared {
         if let Some((to, packet)) = due {
             // One that is lost is sent again.
             let _ = self.sending.send_to(&packet, to);
-        }
-    }
-}
-
-/// Removes a socket if it is still that one.
-trait TakeIfSame {
-    fn take_if_same(&self, own: &Own);
-}
-
-impl TakeIfSame for RefCell<Option<Rc<Own>>> {
-    fn take_if_same(&self, own: &Own) {
-        let mut place = self.borrow_mut();
-        if place.as_deref().is_some_and(|one| std::ptr::eq(one, own)) {
-            *place = None;
         }
     }
 }
@@ -285,14 +272,9 @@ fn hand_on(
             true
         }
         Heard::Proof => true,
-        Heard::Packet(exchange) => {
-            let inbound = Inbound {
-                exchange,
-                packet: Bytes::copy_from_slice(packet),
-                arrived,
-            };
-            arrivals.push(inbound).is_ok()
-        }
+        Heard::Packet(exchange) => arrivals
+            .push(Inbound::new(exchange, packet, arrived))
+            .is_ok(),
     };
     drop(exchange);
     if heard == Heard::Proof || is_new {

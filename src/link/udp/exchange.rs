@@ -267,28 +267,71 @@ impl Exchange {
 
 #[cfg(test)]
 mod tests {
+    use super::Heard::{Packet, Proof as Returned, Stranger};
     use super::*;
-    use skyloop_protocols::personality::NATIVE;
+    use crate::link::fixture::options;
     use skyloop_protocols::{Command, MAX_PACKET, WireTime, apid};
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
     }
 
-    fn exchange(idle_ms: u64, proves: bool) -> Exchange {
-        let options = Options {
-            idle: Duration::from_millis(idle_ms),
-            personality: &NATIVE,
-            bus: None,
-        };
-        Exchange::new(options, Arc::default(), proves)
+    /// An exchange, and a valid packet and one that is not. Times are ms since `begun`.
+    struct Rig {
+        exchange: Exchange,
+        begun: Instant,
+        good: Vec<u8>,
+        bad: Vec<u8>,
     }
 
-    /// A valid packet and one that is not.
-    fn packets() -> (Vec<u8>, Vec<u8>) {
-        let mut buffer = [0; MAX_PACKET];
-        let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
-        (buffer[..length].to_vec(), buffer[..length - 1].to_vec())
+    impl Rig {
+        fn new(idle_ms: u64, proves: bool) -> Rig {
+            let idle = Duration::from_millis(idle_ms);
+            let options = Options { idle, ..options() };
+            let mut buffer = [0; MAX_PACKET];
+            let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
+            Rig {
+                exchange: Exchange::new(options, Arc::default(), proves),
+                begun: Instant::now(),
+                good: buffer[..length].to_vec(),
+                bad: buffer[..length - 1].to_vec(),
+            }
+        }
+
+        fn ms(&self, ms: u64) -> Instant {
+            self.begun + Duration::from_millis(ms)
+        }
+
+        fn hear(&mut self, port: u16, packet: &[u8], ms: u64) -> Heard {
+            let now = self.ms(ms);
+            self.exchange.hear(at(port), packet, now)
+        }
+
+        /// Hears a valid packet.
+        fn good(&mut self, port: u16, ms: u64) -> Heard {
+            self.hear(port, &self.good.clone(), ms)
+        }
+
+        /// Hears one that is not.
+        fn bad(&mut self, port: u16, ms: u64) -> Heard {
+            self.hear(port, &self.bad.clone(), ms)
+        }
+
+        fn permit(&mut self, number: u32, packet: &[u8], ms: u64) -> Permit {
+            let now = self.ms(ms);
+            self.exchange.permit(number, packet, now)
+        }
+
+        /// The port that gets a Challenge, and that.
+        fn challenge(&mut self, ms: u64) -> Option<(u16, Vec<u8>)> {
+            let (to, packet) = self.exchange.challenge(self.ms(ms))?;
+            Some((to.port(), packet))
+        }
+
+        fn release(&mut self, number: u32, ms: u64) {
+            let asked = self.ms(ms);
+            self.exchange.release(number, asked);
+        }
     }
 
     /// Zeros behind the packet's APID (ICD, section 2): version 0, with a secondary header.
@@ -300,200 +343,157 @@ mod tests {
 
     #[test]
     fn an_exchange_stands_until_it_is_idle_or_released() {
-        let (good, bad) = packets();
-        let mut exchange = exchange(40, false);
-        let begun = Instant::now();
-        let ms = |ms| begun + Duration::from_millis(ms);
-        use Heard::{Packet, Stranger};
-        // From whom, when, what, and what it is. Releases stand between them.
-        let hear = |exchange: &mut Exchange, steps: &[(u16, u64, &[u8], Heard)]| {
-            for (port, when, packet, expected) in steps {
-                let heard = exchange.hear(at(*port), packet, ms(*when));
-                assert_eq!(heard, *expected, "{port} at {when} ms");
-            }
-        };
-        hear(
-            &mut exchange,
-            &[
-                // Anybody's first packet may be bad, and the next one's too.
-                (1, 0, &bad, Packet(1)),
-                (2, 0, &bad, Packet(2)),
-                // A good one makes it stand, until it is idle.
-                (2, 0, &good, Packet(2)),
-                (1, 39, &good, Stranger),
-                (2, 39, &bad, Packet(2)),
-                (1, 78, &good, Stranger),
-                (1, 79, &bad, Stranger),
-                (1, 79, &good, Packet(3)),
-            ],
-        );
-        let now = ms(80);
-        assert_eq!(exchange.permit(2, &good, now), Permit::Never);
-        assert_eq!(exchange.permit(3, &good, now), Permit::All(at(1)));
+        let mut rig = Rig::new(40, false);
+        // Anybody's first packet may be bad, and the next one's too.
+        assert_eq!(rig.bad(1, 0), Packet(1));
+        assert_eq!(rig.bad(2, 0), Packet(2));
+        // A good one makes it stand, until it is idle.
+        assert_eq!(rig.good(2, 0), Packet(2));
+        assert_eq!(rig.good(1, 39), Stranger);
+        assert_eq!(rig.bad(2, 39), Packet(2));
+        assert_eq!(rig.good(1, 78), Stranger);
+        assert_eq!(rig.bad(1, 79), Stranger);
+        assert_eq!(rig.good(1, 79), Packet(3));
+        assert_eq!(rig.permit(2, b"-", 80), Permit::Never);
+        assert_eq!(rig.permit(3, b"-", 80), Permit::All(at(1)));
         // Another's release is none, nor one that its client has gone on from.
-        exchange.release(2, ms(80));
-        hear(
-            &mut exchange,
-            &[(2, 80, &good, Stranger), (1, 81, &good, Packet(3))],
-        );
-        exchange.release(3, ms(80));
-        hear(&mut exchange, &[(2, 82, &good, Stranger)]);
-        exchange.release(3, ms(81));
-        hear(
-            &mut exchange,
-            &[
-                // What is no valid packet takes no client's place.
-                (2, 82, &bad, Stranger),
-                (2, 9000, b"junk", Stranger),
-                (3, 9000, &good, Packet(4)),
-            ],
-        );
+        rig.release(2, 80);
+        assert_eq!(rig.good(2, 80), Stranger);
+        assert_eq!(rig.good(1, 81), Packet(3));
+        rig.release(3, 80);
+        assert_eq!(rig.good(2, 82), Stranger);
+        rig.release(3, 81);
+        // What is no valid packet takes no client's place.
+        assert_eq!(rig.bad(2, 82), Stranger);
+        assert_eq!(rig.hear(2, b"junk", 9000), Stranger);
+        assert_eq!(rig.good(3, 9000), Packet(4));
     }
 
     #[test]
     fn a_client_without_proof_gets_little_and_keeps_nobody_out_for_long() {
-        let (good, _) = packets();
-        let mut exchange = exchange(5000, true);
-        let begun = Instant::now();
-        let ms = |ms| begun + Duration::from_millis(ms);
-        assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+        let mut rig = Rig::new(5000, true);
+        assert_eq!(rig.good(1, 0), Packet(1));
         let [answer, long_answer] = [21, 264].map(|length| of_apid(apid::ACK, length));
         let of_frame = of_apid(apid::FRAME_HEADER, 17);
-        let (to, challenge) = exchange.challenge(ms(0)).unwrap();
-        assert_eq!(to, at(1));
-        assert_eq!(exchange.established(ms(0)), None);
-        assert_eq!(exchange.permit(1, &answer, ms(0)), Permit::One(at(1)));
-        assert_eq!(exchange.permit(1, &long_answer, ms(0)), Permit::Wait);
-        assert_eq!(exchange.permit(1, &of_frame, ms(0)), Permit::Never);
-        assert_eq!(exchange.tally.unproved(), 1);
-        assert!(exchange.tally.awaits_proof());
-        assert_eq!(exchange.hear(at(2), &good, ms(999)), Heard::Stranger);
+        let (to, challenge) = rig.challenge(0).unwrap();
+        assert_eq!(to, 1);
+        assert_eq!(rig.exchange.established(rig.ms(0)), None);
+        assert_eq!(rig.permit(1, &answer, 0), Permit::One(at(1)));
+        assert_eq!(rig.permit(1, &long_answer, 0), Permit::Wait);
+        assert_eq!(rig.permit(1, &of_frame, 0), Permit::Never);
+        assert_eq!(rig.exchange.tally.unproved(), 1);
+        assert!(rig.exchange.tally.awaits_proof());
+        assert_eq!(rig.good(2, 999), Stranger);
         // What another returns proves nothing of the client.
-        assert_eq!(exchange.hear(at(2), &challenge, ms(999)), Heard::Stranger);
-        assert_eq!(exchange.hear(at(1), &challenge, ms(999)), Heard::Proof);
-        assert!(!exchange.tally.awaits_proof());
-        assert_eq!(exchange.permit(1, &of_frame, ms(999)), Permit::All(at(1)));
-        assert_eq!(exchange.established(ms(999)), Some(at(1)));
+        assert_eq!(rig.hear(2, &challenge, 999), Stranger);
+        assert_eq!(rig.hear(1, &challenge, 999), Returned);
+        assert!(!rig.exchange.tally.awaits_proof());
+        assert_eq!(rig.permit(1, &of_frame, 999), Permit::All(at(1)));
+        assert_eq!(rig.exchange.established(rig.ms(999)), Some(at(1)));
         // Its packets go on, which anybody can forge, and no Challenge comes back.
         for when in [2000, 4000, 5900] {
-            assert_eq!(exchange.hear(at(1), &good, ms(when)), Heard::Packet(1));
-            assert_eq!(exchange.hear(at(2), &good, ms(when)), Heard::Stranger);
+            assert_eq!(rig.good(1, when), Packet(1));
+            assert_eq!(rig.good(2, when), Stranger);
         }
-        assert_eq!(exchange.permit(1, &of_frame, ms(5998)), Permit::All(at(1)));
+        assert_eq!(rig.permit(1, &of_frame, 5998), Permit::All(at(1)));
         // What it has sent with proof pays for nothing now: what is queued is removed, until it sends more.
-        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
-        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::Never);
-        assert_eq!(exchange.tally.unproved(), 2);
-        assert_eq!(exchange.hear(at(1), &good, ms(5999)), Heard::Packet(1));
-        assert!(exchange.challenge(ms(5999)).is_some());
-        assert_eq!(exchange.permit(1, &of_frame, ms(5999)), Permit::Never);
-        assert_eq!(exchange.permit(1, &answer, ms(5999)), Permit::One(at(1)));
-        assert_eq!(exchange.permit(1, &long_answer, ms(5999)), Permit::Wait);
-        assert_eq!(exchange.hear(at(2), &good, ms(5999)), Heard::Packet(2));
+        assert_eq!(rig.permit(1, &of_frame, 5999), Permit::Never);
+        assert_eq!(rig.permit(1, &answer, 5999), Permit::Never);
+        assert_eq!(rig.exchange.tally.unproved(), 2);
+        assert_eq!(rig.good(1, 5999), Packet(1));
+        assert!(rig.challenge(5999).is_some());
+        assert_eq!(rig.permit(1, &of_frame, 5999), Permit::Never);
+        assert_eq!(rig.permit(1, &answer, 5999), Permit::One(at(1)));
+        assert_eq!(rig.permit(1, &long_answer, 5999), Permit::Wait);
+        assert_eq!(rig.good(2, 5999), Packet(2));
         // Without proof that one is out after 1 s, and what proves the next comes first.
-        assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
-        assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
+        assert_eq!(rig.good(3, 6998), Stranger);
+        assert_eq!(rig.good(3, 6999), Packet(3));
     }
 
     /// Forged packets of four addresses keep a client out that returns its Challenge no longer than it takes to do so.
     #[test]
     fn an_address_that_returns_its_challenge_takes_the_place_of_one_that_has_proved_nothing() {
-        let (good, bad) = packets();
         // Whether the client of the exchange returns its own Challenge first.
         for is_proved in [false, true] {
-            let mut exchange = exchange(5000, true);
-            let begun = Instant::now();
-            let ms = |ms| begun + Duration::from_millis(ms);
-            assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
-            let (_, own) = exchange.challenge(ms(0)).unwrap();
+            let mut rig = Rig::new(5000, true);
+            assert_eq!(rig.good(1, 0), Packet(1));
+            let (_, own) = rig.challenge(0).unwrap();
             // What is no valid packet is not answered.
-            assert_eq!(exchange.hear(at(2), &bad, ms(10)), Heard::Stranger);
-            assert_eq!(exchange.challenge(ms(10)), None);
-            assert_eq!(exchange.hear(at(2), &good, ms(10)), Heard::Stranger);
-            let (to, challenge) = exchange.challenge(ms(10)).unwrap();
-            assert_eq!(to, at(2));
+            assert_eq!(rig.bad(2, 10), Stranger);
+            assert_eq!(rig.challenge(10), None);
+            assert_eq!(rig.good(2, 10), Stranger);
+            let (to, challenge) = rig.challenge(10).unwrap();
+            assert_eq!(to, 2);
             for forged in [3, 4, 5] {
-                assert_eq!(exchange.hear(at(forged), &good, ms(20)), Heard::Stranger);
-                let heard = exchange.hear(at(forged), &challenge, ms(20));
-                assert_eq!(heard, Heard::Stranger);
+                assert_eq!(rig.good(forged, 20), Stranger);
+                assert_eq!(rig.hear(forged, &challenge, 20), Stranger);
             }
             if is_proved {
-                assert_eq!(exchange.hear(at(1), &own, ms(30)), Heard::Proof);
+                assert_eq!(rig.hear(1, &own, 30), Returned);
             }
-            let heard = exchange.hear(at(2), &challenge, ms(40));
-            assert_eq!(heard == Heard::Stranger, is_proved);
+            let heard = rig.hear(2, &challenge, 40);
+            assert_eq!(heard == Stranger, is_proved);
             let client = if is_proved { 1 } else { 2 };
-            assert_eq!(exchange.established(ms(40)), Some(at(client)));
-            assert_eq!(exchange.tally.has_ended(1), !is_proved);
+            assert_eq!(rig.exchange.established(rig.ms(40)), Some(at(client)));
+            assert_eq!(rig.exchange.tally.has_ended(1), !is_proved);
             // From now on others are not answered.
-            while exchange.challenge(ms(40)).is_some() {}
-            assert_eq!(exchange.hear(at(3), &good, ms(50)), Heard::Stranger);
-            assert_eq!(exchange.challenge(ms(50)), None);
-            let heard = exchange.hear(at(client), &good, ms(60));
-            assert_eq!(heard, Heard::Packet(client.into()));
+            while rig.challenge(40).is_some() {}
+            assert_eq!(rig.good(3, 50), Stranger);
+            assert_eq!(rig.challenge(50), None);
+            assert_eq!(rig.good(client, 60), Packet(client.into()));
         }
     }
 
     /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
     #[test]
     fn a_client_that_takes_frames_after_its_reset_goes_on_until_a_valid_packet_of_another() {
-        const NEVER: u64 = u64::MAX;
-        let (good, bad) = packets();
         // When the Challenge comes back; the Reset has been dealt with at 10 ms. Without proof of addresses there is none.
-        for returned in [5, 20, NEVER] {
-            let mut exchange = exchange(5000, returned != NEVER);
-            let begun = Instant::now();
-            let ms = |ms| begun + Duration::from_millis(ms);
-            exchange.hear(at(1), &good, ms(0));
-            let challenge = exchange.challenge(ms(0));
-            if returned > 10 {
-                exchange.release(1, ms(0));
+        for returned in [Some(5), Some(20), None] {
+            let mut rig = Rig::new(5000, returned.is_some());
+            rig.good(1, 0);
+            let challenge = rig.challenge(0);
+            if returned != Some(5) {
+                rig.release(1, 0);
             }
-            if let Some((_, challenge)) = challenge {
-                let heard = exchange.hear(at(1), &challenge, ms(returned));
-                assert_eq!(heard, Heard::Proof);
+            if let (Some((_, challenge)), Some(ms)) = (challenge, returned) {
+                assert_eq!(rig.hear(1, &challenge, ms), Returned);
             }
-            if returned < 10 {
-                exchange.release(1, ms(0));
+            if returned == Some(5) {
+                rig.release(1, 0);
             }
-            let is_challenged = exchange.challenge(ms(1300)).is_some();
-            assert_eq!(is_challenged, returned != NEVER, "{returned}");
+            let is_challenged = rig.challenge(1300).is_some();
+            assert_eq!(is_challenged, returned.is_some(), "{returned:?}");
             let of_frame = of_apid(apid::FRAME_HEADER, 17);
-            let permit = exchange.permit(1, &of_frame, ms(1300));
-            assert_eq!(permit, Permit::All(at(1)));
-            assert_eq!(exchange.hear(at(2), &bad, ms(1300)), Heard::Stranger);
-            assert_eq!(exchange.hear(at(2), &good, ms(1300)), Heard::Packet(2));
+            assert_eq!(rig.permit(1, &of_frame, 1300), Permit::All(at(1)));
+            assert_eq!(rig.bad(2, 1300), Stranger);
+            assert_eq!(rig.good(2, 1300), Packet(2));
         }
     }
 
     #[test]
     fn a_challenge_that_comes_back_late_opens_no_exchange_and_keeps_none() {
-        let (good, _) = packets();
-        let mut exchange = exchange(5000, true);
-        let begun = Instant::now();
-        let ms = |ms| begun + Duration::from_millis(ms);
-        assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
-        let (_, challenge) = exchange.challenge(ms(0)).unwrap();
-        exchange.release(1, ms(1));
-        assert_eq!(exchange.hear(at(1), &challenge, ms(2)), Heard::Proof);
-        assert_eq!(exchange.hear(at(2), &good, ms(3)), Heard::Packet(2));
-        assert_eq!(exchange.hear(at(1), &challenge, ms(4)), Heard::Stranger);
-        exchange.end(at(2));
-        assert_eq!(exchange.hear(at(1), &challenge, ms(5)), Heard::Stranger);
-        assert!(!exchange.is_held(ms(5)));
+        let mut rig = Rig::new(5000, true);
+        assert_eq!(rig.good(1, 0), Packet(1));
+        let (_, challenge) = rig.challenge(0).unwrap();
+        rig.release(1, 1);
+        assert_eq!(rig.hear(1, &challenge, 2), Returned);
+        assert_eq!(rig.good(2, 3), Packet(2));
+        assert_eq!(rig.hear(1, &challenge, 4), Stranger);
+        rig.exchange.end(at(2));
+        assert_eq!(rig.hear(1, &challenge, 5), Stranger);
+        assert!(!rig.exchange.is_held(rig.ms(5)));
     }
 
     #[test]
     fn a_client_that_has_gone_leaves_the_place_free() {
-        let (good, _) = packets();
-        let mut exchange = exchange(5000, false);
-        let now = Instant::now();
-        assert_eq!(exchange.hear(at(1), &good, now), Heard::Packet(1));
-        exchange.end(at(2));
-        assert!(exchange.is_held(now) && !exchange.tally.has_ended(1));
-        exchange.end(at(1));
-        assert!(exchange.tally.has_ended(1));
-        assert_eq!(exchange.permit(1, &good, now), Permit::Never);
-        assert_eq!(exchange.hear(at(2), &good, now), Heard::Packet(2));
+        let mut rig = Rig::new(5000, false);
+        assert_eq!(rig.good(1, 0), Packet(1));
+        rig.exchange.end(at(2));
+        assert!(rig.exchange.is_held(rig.ms(0)) && !rig.exchange.tally.has_ended(1));
+        rig.exchange.end(at(1));
+        assert!(rig.exchange.tally.has_ended(1));
+        assert_eq!(rig.permit(1, b"-", 0), Permit::Never);
+        assert_eq!(rig.good(2, 0), Packet(2));
     }
 }

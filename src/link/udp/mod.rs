@@ -13,7 +13,7 @@ use carry::carry;
 use exchange::Exchange;
 use skyloop_firmware_sim::datagram::Datagrams;
 use skyloop_firmware_sim::udp::UdpPort;
-use std::net::{SocketAddr, UdpSocket as SystemSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket as SystemSocket};
 use std::sync::Arc;
 use std::sync::mpsc::TrySendError;
 use std::time::Duration;
@@ -37,8 +37,11 @@ fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
     Ok(listen(url, address, options)?.0)
 }
 
+/// Any free port of this machine alone.
+const ANY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
 fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    let (wire, address) = listen(url, SocketAddr::from(([127, 0, 0, 1], 0)), options)?;
+    let (wire, address) = listen(url, ANY, options)?;
     let port = UdpPort::connect(address).map_err(|error| {
         let error = std::io::Error::other(error);
         url.failed(
@@ -137,12 +140,9 @@ fn start(
     };
     let outbox = QueueOutbox::new(&address, &tally, try_send);
     Ok(Wire {
-        address,
-        inbox,
-        outbox: Box::new(outbox),
-        tally,
         airtime: limit.map(airtime),
         sender: Some(sender),
+        ..Wire::new(address, inbox, outbox, tally)
     })
 }
 
@@ -150,29 +150,20 @@ fn start(
 mod tests {
     use super::carry::BURST;
     use super::*;
+    use crate::link::fixture::{PATIENCE, options};
     use crate::link::{Outbound, Standstill};
     use bytes::Bytes;
-    use skyloop_protocols::personality::NATIVE;
+    use skyloop_protocols::Counters;
     use std::time::Instant;
-
-    fn at(port: u16) -> SocketAddr {
-        SocketAddr::from(([127, 0, 0, 1], port))
-    }
 
     /// Octets a second that a client gets of a second full of numbered packets; lost ones have been sent, too.
     fn delivered(mbit: f64) -> f64 {
         const OCTETS: usize = 1250;
-        let patience = Duration::from_secs(20);
-        let options = Options {
-            idle: patience,
-            personality: &NATIVE,
-            bus: None,
-        };
         let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
-        let (mut wire, address) = listen(&url, at(0), &options).unwrap();
+        let (mut wire, address) = listen(&url, ANY, &options()).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();
-        wire.inbox.recv_timeout(patience).unwrap();
+        wire.inbox.recv_timeout(PATIENCE).unwrap();
         let packets = (mbit * 1e6 / 8.0 / OCTETS as f64) as u32;
         let began = Instant::now();
         let sender = std::thread::spawn(move || {
@@ -190,7 +181,7 @@ mod tests {
                 }
             }
             // Whoever listens must not wait for a last packet that was lost.
-            wire.close(Standstill::of(&wire.tally, patience));
+            wire.close(Standstill::of(&wire.tally, PATIENCE));
         });
         client
             .set_read_timeout(Some(Duration::from_secs(2)))
@@ -237,35 +228,30 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn datagrams_that_found_no_room_are_counted() {
         const SENT: u32 = 20_000;
-        let patience = Duration::from_secs(20);
-        let options = Options {
-            idle: patience,
-            personality: &NATIVE,
-            bus: None,
-        };
         let url = LinkUrl::parse("udp://127.0.0.1:0").unwrap();
         // Nobody reads while they come: most find the system's buffer full.
-        let (socket, datagrams, local) = bind(&url, at(0)).unwrap();
+        let (socket, datagrams, local) = bind(&url, ANY).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         for _ in 0..SENT {
             client.send_to(&[0; 1400], local).unwrap();
         }
-        let wire = start(&url, &options, socket, datagrams, local).unwrap();
+        let wire = start(&url, &options(), socket, datagrams, local).unwrap();
         let mut taken = 0;
         while wire.inbox.recv_timeout(Duration::from_secs(2)).is_ok() {
             taken += 1;
         }
         client.send_to(b"next", local).unwrap();
-        wire.inbox.recv_timeout(patience).unwrap();
+        wire.inbox.recv_timeout(PATIENCE).unwrap();
         // Each was taken, or found the system's buffer or the inbound queue full.
         let counters = wire.tally.counters();
         assert_eq!(taken + counters.overflows, SENT);
         assert!(taken < SENT / 2, "{taken} found room");
-        let others = skyloop_protocols::Counters {
-            overflows: 0,
-            ..counters
+        let overflows = counters.overflows;
+        let expected = Counters {
+            overflows,
+            ..Counters::default()
         };
-        assert_eq!(others, skyloop_protocols::Counters::default());
+        assert_eq!(counters, expected);
     }
 
     #[test]
