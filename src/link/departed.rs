@@ -1,8 +1,9 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
+use super::lock;
 use std::collections::VecDeque;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// Packets that were queued and have left, and the moments that somebody wants to know.
@@ -102,14 +103,14 @@ impl Departed {
     pub(super) fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
         if self.open.load(Ordering::SeqCst) > 0 {
-            self.reach(&mut self.lock(), done);
+            self.reach(&mut lock(&self.book), done);
         }
     }
 
     /// A packet of a frame has left the queue and was not sent.
     pub(super) fn lost(&self, why: Unsent) {
         // A mark that finds the packet gone finds its loss too.
-        let mut book = self.lock();
+        let mut book = lock(&self.book);
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
         book.lost = Some((done, why));
         self.reach(&mut book, done);
@@ -141,7 +142,7 @@ impl Departed {
     pub(crate) fn mark(&self, before: u32) -> Mark {
         let last = self.place();
         let mark = Mark { before, last };
-        let mut book = self.lock();
+        let mut book = lock(&self.book);
         // Before the look at what has left: a packet that leaves meanwhile finds the mark, or the look finds the packet.
         self.open.fetch_add(1, Ordering::SeqCst);
         let reached = is_reached(last, self.done.load(Ordering::SeqCst));
@@ -161,7 +162,7 @@ impl Departed {
         if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
-        let marks = &mut self.lock().marks;
+        let marks = &mut lock(&self.book).marks;
         let left = marks.front().filter(|oldest| oldest.mark == mark)?.left?;
         marks.pop_front();
         Some(left)
@@ -169,17 +170,12 @@ impl Departed {
 
     /// Nobody wants to know any more.
     pub(crate) fn forget(&self, mark: Mark) {
-        let marks = &mut self.lock().marks;
+        let marks = &mut lock(&self.book).marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())
         {
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Book> {
-        // What a thread that panicked leaves behind is a list like any other.
-        self.book.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -257,7 +253,7 @@ mod tests {
             last,
         });
         for (mark, left) in marks.into_iter().zip([None, Some(Exit { at, lost: None })]) {
-            let marks = &mut departed.lock().marks;
+            let marks = &mut lock(&departed.book).marks;
             marks.push_back(Marked { mark, left });
         }
         departed.open.store(1, Ordering::SeqCst);
@@ -278,7 +274,7 @@ mod tests {
         departed.done();
         assert_eq!(departed.left(mark), None);
         assert_eq!(departed.open.load(Ordering::SeqCst), 0);
-        assert_eq!(departed.lock().marks.len(), 0);
+        assert_eq!(lock(&departed.book).marks.len(), 0);
     }
 
     /// Frames of three packets, the second of which has an answer before it. A frame is lost with any of its packets,

@@ -1,7 +1,7 @@
 //! The inbound queue: bounded, never in the way of the wire. A flood loses its oldest attitudes first, since a newer
 //! one takes their place; every packet lost is counted.
 
-use super::{Inbound, QUEUE, Tally, count};
+use super::{Inbound, QUEUE, Tally, count, lock};
 use skyloop_protocols::packet::{apid, identify};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -85,11 +85,6 @@ struct State {
 }
 
 impl Shared {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // What a thread that panicked leaves behind is a queue like any other.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Lets go of the queue, and wakes who waits for it.
     fn wake(&self, state: MutexGuard<'_, State>) {
         let reader = state.reader.clone();
@@ -105,7 +100,7 @@ impl Intake {
     /// Queues a packet, without waiting. A full queue drops its oldest attitude, or its oldest packet if it holds
     /// none, and counts it.
     pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         if !state.read {
             return Err(Gone);
         }
@@ -122,7 +117,7 @@ impl Intake {
     /// Tells whether the emulator still has its end: for a thread that brings no packets.
     pub(crate) fn watch(&self) -> impl Fn() -> bool + Send + use<> {
         let shared = self.shared.clone();
-        move || shared.lock().read
+        move || lock(&shared.state).read
     }
 }
 
@@ -132,7 +127,7 @@ fn is_attitude(inbound: &Inbound) -> bool {
 
 impl Clone for Intake {
     fn clone(&self) -> Intake {
-        self.shared.lock().intakes += 1;
+        lock(&self.shared.state).intakes += 1;
         Intake {
             shared: self.shared.clone(),
         }
@@ -141,7 +136,7 @@ impl Clone for Intake {
 
 impl Drop for Intake {
     fn drop(&mut self) {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         state.intakes -= 1;
         self.shared.wake(state);
     }
@@ -150,7 +145,7 @@ impl Drop for Intake {
 impl Inbox {
     /// Unparks `reader` at every packet, and when the wire has gone: for a thread that waits for several queues.
     pub(crate) fn unparks(&self, reader: Thread) {
-        self.shared.lock().reader = Some(reader);
+        lock(&self.shared.state).reader = Some(reader);
     }
 
     /// Lets `observer` see every packet as it is taken.
@@ -160,7 +155,7 @@ impl Inbox {
 
     /// The next packet, if there is one.
     pub fn try_recv(&self) -> Result<Inbound, TryRecvError> {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         let (next, intakes) = (state.waiting.pop_front(), state.intakes);
         drop(state);
         match next {
@@ -199,7 +194,7 @@ impl Inbox {
     /// The next packet, waiting `timeout` at most.
     pub fn recv_timeout(&self, timeout: Duration) -> Result<Inbound, RecvTimeoutError> {
         let deadline = Instant::now() + timeout;
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         loop {
             if let Some(inbound) = state.waiting.pop_front() {
                 drop(state);
@@ -220,7 +215,7 @@ impl Inbox {
 
 impl Drop for Inbox {
     fn drop(&mut self) {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         state.read = false;
         state.waiting.clear();
     }

@@ -29,25 +29,6 @@ pub(super) fn airtime(baud: u32) -> Airtime {
     })
 }
 
-/// Both ends of a pseudo-terminal, for a loopback.
-#[cfg(unix)]
-pub(super) fn pseudo_terminal(
-    url: &LinkUrl,
-) -> Result<(serialport::TTYPort, serialport::TTYPort), LinkError> {
-    const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
-    let failed =
-        |error: serialport::Error| url.failed("open a pseudo-terminal pair", error.into(), REMEDY);
-    serialport::TTYPort::pair().map_err(failed)
-}
-
-/// The error for a system without pseudo-terminals.
-#[cfg(not(unix))]
-pub(super) fn no_pseudo_terminal(url: &LinkUrl) -> LinkError {
-    const REMEDY: &str = "this system has none: use --link udp or memory";
-    let error = std::io::ErrorKind::Unsupported.into();
-    url.failed("open a pseudo-terminal pair", error, REMEDY)
-}
-
 /// Bytes to packets.
 pub(super) struct Ear {
     decoder: slip::Decoder<{ slip::BUFFER }>,

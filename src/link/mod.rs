@@ -43,10 +43,11 @@ use bytes::Bytes;
 use skyloop_firmware_sim::can::CanBus;
 use skyloop_firmware_sim::port::{Port, Refusal};
 pub use skyloop_firmware_sim::roles::Roles;
-use skyloop_protocols::{FaultKind, Personality};
+use skyloop_protocols::{FaultKind, MAX_PACKET, Personality};
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tally::count;
@@ -224,6 +225,12 @@ impl Wire {
         }
     }
 
+    /// How long the longest packet takes, where that is known.
+    pub(crate) fn packet_airtime(&self) -> Duration {
+        let airtime = self.airtime.as_ref();
+        airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET))
+    }
+
     /// Sets `seen` when a valid packet of a client comes, as `is_valid` says.
     pub fn note_client(&mut self, is_valid: fn(&[u8]) -> bool, seen: &Arc<AtomicBool>) {
         self.inbox.observe(Box::new(ClientSeen {
@@ -285,18 +292,6 @@ pub enum LinkError {
         examples: String,
     },
     /// The system refuses.
-    #[error("link {url}: cannot {action}: {source}; {remedy}")]
-    Io {
-        /// As given.
-        url: String,
-        /// What was tried.
-        action: &'static str,
-        /// What the system says.
-        source: std::io::Error,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// The bus cannot be opened.
     #[error("link {url}: {source}")]
     Refused {
         /// As given.
@@ -307,6 +302,19 @@ pub enum LinkError {
     /// The link's own threads have ended.
     #[error("link {0}: it has closed; open it again")]
     Closed(String),
+}
+
+impl LinkError {
+    /// The system refuses `action` for the link at `url`.
+    fn refused(url: String, action: &'static str, source: io::Error, remedy: &str) -> LinkError {
+        let remedy = remedy.to_string();
+        let source = Refusal {
+            action,
+            source,
+            remedy,
+        };
+        LinkError::Refused { url, source }
+    }
 }
 
 /// Opens the emulator's end of the link that `url` names.
@@ -399,6 +407,11 @@ fn further_places(urls: &[String]) -> Result<Vec<Place>, LinkError> {
 pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
     let url = LinkUrl::parse_loopback(text)?;
     (of(&url)?.loopback)(&url, options)
+}
+
+/// Locks data that is still valid after a panic of another thread.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Starts a thread of the link that `url` names.

@@ -4,7 +4,8 @@
 //! So the link shows who made it (`/dev/pts/./N` leads where `/dev/pts/N` does), and a socket in the abstract namespace of
 //! Linux, which ends with its process, whether that one still lives. Nothing else is ever removed.
 
-use super::pseudo::Refusal;
+use super::lock;
+use skyloop_firmware_sim::port::Refusal;
 use skyloop_orbit::path_text;
 use skyloop_protocols::crc::Crc32;
 use std::io;
@@ -13,7 +14,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, symlink};
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// Where the system has the other ends.
 const DEVICES: &str = "/dev/pts/";
@@ -68,8 +69,7 @@ impl Name {
             // Whoever has taken it away before us has done what we want.
             let _ = std::fs::remove_file(&self.path);
         }
-        let mut claim = self.claim.lock().unwrap_or_else(PoisonError::into_inner);
-        drop(claim.take());
+        drop(lock(&self.claim).take());
     }
 
     fn leads_to(&self, device: &str) -> bool {
@@ -82,11 +82,11 @@ pub(super) fn is_one(a: &Path, b: &Path) -> bool {
     a == b || matches!((key(a), key(b)), (Ok(a), Ok(b)) if a == b)
 }
 
-fn refused(source: io::Error, remedy: &'static str) -> Refusal {
+fn refused(source: io::Error, remedy: &str) -> Refusal {
     Refusal {
         action: "give it that name",
         source,
-        remedy,
+        remedy: remedy.to_string(),
     }
 }
 

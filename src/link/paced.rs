@@ -25,11 +25,6 @@ impl PacedEar {
         }
     }
 
-    /// The line stood still until now.
-    fn rest(&mut self) {
-        self.pace.rest(Instant::now());
-    }
-
     /// The next octets, once the last of them has passed; with what else happened.
     pub fn hear(&mut self, pseudo: &Pseudo) -> io::Result<(Heard, &[u8])> {
         let heard = pseudo.hear(&mut self.buffer, LOOK)?;
@@ -81,7 +76,7 @@ pub(super) fn relay(
     while wanted() {
         let (_, octets) = ear.hear(from)?;
         if let Some(true) = write_all(to, octets, None, wanted)? {
-            ear.rest();
+            ear.pace.rest(Instant::now());
         }
     }
     Ok(())

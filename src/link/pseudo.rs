@@ -4,6 +4,7 @@
 //! client would read them; the settings of one client, exclusive use included, outlast it; the master learns that
 //! nobody holds the other end (POLLHUP) only after somebody did.
 
+use super::lock;
 use super::name::Name;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags};
@@ -12,10 +13,11 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{
     OptionalActions, QueueSelector, ioctl_tiocnxcl, tcflush, tcgetattr, tcsetattr,
 };
+use skyloop_firmware_sim::port::Refusal;
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Pause before looking again for a client, or for room.
@@ -36,13 +38,6 @@ struct State {
     held: bool,
     /// How many clients there were.
     clients: u32,
-}
-
-/// Why there is no pseudo-terminal, and what to do.
-pub(super) struct Refusal {
-    pub action: &'static str,
-    pub source: io::Error,
-    pub remedy: &'static str,
 }
 
 /// What the master heard.
@@ -73,7 +68,7 @@ impl Pseudo {
         let (master, device) = pair().map_err(|source| Refusal {
             action: "open a pseudo-terminal",
             source,
-            remedy: "check that /dev/ptmx and /dev/pts exist",
+            remedy: "check that /dev/ptmx and /dev/pts exist".to_string(),
         })?;
         let name = name.map(|name| Name::give(name, &device)).transpose()?;
         Ok(Pseudo {
@@ -91,22 +86,18 @@ impl Pseudo {
     pub fn name(&self) -> String {
         match &self.name {
             Some(name) => name.path.display().to_string(),
-            None => self.state().device.clone(),
+            None => lock(&self.state).device.clone(),
         }
-    }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Reads what has come, waiting `wait` at most. For one thread: it notices clients come and go.
     pub fn hear(&self, buffer: &mut [u8], wait: Duration) -> io::Result<Heard> {
-        let master = self.state().master.clone();
+        let master = lock(&self.state).master.clone();
         let mut waited = false;
         loop {
             match rustix::io::read(&master, &mut *buffer) {
                 Ok(length) if length > 0 => {
-                    self.state().come();
+                    lock(&self.state).come();
                     return Ok(Heard::Octets { length, waited });
                 }
                 Err(Errno::INTR) => continue,
@@ -123,12 +114,12 @@ impl Pseudo {
             if events.contains(PollFlags::HUP) {
                 continue;
             }
-            self.state().come();
+            lock(&self.state).come();
         }
     }
 
     fn hung_up(&self, wait: Duration) -> io::Result<Heard> {
-        let mut state = self.state();
+        let mut state = lock(&self.state);
         if !std::mem::take(&mut state.held) {
             drop(state);
             std::thread::sleep(SOON.min(wait));
@@ -148,7 +139,7 @@ impl Pseudo {
 
     /// Writes what finds room, if client number `client` (any, if none is given) holds the other end.
     pub fn write(&self, octets: &[u8], client: Option<u32>) -> io::Result<Written> {
-        let mut state = self.state();
+        let mut state = lock(&self.state);
         if !state.held
             && !ready(&state.master, PollFlags::OUT, Duration::ZERO)?.contains(PollFlags::HUP)
         {
@@ -167,7 +158,7 @@ impl Pseudo {
 
     /// Waits for room, a short time at most.
     pub fn wait_for_room(&self) -> io::Result<()> {
-        let master = self.state().master.clone();
+        let master = lock(&self.state).master.clone();
         if ready(&master, PollFlags::OUT, SOON)?.contains(PollFlags::HUP) {
             std::thread::sleep(SOON);
         }
@@ -176,18 +167,18 @@ impl Pseudo {
 
     /// Whether a client holds the other end, as far as has been noticed.
     pub fn is_held(&self) -> bool {
-        self.state().held
+        lock(&self.state).held
     }
 
     /// How many clients there were, the present one included.
     pub fn clients(&self) -> u32 {
-        self.state().clients
+        lock(&self.state).clients
     }
 
     /// Takes the name away, if it is still this pseudo-terminal's.
     pub fn remove_name(&self) {
         if let Some(name) = &self.name {
-            name.remove(&self.state().device);
+            name.remove(&lock(&self.state).device);
         }
     }
 }
@@ -331,14 +322,14 @@ mod tests {
         let pseudo = Pseudo::open(Some(&name)).ok().unwrap();
         let port = client(&pseudo);
         assert_eq!(pseudo.write(b"-", None).unwrap(), Written::Octets(1));
-        let before = pseudo.state().device.clone();
+        let before = lock(&pseudo.state).device.clone();
         // As one that was left in exclusive use and refuses to be opened.
-        pseudo.state().device = "/dev/pts/none".to_string();
+        lock(&pseudo.state).device = "/dev/pts/none".to_string();
         std::fs::remove_file(&name).unwrap();
         std::os::unix::fs::symlink("/dev/pts/none", &name).unwrap();
         drop(port);
         assert_eq!(event(&pseudo, &mut [0; 9]), Heard::Left);
-        assert_ne!(pseudo.state().device, before);
+        assert_ne!(lock(&pseudo.state).device, before);
         let _port = client(&pseudo);
         assert_eq!(pseudo.write(b"-", Some(2)).unwrap(), Written::Octets(1));
     }

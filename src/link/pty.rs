@@ -7,7 +7,7 @@ use super::name::is_one;
 use super::outbox::{self, QueueOutbox};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
-use super::pseudo::{Heard, Pseudo, Refusal};
+use super::pseudo::{Heard, Pseudo};
 use super::{
     BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Unsent, Wire, count,
     thread,
@@ -37,13 +37,13 @@ fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     if url.target.is_empty() {
         return Err(url.refuse("no name for the client to open".to_string()));
     }
-    let pseudo = Pseudo::open(Some(Path::new(&url.target))).map_err(|error| error.of(url))?;
+    let pseudo = made(url.text.clone(), Some(Path::new(&url.target)))?;
     start(url, pseudo, baud, false)
 }
 
 fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     let baud = baud_of(url, 3_000_000)?;
-    let pseudo = Pseudo::open(None).map_err(|error| error.of(url))?;
+    let pseudo = made(url.text.clone(), None)?;
     let name = pseudo.name();
     // The loopback's own client is the only one.
     let wire = start(url, pseudo, baud, true)?;
@@ -52,10 +52,9 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     Ok((wire, Box::new(port)))
 }
 
-impl Refusal {
-    fn of(self, url: &LinkUrl) -> LinkError {
-        url.failed(self.action, self.source, self.remedy)
-    }
+/// The pseudo-terminal of the link at `url`, with a name of its own if one is given.
+fn made(url: String, name: Option<&Path>) -> Result<Pseudo, LinkError> {
+    Pseudo::open(name).map_err(|source| LinkError::Refused { url, source })
 }
 
 /// `last`: nobody is to come after the first client.
@@ -200,21 +199,12 @@ impl Pair {
     /// Makes both; their names lead to them until the pair is dropped.
     pub fn open(names: [&Path; 2], baud: u32) -> Result<Pair, LinkError> {
         if is_one(names[0], names[1]) {
-            return Err(LinkError::Io {
-                url: names[1].display().to_string(),
-                action: "give it that name",
-                source: io::Error::new(io::ErrorKind::AlreadyExists, "the other end has it"),
-                remedy: "choose another name",
-            });
+            let url = names[1].display().to_string();
+            let error = io::Error::new(io::ErrorKind::AlreadyExists, "the other end has it");
+            let remedy = "choose another name";
+            return Err(LinkError::refused(url, "give it that name", error, remedy));
         }
-        let end = |name: &Path| {
-            Pseudo::open(Some(name)).map_err(|error| LinkError::Io {
-                url: name.display().to_string(),
-                action: error.action,
-                source: error.source,
-                remedy: error.remedy,
-            })
-        };
+        let end = |name: &Path| made(name.display().to_string(), Some(name));
         let ends = [end(names[0])?, end(names[1])?];
         Ok(Pair { ends, baud })
     }
@@ -227,11 +217,8 @@ impl Pair {
         let carry = |from: &Pseudo, to: &Pseudo| {
             let done = relay(from, to, self.baud, &wanted);
             failed.fetch_or(done.is_err(), Ordering::Relaxed);
-            done.map_err(|source| LinkError::Io {
-                url: from.name(),
-                action: "carry its bytes on",
-                source,
-                remedy: "start again",
+            done.map_err(|error| {
+                LinkError::refused(from.name(), "carry its bytes on", error, "start again")
             })
         };
         std::thread::scope(|scope| {

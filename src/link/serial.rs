@@ -1,21 +1,17 @@
 //! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
 
-#[cfg(not(unix))]
-use super::line::no_pseudo_terminal;
-#[cfg(unix)]
-use super::line::pseudo_terminal;
 use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, write};
 #[cfg(target_os = "linux")]
 use super::low_latency;
 use super::{
     Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Unsent, Wire, count, inbox::inbox,
-    outbox, thread,
+    lock, outbox, thread,
 };
 use serialport::SerialPort;
 use skyloop_firmware_sim::port::Refusal;
 use std::io::ErrorKind;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Serial ports.
 pub const SERIAL: Link = Link {
@@ -120,10 +116,6 @@ struct Line {
 }
 
 impl Line {
-    fn output(&self) -> MutexGuard<'_, Option<Port>> {
-        self.output.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Counts a loss, unless it has been counted since there were `known` of them.
     fn lose(&self, known: u32) {
         let (relaxed, next) = (Ordering::Relaxed, known.wrapping_add(1));
@@ -135,7 +127,7 @@ impl Line {
     /// that gives frames up, whole. While the port has gone the packet waits, and the queue behind it. The reader
     /// never waits for a write.
     fn put(&self, mut octets: &[u8], wanted: &dyn Fn() -> bool) -> Put {
-        let mut output = self.output();
+        let mut output = lock(&self.output);
         let mut port = loop {
             if let Some(port) = output.take() {
                 break port;
@@ -162,7 +154,7 @@ impl Line {
                 }
             }
         }
-        let mut output = self.output();
+        let mut output = lock(&self.output);
         if is_there() {
             *output = Some(port);
         }
@@ -184,7 +176,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
             match line.device.open() {
                 Ok((reading, writing)) => {
                     input = Some(reading);
-                    let mut output = line.output();
+                    let mut output = lock(&line.output);
                     known = line.losses.load(Ordering::Relaxed);
                     *output = Some(writing);
                     drop(output);
@@ -216,7 +208,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
                     tracing::warn!("the serial line {path} has gone ({error}): waiting for it");
                 }
                 line.lose(known);
-                *line.output() = None;
+                *lock(&line.output) = None;
                 input = None;
                 ear.restart();
             }
@@ -229,6 +221,25 @@ fn is_passing(error: &std::io::Error) -> bool {
         error.kind(),
         ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock
     )
+}
+
+/// Both ends of a pseudo-terminal, for a loopback.
+#[cfg(unix)]
+pub(super) fn pseudo_terminal(
+    url: &LinkUrl,
+) -> Result<(serialport::TTYPort, serialport::TTYPort), LinkError> {
+    const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
+    let failed =
+        |error: serialport::Error| url.failed("open a pseudo-terminal pair", error.into(), REMEDY);
+    serialport::TTYPort::pair().map_err(failed)
+}
+
+/// The error for a system without pseudo-terminals.
+#[cfg(not(unix))]
+pub(super) fn no_pseudo_terminal(url: &LinkUrl) -> LinkError {
+    const REMEDY: &str = "this system has none: use --link udp or memory";
+    let error = ErrorKind::Unsupported.into();
+    url.failed("open a pseudo-terminal pair", error, REMEDY)
 }
 
 /// The flight computer has one end of a pseudo-terminal, the emulator opens the other by its name.

@@ -34,7 +34,7 @@ fn check(url: &LinkUrl, settings: &Settings) -> Result<(), LinkError> {
 fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     use serialport::SerialPort;
     use skyloop_firmware_sim::can::port::CanPort;
-    let (master, slave) = super::line::pseudo_terminal(url)?;
+    let (master, slave) = super::serial::pseudo_terminal(url)?;
     let settings = bus::loopback_settings(url, &slave.name().unwrap_or_default(), KEYS)?;
     check(url, &settings)?;
     let refused = |refusal| bus::refused(url, &settings, refusal);
@@ -50,5 +50,5 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
 
 #[cfg(not(unix))]
 fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    Err(super::line::no_pseudo_terminal(url))
+    Err(super::serial::no_pseudo_terminal(url))
 }

@@ -163,12 +163,7 @@ impl LinkUrl {
         source: std::io::Error,
         remedy: &'static str,
     ) -> LinkError {
-        LinkError::Io {
-            url: self.text.clone(),
-            action,
-            source,
-            remedy,
-        }
+        LinkError::refused(self.text.clone(), action, source, remedy)
     }
 }
 

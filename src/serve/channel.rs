@@ -297,10 +297,8 @@ impl Channel {
 
     /// How long what the link has got takes until it has left, where that is known.
     pub fn backlog(&self) -> Duration {
-        let Some(airtime) = &self.wire.airtime else {
-            return Duration::ZERO;
-        };
-        airtime(MAX_PACKET).saturating_mul(self.wire.tally.waiting())
+        let packets = self.wire.tally.waiting();
+        self.wire.packet_airtime().saturating_mul(packets)
     }
 
     /// Counts the answers that wait as lost.

@@ -88,10 +88,8 @@ impl Server {
         let number = self.next_frame;
         let release = due.end + self.delay.of(self.camera, number);
         // By the jitter, which nothing could be done about.
-        let overrun = match due.deadline.is_some_and(|deadline| release > deadline) {
-            true => Some("late"),
-            false => overrun,
-        };
+        let is_late = due.deadline.is_some_and(|deadline| release > deadline);
+        let overrun = if is_late { Some("late") } else { overrun };
         let order = Order {
             number,
             camera,

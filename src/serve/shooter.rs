@@ -5,9 +5,10 @@ use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
+use crate::link::lock;
 use crate::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
@@ -70,8 +71,7 @@ impl Spare {
     const MOST: usize = 64;
 
     fn take(&self) -> Vec<u16> {
-        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        spare.pop().unwrap_or_default()
+        lock(&self.0).pop().unwrap_or_default()
     }
 
     /// Asks for that of all rows of a frame, so that no server that falls behind has to: bands of so many pixels.
@@ -85,7 +85,7 @@ impl Spare {
     /// Takes memory back.
     pub fn give(&self, mut rows: Vec<u16>) {
         rows.clear();
-        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut spare = lock(&self.0);
         if spare.len() < Self::MOST {
             spare.push(rows);
         }
@@ -172,8 +172,7 @@ impl Darkroom {
                         ..
                     } = &*order;
                     let ordered = Instant::now();
-                    // What a thread that panicked leaves behind is nobody's turn.
-                    let turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
+                    let turn = lock(turn);
                     let mut coarser = order.coarser.iter();
                     let shot = loop {
                         let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);

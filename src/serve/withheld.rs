@@ -213,9 +213,8 @@ impl Channel {
                     return None;
                 }
                 // A slow line may carry them still.
-                let airtime = self.wire.airtime.as_ref();
-                let takes = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
-                let patience = SOON + takes.saturating_mul(lost);
+                let takes = self.wire.packet_airtime().saturating_mul(lost);
+                let patience = SOON + takes;
                 *reported = now.saturating_duration_since(*since) >= patience;
                 reported.then_some(lost)
             }

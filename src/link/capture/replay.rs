@@ -12,7 +12,7 @@ pub use super::recording::{Recording, load};
 use super::silence::Silence;
 use crate::link::inbox::{Observer, inbox};
 use crate::link::{
-    FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire,
+    FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire, lock,
 };
 use bytes::Bytes;
 use skyloop_protocols::crc::Crc32;
@@ -21,7 +21,7 @@ use skyloop_protocols::{Direction, FaultKind, Personality, Reply};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// A frame that came again as it was recorded.
@@ -165,7 +165,7 @@ impl Replay {
             })),
             over: Arc::new(AtomicBool::new(false)),
         };
-        replay.feed(&mut replay.lock());
+        replay.feed(&mut lock(&replay.state));
         let wires = inboxes.into_iter().zip(links).enumerate();
         let wires = wires.map(|(link, ((mut inbox, tally), roles))| {
             let played = Played {
@@ -186,17 +186,17 @@ impl Replay {
 
     /// How long the emulator has had nothing to do, and nothing has been taken or sent.
     pub fn idle(&self) -> Duration {
-        self.lock().silence.idle()
+        lock(&self.state).silence.idle()
     }
 
     /// How long nothing has been taken or sent, whatever the emulator does.
     pub fn still(&self) -> Duration {
-        self.lock().silence.lasts(Instant::now())
+        lock(&self.state).silence.lasts(Instant::now())
     }
 
     /// Ends a replay that stands still: what should have come next is the difference.
     pub fn give_up(&self) {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         if state.progress.difference.is_none() {
             let missing = match state.events.get(state.at) {
                 Some(event) => called(state.personality, &event.item),
@@ -209,12 +209,7 @@ impl Replay {
 
     /// What came of it.
     pub fn progress(&self) -> Progress {
-        std::mem::take(&mut self.lock().progress)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        // What a thread that panicked leaves behind is data like any other.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        std::mem::take(&mut lock(&self.state).progress)
     }
 
     /// Puts the next event into the inbox, if it is a packet that was received. One that came after the emulator had
@@ -280,14 +275,14 @@ impl Replay {
 
 impl Observer for Played {
     fn taken(&self, inbound: &Inbound, _: bool) {
-        let mut state = self.replay.lock();
+        let mut state = lock(&self.replay.state);
         state.ends[self.link].looked = false;
         state.ends[self.link].taken = identify(&inbound.packet);
         self.replay.advance(&mut state);
     }
 
     fn empty(&self) {
-        let mut state = self.replay.lock();
+        let mut state = lock(&self.replay.state);
         state.ends[self.link].looked = true;
         state.silence.looked(Instant::now());
         if state.making {
@@ -302,14 +297,14 @@ impl Observer for Played {
         if self.link > 0 {
             return;
         }
-        let mut state = self.replay.lock();
+        let mut state = lock(&self.replay.state);
         state.making = is;
         state.made = state.made.wrapping_add(u32::from(!is));
         self.replay.feed(&mut state);
     }
 
     fn holds_frame(&self) -> bool {
-        let state = self.replay.lock();
+        let state = lock(&self.replay.state);
         let rest = state.events.get(state.at..).unwrap_or_default();
         let mut received = rest.iter().filter(|event| event.direction == Direction::In);
         let next = received.next().and_then(|event| event.made);
@@ -323,7 +318,7 @@ impl Outbox for Played {
             return Ok(None);
         };
         let (replay, link) = (&self.replay, self.link);
-        let mut state = replay.lock();
+        let mut state = lock(&replay.state);
         if state.progress.difference.is_some() {
             return Ok(None);
         }
@@ -373,7 +368,7 @@ impl Outbox for Played {
 
     /// As the recorded run answered: the recording was made behind the faults, and does not say whether there were any.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
-        let state = self.replay.lock();
+        let state = lock(&self.replay.state);
         match state.refusal(self.link) {
             None => Ok(()),
             Some(detail) => {

@@ -8,11 +8,10 @@
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
 use super::injector::Injector;
-use super::lock;
 use super::outage::Change;
 use super::plan::Plan;
 use super::stopped::Shape;
-use crate::link::{Tally, count};
+use crate::link::{Tally, count, lock};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
 use skyloop_protocols::can::form::{ATTITUDE_BEGIN, FROM_EMULATOR, SHORT_ACK, TO_EMULATOR};
 use skyloop_protocols::can::isotp::Pdu;

@@ -3,11 +3,10 @@
 use super::book::Book;
 use super::engine::{Damageable, Faults, Injection, What};
 use super::harm::{is_damage, is_loss};
-use super::lock;
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
 use super::spared::Spared;
-use crate::link::{Tally, count};
+use crate::link::{Tally, count, lock};
 use skyloop_protocols::{Command, Direction, FaultKind, Personality};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};

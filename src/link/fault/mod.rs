@@ -22,10 +22,3 @@ pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
 pub use stopped::{Needs, Stop};
 pub use wire::wrap;
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Locks data that is still valid after a panic of another thread.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

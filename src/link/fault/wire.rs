@@ -3,11 +3,10 @@
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
 use super::injector::Injector;
-use super::lock;
 use super::plan::{Plan, impossible};
 use crate::link::inbox::inbox;
 use crate::link::{
-    Inbound, Inbox, Intake, LinkError, Outbound, Outbox, Tally, Wire, count, outbox,
+    Inbound, Inbox, Intake, LinkError, Outbound, Outbox, Tally, Wire, count, lock, outbox,
 };
 use bytes::Bytes;
 use skyloop_protocols::{FaultKind, Personality, packet};
@@ -110,11 +109,12 @@ pub fn wrap(
         shared,
         stopped: None,
     };
-    let failed = |source| LinkError::Io {
-        url: wire.address.clone(),
-        action: "start the threads of its faults",
-        source,
-        remedy: "check the limits of this process",
+    let failed = |error| {
+        let (action, remedy) = (
+            "start the threads of its faults",
+            "check the limits of this process",
+        );
+        LinkError::refused(wire.address.clone(), action, error, remedy)
     };
     let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
     thread("fault-in")

@@ -258,11 +258,13 @@ fn hand_on(
     let Datagram { from, lost, .. } = datagram;
     let arrived = Instant::now();
     let mut exchange = shared.exchange.borrow_mut();
-    let lost_by = match is_stranger {
-        true => &exchange.tally.foreign,
-        false => &exchange.tally.dropped,
+    let tally = &exchange.tally;
+    let counter = if is_stranger {
+        &tally.foreign
+    } else {
+        &tally.dropped
     };
-    lost_by.fetch_add(lost, Ordering::Relaxed);
+    counter.fetch_add(lost, Ordering::Relaxed);
     let number = exchange.number;
     let heard = exchange.hear(from, packet, arrived);
     let is_new = exchange.number != number;

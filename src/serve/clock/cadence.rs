@@ -2,10 +2,11 @@
 
 use super::Due;
 use crate::camera::{EXPOSURE_S, RATE_HZ};
+use crate::link::lock;
 use crate::range::nearest;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A client whose first attitude differs from this machine's clock by more than this plays a scene of another
@@ -277,7 +278,7 @@ fn period(rate_hz: f64) -> Duration {
 fn system_time(at: Instant) -> Epoch {
     static READ: Mutex<Option<(Instant, Epoch)>> = Mutex::new(None);
     const HOLDS: Duration = Duration::from_secs(10);
-    let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut read = lock(&READ);
     let now = Instant::now();
     let (then, epoch) = match *read {
         Some((then, epoch)) if now.saturating_duration_since(then) < HOLDS => (then, epoch),

@@ -39,10 +39,7 @@ impl Clock for Stepped {
     }
 
     fn asks(&self) -> &'static str {
-        match self.packets {
-            true => "Trigger",
-            false => "Attitude",
-        }
+        if self.packets { "Trigger" } else { "Attitude" }
     }
 
     fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>) {
@@ -86,10 +83,10 @@ impl Clock for Stepped {
     }
 
     fn take_due(&mut self, _: &Camera, _: Instant) -> Option<Due> {
-        match self.paused {
-            true => None,
-            false => self.waiting.pop_front(),
+        if self.paused {
+            return None;
         }
+        self.waiting.pop_front()
     }
 
     fn end(&mut self, _: Instant) -> u32 {
