@@ -20,41 +20,26 @@ pub struct Named {
 
 /// Why no frame is whole in time.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum Cause {
-    /// The emulator sends on one link what is awaited on another.
     #[error(
         "{what} come on {} (here roles={}) and not on {} (here roles={}): roles= must be the same at both ends; {}",
         on.name, on.roles, off.name, off.roles, remedy(*what, on, off)
     )]
-    Elsewhere {
-        /// What comes.
-        what: Roles,
-        /// Where it comes.
-        on: Named,
-        /// Where it is awaited.
-        off: Named,
-    },
-    /// Other links bring their share, this one has brought nothing.
+    Elsewhere { what: Roles, on: Named, off: Named },
     #[error(
         "nothing of a frame has come on {} (here roles={}): give the emulator's end of it the same roles=",
         link.name, link.roles
     )]
-    Silent {
-        /// The link.
-        link: Named,
-    },
-    /// Pixels were asked for, and no link is for them.
+    Silent { link: Named },
     #[error(
         "asked for {what}, but no link brings pixels: here {}; give one the role pixels, and the emulator's end of it too",
         roles_of(links)
     )]
     NoPixels {
-        /// What was asked for.
         what: &'static str,
-        /// All links.
         links: Vec<Named>,
     },
-    /// The line does not carry a frame in that time.
     #[error(
         "a frame of {octets} octets takes {:.1} s on this line and is waited for {} s: {}",
         takes.as_secs_f64(), timeout.as_secs_f64(),
@@ -65,18 +50,13 @@ pub enum Cause {
         }
     )]
     Slow {
-        /// Octets of its packets.
         octets: usize,
-        /// How long they take.
         takes: Duration,
-        /// How long a frame is waited for.
         timeout: Duration,
-        /// Whether all pixels are sent.
         all_pixels: bool,
     },
 }
 
-/// Each link with its roles.
 fn roles_of(links: &[Named]) -> String {
     let links = links
         .iter()
@@ -84,7 +64,6 @@ fn roles_of(links: &[Named]) -> String {
     links.collect::<Vec<_>>().join(", ")
 }
 
-/// Which roles would fit what comes.
 fn remedy(what: Roles, on: &Named, off: &Named) -> String {
     let rest = off.roles.without(what);
     let without = if rest == Roles::NONE {

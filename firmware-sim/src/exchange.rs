@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 use hifitime::Epoch;
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{
-    Ack, Command, FrameHeader, LabelLevel, MAX_PACKET, PixelLevel, Reason, Reply, Status, WireTime,
-    apid,
+    Ack, Command, FrameHeader, MAX_PACKET, Reason, Reply, Status, WireTime, apid,
 };
 
 use crate::cause::Cause;
@@ -28,9 +27,7 @@ pub(crate) const TICK: Duration = Duration::from_millis(200);
 pub(crate) enum Incoming {
     /// The last missing piece of a frame.
     Frame(Box<ReceivedFrame>),
-    /// A command was carried out.
     Ack(Ack),
-    /// A packet was refused.
     Nack(NackRecord),
     /// A packet came damaged at the emulator: it is lost, and may be sent again.
     Damaged(NackRecord),
@@ -44,42 +41,38 @@ pub(crate) enum Incoming {
 
 /// What became of a command.
 pub(crate) enum Answer {
-    /// It was carried out.
     Done,
-    /// It was refused.
     Refused(NackRecord),
-    /// Nobody answered.
     Silence,
     /// The caller broke it off.
     Stopped,
 }
 
-/// A command or its answer may be lost: it is sent again after these waits. Late in it, too, when an emulator may have let go of a client that has died.
+/// Waits between the copies of a command, which may be lost like its answer. The last copy leaves late, when an emulator
+/// may have released a client that died.
 fn waits(timeout: Duration) -> [Duration; 5] {
     const SIXTEENTHS: [u32; 5] = [1, 2, 4, 5, 4];
     SIXTEENTHS.map(|share| timeout * share / 16)
 }
 
-/// One end of the conversation.
-pub(crate) struct Exchange<P> {
-    port: P,
+pub(crate) struct Exchange {
+    pub(crate) port: Box<dyn Port + Send>,
     counts: SequenceCounts,
     pacing: Pacing,
-    assembler: Assembler,
-    recovery: Recovery,
+    pub(crate) assembler: Assembler,
+    pub(crate) recovery: Recovery,
     undecodable: u64,
-    /// Octets of all packets that came.
+    /// Bytes of all packets received.
     octets: u64,
-    /// When the last of them came.
-    last_packet: Option<Instant>,
-    /// The latest frame header.
+    /// Arrival time of the last packet of any kind.
+    pub(crate) last_packet: Option<Instant>,
     header: Option<FrameHeader>,
-    /// What frame headers have announced so far.
-    announced: Roles,
+    /// Parts of frames that the headers since the Reset have announced.
+    pub(crate) announced: Roles,
 }
 
-impl<P: Port> Exchange<P> {
-    pub(crate) fn new(port: P) -> Self {
+impl Exchange {
+    pub(crate) fn new(port: Box<dyn Port + Send>) -> Self {
         Self {
             recovery: Recovery::new(port.window(), port.airtime(MAX_PACKET)),
             pacing: Pacing::new(port.window()),
@@ -94,8 +87,8 @@ impl<P: Port> Exchange<P> {
         }
     }
 
-    /// Resets the emulator's side and opens a new exchange, after each of `before`, whose answers are not awaited.
-    /// [`Answer::Silence`] if nobody answered within `timeout`; `tick` comes at least five times a second and may break it off.
+    /// Resets the emulator and opens a new exchange; commands `before` precede each Reset, their answers are ignored.
+    /// `tick` is called at least five times a second and may break it off.
     pub(crate) fn open(
         &mut self,
         before: &[Command],
@@ -114,8 +107,7 @@ impl<P: Port> Exchange<P> {
         Ok(answer)
     }
 
-    /// Sends a command until it is answered, `timeout` at most; `tick` comes at least five times a second and may
-    /// break it off.
+    /// Repeats a command until it is answered, for `timeout` at most; `tick` as in [`Exchange::open`].
     pub(crate) fn ask(
         &mut self,
         command: &Command,
@@ -125,7 +117,7 @@ impl<P: Port> Exchange<P> {
         self.ask_after(&[], command, &waits(timeout), tick)
     }
 
-    /// Sends a command once for each of `waits`, and waits so long for the answer; those of `before` go first each time.
+    /// Sends `before` and the command once per entry of `waits`, and waits that long for the answer.
     pub(crate) fn ask_after(
         &mut self,
         before: &[Command],
@@ -151,18 +143,15 @@ impl<P: Port> Exchange<P> {
                 if tick().is_break() {
                     return Ok(Answer::Stopped);
                 }
+                let is_ours = |apid, count| asked.contains(&(apid, count));
                 match self.receive(left.min(TICK))? {
-                    Some(Incoming::Ack(ack)) if asked.contains(&(ack.apid, ack.sequence_count)) => {
+                    Some(Incoming::Ack(ack)) if is_ours(ack.apid, ack.sequence_count) => {
                         return Ok(Answer::Done);
                     }
-                    Some(Incoming::Nack(nack))
-                        if asked.contains(&(nack.apid, nack.sequence_count)) =>
-                    {
+                    Some(Incoming::Nack(nack)) if is_ours(nack.apid, nack.sequence_count) => {
                         return Ok(Answer::Refused(nack));
                     }
-                    Some(Incoming::Damaged(nack))
-                        if asked.contains(&(nack.apid, nack.sequence_count)) =>
-                    {
+                    Some(Incoming::Damaged(nack)) if is_ours(nack.apid, nack.sequence_count) => {
                         damaged.push(nack);
                         if damaged.len() < MOST_DAMAGED {
                             asked.push((command.apid(), self.command(command)?));
@@ -172,17 +161,14 @@ impl<P: Port> Exchange<P> {
                 }
             }
         }
-        // Of a line that harms every copy, or an emulator that has another layout, the words say more than silence.
+        // If every copy was damaged, or the emulator has another layout, its Nack says more than silence.
         Ok(damaged.pop().map_or(Answer::Silence, Answer::Refused))
     }
 
     /// Sends a command that is about the present moment; gives its sequence count.
     pub(crate) fn command(&mut self, command: &Command) -> Result<u16, PortError> {
-        let now = Epoch::now()
-            .ok()
-            .and_then(time::to_wire)
-            .unwrap_or_default();
-        self.send(command, now)
+        let now = Epoch::now().ok().and_then(time::to_wire);
+        self.send(command, now.unwrap_or_default())
     }
 
     /// Sends a command; gives its sequence count.
@@ -237,11 +223,8 @@ impl<P: Port> Exchange<P> {
         }
         if let Reply::FrameHeader(header) = reply {
             self.header = Some(header);
-            self.announced = self.announced.with(Roles {
-                truth: false,
-                pixels: header.pixel_level != PixelLevel::None,
-                labels: header.label_level != LabelLevel::None,
-            });
+            let brought = Roles::brought(header.pixel_level, header.label_level);
+            self.announced = self.announced.with(brought);
         }
         Ok(match reply {
             Reply::Ack(ack) => Incoming::Ack(ack),
@@ -319,46 +302,6 @@ impl<P: Port> Exchange<P> {
         self.grant()
     }
 
-    /// Missing packets are asked for of frames that show this attitude; without one, of all.
-    pub(crate) fn want(&mut self, attitude: Option<u32>) {
-        self.recovery.attitude = attitude;
-    }
-
-    /// See [`Assembler::take_back`].
-    pub(crate) fn take_back(&mut self, frame: ReceivedFrame) {
-        self.assembler.take_back(frame);
-    }
-
-    /// See [`Assembler::look_out_for`].
-    pub(crate) fn look_out_for(&mut self, frame: u32) {
-        self.assembler.look_out_for(frame);
-    }
-
-    /// See [`Assembler::dismiss`].
-    pub(crate) fn dismiss(&mut self, frame: u32) {
-        self.assembler.dismiss(frame);
-    }
-
-    /// When the last frame packet came.
-    pub(crate) fn heard(&self) -> Option<Instant> {
-        self.recovery.heard()
-    }
-
-    /// The usual time between frame packets.
-    pub(crate) fn spacing(&self) -> Duration {
-        self.recovery.spacing()
-    }
-
-    /// Whether some of a frame that may show this attitude has come.
-    pub(crate) fn has_begun(&self, attitude: u32) -> bool {
-        self.assembler.has_begun(attitude)
-    }
-
-    /// Whether some of this frame has come, and not all.
-    pub(crate) fn is_under_way(&self, frame: u32) -> bool {
-        self.assembler.is_under_way(frame)
-    }
-
     /// After a frame did not come: forgets what came of it, and asks for a `Status`, which tells what was lost.
     pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {
         let progress = self.assembler.abandon();
@@ -367,38 +310,12 @@ impl<P: Port> Exchange<P> {
         Ok(progress)
     }
 
-    /// Why nothing passes, if the line has gone.
-    pub(crate) fn gone(&self) -> Option<PortError> {
-        self.port.gone()
-    }
-
-    /// See [`Port::is_unheard`].
-    pub(crate) fn is_unheard(&self) -> bool {
-        self.port.is_unheard()
-    }
-
-    /// When the last packet of any kind came.
-    pub(crate) fn last_packet(&self) -> Option<Instant> {
-        self.last_packet
-    }
-
-    /// The port's name, for people.
-    pub(crate) fn name(&self) -> &str {
-        self.port.name()
-    }
-
-    /// What of frames has come so far, by their headers.
-    pub(crate) fn announced(&self) -> Roles {
-        self.announced
-    }
-
-    /// Whether the line does not carry the latest frame in this time.
+    /// Why the line cannot carry the latest frame within `timeout`.
     pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
         let header = self.header.as_ref()?;
         Cause::slow(header, |octets| self.port.airtime(octets), timeout)
     }
 
-    /// Adds its counts to the report.
     pub(crate) fn account(&self, report: &mut Report) {
         report.undecodable += self.undecodable;
         report.octets += self.octets;

@@ -13,7 +13,6 @@ const WAITING: usize = 4;
 /// Joined frames remembered, so that a part that comes again is known.
 const REMEMBERED: usize = 16;
 
-/// Joins frames by their numbers.
 #[derive(Debug)]
 pub(crate) struct Joiner {
     /// What some link brings.
@@ -35,19 +34,9 @@ struct Half {
 }
 
 impl Joiner {
-    /// For links that bring these.
     pub(crate) fn new(links: impl Iterator<Item = Roles>) -> Self {
-        let mut wanted = Roles {
-            truth: false,
-            pixels: false,
-            labels: false,
-        };
-        for link in links {
-            wanted.pixels |= link.pixels;
-            wanted.labels |= link.labels;
-        }
         Self {
-            wanted,
+            wanted: links.fold(Roles::NONE, Roles::with),
             waiting: VecDeque::new(),
             done: VecDeque::new(),
             duplicates: 0,
@@ -65,8 +54,7 @@ impl Joiner {
         brought: Roles,
     ) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let key = (frame.header.frame, frame.mid_exposure);
-        let brings = brought.pixels && self.wanted.pixels || brought.labels && self.wanted.labels;
-        if !brings {
+        if !brought.and(self.wanted).bring_frames() {
             // Neither pixels nor labels were asked for on this link.
             return Ok(None);
         }
@@ -80,13 +68,9 @@ impl Joiner {
                 frame,
                 has: brought,
             },
-            Some(other) => self.merge(other, frame, brought).inspect_err(|_| {
-                self.incomplete += 1;
-            })?,
+            Some(other) => self.merge(other, frame, brought)?,
         };
-        let whole =
-            (half.has.pixels || !self.wanted.pixels) && (half.has.labels || !self.wanted.labels);
-        if whole {
+        if !self.wanted.without(half.has).bring_frames() {
             if self.done.len() >= REMEMBERED {
                 self.done.pop_front();
             }
@@ -110,46 +94,35 @@ impl Joiner {
         let shows =
             |frame: &ReceivedFrame| (frame.header.attitude_sequence, frame.end.pixels_crc32);
         if shows(&half.frame) != shows(&frame) {
+            self.incomplete += 1;
             return Err(AssemblyError::Contradiction {
                 frame: frame.header.frame,
                 what: "what came over another link",
                 number: 0,
             });
         }
-        let news = (
-            brought.pixels && !half.has.pixels,
-            brought.labels && !half.has.labels,
-        );
-        let merged = match news {
-            (true, _) => frame.with_labels_of(half.frame),
-            (false, true) => half.frame.with_labels_of(frame),
-            (false, false) => {
-                self.duplicates += 1;
-                half.frame
-            }
+        let news = brought.without(half.has);
+        let has = half.has.with(brought);
+        let frame = if news.pixels {
+            frame.with_labels_of(half.frame)
+        } else if news.labels {
+            half.frame.with_labels_of(frame)
+        } else {
+            self.duplicates += 1;
+            half.frame
         };
-        Ok(Half {
-            frame: merged,
-            has: Roles {
-                truth: false,
-                pixels: half.has.pixels || brought.pixels,
-                labels: half.has.labels || brought.labels,
-            },
-        })
+        Ok(Half { frame, has })
     }
 
-    /// Whether a part of this frame waits.
     pub(crate) fn has(&self, frame: u32) -> bool {
-        self.waiting
-            .iter()
-            .any(|half| half.frame.header.frame == frame)
+        let same = |half: &Half| half.frame.header.frame == frame;
+        self.waiting.iter().any(same)
     }
 
     /// Whether this frame waits for what a link brings.
     pub(crate) fn lacks(&self, frame: u32, brings: Roles) -> bool {
         let waits = |half: &Half| {
-            half.frame.header.frame == frame
-                && (brings.pixels && !half.has.pixels || brings.labels && !half.has.labels)
+            half.frame.header.frame == frame && brings.without(half.has).bring_frames()
         };
         self.waiting.iter().any(waits)
     }

@@ -17,9 +17,8 @@ use crate::roles::Roles;
 /// How long to listen to one of several links at a time.
 const SLICE: Duration = Duration::from_millis(1);
 
-/// The links.
-pub(crate) struct Links<P> {
-    ends: Vec<End<P>>,
+pub(crate) struct Links {
+    ends: Vec<End>,
     joiner: Joiner,
     /// What was asked for.
     output: Option<Output>,
@@ -29,37 +28,36 @@ pub(crate) struct Links<P> {
     asked: usize,
 }
 
-struct End<P> {
-    exchange: Exchange<P>,
+struct End {
+    exchange: Exchange,
     roles: Roles,
     /// What comes of a frame: the roles, without what the output leaves out.
     brings: Roles,
 }
 
-impl<P: Port> End<P> {
+impl End {
     fn named(&self) -> Named {
         Named {
-            name: self.exchange.name().into(),
+            name: self.exchange.port.name().into(),
             roles: self.roles,
         }
     }
 }
 
-impl<P: Port> Links<P> {
+impl Links {
     /// Links with their roles, on which frames bring `output`, if that is known.
-    pub(crate) fn new(ports: Vec<(P, Roles)>, output: Option<Output>) -> Self {
-        let ends: Vec<End<P>> = ports
-            .into_iter()
-            .map(|(port, roles)| End {
-                exchange: Exchange::new(port),
-                roles,
-                brings: Roles {
-                    truth: false,
-                    pixels: roles.pixels && output.is_none_or(|o| o.pixels != PixelLevel::None),
-                    labels: roles.labels && output.is_none_or(|o| o.labels != LabelLevel::None),
-                },
-            })
-            .collect();
+    pub(crate) fn new(ports: Vec<(Box<dyn Port + Send>, Roles)>, output: Option<Output>) -> Self {
+        let asked = output.map_or(Roles::ALL, |o| Roles::brought(o.pixels, o.labels));
+        let asked = Roles {
+            truth: false,
+            ..asked
+        };
+        let end = |(port, roles): (_, Roles)| End {
+            exchange: Exchange::new(port),
+            roles,
+            brings: roles.and(asked),
+        };
+        let ends: Vec<End> = ports.into_iter().map(end).collect();
         Self {
             joiner: Joiner::new(ends.iter().map(|end| end.brings)),
             ends,
@@ -69,13 +67,12 @@ impl<P: Port> Links<P> {
         }
     }
 
-    /// Whether some link has this.
     pub(crate) fn any(&self, has: impl Fn(&Roles) -> bool) -> bool {
         self.ends.iter().any(|end| has(&end.roles))
     }
 
     /// The link that attitudes leave on: the first with that role.
-    fn truth(&mut self) -> Result<&mut Exchange<P>, PortError> {
+    fn truth(&mut self) -> Result<&mut Exchange, PortError> {
         let mut ends = self.ends.iter_mut();
         let truth = ends.find(|end| end.roles.truth);
         truth.map(|end| &mut end.exchange).ok_or(PortError::Closed)
@@ -145,11 +142,10 @@ impl<P: Port> Links<P> {
         let stops = fault.kind.is_switch() && fault.value > 0.0;
         for (at, end) in self.ends.iter_mut().enumerate() {
             self.asked = at;
-            let answer = if stops {
-                let exchange = &mut end.exchange;
-                exchange.ask_after(&[], &command, &[ONCE], &mut tick)?
-            } else {
-                end.exchange.ask(&command, timeout, &mut tick)?
+            let exchange = &mut end.exchange;
+            let answer = match stops {
+                true => exchange.ask_after(&[], &command, &[ONCE], &mut tick)?,
+                false => exchange.ask(&command, timeout, &mut tick)?,
             };
             match answer {
                 Answer::Done => {}
@@ -160,11 +156,10 @@ impl<P: Port> Links<P> {
         Ok(Answer::Done)
     }
 
-    /// Takes a frame back that is not needed any more.
     pub(crate) fn take_back(&mut self, frame: ReceivedFrame) {
         // What takes room is the pixels.
         if let Some(end) = self.ends.iter_mut().find(|end| end.brings.pixels) {
-            end.exchange.take_back(frame);
+            end.exchange.assembler.take_back(frame);
         }
     }
 
@@ -189,44 +184,43 @@ impl<P: Port> Links<P> {
     pub(crate) fn unanswered(&self) -> (String, bool) {
         let asked = self.ends.get(self.asked).map(|end| &end.exchange);
         asked.map_or_else(Default::default, |asked| {
-            (asked.name().into(), asked.is_unheard())
+            (asked.port.name().into(), asked.port.is_unheard())
         })
     }
 
-    /// The names of all.
     pub(crate) fn names(&self) -> String {
-        let names: Vec<&str> = self.ends.iter().map(|end| end.exchange.name()).collect();
+        let names: Vec<&str> = self
+            .ends
+            .iter()
+            .map(|end| end.exchange.port.name())
+            .collect();
         names.join(", ")
     }
 
     /// Why nothing passes on a link whose line has gone, if there is one.
     pub(crate) fn gone(&self) -> Option<PortError> {
-        self.ends.iter().find_map(|end| end.exchange.gone())
+        self.ends.iter().find_map(|end| end.exchange.port.gone())
     }
 
-    /// When the last packet of any kind came, on any link.
     pub(crate) fn last_packet(&self) -> Option<Instant> {
-        let packets = self.ends.iter().map(|end| end.exchange.last_packet());
+        let packets = self.ends.iter().map(|end| end.exchange.last_packet);
         packets.max().flatten()
     }
 
-    /// See [`Exchange::grant`].
     pub(crate) fn grant(&mut self) -> Result<(), PortError> {
         self.each(Exchange::grant)
     }
 
-    /// See [`Exchange::query`].
     pub(crate) fn query(&mut self) -> Result<(), PortError> {
         self.each(Exchange::query)
     }
 
     fn each(
         &mut self,
-        act: impl Fn(&mut Exchange<P>) -> Result<(), PortError>,
+        act: impl Fn(&mut Exchange) -> Result<(), PortError>,
     ) -> Result<(), PortError> {
-        self.ends
-            .iter_mut()
-            .try_for_each(|end| act(&mut end.exchange))
+        let mut ends = self.ends.iter_mut();
+        ends.try_for_each(|end| act(&mut end.exchange))
     }
 
     /// Waits for one packet on any link and books it; `None` if none came.
@@ -236,18 +230,14 @@ impl<P: Port> Links<P> {
             return Ok(incoming.map(|incoming| self.heard_on(0, incoming)));
         }
         let deadline = Instant::now() + timeout;
+        let count = self.ends.len();
         loop {
-            self.turn = (self.turn + 1) % self.ends.len().max(1);
+            self.turn = (self.turn + 1) % count.max(1);
             let left = deadline.saturating_duration_since(Instant::now());
             // All of them first, then the one whose turn it is for a moment.
-            let count = self.ends.len();
-            for step in 0..=count {
+            let waits = std::iter::repeat_n(Duration::ZERO, count).chain([left.min(SLICE)]);
+            for (step, wait) in waits.enumerate() {
                 let at = (self.turn + step) % count.max(1);
-                let wait = if step < count {
-                    Duration::ZERO
-                } else {
-                    left.min(SLICE)
-                };
                 let Some(end) = self.ends.get_mut(at) else {
                     return Err(PortError::Closed);
                 };
@@ -272,7 +262,7 @@ impl<P: Port> Links<P> {
                 match self.joiner.join(*frame, end.brings) {
                     Ok(Some(frame)) => {
                         for end in &mut self.ends {
-                            end.exchange.dismiss(number);
+                            end.exchange.assembler.dismiss(number);
                         }
                         Incoming::Frame(Box::new(frame))
                     }
@@ -280,7 +270,7 @@ impl<P: Port> Links<P> {
                         // Of its other part not even the header may have come.
                         for end in &mut self.ends {
                             if self.joiner.lacks(number, end.brings) {
-                                end.exchange.look_out_for(number);
+                                end.exchange.assembler.look_out_for(number);
                             }
                         }
                         Incoming::Other
@@ -294,40 +284,36 @@ impl<P: Port> Links<P> {
         }
     }
 
-    /// See [`Exchange::want`].
+    /// Asks for missing packets of frames that show this attitude only; without one, of all.
     pub(crate) fn want(&mut self, attitude: Option<u32>) {
         for end in &mut self.ends {
-            end.exchange.want(attitude);
+            end.exchange.recovery.attitude = attitude;
         }
     }
 
-    /// When the last frame packet came.
     pub(crate) fn heard(&self) -> Option<Instant> {
-        self.ends
-            .iter()
-            .filter_map(|end| end.exchange.heard())
-            .max()
+        let heard = self.ends.iter().map(|end| end.exchange.recovery.heard());
+        heard.max().flatten()
     }
 
     /// The usual time between frame packets on the slowest link.
     pub(crate) fn spacing(&self) -> Duration {
-        let spacings = self.ends.iter().map(|end| end.exchange.spacing());
+        let spacings = self.ends.iter().map(|end| end.exchange.recovery.spacing());
         spacings.max().unwrap_or_default()
     }
 
-    /// Whether some of a frame that may show this attitude has come.
     pub(crate) fn has_begun(&self, attitude: u32) -> bool {
         let mut ends = self.ends.iter();
-        self.joiner.has_begun(attitude) || ends.any(|end| end.exchange.has_begun(attitude))
+        self.joiner.has_begun(attitude)
+            || ends.any(|end| end.exchange.assembler.has_begun(attitude))
     }
 
     /// Whether some of this frame has come, and not all.
     pub(crate) fn is_under_way(&self, frame: u32) -> bool {
         let mut ends = self.ends.iter();
-        self.joiner.has(frame) || ends.any(|end| end.exchange.is_under_way(frame))
+        self.joiner.has(frame) || ends.any(|end| end.exchange.assembler.is_under_way(frame))
     }
 
-    /// See [`Exchange::give_up`].
     pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {
         let mut progress = self.joiner.abandon();
         for end in &mut self.ends {
@@ -341,10 +327,10 @@ impl<P: Port> Links<P> {
     pub(crate) fn misplaced(&self) -> Option<Cause> {
         let mut missing = Roles::ALL;
         for end in &self.ends {
-            missing = missing.without(end.exchange.announced().and(end.brings));
+            missing = missing.without(end.exchange.announced.and(end.brings));
         }
         for on in &self.ends {
-            let stray = on.exchange.announced().without(on.roles).and(missing);
+            let stray = on.exchange.announced.without(on.roles).and(missing);
             for off in &self.ends {
                 let what = stray.and(off.brings);
                 if what.bring_frames() {
@@ -353,12 +339,11 @@ impl<P: Port> Links<P> {
                 }
             }
         }
-        let brought = |end: &End<P>| end.exchange.announced() != Roles::NONE;
+        let brought = |end: &End| end.exchange.announced != Roles::NONE;
         let mut ends = self.ends.iter();
         let silent = ends.find(|end| end.brings.and(missing).bring_frames() && !brought(end));
-        silent
-            .filter(|_| self.ends.iter().any(brought))
-            .map(|end| Cause::Silent { link: end.named() })
+        let silent = silent.filter(|_| self.ends.iter().any(brought));
+        silent.map(|end| Cause::Silent { link: end.named() })
     }
 
     /// What is asked for in vain: pixels, where neither these links' roles nor the emulator's bring any.
@@ -369,7 +354,7 @@ impl<P: Port> Links<P> {
             PixelLevel::Frame => "frames",
             PixelLevel::Compressed => "compressed frames",
         };
-        let come = self.ends.iter().any(|end| end.exchange.announced().pixels);
+        let come = self.ends.iter().any(|end| end.exchange.announced.pixels);
         // Before the first frame only the roles here are known.
         let known = frames > 0 || !self.any(|roles| roles.pixels);
         (known && !come).then(|| Cause::NoPixels {
@@ -384,7 +369,6 @@ impl<P: Port> Links<P> {
         ends.find_map(|end| end.exchange.slow(timeout))
     }
 
-    /// Adds its counts to the report.
     pub(crate) fn account(&self, report: &mut Report) {
         for end in &self.ends {
             end.exchange.account(report);

@@ -19,7 +19,6 @@ use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::{OrbitSource, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::report::Report;
@@ -180,8 +179,8 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> R
 }
 
 /// Runs the flight computer and prints what happens.
-fn report_events<P: Port>(
-    flight_computer: FlightComputer<P>,
+fn report_events(
+    flight_computer: FlightComputer,
     listens: bool,
     stop: &AtomicBool,
 ) -> Result<Report, RunError> {
@@ -207,19 +206,16 @@ fn report_events<P: Port>(
 fn came_whole(report: &Report, stop: &AtomicBool) -> Result<()> {
     let (came, requested) = (report.frames, report.requested);
     let gone = report.gone.as_ref().map(|gone| format!(": {gone}"));
-    let gone = gone.unwrap_or_default();
-    if came < requested && stop.load(atomic::Ordering::Relaxed) {
+    if came >= requested {
+        return Ok(());
+    }
+    if stop.load(atomic::Ordering::Relaxed) {
+        let gone = gone.unwrap_or_default();
         bail!("stopped after {came} of {requested} frames{gone}");
     }
-    if came < requested && !gone.is_empty() {
-        bail!("{came} of {requested} frames came whole{gone}");
-    }
-    if came < requested {
-        bail!(
-            "{came} of {requested} frames came whole: see the losses and refusals above, and the emulator's own messages"
-        );
-    }
-    Ok(())
+    let see = ": see the losses and refusals above, and the emulator's own messages";
+    let why = gone.as_deref().unwrap_or(see);
+    bail!("{came} of {requested} frames came whole{why}")
 }
 
 fn mission(args: &Args) -> Result<Mission> {
@@ -229,12 +225,10 @@ fn mission(args: &Args) -> Result<Mission> {
     };
     let orbit = args.orbit.as_deref().map(|text| orbit(text, start));
     let orbit = orbit.transpose()?;
-    let timeout = Duration::from_secs_f64(args.timeout);
+    let rate_hz = args.rate.unwrap_or(10.0);
     let pace = match (args.profile.listens(), args.wall) {
         (true, _) => Pace::Listen,
-        (false, true) => Pace::Wall {
-            rate_hz: args.rate.unwrap_or(10.0),
-        },
+        (false, true) => Pace::Wall { rate_hz },
         (false, false) => Pace::Stepped { most_hz: args.rate },
     };
     let profile = args.profile.profile(start)?;
@@ -245,7 +239,7 @@ fn mission(args: &Args) -> Result<Mission> {
         frames: args.frames,
         profile,
         orbit,
-        timeout,
+        timeout: Duration::from_secs_f64(args.timeout),
         pace,
         output,
         positions,
@@ -293,23 +287,23 @@ fn print_event(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
             // Of another client's attitudes it is not known.
             let ms = latency.map(|latency| latency.as_secs_f64() * 1e3);
             let after = |what| ms.map_or(String::new(), |ms| format!(", {what}after {ms:.1} ms"));
-            let matched = score.map_or(0, |score| score.matches.len());
-            let (number, found) = (frame.header.frame, detections.list().len());
-            let attitude = frame.header.attitude_sequence;
-            if frame.content == Content::None {
-                let labels = frame.objects(detections).unwrap_or_default();
+            let (number, attitude) = (frame.header.frame, frame.header.attitude_sequence);
+            let what = if frame.content == Content::None {
                 let labels = match frame.header.label_level {
                     LabelLevel::Text => "a label".to_string(),
-                    _ => format!("{} objects", labels.len()),
+                    _ => format!(
+                        "{} objects",
+                        frame.objects(detections).unwrap_or_default().len()
+                    ),
                 };
-                return say(format_args!(
-                    "frame {number} of attitude {attitude}: {labels}, no pixels{}\n",
-                    after("")
-                ));
-            }
+                format!("{labels}, no pixels{}", after(""))
+            } else {
+                let matched = score.map_or(0, |score| score.matches.len());
+                let (found, after) = (detections.list().len(), after("last block "));
+                format!("{found} detections, {matched} matched{after}")
+            };
             say(format_args!(
-                "frame {number} of attitude {attitude}: {found} detections, {matched} matched{}\n",
-                after("last block ")
+                "frame {number} of attitude {attitude}: {what}\n"
             ))
         }
         Event::Lost { loss, .. } if listens => say(format_args!("frame lost: {loss}\n")),

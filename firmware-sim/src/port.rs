@@ -2,7 +2,6 @@
 
 use std::io;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
 use skyloop_protocols::EncodeError;
@@ -22,86 +21,46 @@ pub trait Port {
     /// [`PortError`] when the link is gone.
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError>;
 
-    /// Packets that the link itself had to drop: damaged ones, or a full queue.
+    /// Packets that the link dropped: damaged ones, or for want of room.
     fn dropped(&self) -> u64 {
         0
     }
 
-    /// How long the line takes for a packet of so many octets; zero if the line is not what limits, or not known.
-    fn airtime(&self, octets: usize) -> Duration {
-        let _ = octets;
+    /// Transmission time of a packet; zero if the line is not the limit or its speed is unknown.
+    fn airtime(&self, _octets: usize) -> Duration {
         Duration::ZERO
     }
 
-    /// Packets that may be under way to it at once: as many as it takes while nobody reads.
+    /// Credit window: packets that the receive buffer holds.
     fn window(&self) -> u32 {
         64
     }
 
-    /// What to call it, for people.
+    /// Name for messages.
     fn name(&self) -> &str {
         "a link"
     }
 
-    /// Why nothing passes, if the line has gone and is waited for; what is sent meanwhile is lost, and counted as dropped.
+    /// Why the line is down, while it is reopened; packets sent meanwhile are dropped.
     fn gone(&self) -> Option<PortError> {
         None
     }
 
-    /// Whom to tell at once, from any thread, that the line has gone or is back.
-    fn on_news(&mut self, tell: Tell) {
-        drop(tell);
-    }
+    /// Sets the callback for a line that goes down or comes back; it is called from any thread.
+    fn on_news(&mut self, _tell: Tell) {}
 
-    /// Whether the other end's system has said that nobody listens there.
+    /// Whether the other end's system has reported that no process listens there.
     fn is_unheard(&self) -> bool {
         false
     }
 }
 
-/// Takes a line of text for people.
+/// Callback that takes a line of text.
 pub type Tell = Box<dyn Fn(&str) + Send>;
-
-impl<P: Port + ?Sized> Port for Box<P> {
-    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        (**self).send(packet)
-    }
-
-    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        (**self).recv(timeout)
-    }
-
-    fn dropped(&self) -> u64 {
-        (**self).dropped()
-    }
-
-    fn airtime(&self, octets: usize) -> Duration {
-        (**self).airtime(octets)
-    }
-
-    fn window(&self) -> u32 {
-        (**self).window()
-    }
-
-    fn name(&self) -> &str {
-        (**self).name()
-    }
-
-    fn gone(&self) -> Option<PortError> {
-        (**self).gone()
-    }
-
-    fn on_news(&mut self, tell: Tell) {
-        (**self).on_news(tell);
-    }
-
-    fn is_unheard(&self) -> bool {
-        (**self).is_unheard()
-    }
-}
 
 /// Why a link cannot be opened or used.
 #[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum PortError {
     /// The other end of an in-process link was dropped.
     #[error("the other end of the link is gone")]
@@ -109,42 +68,28 @@ pub enum PortError {
     /// The operating system refuses.
     #[error("{link}: {what}: {source}")]
     Io {
-        /// The link's address.
         link: String,
-        /// What was tried.
         what: &'static str,
-        /// The system's answer.
         source: io::Error,
     },
     /// The line that the link runs over has gone.
     #[error("{link}: the line has gone ({source}): {remedy}")]
     Gone {
-        /// The link's address.
         link: String,
-        /// The system's answer.
         source: io::Error,
-        /// What to do.
         remedy: &'static str,
     },
     /// It cannot be opened, for a reason that has a remedy.
     #[error("{link}: {source}")]
-    Refused {
-        /// The link's address.
-        link: String,
-        /// What was tried, and what to do.
-        source: Refusal,
-    },
+    Refused { link: String, source: Refusal },
     /// A message that does not fit a packet.
     #[error("cannot lay out a packet: {0}")]
     Encode(#[from] EncodeError),
     /// The text names no link.
     #[error("\"{text}\" names no link: {reason}; give {examples}")]
     Address {
-        /// The text.
         text: String,
-        /// What is wrong with it.
         reason: String,
-        /// Addresses that would be right.
         examples: String,
     },
 }
@@ -221,39 +166,5 @@ pub enum OpenError {
 impl From<PortError> for OpenError {
     fn from(error: PortError) -> Self {
         Self::Failed(error)
-    }
-}
-
-/// Packets through memory, between two threads of a process.
-#[derive(Debug)]
-pub struct ChannelPort {
-    to_emulator: Sender<Vec<u8>>,
-    from_emulator: Receiver<Vec<u8>>,
-}
-
-impl ChannelPort {
-    /// A port over the two directions of a channel pair.
-    #[must_use]
-    pub fn new(to_emulator: Sender<Vec<u8>>, from_emulator: Receiver<Vec<u8>>) -> Self {
-        Self {
-            to_emulator,
-            from_emulator,
-        }
-    }
-}
-
-impl Port for ChannelPort {
-    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        self.to_emulator
-            .send(packet.to_vec())
-            .map_err(|_| PortError::Closed)
-    }
-
-    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        match self.from_emulator.recv_timeout(timeout) {
-            Ok(packet) => Ok(Some(packet)),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(PortError::Closed),
-        }
     }
 }

@@ -59,25 +59,14 @@ pub struct ReceivedFrame {
 
 /// Why labels stay shut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum SealError {
-    /// The detections are those of another frame.
     #[error(
         "labels of frame {frame} asked for with detections of frame {detected}: detect in this frame first"
     )]
-    OtherFrame {
-        /// The frame of the labels.
-        frame: u32,
-        /// The frame of the detections.
-        detected: u32,
-    },
-    /// The text is damaged.
+    OtherFrame { frame: u32, detected: u32 },
     #[error("labels of frame {frame} are not UTF-8 at octet {octet}")]
-    NotText {
-        /// The frame's number.
-        frame: u32,
-        /// The first octet that is wrong.
-        octet: usize,
-    },
+    NotText { frame: u32, octet: usize },
 }
 
 impl ReceivedFrame {

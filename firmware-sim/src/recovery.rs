@@ -24,7 +24,7 @@ const MOST_DOUBLINGS: u32 = 5;
 const REMEMBERED: usize = 64;
 
 /// The client's side of asking again on one link.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Recovery {
     /// Frame packets that may be under way.
     window: u32,
@@ -32,7 +32,6 @@ pub(crate) struct Recovery {
     airtime: Duration,
     /// The usual time between frame packets.
     spacing: Option<Duration>,
-    /// When the last frame packet came.
     heard: Option<Instant>,
     /// When the last round of this silence began.
     round: Option<Instant>,
@@ -65,21 +64,7 @@ impl Recovery {
         Self {
             window,
             airtime,
-            spacing: None,
-            heard: None,
-            round: None,
-            rounds: 0,
-            knocks: false,
-            accounted: false,
-            served: 0,
-            looked: None,
-            again: None,
-            requests: VecDeque::new(),
-            off: false,
-            attitude: None,
-            asked: 0,
-            refused: 0,
-            damaged: 0,
+            ..Self::default()
         }
     }
 
@@ -88,10 +73,8 @@ impl Recovery {
         if let Some(heard) = self.heard.filter(|_| flowing) {
             let sample = now.saturating_duration_since(heard);
             // A moving average over some eight packets.
-            self.spacing = Some(
-                self.spacing
-                    .map_or(sample, |usual| (usual * 7 + sample) / 8),
-            );
+            let usual = self.spacing.map(|usual| (usual * 7 + sample) / 8);
+            self.spacing = Some(usual.unwrap_or(sample));
         }
         self.heard = Some(now);
         (self.rounds, self.round) = (0, None);
@@ -103,7 +86,6 @@ impl Recovery {
         self.accounted = self.rounds > self.served;
     }
 
-    /// When the last frame packet came.
     pub(crate) fn heard(&self) -> Option<Instant> {
         self.heard
     }
@@ -168,7 +150,6 @@ impl Recovery {
         std::mem::take(&mut self.knocks)
     }
 
-    /// Books a request.
     pub(crate) fn requested(&mut self, sequence_count: u16, frame: u32) {
         self.asked += 1;
         if self.requests.len() >= REMEMBERED {

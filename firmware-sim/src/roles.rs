@@ -1,5 +1,7 @@
 //! What a link is for: `roles=truth+pixels+labels` in its address.
 
+use skyloop_protocols::{LabelLevel, PixelLevel};
+
 /// What a link carries besides answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
@@ -55,14 +57,10 @@ impl Roles {
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
         for name in text.split('+') {
-            let role = match name {
-                "truth" => Some(&mut roles.truth),
-                "pixels" => Some(&mut roles.pixels),
-                "labels" => Some(&mut roles.labels),
-                _ => None,
-            };
-            match role {
-                Some(role) if !*role => *role = true,
+            match name {
+                "truth" if !roles.truth => roles.truth = true,
+                "pixels" if !roles.pixels => roles.pixels = true,
+                "labels" if !roles.labels => roles.labels = true,
                 _ => {
                     return Err(format!(
                         "roles={text} must be truth, pixels or labels, or several joined by +, each once"
@@ -71,6 +69,15 @@ impl Roles {
             }
         }
         Ok(roles)
+    }
+
+    /// What frames of these levels bring.
+    pub(crate) fn brought(pixels: PixelLevel, labels: LabelLevel) -> Self {
+        Self {
+            truth: false,
+            pixels: pixels != PixelLevel::None,
+            labels: labels != LabelLevel::None,
+        }
     }
 
     /// These and the others.
@@ -111,10 +118,8 @@ impl std::fmt::Display for Roles {
             (self.pixels, "pixels"),
             (self.labels, "labels"),
         ];
-        let names: Vec<&str> = names
-            .into_iter()
-            .filter_map(|(has, name)| has.then_some(name))
-            .collect();
+        let has = names.into_iter().filter(|(has, _)| *has);
+        let names: Vec<&str> = has.map(|(_, name)| name).collect();
         f.write_str(&names.join("+"))
     }
 }
@@ -125,14 +130,8 @@ mod tests {
 
     #[test]
     fn roles_are_taken_out_of_an_address() {
-        let truth = Roles {
-            truth: true,
-            ..Roles::NONE
-        };
-        let frames = Roles {
-            truth: false,
-            ..Roles::ALL
-        };
+        let [truth, frames] = ["truth", "pixels+labels"].map(|text| Roles::parse(text).unwrap());
+        assert!(truth.truth && !truth.bring_frames() && frames.pixels && frames.labels);
         for (address, rest, roles) in [
             ("127.0.0.1:5", "127.0.0.1:5", Roles::ALL),
             ("127.0.0.1:5?roles=truth", "127.0.0.1:5", truth),

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use skyloop_protocols::{LabelLevel, ObjectRecord};
 use thiserror::Error;
 
-use crate::detector::Detections;
+use crate::detector::{Detection, Detections};
 use crate::received::{Content, ReceivedFrame, SealError};
 
 /// A detection and a label farther apart than this are not the same thing, px.
@@ -68,16 +68,13 @@ struct Labels {
 
 /// Why a frame has no score.
 #[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum ScoreError {
-    /// The labels did not open.
     #[error(transparent)]
     Sealed(#[from] SealError),
-    /// The labels are not what the contract says.
     #[error("labels of frame {frame}: {reason}")]
     BadLabels {
-        /// The frame's number.
         frame: u32,
-        /// What the JSON reader says, with the column.
         reason: serde_json::Error,
     },
 }
@@ -134,9 +131,8 @@ pub struct Score {
 pub fn score(frame: &ReceivedFrame, detections: &Detections) -> Result<Score, ScoreError> {
     let (labels, complete) = match frame.header.label_level {
         LabelLevel::None => {
-            let detections = detections.list().len();
             return Ok(Score {
-                detections,
+                detections: detections.list().len(),
                 ..Score::default()
             });
         }
@@ -157,83 +153,53 @@ pub fn score(frame: &ReceivedFrame, detections: &Detections) -> Result<Score, Sc
     Ok(compare(labels, complete, frame, detections))
 }
 
-/// Matches nearest pairs first, each label and each detection once.
 fn compare(
     labels: Vec<Label>,
     complete: bool,
     frame: &ReceivedFrame,
     detections: &Detections,
 ) -> Score {
-    let (labels, spots): (Vec<Label>, Vec<Label>) = labels.into_iter().partition(Label::is_source);
-    // What a particle or a defect shows as is neither found nor missed nor false.
-    let spots = Field::new(spots);
-    /// A detection so much brighter than the faintest label would have one itself.
+    /// Where not all labels came, a detection so much brighter than the faintest of them would have one itself.
     const CLEARLY: f64 = 2.0;
+    let (labels, spots): (Vec<Label>, Vec<Label>) = labels.into_iter().partition(Label::is_source);
     let faintest = labels.iter().map(|label| label.electrons);
     let faintest = faintest.min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
-    let due_e = if complete {
-        f64::MIN
-    } else {
-        CLEARLY * faintest
+    let due_e = match complete {
+        true => f64::MIN,
+        false => CLEARLY * faintest,
     };
-    let field = Field::new(labels);
+    // What a particle or a defect shows as is neither found nor missed nor false.
+    let (field, spots) = (Field::new(labels), Field::new(spots));
     let found = detections.list();
-    let visible = |kind: &str| {
-        field
-            .0
-            .iter()
-            .filter(|label| label.visible && label.kind == kind)
-            .count()
-    };
-    let mut score = Score {
-        is_compared: frame.content != Content::None,
-        stars: visible("star"),
-        rsos: visible("rso"),
-        detections: found.len(),
-        ..Score::default()
-    };
-
-    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
-    for (detection, at) in found.iter().enumerate() {
-        let near = field.near(at.x_px, at.y_px, MATCH_RADIUS_PX);
-        pairs.extend(
-            near.filter(|(label, _)| field.0[*label].visible)
-                .map(|(label, d)| (d, detection, label)),
-        );
-    }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-
     let (mut used, mut labelled) = (vec![false; found.len()], vec![false; field.0.len()]);
-    for (_, detection, index) in pairs {
-        if used[detection] || labelled[index] {
-            continue;
+    let mut matches = Vec::new();
+    for (_, detection, label) in field.pairs(found) {
+        if !used[detection] && !labelled[label] {
+            (used[detection], labelled[label]) = (true, true);
+            matches.push(field.matched(label, &found[detection]));
         }
-        (used[detection], labelled[index]) = (true, true);
-        let (at, label) = (&found[detection], &field.0[index]);
-        score.matches.push(Match {
-            dx_px: at.x_px - label.x_px,
-            dy_px: at.y_px - label.y_px,
-            isolated: field.is_isolated(index),
-            saturated: at.saturated,
-            edge: at.edge,
-            label: label.clone(),
-        });
     }
-    score.false_detections = found
-        .iter()
-        .zip(&used)
-        .filter(|(at, used)| !**used && at.flux_e > due_e)
-        .filter(|(at, _)| !field.is_lit(at.x_px, at.y_px) && !spots.is_lit(at.x_px, at.y_px))
-        .count();
-    score.missed = (0..field.0.len())
-        .filter(|&index| {
-            let label = &field.0[index];
-            let bright = label.visible && label.snr >= BRIGHT_SNR && !labelled[index];
-            bright && field.is_isolated(index) && frame.shows(label.x_px, label.y_px)
-        })
-        .map(|index| field.0[index].id.clone())
-        .collect();
-    score
+    let visible = field.0.iter().filter(|label| label.visible);
+    let count = |kind: &str| visible.clone().filter(|label| label.kind == kind).count();
+    let is_false = |(at, used): &(&Detection, &bool)| {
+        let is_lit = |field: &Field| field.is_lit(at.x_px, at.y_px);
+        !**used && at.flux_e > due_e && !is_lit(&field) && !is_lit(&spots)
+    };
+    let is_missed = |index: &usize| {
+        let label = &field.0[*index];
+        let bright = label.visible && label.snr >= BRIGHT_SNR && !labelled[*index];
+        bright && field.is_isolated(*index) && frame.shows(label.x_px, label.y_px)
+    };
+    let missed = (0..field.0.len()).filter(is_missed);
+    Score {
+        is_compared: frame.content != Content::None,
+        stars: count("star"),
+        rsos: count("rso"),
+        detections: found.len(),
+        false_detections: found.iter().zip(&used).filter(is_false).count(),
+        missed: missed.map(|index| field.0[index].id.clone()).collect(),
+        matches,
+    }
 }
 
 /// Labels by increasing x, to find neighbours.
@@ -248,26 +214,43 @@ impl Field {
     /// Indices and distances of the labels within a radius.
     fn near(&self, x: f64, y: f64, radius: f64) -> impl Iterator<Item = (usize, f64)> {
         let first = self.0.partition_point(|label| label.x_px < x - radius);
-        let columns = self
-            .0
-            .iter()
-            .enumerate()
-            .skip(first)
-            .take_while(move |(_, label)| label.x_px <= x + radius);
-        columns
-            .map(move |(index, label)| (index, libm::hypot(label.x_px - x, label.y_px - y)))
-            .filter(move |(_, d)| *d <= radius)
+        let columns = self.0.iter().enumerate().skip(first);
+        let columns = columns.take_while(move |(_, label)| label.x_px <= x + radius);
+        let near =
+            columns.map(move |(index, label)| (index, libm::hypot(label.x_px - x, label.y_px - y)));
+        near.filter(move |(_, d)| *d <= radius)
+    }
+
+    /// Distance, detection and visible label of all pairs that are near, the nearest first.
+    fn pairs(&self, found: &[Detection]) -> Vec<(f64, usize, usize)> {
+        let mut pairs = Vec::new();
+        for (detection, at) in found.iter().enumerate() {
+            let near = self.near(at.x_px, at.y_px, MATCH_RADIUS_PX);
+            let near = near.filter(|(label, _)| self.0[*label].visible);
+            pairs.extend(near.map(|(label, d)| (d, detection, label)));
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs
+    }
+
+    fn matched(&self, index: usize, at: &Detection) -> Match {
+        let label = self.0[index].clone();
+        Match {
+            dx_px: at.x_px - label.x_px,
+            dy_px: at.y_px - label.y_px,
+            isolated: self.is_isolated(index),
+            saturated: at.saturated,
+            edge: at.edge,
+            label,
+        }
     }
 
     fn is_isolated(&self, index: usize) -> bool {
         let label = &self.0[index];
-        let neighbours = self
-            .near(label.x_px, label.y_px, ISOLATION_RADIUS_PX)
-            .filter(|(other, _)| *other != index);
-        neighbours
-            .map(|(other, _)| self.0[other].electrons)
-            .sum::<f64>()
-            < ISOLATION_LIGHT * label.electrons
+        let near = self.near(label.x_px, label.y_px, ISOLATION_RADIUS_PX);
+        let others = near.filter(|(other, _)| *other != index);
+        let light: f64 = others.map(|(other, _)| self.0[other].electrons).sum();
+        light < ISOLATION_LIGHT * label.electrons
     }
 
     fn is_lit(&self, x: f64, y: f64) -> bool {

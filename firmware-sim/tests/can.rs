@@ -1,7 +1,6 @@
 //! Packets over buses that fill up, go and come back: two ends on a bus in memory.
 
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
-use skyloop_firmware_sim::can::pacing::Rates;
 use skyloop_firmware_sim::can::port::CanPort;
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{CanBus, Opener, Sending, Trouble};
@@ -161,10 +160,13 @@ struct Rig {
     thread: std::thread::JoinHandle<()>,
 }
 
+fn settings(query: &str) -> Settings {
+    Settings::parse(&format!("memory?{query}"), &["bitrate", "fd", "load"]).unwrap()
+}
+
 impl Rig {
     fn new(query: &str) -> Rig {
-        let settings =
-            Settings::parse(&format!("memory?{query}"), &["bitrate", "fd", "load"]).unwrap();
+        let settings = settings(query);
         let [ours, theirs] = Memory::pair();
         let (send, outbound) = channel();
         let (inbound, received) = channel();
@@ -177,16 +179,9 @@ impl Rig {
             notes: noted,
         };
         let node = Node::new(Side::Emulator, settings.fd);
-        let opener = Some(ours.opener());
-        let (waker, thread) = carrier::start(
-            "emulator",
-            Box::new(ours.clone()),
-            opener,
-            node,
-            settings.rates,
-            end,
-        )
-        .unwrap();
+        let (bus, opener) = (Box::new(ours.clone()), Some(ours.opener()));
+        let started = carrier::start("emulator", bus, opener, node, settings.rates, end);
+        let (waker, thread) = started.unwrap();
         let opener = Some(theirs.opener());
         let client = CanPort::over("memory", Box::new(theirs), opener, &settings).unwrap();
         Rig {
@@ -201,9 +196,20 @@ impl Rig {
         }
     }
 
-    fn reply(&self, packet: &[u8]) {
-        self.send.send(packet.to_vec()).unwrap();
+    fn reply(&self, octet: u8) {
+        self.send.send(long(octet)).unwrap();
         self.waker.wake();
+    }
+
+    /// The client has got this packet.
+    fn comes(&mut self, octet: u8) {
+        assert_eq!(self.client.recv(LONG).unwrap().unwrap(), long(octet));
+    }
+
+    /// The bus goes, and its end here has noticed.
+    fn goes(&self) {
+        self.bus.set(|state| state.down = true);
+        self.note(|note| matches!(note, Note::Gone(_)));
     }
 
     /// Waits for a note that fits.
@@ -234,17 +240,12 @@ fn long(octet: u8) -> Vec<u8> {
 fn packets_pass_both_ways_classic_and_fd() {
     for query in ["bitrate=1000000", "bitrate=1000000&fd=8000000"] {
         let mut rig = Rig::new(query);
-        let ping = command(&Command::Ping);
-        rig.client.send(&ping).unwrap();
-        assert_eq!(rig.received.recv_timeout(LONG).unwrap(), ping, "{query}");
-        rig.client.send(&long(1)).unwrap();
-        for octet in 2..5 {
-            rig.reply(&long(octet));
+        for packet in [command(&Command::Ping), long(1)] {
+            rig.client.send(&packet).unwrap();
+            assert_eq!(rig.received.recv_timeout(LONG).unwrap(), packet, "{query}");
         }
-        assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(1));
-        for octet in 2..5 {
-            assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(octet));
-        }
+        (2..5).for_each(|octet| rig.reply(octet));
+        (2..5).for_each(|octet| rig.comes(octet));
         assert_eq!(rig.client.dropped(), 0);
         rig.close();
     }
@@ -254,8 +255,8 @@ fn packets_pass_both_ways_classic_and_fd() {
 #[test]
 fn packets_that_nobody_lets_go_on_end_as_given_up() {
     let mut rig = Rig::new("bitrate=1000000");
-    rig.reply(&long(1));
-    assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(1));
+    rig.reply(1);
+    rig.comes(1);
     drop(rig.client);
     for packet in 2..5 {
         rig.send.send(long(packet)).unwrap();
@@ -272,19 +273,15 @@ fn packets_that_nobody_lets_go_on_end_as_given_up() {
 
 /// Sends a packet over a bus of so many bit/s, of which half may be used: what it took at least, and what it took, which is no less.
 fn paced() -> [Duration; 2] {
-    let rates = Rates {
-        bitrate: 100_000,
-        data_bitrate: 100_000,
-        load: 0.5,
-    };
+    let query = "bitrate=100000&load=0.5";
+    let rates = settings(query).rates;
+    let [frame, packet] = [7, MAX_PACKET].map(|length| rates.packet_duration(length, false));
     // The last frame has come, and does not wait until the bus is free again; the first few may go at once.
-    let frame = rates.packet_duration(7, false);
-    let least =
-        rates.packet_duration(MAX_PACKET, false).mul_f64(0.95) - frame - Duration::from_millis(1);
-    let mut rig = Rig::new("bitrate=100000&load=0.5");
+    let least = packet.mul_f64(0.95) - frame - Duration::from_millis(1);
+    let mut rig = Rig::new(query);
     let begin = Instant::now();
-    rig.reply(&long(1));
-    assert!(rig.client.recv(LONG).unwrap().is_some());
+    rig.reply(1);
+    rig.comes(1);
     let took = begin.elapsed();
     assert!(took >= least, "{took:?} {least:?}");
     [least, took]
@@ -310,14 +307,14 @@ fn timed_a_bus_is_used_at_its_rate() {
 fn a_full_queue_is_waited_out() {
     let mut rig = Rig::new("bitrate=1000000");
     rig.bus.set(|state| state.room = Some(3));
-    rig.reply(&long(1));
+    rig.reply(1);
     let begin = Instant::now();
     while rig.bus.set(|state| state.refused) < 3 {
         assert!(begin.elapsed() < LONG);
         std::thread::sleep(Duration::from_millis(1));
     }
     rig.bus.set(|state| state.room = None);
-    assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(1));
+    rig.comes(1);
     assert_eq!(rig.client.dropped(), 0);
     rig.close();
 }
@@ -325,13 +322,12 @@ fn a_full_queue_is_waited_out() {
 #[test]
 fn a_bus_that_goes_is_opened_again() {
     let mut rig = Rig::new("bitrate=1000000");
-    rig.bus.set(|state| state.down = true);
-    rig.note(|note| matches!(note, Note::Gone(_)));
-    rig.reply(&long(1));
+    rig.goes();
+    rig.reply(1);
     rig.bus.set(|state| state.down = false);
     rig.note(|note| matches!(note, Note::Back));
     // The client's end is back within a retry too; a packet that began before that is lost after a second.
-    rig.reply(&long(2));
+    rig.reply(2);
     let mut got = Vec::new();
     while got.last() != Some(&long(2)) {
         got.push(rig.client.recv(LONG).unwrap().unwrap());
@@ -350,20 +346,18 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
     }));
     rig.bus.set(|state| state.down = true);
     let text = news.recv_timeout(LONG).unwrap();
-    assert!(
-        text.starts_with("warning: ")
-            && text.contains("the line has gone (")
-            && text.contains("check the adapter's cable"),
-        "{text}"
-    );
+    for part in [
+        "warning: ",
+        "the line has gone (",
+        "check the adapter's cable",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
     let begin = Instant::now();
     for _ in 0..100 {
         rig.client.send(&long(1)).unwrap();
     }
-    assert!(
-        begin.elapsed() < LONG,
-        "nothing is waited for: each would take a second"
-    );
+    assert!(begin.elapsed() < LONG, "each would take a second");
     assert_eq!(rig.client.dropped(), 100);
     let gone = rig.client.gone().unwrap().to_string();
     assert!(gone.contains("the line has gone ("), "{gone}");
@@ -384,7 +378,7 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
 fn nothing_waits_for_a_bus_on_which_nobody_answers() {
     // A bus with nobody at the other end: each long message waits a second for its flow control.
     let [bus, _] = Memory::pair();
-    let settings = Settings::parse("bus?bitrate=1000000", &["bitrate"]).unwrap();
+    let settings = settings("bitrate=1000000");
     let mut client = CanPort::over("can://bus", Box::new(bus), None, &settings).unwrap();
     assert!(client.recv(Duration::from_millis(2100)).unwrap().is_none());
     let begin = Instant::now();
@@ -400,20 +394,17 @@ fn nothing_waits_for_a_bus_on_which_nobody_answers() {
 #[test]
 fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
     let mut rig = Rig::new("bitrate=1000000");
-    rig.bus.set(|state| state.down = true);
-    rig.note(|note| matches!(note, Note::Gone(_)));
-    rig.bus
-        .set(|state| (state.down, state.no_handle) = (false, 3));
+    rig.goes();
+    let up = |state: &mut State| (state.down, state.no_handle) = (false, 3);
+    rig.bus.set(up);
     rig.note(|note| matches!(note, Note::Back));
     // Whichever end met the refusals: both are there in the end.
     let begin = Instant::now();
-    loop {
+    let patience = Duration::from_millis(100);
+    rig.client.send(&command(&Command::Ping)).unwrap();
+    while rig.received.recv_timeout(patience).is_err() {
         assert!(begin.elapsed() < LONG);
         rig.client.send(&command(&Command::Ping)).unwrap();
-        let came = rig.received.recv_timeout(Duration::from_millis(100));
-        if came.is_ok() {
-            break;
-        }
     }
     assert_eq!(rig.bus.set(|state| state.no_handle), 0);
     rig.close();

@@ -5,64 +5,53 @@ mod common;
 use common::{Field, Noise, Star};
 use skyloop_firmware_sim::detector::{Detection, DetectorSettings, detect};
 
-/// Detections of the stars that were found, with the stars; and how many detections belong to none.
-fn find(
-    field: &Field,
-    stars: &[Star],
-    smear: (f64, f64),
-    noise: Option<&mut Noise>,
-) -> (Vec<(Star, Detection)>, usize) {
+/// The stars that were found, each with its detection; and how many detections belong to none.
+type Found = (Vec<(Star, Detection)>, usize);
+
+const STILL: (f64, f64) = (0.0, 0.0);
+
+/// Detects with noise; without any, and with steps of 1/16 e-, what is left is the method's own error.
+fn find(field: &Field, stars: &[Star], smear: (f64, f64), noise: Option<&mut Noise>) -> Found {
     let electrons = field.electrons(stars, smear);
-    let pixels = match noise {
-        Some(noise) => field.expose(&electrons, noise),
-        None => {
-            // No noise at all, and steps of 1/16 e-: what is left is the method's own error.
-            let fine = Field {
-                gain_e_per_dn: 1.0 / 16.0,
-                offset_dn: 0.0,
-                bits: 16,
-                ..*field
-            };
-            let dn = electrons
-                .iter()
-                .map(|e| (e * 16.0).round().min(65_535.0) as u16)
-                .collect::<Vec<u16>>();
-            let detections = detect(&fine.image(0, &dn), &DetectorSettings::default());
-            return pair(stars, detections.list());
-        }
+    let Some(noise) = noise else {
+        let fine = Field {
+            gain_e_per_dn: 1.0 / 16.0,
+            offset_dn: 0.0,
+            bits: 16,
+            ..*field
+        };
+        let dn = electrons.iter();
+        let dn: Vec<u16> = dn
+            .map(|e| (e * 16.0).round().min(65_535.0) as u16)
+            .collect();
+        return found_in(&fine, &dn, stars);
     };
-    let detections = detect(&field.image(0, &pixels), &DetectorSettings::default());
-    pair(stars, detections.list())
+    found_in(field, &field.expose(&electrons, noise), stars)
 }
 
-fn pair(stars: &[Star], found: &[Detection]) -> (Vec<(Star, Detection)>, usize) {
+fn found_in(field: &Field, pixels: &[u16], stars: &[Star]) -> Found {
+    let detections = detect(&field.image(0, pixels), &DetectorSettings::default());
+    let found = detections.list();
     let near = |star: &Star, at: &Detection| (at.x_px - star.x).hypot(at.y_px - star.y) < 2.0;
     let pairs = stars.iter().filter_map(|star| {
-        found
-            .iter()
-            .find(|at| near(star, at))
-            .map(|at| (*star, *at))
+        let at = found.iter().find(|at| near(star, at))?;
+        Some((*star, *at))
     });
-    let strays = found
-        .iter()
-        .filter(|at| !stars.iter().any(|star| near(star, at)))
-        .count();
-    (pairs.collect(), strays)
+    let is_stray = |at: &&Detection| !stars.iter().any(|star| near(star, at));
+    (pairs.collect(), found.iter().filter(is_stray).count())
 }
 
 /// Root mean square of the distance and mean of the offsets, px.
 fn residual(pairs: &[(Star, Detection)]) -> (f64, f64, f64) {
-    let count = pairs.len() as f64;
-    let offsets = || {
-        pairs
-            .iter()
-            .map(|(star, at)| (at.x_px - star.x, at.y_px - star.y))
+    let offset = |(star, at): &(Star, Detection)| (at.x_px - star.x, at.y_px - star.y);
+    let mean = |of: fn((f64, f64)) -> f64| {
+        let sum: f64 = pairs.iter().map(|pair| of(offset(pair))).sum();
+        sum / pairs.len() as f64
     };
-    let rms = (offsets().map(|(x, y)| x * x + y * y).sum::<f64>() / count).sqrt();
     (
-        rms,
-        offsets().map(|o| o.0).sum::<f64>() / count,
-        offsets().map(|o| o.1).sum::<f64>() / count,
+        mean(|(x, y)| x * x + y * y).sqrt(),
+        mean(|o| o.0),
+        mean(|o| o.1),
     )
 }
 
@@ -74,7 +63,7 @@ fn without_noise_the_centroid_is_that_of_the_light() {
             ..Field::default()
         };
         let stars = field.grid(16, 6000.0, &mut Noise::new(1));
-        let (pairs, strays) = find(&field, &stars, (0.0, 0.0), None);
+        let (pairs, strays) = find(&field, &stars, STILL, None);
         let (rms, ..) = residual(&pairs);
         println!("psf {psf_px}: {} stars, rms {rms:.5} px", pairs.len());
         assert_eq!((pairs.len(), strays), (stars.len(), 0));
@@ -96,7 +85,7 @@ fn centroid_errors_stay_near_the_limit_of_the_noise() {
         for _ in 0..4 {
             let stars = field.grid(16, electrons, &mut noise);
             wanted += stars.len();
-            let (pairs, stray) = find(&field, &stars, (0.0, 0.0), Some(&mut noise));
+            let (pairs, stray) = find(&field, &stars, STILL, Some(&mut noise));
             all.extend(pairs);
             strays += stray;
         }
@@ -106,31 +95,21 @@ fn centroid_errors_stay_near_the_limit_of_the_noise() {
             electrons,
         });
         let (rms, bias_x, bias_y) = residual(&all);
+        let count = all.len();
         println!(
-            "snr {snr:.1}: rms {rms:.4} px, bias {bias_x:+.4} {bias_y:+.4} px, {}/{wanted} found, {strays} strays",
-            all.len()
+            "snr {snr:.1}: rms {rms:.4} px, bias {bias_x:+.4} {bias_y:+.4} px, {count}/{wanted} found, {strays} strays"
         );
         assert!((snr / snr_near - 1.0).abs() < 0.1, "snr {snr}");
         assert!(rms < limit, "snr {snr}: rms {rms}");
-        assert!(
-            bias_x.hypot(bias_y) < 4.0 * rms / (all.len() as f64).sqrt(),
-            "bias {bias_x} {bias_y}"
-        );
-        assert!(
-            all.len() * 1000 >= wanted * 995 && strays <= 2,
-            "{}/{wanted}, {strays}",
-            all.len()
-        );
-        let mean = all.iter().map(|(_, at)| at.snr).sum::<f64>() / all.len() as f64;
-        assert!(
-            (mean / snr - 1.0).abs() < 0.25,
-            "measured snr {mean}, true {snr}"
-        );
-        let flux = all.iter().map(|(_, at)| at.flux_e).sum::<f64>() / all.len() as f64;
-        assert!(
-            (flux / electrons - 1.0).abs() < 0.05,
-            "flux {flux} of {electrons}"
-        );
+        let most = 4.0 * rms / (count as f64).sqrt();
+        assert!(bias_x.hypot(bias_y) < most, "bias {bias_x} {bias_y}");
+        assert!(count * 1000 >= wanted * 995 && strays <= 2, "{count}");
+        let mean = |of: fn(&Detection) -> f64| {
+            all.iter().map(|(_, at)| of(at)).sum::<f64>() / count as f64
+        };
+        let (found_snr, flux) = (mean(|at| at.snr), mean(|at| at.flux_e));
+        assert!((found_snr / snr - 1.0).abs() < 0.25, "{found_snr}");
+        assert!((flux / electrons - 1.0).abs() < 0.05, "flux {flux}");
     }
 }
 
@@ -140,20 +119,11 @@ fn a_star_of_snr_10_is_nearly_always_found() {
     let mut noise = Noise::new(3);
     let stars = field.grid(12, 345.0, &mut noise);
     let snr = field.snr(stars[0]);
-    let (pairs, strays) = find(&field, &stars, (0.0, 0.0), Some(&mut noise));
-    println!(
-        "snr {snr:.1}: {}/{} found, rms {:.3} px, {strays} strays",
-        pairs.len(),
-        stars.len(),
-        residual(&pairs).0
-    );
+    let (pairs, strays) = find(&field, &stars, STILL, Some(&mut noise));
+    let (found, all, rms) = (pairs.len(), stars.len(), residual(&pairs).0);
+    println!("snr {snr:.1}: {found}/{all} found, rms {rms:.3} px, {strays} strays");
     assert!((9.0..11.0).contains(&snr), "{snr}");
-    assert!(
-        pairs.len() * 100 >= stars.len() * 97,
-        "{}/{}",
-        pairs.len(),
-        stars.len()
-    );
+    assert!(found * 100 >= all * 97, "{found}/{all}");
 }
 
 #[test]
@@ -161,7 +131,7 @@ fn an_empty_sky_gives_hardly_a_false_detection() {
     let field = Field::default();
     let mut noise = Noise::new(11);
     let strays: usize = (0..10)
-        .map(|_| find(&field, &[], (0.0, 0.0), Some(&mut noise)).1)
+        .map(|_| find(&field, &[], STILL, Some(&mut noise)).1)
         .sum();
     println!("{strays} false detections in 10 frames of 65,536 pixels");
     assert!(strays <= 3, "{strays}");
@@ -175,11 +145,6 @@ fn a_smeared_star_keeps_its_centre() {
         let stars = field.grid(24, 6000.0, &mut noise);
         let (pairs, _) = find(&field, &stars, smear, Some(&mut noise));
         let (rms, ..) = residual(&pairs);
-        println!(
-            "smear {smear:?}: {}/{} found, rms {rms:.3} px",
-            pairs.len(),
-            stars.len()
-        );
         assert_eq!(pairs.len(), stars.len());
         assert!(rms < 0.12, "{smear:?}: {rms}");
     }
@@ -194,15 +159,10 @@ fn a_sloping_background_does_not_pull() {
     for (index, e) in electrons.iter_mut().enumerate() {
         *e += 4.0 * (index % field.width) as f64;
     }
-    let pixels = field.expose(&electrons, &mut noise);
-    let detections = detect(&field.image(0, &pixels), &DetectorSettings::default());
-    let (pairs, strays) = pair(&stars, detections.list());
+    let (pairs, strays) = found_in(&field, &field.expose(&electrons, &mut noise), &stars);
     let (rms, bias_x, _) = residual(&pairs);
-    println!("slope 4 e-/px: rms {rms:.3}, bias {bias_x:+.4} px");
-    assert!(
-        pairs.len() == stars.len() && strays <= 1 && rms < 0.07 && bias_x.abs() < 0.02,
-        "{rms} {bias_x} {strays}"
-    );
+    assert!(pairs.len() == stars.len() && strays <= 1, "{strays}");
+    assert!(rms < 0.07 && bias_x.abs() < 0.02, "{rms} {bias_x}");
 }
 
 #[test]
@@ -217,13 +177,8 @@ fn two_stars_that_run_together_are_two() {
             star.electrons *= 0.6;
             stars.push(star);
         }
-        let (pairs, strays) = find(&field, &stars, (0.0, 0.0), Some(&mut noise));
+        let (pairs, strays) = find(&field, &stars, STILL, Some(&mut noise));
         let (rms, ..) = residual(&pairs);
-        println!(
-            "{distance} px apart: {}/{} found, rms {rms:.3} px",
-            pairs.len(),
-            stars.len()
-        );
         assert_eq!((pairs.len(), strays), (stars.len(), 0));
         assert!(rms < 0.1, "{distance}: {rms}");
     }
@@ -239,21 +194,20 @@ fn edges_and_saturation_are_flagged() {
         star(60.0, 60.0, 200_000.0),
         star(120.0, 80.0, 5000.0),
     ];
-    let (pairs, strays) = find(&field, &stars, (0.0, 0.0), Some(&mut Noise::new(17)));
-    let flags: Vec<(bool, bool)> = pairs
-        .iter()
-        .map(|(_, at)| (at.edge, at.saturated))
-        .collect();
-    assert_eq!(
-        flags,
-        [(true, false), (true, false), (false, true), (false, false)]
-    );
+    let (pairs, strays) = find(&field, &stars, STILL, Some(&mut Noise::new(17)));
+    let flags = pairs.iter().map(|(_, at)| (at.edge, at.saturated));
+    let flags: Vec<(bool, bool)> = flags.collect();
+    let edge = (true, false);
+    assert_eq!(flags, [edge, edge, (false, true), (false, false)]);
     assert_eq!(strays, 0);
 }
 
 #[test]
 fn odd_images_do_no_harm() {
-    let settings = DetectorSettings::default();
+    let finds = |field: &Field, pixels: &[u16]| {
+        let detections = detect(&field.image(1, pixels), &DetectorSettings::default());
+        !detections.list().is_empty()
+    };
     for (width, height) in [(1, 1), (1, 70), (70, 1), (3, 2), (33, 65), (0, 0), (0, 5)] {
         let field = Field {
             width,
@@ -261,22 +215,13 @@ fn odd_images_do_no_harm() {
             ..Field::default()
         };
         for value in [0, 100, 4095, 65_535] {
-            let pixels = vec![value; width * height];
-            assert!(
-                detect(&field.image(1, &pixels), &settings)
-                    .list()
-                    .is_empty()
-            );
+            assert!(!finds(&field, &vec![value; width * height]));
         }
         let mut noise = Noise::new(width as u64 + 1);
         let pixels: Vec<u16> = (0..width * height).map(|_| noise.bits() as u16).collect();
-        let _ = detect(&field.image(1, &pixels), &settings);
+        finds(&field, &pixels);
         // A buffer that does not fill the image.
-        assert!(
-            detect(&field.image(1, &vec![0; width * height + 1]), &settings)
-                .list()
-                .is_empty()
-        );
+        assert!(!finds(&field, &vec![0; width * height + 1]));
     }
     // Numbers that no header should hold.
     let pixels = vec![7; 64 * 64];
@@ -294,6 +239,6 @@ fn odd_images_do_no_harm() {
             offset_dn: offset,
             ..Field::default()
         };
-        let _ = detect(&field.image(1, &pixels), &settings);
+        finds(&field, &pixels);
     }
 }

@@ -2,15 +2,12 @@
 
 mod common;
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use common::emulator::Emulator;
-use common::loops::{mission, over_memory};
-use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
-use skyloop_firmware_sim::mission::Mission;
+use common::loops::{computer, fly, on_links, over_memory, within};
+use skyloop_firmware_sim::flight_computer::RunError;
 use skyloop_firmware_sim::port::{Port, PortError};
-use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::{Command, Direction, Fault, FaultKind};
 
@@ -49,19 +46,12 @@ impl<P: Port> Port for Line<P> {
     }
 }
 
-fn fly<P: Port>(
-    links: Vec<(P, Roles)>,
-    mission: Mission,
-    faults: &[Fault],
-) -> Result<Report, RunError> {
-    let computer = FlightComputer::on_links(links, mission).with_faults(faults.to_vec());
-    computer.run(|_| ControlFlow::Continue(()))
-}
-
-fn patient(timeout: Duration, frames: u32) -> Mission {
-    Mission {
-        timeout,
-        ..mission(frames)
+fn line<P: Port>(port: P, name: &'static str, stuck: bool) -> Line<P> {
+    Line {
+        port,
+        name,
+        stuck,
+        packets: usize::MAX,
     }
 }
 
@@ -73,26 +63,21 @@ fn a_line_left_stuck_is_freed_before_the_reset() {
         value: 0.0,
         seconds: 0.0,
     };
-    for (faults, frames) in [(&[off][..], 3), (&[], 0)] {
+    for faults in [vec![off], vec![]] {
         let (port, thread) = over_memory(Emulator::new(|_, _| {}));
-        let line = Line {
-            port,
-            name: "udp://A",
-            stuck: true,
-            packets: usize::MAX,
-        };
-        let timeout = Duration::from_secs(2);
-        let flown = fly(vec![(line, Roles::ALL)], patient(timeout, 3), faults);
+        let computer = computer(
+            line(port, "udp://A", true),
+            within(Duration::from_secs(2), 3),
+        );
+        let flown = fly(computer.with_faults(faults.clone()));
         thread.join().unwrap();
         match flown {
-            Ok(report) => assert_eq!((report.frames, report.lost), (frames, 0)),
+            Ok(report) => assert_eq!((report.frames, report.lost, faults.len()), (3, 0, 1)),
             Err(error) => {
-                assert_eq!(frames, 0, "{error}");
                 let error = error.to_string();
-                assert!(
-                    error.starts_with("udp://A: no answer") && error.contains("--fault stuck:in:0"),
-                    "{error}"
-                );
+                assert!(error.starts_with("udp://A: no answer"), "{error}");
+                assert!(error.contains("--fault stuck:in:0"), "{error}");
+                assert!(faults.is_empty());
             }
         }
     }
@@ -104,20 +89,12 @@ fn of_several_links_the_one_that_does_not_answer_is_named() {
     let links = [("udp://A", "truth"), ("udp://B", "pixels+labels")].map(|(name, roles)| {
         let (port, thread) = over_memory(Emulator::new(|_, _| {}));
         threads.push(thread);
-        let line = Line {
-            port,
-            name,
-            stuck: name == "udp://B",
-            packets: usize::MAX,
-        };
+        let line = line(port, name, name == "udp://B");
         (line, Roles::parse(roles).unwrap())
     });
-    let timeout = Duration::from_secs(2);
-    let error = fly(links.into(), patient(timeout, 3), &[]).unwrap_err();
-    assert!(
-        error.to_string().starts_with("udp://B: no answer"),
-        "{error}"
-    );
+    let flown = fly(on_links(links.into(), within(Duration::from_secs(2), 3)));
+    let error = flown.unwrap_err().to_string();
+    assert!(error.starts_with("udp://B: no answer"), "{error}");
     for thread in threads {
         thread.join().unwrap();
     }
@@ -127,20 +104,16 @@ fn of_several_links_the_one_that_does_not_answer_is_named() {
 fn an_emulator_that_ends_ends_the_run() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let line = Line {
-        port,
-        name: "udp://A",
-        stuck: false,
         packets: 60,
+        ..line(port, "udp://A", false)
     };
     let begin = Instant::now();
-    let mission = patient(Duration::from_millis(500), 100_000);
-    let error = fly(vec![(line, Roles::ALL)], mission, &[]).unwrap_err();
+    let mission = within(Duration::from_millis(500), 100_000);
+    let error = fly(computer(line, mission)).unwrap_err();
     thread.join().unwrap();
     let text = error.to_string();
-    assert!(
-        text.starts_with("udp://A: nothing has come for 1"),
-        "{text}"
-    );
+    let told = text.starts_with("udp://A: nothing has come for 1");
+    assert!(told, "{text}");
     assert!(begin.elapsed() < Duration::from_secs(25));
     let RunError::CutShort { report, .. } = error else {
         panic!("it had begun: {error}");
@@ -154,8 +127,8 @@ fn an_emulator_that_answers_without_frames_is_flown_to_the_end() {
     emulator.swallows = |_, _| true;
     let (port, thread) = over_memory(emulator);
     // Longer than a silence may be.
-    let mission = patient(Duration::from_millis(1500), 8);
-    let report = fly(vec![(port, Roles::ALL)], mission, &[]).unwrap();
+    let mission = within(Duration::from_millis(1500), 8);
+    let report = fly(computer(port, mission)).unwrap();
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (0, 8));
 }

@@ -21,7 +21,6 @@ use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
-use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::verdict::{self, Limits, Suite, UNFINISHED, Verdict, VerdictFile};
@@ -202,7 +201,7 @@ struct Flown {
 /// Runs emulator and flight computer against each other, and writes the frames.
 fn exchange(
     mut server: Server,
-    flight_computer: FlightComputer<impl Port>,
+    flight_computer: FlightComputer,
     writer: Writer,
     (instruments, needs): (&Instruments, Needs),
     interrupted: &AtomicBool,

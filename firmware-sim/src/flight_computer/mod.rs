@@ -43,7 +43,7 @@ const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
 const HURRIED_STATUS_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// The flight computer on one end of a link.
-pub struct FlightComputer<P> {
+pub struct FlightComputer {
     mission: Mission,
     /// Faults that begin before the first attitude.
     faults: Vec<Fault>,
@@ -55,7 +55,7 @@ pub struct FlightComputer<P> {
     control: Option<Control>,
     /// None: frames are taken, and not looked at.
     detector: Option<DetectorSettings>,
-    links: Links<P>,
+    links: Links,
     report: Report,
     /// When the latest attitudes left.
     sent: VecDeque<(u32, Instant)>,
@@ -73,17 +73,17 @@ pub struct FlightComputer<P> {
     silent_attitudes: u32,
 }
 
-impl<P: Port> FlightComputer<P> {
+impl FlightComputer {
     /// A flight computer on one link for all, that has not said anything yet.
     #[must_use]
-    pub fn new(port: P, mission: Mission) -> Self {
+    pub fn new(port: Box<dyn Port + Send>, mission: Mission) -> Self {
         Self::on_links(vec![(port, Roles::ALL)], mission)
     }
 
     /// A flight computer on several links: attitudes leave on the first of role truth, pixels and labels are taken from
     /// whichever bring them.
     #[must_use]
-    pub fn on_links(links: Vec<(P, Roles)>, mission: Mission) -> Self {
+    pub fn on_links(links: Vec<(Box<dyn Port + Send>, Roles)>, mission: Mission) -> Self {
         Self {
             links: Links::new(links, mission.output),
             report: Report {
@@ -208,12 +208,10 @@ impl<P: Port> FlightComputer<P> {
         }
         let (link, unheard) = self.links.unanswered();
         let ends_some = self.faults.iter().any(|fault| fault.value == 0.0);
-        let hint = if unheard {
-            "Nobody listens there"
-        } else if ends_some {
-            IDLE
-        } else {
-            IDLE_OR_STUCK
+        let hint = match (unheard, ends_some) {
+            (true, _) => "Nobody listens there",
+            (false, true) => IDLE,
+            (false, false) => IDLE_OR_STUCK,
         };
         RunError::NoAnswer {
             link,
@@ -224,13 +222,6 @@ impl<P: Port> FlightComputer<P> {
 
     /// What can be known before anything is sent: settings, and the attitude at both ends of a stepped run.
     fn check(&self) -> Result<(), RunError> {
-        let positive = |what, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(RunError::Setting { what, value })
-            }
-        };
         let listens = self.mission.pace == Pace::Listen;
         for (role, has) in [
             ("truth", listens || self.links.any(|roles| roles.truth)),
@@ -265,10 +256,7 @@ impl<P: Port> FlightComputer<P> {
         let remedy = match (self.mission.pace, &self.mission.profile) {
             (Pace::Stepped { .. } | Pace::Listen, _) => "give --wall",
             (_, Profile::Hold(hold)) => {
-                let (what, value) = ("the focal length in pixels", settings.focal_px);
-                if !(value.is_finite() && value > 0.0) {
-                    return Err(RunError::Setting { what, value });
-                }
+                positive("the focal length in pixels", settings.focal_px)?;
                 return Ok(Some(Control::new(settings, *hold, self.mission.start)));
             }
             _ => "give it by --hold x,y,z,w",
@@ -278,10 +266,8 @@ impl<P: Port> FlightComputer<P> {
 
     /// The mission's time so many seconds after its first attitude, by the wall clock.
     fn by_the_clock(&self, seconds: f64) -> Epoch {
-        let waited = self
-            .zero
-            .map(|zero| self.begin.saturating_duration_since(zero));
-        let waited_s = waited.unwrap_or_default().as_secs_f64();
+        let zero = self.zero.unwrap_or(self.begin);
+        let waited_s = self.begin.saturating_duration_since(zero).as_secs_f64();
         self.mission.start + hifitime::Duration::from_seconds(waited_s + seconds)
     }
 
@@ -304,7 +290,6 @@ impl<P: Port> FlightComputer<P> {
         Ok(self.links.send(&Command::Attitude(attitude), time)?)
     }
 
-    /// Number of the latest attitude.
     fn last_sent(&self) -> u32 {
         self.sent.back().map_or(0, |(sequence, _)| *sequence)
     }
@@ -312,11 +297,8 @@ impl<P: Port> FlightComputer<P> {
     /// Detects, then opens the labels and scores.
     fn take(&mut self, frame: &ReceivedFrame, watch: &mut Watch<'_>) -> ControlFlow<()> {
         let sequence = frame.header.attitude_sequence;
-        let sent = self
-            .sent
-            .iter()
-            .rev()
-            .find(|(number, _)| *number == sequence);
+        let mut sent = self.sent.iter().rev();
+        let sent = sent.find(|(number, _)| *number == sequence);
         let latency = sent.map(|(_, at)| frame.last_block.saturating_duration_since(*at));
         self.report.frames += 1;
         if !self.warned
@@ -326,9 +308,9 @@ impl<P: Port> FlightComputer<P> {
             watch(Event::Problem(cause.to_string()))?;
         }
         self.report.timings.add(&frame.end.timing);
-        if let Some(latency) = latency {
-            self.report.latencies.add(latency);
-        }
+        latency
+            .into_iter()
+            .for_each(|latency| self.report.latencies.add(latency));
         let Some(detector) = &self.detector else {
             return watch(Event::Frame {
                 frame,
@@ -360,9 +342,10 @@ impl<P: Port> FlightComputer<P> {
         watch(Event::Frame {
             frame,
             detections: &detections,
-            labels: Some(frame)
-                .filter(|frame| frame.header.label_level == LabelLevel::Text)
-                .and_then(|frame| frame.labels(&detections).ok()),
+            labels: match frame.header.label_level {
+                LabelLevel::Text => frame.labels(&detections).ok(),
+                LabelLevel::None | LabelLevel::Objects => None,
+            },
             score: scored.as_ref().ok(),
             latency,
         })
@@ -467,5 +450,11 @@ impl<P: Port> FlightComputer<P> {
     }
 }
 
-/// The caller's eyes.
 type Watch<'a> = dyn FnMut(Event<'_>) -> ControlFlow<()> + 'a;
+
+fn positive(what: &'static str, value: f64) -> Result<(), RunError> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(()),
+        false => Err(RunError::Setting { what, value }),
+    }
+}

@@ -5,9 +5,8 @@ use std::ops::ControlFlow;
 use super::{FlightComputer, RunError, Watch};
 use crate::event::Event;
 use crate::exchange::Answer;
-use crate::port::Port;
 
-impl<P: Port> FlightComputer<P> {
+impl FlightComputer {
     /// Says what of each frame is wanted, before the first.
     pub(super) fn set_output(
         &mut self,

@@ -8,9 +8,8 @@ use skyloop_protocols::{Reason, apid};
 use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
 use crate::exchange::{Incoming, TICK};
-use crate::port::Port;
 
-impl<P: Port> FlightComputer<P> {
+impl FlightComputer {
     pub(super) fn run_stepped(
         &mut self,
         most_hz: Option<f64>,

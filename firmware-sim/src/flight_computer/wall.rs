@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
 use crate::exchange::Incoming;
-use crate::port::Port;
 use skyloop_protocols::{Command, WireTime};
 
 /// So many packets at most are taken, of those that wait, before an attitude that is due.
@@ -21,7 +20,7 @@ pub struct Pause {
     pub lasts: Duration,
 }
 
-impl<P: Port> FlightComputer<P> {
+impl FlightComputer {
     pub(super) fn run_wall(
         &mut self,
         rate_hz: Option<f64>,

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-/// The pieces of one kind.
 #[derive(Debug)]
 pub(super) struct Arrivals {
     pieces: Vec<Piece>,
@@ -35,7 +34,6 @@ impl Arrivals {
         }
     }
 
-    /// How many have not come.
     pub(super) fn missing(&self) -> usize {
         self.missing
     }

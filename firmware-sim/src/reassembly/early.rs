@@ -16,7 +16,6 @@ struct Headless {
     packets: Vec<Vec<u8>>,
 }
 
-/// Frames without a header, the oldest first.
 #[derive(Debug, Default)]
 pub(super) struct Early {
     frames: VecDeque<Headless>,

@@ -63,20 +63,12 @@ pub struct AssemblyCounts {
 impl AssemblyCounts {
     /// Adds those of another link.
     pub(crate) fn add_all(&mut self, other: &Self) {
-        let Self {
-            duplicates,
-            out_of_order,
-            refused,
-            bad_pixels,
-            incomplete,
-            recovered,
-        } = other;
-        self.duplicates += duplicates;
-        self.out_of_order += out_of_order;
-        self.refused += refused;
-        self.bad_pixels += bad_pixels;
-        self.incomplete += incomplete;
-        self.recovered += recovered;
+        self.duplicates += other.duplicates;
+        self.out_of_order += other.out_of_order;
+        self.refused += other.refused;
+        self.bad_pixels += other.bad_pixels;
+        self.incomplete += other.incomplete;
+        self.recovered += other.recovered;
     }
 }
 
@@ -108,63 +100,46 @@ pub struct Demand {
     pub packets: usize,
 }
 
+/// Why a frame packet is no use.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
+pub enum AssemblyError {
+    #[error("frame {frame}: {what} is {asked}, at most {limit} are taken")]
+    TooLarge {
+        frame: u32,
+        what: &'static str,
+        asked: usize,
+        limit: usize,
+    },
+    #[error("frame {frame}: {what} {number} does not fit the frame's header")]
+    Contradiction {
+        frame: u32,
+        what: &'static str,
+        number: u32,
+    },
+    #[error(
+        "frame {frame}: the pixels' CRC-32 is {found:#010x}, its FrameEnd says {expected:#010x}"
+    )]
+    BadPixels {
+        frame: u32,
+        found: u32,
+        expected: u32,
+    },
+    #[error("frame {frame}: compressed block {block} begins at pixel {first}, not at {expected}")]
+    Gap {
+        frame: u32,
+        block: u32,
+        first: u32,
+        expected: u32,
+    },
+}
+
 impl AssemblyError {
     /// Whether all of a frame came, and is no use.
     #[must_use]
     pub fn is_damaged_frame(&self) -> bool {
         matches!(self, Self::BadPixels { .. } | Self::Gap { .. })
     }
-}
-
-/// Why a frame packet is no use.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum AssemblyError {
-    /// More than the receiver has memory for.
-    #[error("frame {frame}: {what} is {asked}, at most {limit} are taken")]
-    TooLarge {
-        /// The frame's number.
-        frame: u32,
-        /// What is too large.
-        what: &'static str,
-        /// How large it is.
-        asked: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// A packet that does not fit the header of its frame.
-    #[error("frame {frame}: {what} {number} does not fit the frame's header")]
-    Contradiction {
-        /// The frame's number.
-        frame: u32,
-        /// The packet's kind.
-        what: &'static str,
-        /// The packet's number within the frame.
-        number: u32,
-    },
-    /// All blocks came, but they are not the pixels that were sent.
-    #[error(
-        "frame {frame}: the pixels' CRC-32 is {found:#010x}, its FrameEnd says {expected:#010x}"
-    )]
-    BadPixels {
-        /// The frame's number.
-        frame: u32,
-        /// CRC-32 of the received pixels.
-        found: u32,
-        /// CRC-32 in the FrameEnd.
-        expected: u32,
-    },
-    /// All compressed blocks came, but they leave pixels out or overlap.
-    #[error("frame {frame}: compressed block {block} begins at pixel {first}, not at {expected}")]
-    Gap {
-        /// The frame's number.
-        frame: u32,
-        /// The block's number within the frame.
-        block: u32,
-        /// Its first pixel.
-        first: u32,
-        /// The pixel after those of the block before.
-        expected: u32,
-    },
 }
 
 /// What came so far of a frame.
@@ -210,11 +185,11 @@ impl Assembler {
         self.counts
     }
 
-    /// Takes one packet that came `now` and what it was decoded to; gives the frame that it completes. Replies that do not belong to a
-    /// frame change nothing.
+    /// Takes one packet that came `now`, and its decoded reply; gives the frame that it completes. Replies that do not belong
+    /// to a frame change nothing.
     ///
     /// # Errors
-    /// [`AssemblyError`]: the packet, or the finished frame, is of no use. Both are counted; the next packet is welcome.
+    /// [`AssemblyError`]: the packet, or the finished frame, is of no use; that is counted.
     pub fn accept(
         &mut self,
         packet: &[u8],
@@ -248,10 +223,7 @@ impl Assembler {
                 Ok(())
             }
         };
-        if taken.is_err() {
-            self.counts.refused += 1;
-        }
-        taken?;
+        taken.inspect_err(|_| self.counts.refused += 1)?;
         self.finish(frame)
     }
 
@@ -351,18 +323,6 @@ impl Assembler {
         now: Instant,
     ) -> Result<(), AssemblyError> {
         let frame = header.frame;
-        let within = |what, asked: usize, limit: usize| {
-            if asked <= limit {
-                Ok(())
-            } else {
-                Err(AssemblyError::TooLarge {
-                    frame,
-                    what,
-                    asked,
-                    limit,
-                })
-            }
-        };
         let size = usize::from(header.window_size);
         let (what, pixels) = match header.pixel_level {
             PixelLevel::None => ("width * height", 0),
@@ -374,12 +334,20 @@ impl Assembler {
                 ("width * height", header.pixels() as usize)
             }
         };
-        within(what, pixels, self.limits.pixels)?;
-        within(
-            "label text",
-            header.label_bytes as usize,
-            self.limits.label_bytes,
-        )?;
+        let labels = header.label_bytes as usize;
+        for (what, asked, limit) in [
+            (what, pixels, self.limits.pixels),
+            ("label text", labels, self.limits.label_bytes),
+        ] {
+            if asked > limit {
+                return Err(AssemblyError::TooLarge {
+                    frame,
+                    what,
+                    asked,
+                    limit,
+                });
+            }
+        }
         if self.under_way.len() >= UNDER_WAY
             && let Some(oldest) = self.under_way.pop_front()
         {
@@ -404,10 +372,8 @@ impl Assembler {
 
     fn finish(&mut self, frame: u32) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let whole = |partial: &Partial| partial.header.frame == frame && partial.is_whole();
-        let Some(place) = self.under_way.iter().position(whole) else {
-            return Ok(None);
-        };
-        let Some(partial) = self.under_way.remove(place) else {
+        let place = self.under_way.iter().position(whole);
+        let Some(partial) = place.and_then(|place| self.under_way.remove(place)) else {
             return Ok(None);
         };
         self.remember(&partial);

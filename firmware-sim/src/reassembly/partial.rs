@@ -2,7 +2,6 @@
 //!
 //! Its packets are numbered: the header is 0, then come those with pixels, those with labels, and its end.
 
-use std::ops::Range;
 use std::time::Instant;
 
 use skyloop_protocols::crc::Crc32;
@@ -57,15 +56,6 @@ pub(super) struct Memory {
 fn places<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
     memory.resize(count, T::default());
     memory
-}
-
-/// A part of the labels, of either kind.
-struct Part<'a> {
-    level: LabelLevel,
-    part: u16,
-    parts: u16,
-    offset: usize,
-    octets: &'a [u8],
 }
 
 impl AssemblyCounts {
@@ -127,39 +117,25 @@ impl Partial {
                 Ok(())
             }
             Reply::PixelBlock(block) => {
-                self.take_pixels("pixel block", block.index, counts, |frame| {
-                    frame.place_block(block).then_some(block.data.len())
-                })
+                let place = |frame: &mut Self| frame.place_block(block);
+                self.take_pixels("pixel block", block.index, block.data, counts, place)
             }
-            Reply::Windows(block) => self.take_pixels("windows", block.index, counts, |frame| {
-                frame.place_windows(block).then_some(block.data.len())
-            }),
+            Reply::Windows(block) => {
+                let place = |frame: &mut Self| frame.place_windows(block);
+                self.take_pixels("windows", block.index, block.data, counts, place)
+            }
             Reply::Compressed(block) => {
-                self.take_pixels("compressed block", block.index, counts, |frame| {
-                    frame.place_compressed(block).then_some(block.data.len())
-                })
+                let place = |frame: &mut Self| frame.place_compressed(block);
+                self.take_pixels("compressed block", block.index, block.data, counts, place)
             }
             Reply::Labels(part) => {
-                let offset = part.offset();
-                let part = Part {
-                    level: LabelLevel::Text,
-                    part: part.part,
-                    parts: part.parts,
-                    offset,
-                    octets: part.text,
-                };
-                self.take_labels(&part, counts)
+                let number = (part.part, part.parts);
+                self.take_labels(LabelLevel::Text, number, part.offset(), part.text, counts)
             }
             Reply::Objects(part) => {
                 let offset = usize::from(part.part) * OBJECTS_PER_PART * OBJECT_LENGTH;
-                let part = Part {
-                    level: LabelLevel::Objects,
-                    part: part.part,
-                    parts: part.parts,
-                    offset,
-                    octets: part.data,
-                };
-                self.take_labels(&part, counts)
+                let number = (part.part, part.parts);
+                self.take_labels(LabelLevel::Objects, number, offset, part.data, counts)
             }
             Reply::FrameEnd(end) => self.take_end(end, counts),
             // Not of a frame.
@@ -175,28 +151,26 @@ impl Partial {
         }
     }
 
-    /// Books a packet with pixels; `place` puts them where they belong and says how many octets they were.
+    /// Books a packet with pixels; `place` puts them where they belong, if they fit.
     fn take_pixels(
         &mut self,
         what: &'static str,
         index: u32,
+        data: &[u8],
         counts: &mut AssemblyCounts,
-        place: impl FnOnce(&mut Self) -> Option<usize>,
+        place: impl FnOnce(&mut Self) -> bool,
     ) -> Result<(), AssemblyError> {
         let refused = self.contradiction(what, index);
         match self.blocks.state(index as usize) {
-            None => Err(refused),
-            Some(true) => {
-                counts.duplicates += 1;
-                Ok(())
-            }
-            Some(false) => {
-                self.pixel_octets += place(self).ok_or(refused)? as u64;
+            Some(true) => counts.duplicates += 1,
+            Some(false) if place(self) => {
+                self.pixel_octets += data.len() as u64;
                 counts.add(&self.blocks.book(index as usize));
                 self.last_block = self.now;
-                Ok(())
             }
+            _ => return Err(refused),
         }
+        Ok(())
     }
 
     fn place_block(&mut self, block: &PixelBlock<'_>) -> bool {
@@ -236,10 +210,7 @@ impl Partial {
 
     fn place_compressed(&mut self, block: &CompressedBlock<'_>) -> bool {
         let (first, count) = (block.first_pixel as usize, usize::from(block.count));
-        let pixels = self
-            .pixels
-            .get_mut(first..)
-            .and_then(|p| p.get_mut(..count));
+        let pixels = self.pixels.get_mut(first..first.saturating_add(count));
         let span = self.spans.get_mut(block.index as usize);
         let (Some(pixels), Some(span)) = (pixels, span) else {
             return false;
@@ -250,26 +221,25 @@ impl Partial {
 
     fn take_labels(
         &mut self,
-        part: &Part<'_>,
+        level: LabelLevel,
+        (part, parts): (u16, u16),
+        offset: usize,
+        octets: &[u8],
         counts: &mut AssemblyCounts,
     ) -> Result<(), AssemblyError> {
-        let refused = self.contradiction("label part", part.part.into());
-        let end = part.offset + part.octets.len();
-        let is_last = part.part.checked_add(1) == Some(part.parts);
-        if part.level != self.header.label_level
-            || part.parts != self.header.label_parts
-            || is_last != (end == self.labels.len())
-        {
+        let refused = self.contradiction("label part", part.into());
+        let end = offset + octets.len();
+        let is_last = part.checked_add(1) == Some(parts);
+        let due = (self.header.label_level, self.header.label_parts);
+        if (level, parts) != due || is_last != (end == self.labels.len()) {
             return Err(refused);
         }
-        match (
-            self.parts.state(usize::from(part.part)),
-            self.labels.get_mut(part.offset..end),
-        ) {
+        let part = usize::from(part);
+        match (self.parts.state(part), self.labels.get_mut(offset..end)) {
             (Some(true), _) => counts.duplicates += 1,
             (Some(false), Some(place)) => {
-                place.copy_from_slice(part.octets);
-                counts.add(&self.parts.book(usize::from(part.part)));
+                place.copy_from_slice(octets);
+                counts.add(&self.parts.book(part));
                 if self.header.blocks == 0 {
                     self.last_block = self.now;
                 }
@@ -322,33 +292,23 @@ impl Partial {
         };
         self.gap = None;
         let mut runs = Vec::new();
-        let mut left = (demand.runs, demand.packets);
-        let mut collect = |found: Vec<Range<usize>>, before: usize| {
-            for run in found {
-                left = (left.0.saturating_sub(1), left.1.saturating_sub(run.len()));
+        let mut left = demand.packets;
+        for (arrivals, before) in [
+            (&mut self.blocks, 0),
+            (&mut self.parts, blocks),
+            (&mut self.ends, before_end),
+        ] {
+            let most_runs = demand.runs.saturating_sub(runs.len());
+            let end = end.saturating_sub(before);
+            for run in arrivals.ask(end, demand.again, most_runs, left) {
+                left = left.saturating_sub(run.len());
                 runs.push(Run {
                     frame: self.header.frame,
-                    first: (before + run.start) as u32,
+                    first: (1 + before + run.start) as u32,
                     count: run.len() as u32,
                 });
             }
-            left
-        };
-        let (most_runs, most) = collect(
-            self.blocks
-                .ask(end, demand.again, demand.runs, demand.packets),
-            1,
-        );
-        let labels = end.saturating_sub(blocks);
-        let (most_runs, most) = collect(
-            self.parts.ask(labels, demand.again, most_runs, most),
-            1 + blocks,
-        );
-        let ends = end.saturating_sub(before_end);
-        collect(
-            self.ends.ask(ends, demand.again, most_runs, most),
-            1 + before_end,
-        );
+        }
         runs
     }
 
@@ -384,26 +344,20 @@ impl Partial {
             PixelLevel::None => Content::None,
             PixelLevel::Windows => Content::Windows(self.windows),
             PixelLevel::Frame | PixelLevel::Compressed => {
+                // A block that begins where the frame ends stands for the end.
+                let last = (!self.spans.is_empty()).then_some((self.header.pixels(), 0));
+                let spans = self.spans.iter().copied().chain(last);
                 let mut expected = 0;
-                for (block, (first, count)) in (0..).zip(&self.spans) {
-                    if *first != expected {
+                for (block, (first, count)) in (0..).zip(spans) {
+                    if first != expected {
                         return Err(AssemblyError::Gap {
                             frame,
                             block,
-                            first: *first,
+                            first,
                             expected,
                         });
                     }
                     expected += count;
-                }
-                let blocks = self.header.blocks;
-                if !self.spans.is_empty() && expected != self.header.pixels() {
-                    return Err(AssemblyError::Gap {
-                        frame,
-                        block: blocks,
-                        first: self.header.pixels(),
-                        expected,
-                    });
                 }
                 let crc32 = end.pixels_crc32;
                 let found = Crc32::new().update_pixels(&self.pixels).finish();

@@ -12,8 +12,7 @@ use skyloop_protocols::{
     PixelLevel, Reason, Reply, Status, SyncState, Timing, WireTime, Withheld,
 };
 
-use super::levels::Exposed;
-use super::wire::{Sender, now};
+use super::wire::{Exposed, Sender, now};
 use super::{Field, Noise, Star};
 
 /// What the small emulator does to the packets of the frame of one attitude.
@@ -114,9 +113,8 @@ impl Emulator {
                 out.push(self.refuse(&header, Reason::TimeBackwards, "as the test asks"));
             }
             Command::Attitude(attitude) => {
-                let before = self.attitudes.iter();
                 let same = |(_, other): &&(Header, Attitude)| other.sequence == attitude.sequence;
-                let copy = before.filter(same).count();
+                let copy = self.attitudes.iter().filter(same).count();
                 self.attitudes.push((header, attitude));
                 if (self.swallows)(copy, attitude.sequence) {
                     return out;
@@ -141,14 +139,13 @@ impl Emulator {
                 self.kept.clear();
                 out.push(self.sender.reply(&ack, now()));
             }
-            Command::Output(output) => {
-                if let Some(why) = self.refuses_output {
-                    out.push(self.refuse(&header, Reason::ValueOutOfRange, why));
-                } else {
+            Command::Output(output) => match self.refuses_output {
+                Some(why) => out.push(self.refuse(&header, Reason::ValueOutOfRange, why)),
+                None => {
                     self.output = output;
                     out.push(self.sender.reply(&ack, now()));
                 }
-            }
+            },
             Command::Fault(_) if self.refuses_faults => {
                 out.push(self.refuse(&header, Reason::NotSupported, "no faults here"));
             }
@@ -222,8 +219,7 @@ impl Emulator {
     fn frame(&mut self, command: &Header) -> Vec<Vec<u8>> {
         let (field, frame) = (self.field, self.frames);
         self.frames += 1;
-        let sequences = self.attitudes.last().map(|(_, latest)| latest.sequence);
-        let attitude = sequences.unwrap();
+        let attitude = self.attitudes.last().unwrap().1.sequence;
         let mut noise = Noise::new(u64::from(attitude) + 100);
         let stars = match self.focal_px {
             None => field.grid(16, 4000.0, &mut noise),
@@ -231,11 +227,8 @@ impl Emulator {
         };
         let pixels = field.expose(&field.electrons(&stars, (0.0, 0.0)), &mut noise);
         let exposed = Exposed {
-            field: &field,
-            frame,
             attitude,
-            stars: &stars,
-            pixels: &pixels,
+            ..Exposed::new(field, frame, stars, pixels)
         };
         let mut output = self.output;
         if !self.brings.0 {
@@ -259,10 +252,7 @@ impl Emulator {
             UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
         };
         let turned = at(self.attitudes.len() - 1) * at(0).inverse();
-        let (x0, y0) = (
-            (self.field.width as f64 - 1.0) / 2.0,
-            (self.field.height as f64 - 1.0) / 2.0,
-        );
+        let [x0, y0] = [self.field.width, self.field.height].map(|end| (end as f64 - 1.0) / 2.0);
         let stars = self.field.grid(16, 4000.0, &mut Noise::new(1));
         let shown = stars.into_iter().map(|star| {
             let from = Vector3::new((star.x - x0) / focal_px, (star.y - y0) / focal_px, 1.0);

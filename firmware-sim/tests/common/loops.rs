@@ -1,22 +1,61 @@
-//! A mission, and an emulator in a thread to fly it against.
+//! A mission, emulators in threads, and flights against them.
 
-use std::sync::mpsc::{Receiver, Sender as Tx, channel};
+use std::net::UdpSocket;
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{JoinHandle, spawn};
 use std::time::Duration;
 
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::port::ChannelPort;
+use skyloop_firmware_sim::port::{Port, PortError};
 use skyloop_firmware_sim::profile::Profile;
+use skyloop_firmware_sim::report::Report;
+use skyloop_firmware_sim::roles::Roles;
 use skyloop_orbit::StateVector;
 
 use super::emulator::Emulator;
 
+/// Packets through memory, between two threads.
+pub struct ChannelPort {
+    pub to_emulator: Sender<Vec<u8>>,
+    pub from_emulator: Receiver<Vec<u8>>,
+}
+
+impl ChannelPort {
+    /// A port, and the emulator's ends.
+    pub fn new() -> (Self, Receiver<Vec<u8>>, Sender<Vec<u8>>) {
+        let (to_emulator, inbound) = channel();
+        let (outbound, from_emulator) = channel();
+        let port = Self {
+            to_emulator,
+            from_emulator,
+        };
+        (port, inbound, outbound)
+    }
+}
+
+impl Port for ChannelPort {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        let sent = self.to_emulator.send(packet.to_vec());
+        sent.map_err(|_| PortError::Closed)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        match self.from_emulator.recv_timeout(timeout) {
+            Ok(packet) => Ok(Some(packet)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(PortError::Closed),
+        }
+    }
+}
+
 /// Runs an emulator in a thread until the flight computer hangs up; gives it back then.
 pub fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>) {
-    let (to_emulator, inbound): (_, Receiver<Vec<u8>>) = channel();
-    let (outbound, from_emulator): (Tx<Vec<u8>>, _) = channel();
+    let (port, inbound, outbound) = ChannelPort::new();
     let thread = spawn(move || {
         for packet in inbound {
             for answer in emulator.answer(&packet) {
@@ -26,7 +65,27 @@ pub fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>
         }
         emulator
     });
-    (ChannelPort::new(to_emulator, from_emulator), thread)
+    (port, thread)
+}
+
+/// The same on UDP, by its address; it ends when nothing has come for so long.
+pub fn over_udp(
+    mut emulator: Emulator,
+    patience: Duration,
+) -> (std::net::SocketAddr, JoinHandle<Emulator>) {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = socket.local_addr().unwrap();
+    socket.set_read_timeout(Some(patience)).unwrap();
+    let thread = spawn(move || {
+        let mut buffer = [0; 2048];
+        while let Ok((length, client)) = socket.recv_from(&mut buffer) {
+            for answer in emulator.answer(&buffer[..length]) {
+                socket.send_to(&answer, client).unwrap();
+            }
+        }
+        emulator
+    });
+    (address, thread)
 }
 
 pub fn start() -> Epoch {
@@ -54,4 +113,47 @@ pub fn mission(frames: u32) -> Mission {
         output: None,
         positions: None,
     }
+}
+
+/// A mission that waits so long for its frames.
+pub fn within(timeout: Duration, frames: u32) -> Mission {
+    Mission {
+        timeout,
+        ..mission(frames)
+    }
+}
+
+/// A mission by the wall clock.
+pub fn by_wall(rate_hz: f64, frames: u32) -> Mission {
+    Mission {
+        pace: Pace::Wall { rate_hz },
+        ..mission(frames)
+    }
+}
+
+/// A flight computer on one link.
+pub fn computer(port: impl Port + Send + 'static, mission: Mission) -> FlightComputer {
+    FlightComputer::new(Box::new(port), mission)
+}
+
+/// A flight computer on several links.
+pub fn on_links<P: Port + Send + 'static>(
+    links: Vec<(P, Roles)>,
+    mission: Mission,
+) -> FlightComputer {
+    let links = links.into_iter();
+    let links = links.map(|(port, roles)| (Box::new(port) as Box<dyn Port + Send>, roles));
+    FlightComputer::on_links(links.collect(), mission)
+}
+
+/// Flies to the end and prints all that goes wrong, and the report.
+pub fn fly(computer: FlightComputer) -> Result<Report, RunError> {
+    let report = computer.run(|event| {
+        if !matches!(event, Event::Frame { .. } | Event::Tick | Event::Progress) {
+            println!("{event:?}");
+        }
+        ControlFlow::Continue(())
+    })?;
+    println!("{report}");
+    Ok(report)
 }

@@ -3,7 +3,6 @@
 #![allow(dead_code, reason = "each test file uses its share")]
 
 pub mod emulator;
-pub mod levels;
 pub mod loops;
 pub mod lossy;
 pub mod slow;
@@ -34,20 +33,22 @@ pub struct Field {
 
 impl Default for Field {
     fn default() -> Self {
-        Self {
-            width: 256,
-            height: 256,
-            psf_px: 0.7,
-            background_e: 40.0,
-            read_noise_e: 8.0,
-            gain_e_per_dn: 4.0,
-            offset_dn: 100.0,
-            bits: 12,
-        }
+        Self::USUAL
     }
 }
 
 impl Field {
+    pub const USUAL: Self = Self {
+        width: 256,
+        height: 256,
+        psf_px: 0.7,
+        background_e: 40.0,
+        read_noise_e: 8.0,
+        gain_e_per_dn: 4.0,
+        offset_dn: 100.0,
+        bits: 12,
+    };
+
     pub fn full_scale_dn(&self) -> u16 {
         u16::MAX >> (16 - self.bits)
     }
@@ -57,14 +58,11 @@ impl Field {
         let mut electrons = vec![self.background_e; self.width * self.height];
         let steps = (8.0 * dx.hypot(dy)).ceil().max(1.0);
         for star in stars {
+            let light = star.electrons / steps;
             for step in 0..steps as usize {
                 let along = (step as f64 + 0.5) / steps - 0.5;
-                self.add(
-                    &mut electrons,
-                    star.x + along * dx,
-                    star.y + along * dy,
-                    star.electrons / steps,
-                );
+                let (x, y) = (star.x + along * dx, star.y + along * dy);
+                self.add(&mut electrons, x, y, light);
             }
         }
         electrons
@@ -116,20 +114,15 @@ impl Field {
             height: 33,
             ..*self
         };
-        let alone = small.electrons(
-            &[Star {
-                x: 16.0 + star.x.fract(),
-                y: 16.0 + star.y.fract(),
-                ..star
-            }],
-            (0.0, 0.0),
-        );
+        let middle = Star {
+            x: 16.0 + star.x.fract(),
+            y: 16.0 + star.y.fract(),
+            ..star
+        };
+        let alone = small.electrons(&[middle], (0.0, 0.0));
         let variance = |s: f64| s + self.background_e + self.read_noise_e.powi(2);
-        alone
-            .iter()
-            .map(|s| s * s / variance(*s))
-            .sum::<f64>()
-            .sqrt()
+        let squares = alone.iter().map(|s| s * s / variance(*s));
+        squares.sum::<f64>().sqrt()
     }
 
     /// Stars on a jittered grid, all of the same light: isolated from each other and from the frame's edge.
@@ -137,10 +130,7 @@ impl Field {
         let mut stars = Vec::new();
         for row in (spacing..self.height - spacing / 2).step_by(spacing) {
             for column in (spacing..self.width - spacing / 2).step_by(spacing) {
-                let (x, y) = (
-                    column as f64 + noise.uniform() - 0.5,
-                    row as f64 + noise.uniform() - 0.5,
-                );
+                let [x, y] = [column, row].map(|at| at as f64 + noise.uniform() - 0.5);
                 stars.push(Star { x, y, electrons });
             }
         }
@@ -154,17 +144,14 @@ fn pixel_share(d: f64, sigma: f64) -> f64 {
     let density =
         |t: f64| (-0.5 * (t / sigma).powi(2)).exp() / (sigma * (2.0 * std::f64::consts::PI).sqrt());
     let h = 1.0 / INTERVALS as f64;
-    let sum: f64 = (0..=INTERVALS)
-        .map(|i| {
-            let weight = if i == 0 || i == INTERVALS {
-                1.0
-            } else {
-                2.0 + 2.0 * (i % 2) as f64
-            };
-            weight * density(d - 0.5 + i as f64 * h)
-        })
-        .sum();
-    sum * h / 3.0
+    let term = |i: usize| {
+        let weight = match i {
+            0 | INTERVALS => 1.0,
+            _ => 2.0 + 2.0 * (i % 2) as f64,
+        };
+        weight * density(d - 0.5 + i as f64 * h)
+    };
+    (0..=INTERVALS).map(term).sum::<f64>() * h / 3.0
 }
 
 /// Xorshift numbers: the same ones on every machine.
