@@ -41,7 +41,6 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
         "can",
         "cause",
         "serial",
-        "signed_times",
         "udp",
     ],
     &["link", "profile", "signal", "timings"],

@@ -129,19 +129,10 @@ pub struct Totals {
     pub compared: u32,
     /// Frames whose labels could not be read.
     pub unscored: u32,
-    residuals_px: Vec<[f64; 2]>,
+    pub(crate) residuals_px: Vec<[f64; 2]>,
 }
 
 impl Totals {
-    /// Those of frames with these residuals alone.
-    #[cfg(test)]
-    pub(crate) fn with_residuals(residuals_px: Vec<[f64; 2]>) -> Self {
-        Self {
-            residuals_px,
-            ..Self::default()
-        }
-    }
-
     /// Adds a frame.
     pub fn add(&mut self, score: &Score) {
         self.compared += u32::from(score.is_compared);
@@ -151,13 +142,10 @@ impl Totals {
         self.matched += score.matches.len() as u64;
         self.missed += score.missed.len() as u64;
         self.false_detections += score.false_detections as u64;
-        let counted = score
-            .matches
-            .iter()
-            .filter(|m| m.counts())
-            .map(|m| [m.dx_px, m.dy_px]);
+        let room = RESIDUALS_KEPT.saturating_sub(self.residuals_px.len());
+        let counted = score.matches.iter().filter(|m| m.counts()).take(room);
         self.residuals_px
-            .extend(counted.take(RESIDUALS_KEPT.saturating_sub(self.residuals_px.len())));
+            .extend(counted.map(|m| [m.dx_px, m.dy_px]));
     }
 
     /// Residuals between detections and labels, over those that count ([`crate::score::Match::counts`]); `None` if there
@@ -165,21 +153,18 @@ impl Totals {
     #[must_use]
     pub fn residual(&self) -> Option<Residual> {
         let count = self.residuals_px.len();
-        let mean = |value: &dyn Fn(&[f64; 2]) -> f64| {
-            self.residuals_px.iter().map(value).sum::<f64>() / count as f64
-        };
-        let mut distances: Vec<f64> = self
-            .residuals_px
-            .iter()
-            .map(|[x, y]| libm::hypot(*x, *y))
-            .collect();
+        let residuals = self.residuals_px.iter();
+        let mean =
+            |value: fn(&[f64; 2]) -> f64| residuals.clone().map(value).sum::<f64>() / count as f64;
+        let distances = residuals.clone().map(|[x, y]| libm::hypot(*x, *y));
+        let mut distances: Vec<f64> = distances.collect();
         distances.sort_by(f64::total_cmp);
         Some(Residual {
             count,
             // By nearest rank; none without any.
             median_px: *distances.get(count.div_ceil(2).saturating_sub(1))?,
-            rms_px: mean(&|[x, y]| x * x + y * y).sqrt(),
-            bias_px: [mean(&|[x, _]| *x), mean(&|[_, y]| *y)],
+            rms_px: mean(|[x, y]| x * x + y * y).sqrt(),
+            bias_px: [mean(|[x, _]| *x), mean(|[_, y]| *y)],
         })
     }
 }
@@ -200,66 +185,64 @@ pub struct Residual {
 impl fmt::Display for Report {
     /// A short table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let totals = &self.totals;
-        write!(
-            f,
-            "frames           {} of {} whole, {} lost",
-            self.frames, self.requested, self.lost
-        )?;
+        let Self {
+            frames,
+            requested,
+            lost,
+            refused,
+            late,
+            octets,
+            timings,
+            contents,
+            totals,
+            nack_count,
+            ..
+        } = self;
         writeln!(
             f,
-            ", {} refused, {} after their time-out",
-            self.refused, self.late
+            "frames           {frames} of {requested} whole, {lost} lost, {refused} refused, {late} after their time-out"
         )?;
-        let latency_ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);
-        if let (Some(p50), Some(p99), Some(max)) =
-            (latency_ms(0.5), latency_ms(0.99), latency_ms(1.0))
-        {
+        let ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);
+        if let (Some(p50), Some(p99), Some(max)) = (ms(0.5), ms(0.99), ms(1.0)) {
             writeln!(
                 f,
                 "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
-        write!(f, "{}", self.timings)?;
-        writeln!(
-            f,
-            "received         {} octets{}",
-            self.octets, self.contents
-        )?;
-        writeln!(
-            f,
-            "visible labels   {} stars, {} RSOs",
-            totals.stars, totals.rsos
-        )?;
-        write!(
-            f,
-            "detections       {}: {} matched",
-            totals.detections, totals.matched
-        )?;
-        writeln!(
-            f,
-            ", {} false; {} bright labels missed",
-            totals.false_detections, totals.missed
-        )?;
-        match totals.residual() {
-            Some(Residual {
-                count,
-                rms_px,
-                median_px,
-                bias_px: [x, y],
-            }) => writeln!(
-                f,
-                "residual         rms {rms_px:.3} px, median {median_px:.3} px, bias {x:+.3} {y:+.3} px \
-                 ({count} isolated, unsaturated objects)"
-            )?,
-            None => writeln!(
-                f,
-                "residual         none: no isolated, unsaturated object was matched"
-            )?,
-        }
+        writeln!(f, "{timings}received         {octets} octets{contents}")?;
+        write!(f, "{totals}")?;
         if let Some(control) = &self.control {
             write!(f, "{control}")?;
         }
+        self.write_packets(f)?;
+        if totals.unscored > 0 {
+            let frames = totals.unscored;
+            writeln!(f, "labels           unreadable in {frames} frames")?;
+        }
+        writeln!(f, "refusals         {nack_count}")?;
+        for nack in self.nacks.iter().take(5) {
+            writeln!(f, "  {nack}")?;
+        }
+        if let Some(status) = &self.status {
+            let counters = status.counters.iter().filter(|(_, value)| *value > 0);
+            let counters: Vec<String> = counters.map(|(name, n)| format!("{name} {n}")).collect();
+            let head = if counters.is_empty() {
+                ""
+            } else {
+                "emulator counts  "
+            };
+            writeln!(f, "{head}{}", counters.join(", "))?;
+        }
+        match &self.warning {
+            Some(warning) => writeln!(f, "warning          {warning}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Report {
+    /// The lines about packets.
+    fn write_packets(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let AssemblyCounts {
             duplicates,
             out_of_order,
@@ -268,15 +251,11 @@ impl fmt::Display for Report {
             incomplete,
             recovered,
         } = self.assembly;
-        write!(
-            f,
-            "packets          {} missing, {duplicates} repeated, {out_of_order} out of order",
-            self.missing_packets
-        )?;
+        let (missing, damaged) = (self.missing_packets, self.undecodable + self.dropped);
         writeln!(
             f,
-            ", {} damaged, {refused} contradictory or early; {bad_pixels} frames damaged, {incomplete} incomplete",
-            self.undecodable + self.dropped
+            "packets          {missing} missing, {duplicates} repeated, {out_of_order} out of order, {damaged} damaged, \
+             {refused} contradictory or early; {bad_pixels} frames damaged, {incomplete} incomplete"
         )?;
         let RecoveryCounts {
             asked,
@@ -286,48 +265,47 @@ impl fmt::Display for Report {
             damaged,
         } = self.recovery;
         if self.recovery != RecoveryCounts::default() {
-            write!(
-                f,
-                "asked again      {asked} times, {recovered} packets came; {attitudes} attitudes sent again"
-            )?;
             writeln!(
                 f,
-                ", {duplicates} duplicate frames; {refused} too late, {damaged} damaged on the way there"
+                "asked again      {asked} times, {recovered} packets came; {attitudes} attitudes sent again, \
+                 {duplicates} duplicate frames; {refused} too late, {damaged} damaged on the way there"
             )?;
         }
-        if totals.unscored > 0 {
-            writeln!(
+        Ok(())
+    }
+}
+
+impl fmt::Display for Totals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            stars,
+            rsos,
+            detections,
+            matched,
+            missed,
+            false_detections,
+            ..
+        } = self;
+        writeln!(
+            f,
+            "visible labels   {stars} stars, {rsos} RSOs\n\
+             detections       {detections}: {matched} matched, {false_detections} false; {missed} bright labels missed"
+        )?;
+        match self.residual() {
+            Some(Residual {
+                count,
+                rms_px,
+                median_px,
+                bias_px: [x, y],
+            }) => writeln!(
                 f,
-                "labels           unreadable in {} frames",
-                totals.unscored
-            )?;
-        }
-        writeln!(f, "refusals         {}", self.nack_count)?;
-        for nack in self.nacks.iter().take(5) {
-            writeln!(f, "  {nack}")?;
-        }
-        let counters = self
-            .status
-            .iter()
-            .flat_map(|status| status.counters.iter())
-            .filter(|(_, value)| *value > 0);
-        for (index, (name, value)) in counters.enumerate() {
-            write!(
+                "residual         rms {rms_px:.3} px, median {median_px:.3} px, bias {x:+.3} {y:+.3} px \
+                 ({count} isolated, unsaturated objects)"
+            ),
+            None => writeln!(
                 f,
-                "{}{name} {value}",
-                if index == 0 {
-                    "emulator counts  "
-                } else {
-                    ", "
-                }
-            )?;
-        }
-        if self.status.is_some() {
-            writeln!(f)?;
-        }
-        match &self.warning {
-            Some(warning) => writeln!(f, "warning          {warning}"),
-            None => Ok(()),
+                "residual         none: no isolated, unsaturated object was matched"
+            ),
         }
     }
 }

@@ -1,10 +1,11 @@
 //! What the emulator says of its frames' times: the age of their attitudes, the time left until their deadlines.
 
 use std::fmt;
+use std::time::Duration;
 
 use skyloop_protocols::Timing;
 
-use crate::signed_times::SignedTimes;
+use crate::times::Times;
 
 /// Times of the frames that have any; those of stepped runs have none.
 #[derive(Clone, Debug, Default)]
@@ -54,6 +55,42 @@ impl fmt::Display for Timings {
     }
 }
 
+/// Times of one kind that may be less than 0, counted in bins of 1 % on both sides.
+#[derive(Clone, Debug, Default)]
+struct SignedTimes {
+    /// Those of 0 or more.
+    above: Times,
+    /// By how much the others lie below.
+    below: Times,
+}
+
+impl SignedTimes {
+    /// Adds one, s. What is no number is none; what lies beyond all durations is the longest.
+    fn add(&mut self, time_s: f64) {
+        let size = Duration::try_from_secs_f64(time_s.abs()).unwrap_or(Duration::MAX);
+        if time_s >= 0.0 {
+            self.above.add(size);
+        } else if time_s < 0.0 {
+            self.below.add(size);
+        }
+    }
+
+    /// The time that a fraction (0 to 1) of them stay within, by nearest rank, s; `None` without any. As exact as [`Times::quantile`].
+    fn quantile(&self, fraction: f64) -> Option<f64> {
+        let (below, above) = (self.below.count(), self.above.count());
+        let count = below + above;
+        let rank = ((fraction.clamp(0.0, 1.0) * count as f64).ceil() as u64).max(1);
+        // A share of a side whose rank there is the middle of a step, so that rounding does not move it.
+        let share = |rank: u64, of: u64| (rank as f64 - 0.5) / of as f64;
+        // The first of all lies furthest below.
+        let (side, sign, share) = match rank <= below {
+            true => (&self.below, -1.0, share(below + 1 - rank, below)),
+            false => (&self.above, 1.0, share(rank - below, above)),
+        };
+        Some(sign * side.quantile(share)?.as_secs_f64())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,5 +111,39 @@ mod tests {
             timings.to_string(),
             "attitude age     p50 10.00 ms, max 20.00 ms; spare time p50 40.00 ms, min -2.00 ms\n"
         );
+    }
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_list_to_half_a_percent() {
+        let all = [
+            -3.0, -0.5, -2e-3, 0.0, 1e-3, 4e-3, 4e-3, 0.02, 0.3, 7.0, 90.0,
+        ];
+        // All of both signs, one sign alone, one time.
+        for list in [&all[..], &all[..3], &all[4..], &all[..1], &all[3..4]] {
+            let mut times = SignedTimes::default();
+            list.iter().rev().for_each(|time_s| times.add(*time_s));
+            times.add(f64::NAN);
+            for percent in 0..=100 {
+                let rank = (percent * list.len()).div_ceil(100).max(1);
+                let (exact, found) = (
+                    list[rank - 1],
+                    times.quantile(percent as f64 / 100.0).unwrap(),
+                );
+                let off = (found - exact).abs();
+                let ends = rank == 1 || rank == list.len();
+                let most = if ends { 0.0 } else { 5e-3 * exact.abs() + 1e-9 };
+                assert!(off <= most, "{list:?} {percent} %: {found}, not {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn none_has_no_quantile_and_the_longest_is_what_a_duration_holds() {
+        let mut times = SignedTimes::default();
+        assert_eq!(times.quantile(0.5), None);
+        times.add(f64::NEG_INFINITY);
+        assert_eq!(times.quantile(0.5), Some(-Duration::MAX.as_secs_f64()));
+        times.add(f64::INFINITY);
+        assert_eq!(times.quantile(1.0), Some(Duration::MAX.as_secs_f64()));
     }
 }

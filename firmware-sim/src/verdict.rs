@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::Serialize;
 use skyloop_orbit::{Mark, OutputFile};
 
-use crate::junit::{self, Case};
+pub use crate::junit::Suite;
 use crate::report::Report;
 use crate::text::{decimal, whole};
 
@@ -58,38 +58,18 @@ pub fn broken(verdicts: &[Verdict]) -> Option<String> {
     (!texts.is_empty()).then(|| texts.join("; "))
 }
 
-/// What a JUnit file says of a run beside its verdicts.
-#[derive(Debug, Clone, Default)]
-pub struct Suite {
-    /// The name of the suite: the command.
-    pub name: &'static str,
-    /// The class of its cases, with dots between its parts.
-    pub classname: String,
-    /// How long the run took, s.
-    pub seconds: f64,
-    /// Names and values to go with each case.
-    pub properties: Vec<(String, String)>,
-    /// The table of the run.
-    pub table: String,
-}
-
 impl Suite {
     /// A case for each verdict.
     #[must_use]
     pub fn document(&self, verdicts: &[Verdict]) -> String {
-        let case = |verdict: &Verdict| Case {
-            name: match &verdict.camera {
-                None => verdict.name.to_string(),
-                Some(camera) => format!("{} of {camera}", verdict.name),
-            },
-            classname: self.classname.clone(),
-            seconds: self.seconds,
-            failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
-            properties: self.properties.clone(),
-            system_out: format!("{}\n{}", verdict.text, self.table),
+        let name = |verdict: &Verdict| match &verdict.camera {
+            None => verdict.name.to_string(),
+            Some(camera) => format!("{} of {camera}", verdict.name),
         };
-        let cases: Vec<Case> = verdicts.iter().map(case).collect();
-        junit::document(self.name, &cases)
+        let cases = verdicts
+            .iter()
+            .map(|verdict| (name(verdict), verdict.passed, verdict.text.as_str()));
+        self.xml(&cases.collect::<Vec<_>>())
     }
 }
 
@@ -243,21 +223,9 @@ impl Limits {
         let mut verdicts = vec![Verdict::new("frames", came >= asked, frames)];
         verdicts.extend(self.max_centroid_rms.map(|most| centroids(most, report)));
         let totals = &report.totals;
-        let counts = [
-            (
-                "missed",
-                "bright labelled objects missed",
-                totals.missed,
-                self.max_missed,
-            ),
-            (
-                "false",
-                "false detections",
-                totals.false_detections,
-                self.max_false,
-            ),
-        ];
-        for (name, what, count, most) in counts {
+        let missed = ("missed", "bright labelled objects missed", totals.missed);
+        let wrong = ("false", "false detections", totals.false_detections);
+        for ((name, what, count), most) in [(missed, self.max_missed), (wrong, self.max_false)] {
             verdicts.extend(most.map(|most| {
                 let kept = count <= most;
                 let is = if kept { "within" } else { "above" };
@@ -275,11 +243,9 @@ impl Limits {
 /// Why not every frame was compared with its labels.
 fn unscored(report: &Report) -> Option<String> {
     let (frames, compared) = (report.frames, report.totals.compared);
-    (compared == 0 || compared < frames).then(|| {
-        format!(
-            "{compared} of {frames} frames brought both pixels and readable labels; choose another --output"
-        )
-    })
+    let why = "brought both pixels and readable labels; choose another --output";
+    let all = compared > 0 && compared >= frames;
+    (!all).then(|| format!("{compared} of {frames} frames {why}"))
 }
 
 fn centroids(most_px: f64, report: &Report) -> Verdict {
@@ -289,12 +255,10 @@ fn centroids(most_px: f64, report: &Report) -> Verdict {
     match residual {
         Err(why) => Verdict::new("centroids", false, format!("centroids: not known: {why}")),
         Ok(residual) => {
-            let kept = residual.rms_px <= most_px;
+            let rms = residual.rms_px;
+            let kept = rms <= most_px;
             let is = if kept { "within" } else { "above" };
-            let text = format!(
-                "centroids: rms {:.4} px, {is} {most_px} px",
-                residual.rms_px
-            );
+            let text = format!("centroids: rms {rms:.4} px, {is} {most_px} px");
             Verdict::new("centroids", kept, text)
         }
     }
@@ -307,20 +271,13 @@ fn p99(most_ms: f64, report: &Report) -> Verdict {
     let part = 0.99 * (1.0 + lost as f64 / measured as f64);
     let p99 = report.latencies.quantile(part).filter(|_| part <= 1.0);
     let kept = p99.is_some_and(|p99| p99 <= Duration::from_secs_f64(most_ms * 1e-3));
-    let text = match p99 {
-        None if measured == 0 => {
-            "latency p99: not known: no frame of an attitude of this client came".to_string()
-        }
-        None => format!("latency p99: above {most_ms} ms: {lost} frames did not come whole"),
-        Some(p99) => {
-            let is = if kept { "within" } else { "above" };
-            format!(
-                "latency p99: {:.2} ms, {is} {most_ms} ms",
-                p99.as_secs_f64() * 1e3
-            )
-        }
+    let is = if kept { "within" } else { "above" };
+    let text = match p99.map(|p99| p99.as_secs_f64() * 1e3) {
+        None if measured == 0 => "not known: no frame of an attitude of this client came".into(),
+        None => format!("above {most_ms} ms: {lost} frames did not come whole"),
+        Some(p99) => format!("{p99:.2} ms, {is} {most_ms} ms"),
     };
-    Verdict::new("p99", kept, text)
+    Verdict::new("p99", kept, format!("latency p99: {text}"))
 }
 
 #[cfg(test)]
@@ -338,19 +295,18 @@ mod tests {
         }
     }
 
-    fn totals(compared: u32, missed: u64, rms_px: Option<f64>) -> Totals {
-        let residuals_px = rms_px.into_iter().map(|rms| [rms, 0.0]);
-        let mut totals = Totals::with_residuals(residuals_px.collect());
-        (totals.compared, totals.missed) = (compared, missed);
-        totals
-    }
-
     /// A run of 200 frames, of which `whole` came, each after 5 ms and the last two after 20 ms.
     fn report(whole: u32, compared: u32, missed: u64, rms_px: Option<f64>) -> Report {
+        let residuals_px = rms_px.into_iter().map(|rms| [rms, 0.0]);
         let mut report = Report {
             requested: 200,
             frames: whole,
-            totals: totals(compared, missed, rms_px),
+            totals: Totals {
+                compared,
+                missed,
+                residuals_px: residuals_px.collect(),
+                ..Totals::default()
+            },
             ..Report::default()
         };
         for frame in 0..whole {
@@ -364,31 +320,21 @@ mod tests {
     fn limits_are_kept_broken_or_not_known() {
         // X-Val: by hand. p99 of 200 frames is the 198th, 5 ms; with one lost frame the 199th of 199, 20 ms.
         for (report, passed) in [
-            (report(200, 200, 2, Some(0.5)), [true; 5]),
-            (
-                report(200, 200, 3, Some(0.6)),
-                [true, false, false, true, true],
-            ),
-            (
-                report(199, 199, 0, Some(0.1)),
-                [false, true, true, true, false],
-            ),
-            (
-                report(197, 197, 0, Some(0.1)),
-                [false, true, true, true, false],
-            ),
-            (report(200, 0, 0, None), [true, false, false, false, true]),
-            (
-                report(200, 199, 0, Some(0.1)),
-                [true, false, false, false, true],
-            ),
-            (report(200, 200, 0, None), [true, false, true, true, true]),
-            (report(0, 0, 0, None), [false; 5]),
+            (report(200, 200, 2, Some(0.5)), "+++++"),
+            (report(200, 200, 3, Some(0.6)), "+--++"),
+            (report(199, 199, 0, Some(0.1)), "-+++-"),
+            (report(197, 197, 0, Some(0.1)), "-+++-"),
+            (report(200, 0, 0, None), "+---+"),
+            (report(200, 199, 0, Some(0.1)), "+---+"),
+            (report(200, 200, 0, None), "+-+++"),
+            (report(0, 0, 0, None), "-----"),
         ] {
             let verdicts = limits().judge(&report);
-            let found: Vec<bool> = verdicts.iter().map(|verdict| verdict.passed).collect();
-            assert_eq!(found, passed, "{verdicts:#?}");
-            assert_eq!(broken(&verdicts).is_none(), passed == [true; 5]);
+            let signs = verdicts
+                .iter()
+                .map(|verdict| if verdict.passed { '+' } else { '-' });
+            assert_eq!(signs.collect::<String>(), passed, "{verdicts:#?}");
+            assert_eq!(broken(&verdicts).is_none(), passed == "+++++");
         }
         let only = Limits::default().judge(&report(200, 0, 9, None));
         assert_eq!(table(&only), "kept: 200 of 200 frames came whole\n");
@@ -396,18 +342,13 @@ mod tests {
 
     #[test]
     fn a_suite_has_a_case_for_each_verdict() {
-        let suite = Suite {
-            name: "skyloop loopback",
-            classname: "skyloop.loopback".to_string(),
-            table: "frames 1\n".to_string(),
-            ..Suite::default()
-        };
-        let text = suite.document(&limits().judge(&report(200, 200, 3, Some(0.1))));
+        let mut verdicts = limits().judge(&report(200, 200, 3, Some(0.1)));
+        verdicts[1].camera = Some("left".into());
+        let text = Suite::default().document(&verdicts);
         for part in [
             "tests=\"5\" failures=\"1\"",
-            "<testcase name=\"missed\" classname=\"skyloop.loopback\"",
+            "<testcase name=\"centroids of left\"",
             "<failure message=\"bright labelled objects missed: 3, above 2\">",
-            "frames 1\n",
         ] {
             assert!(text.contains(part), "no {part:?} in {text}");
         }
