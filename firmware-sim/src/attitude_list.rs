@@ -7,7 +7,7 @@ use skyloop_orbit::not_attitudes;
 use skyloop_orbit::time::{parse_utc, utc_text};
 use thiserror::Error;
 
-use crate::pointing::{Pointing, rate_between, turn};
+use crate::pointing::{Pointing, rate_between};
 use crate::text::{parse_quaternion, quaternion};
 
 /// Attitudes at increasing epochs, in one or more segments.
@@ -28,56 +28,31 @@ struct Segment {
 
 /// Why a list of attitudes is refused.
 #[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum ListError {
-    /// A line that is not `UTC x y z w`.
     #[error(
         "{name}:{line}: {reason}; a line holds UTC x y z w, such as 2019-06-15T23:35:50 0 0 0 1"
     )]
     Line {
-        /// The file or other origin.
         name: String,
-        /// Line number, from 1.
         line: usize,
-        /// What is wrong with it.
         reason: String,
     },
-    /// A CCSDS AEM that cannot be used.
     #[error("{name}:{line}: {reason}")]
     Message {
-        /// The file or other origin.
         name: String,
-        /// Line number, from 1.
         line: usize,
-        /// What is wrong there, and the remedy.
         reason: String,
     },
-    /// A known format that is not read, or one of orbits.
     #[error("{name}: {found}")]
-    Unread {
-        /// The file or other origin.
-        name: String,
-        /// What it is, and the remedy.
-        found: String,
-    },
-    /// Fewer than two attitudes.
+    Unread { name: String, found: String },
     #[error("{name}: {count} attitudes; a list needs two at least (for one attitude, hold it)")]
-    TooShort {
-        /// The file or other origin.
-        name: String,
-        /// How many there are.
-        count: usize,
-    },
-    /// Epochs do not increase.
+    TooShort { name: String, count: usize },
     #[error(
         "{name}: the attitude at {} does not come after the one before it; sort the list by time",
         utc_text(*epoch)
     )]
-    NotIncreasing {
-        /// The file or other origin.
-        name: String,
-        /// The epoch that is out of order.
-        epoch: Epoch,
-    },
+    NotIncreasing { name: String, epoch: Epoch },
 }
 
 /// There is no attitude at an epoch: the list does not cover it.
@@ -224,12 +199,11 @@ impl Segment {
         let after = self.attitudes.partition_point(|(at, _)| *at <= epoch);
         let after = after.clamp(1, self.attitudes.len() - 1);
         let ((t0, q0), (t1, q1)) = (self.attitudes[after - 1], self.attitudes[after]);
-        let rates_rad_s = rate_between(&q0, &q1, (t1 - t0).to_seconds());
-        let attitude = turn(rates_rad_s * (epoch - t0).to_seconds()) * q0;
-        Pointing {
-            attitude,
-            rates_rad_s,
-        }
+        let at_start = Pointing {
+            attitude: q0,
+            rates_rad_s: rate_between(&q0, &q1, (t1 - t0).to_seconds()),
+        };
+        at_start.after((epoch - t0).to_seconds())
     }
 }
 
@@ -247,28 +221,20 @@ mod tests {
 
     #[test]
     fn bad_lists_are_refused_with_file_and_line() {
+        let at = "2019-06-15T23:35:50";
         for (text, part) in [
             (
-                "2019-06-15T23:35:50 0 0 0 1\nnot-a-time 0 0 0 1",
+                format!("{at} 0 0 0 1\nnot-a-time 0 0 0 1"),
                 "a.txt:2: \"not-a-time\"",
             ),
-            (
-                "2019-06-15T23:35:50 0 0 0",
-                "a.txt:1: 3 numbers where 4 belong",
-            ),
-            ("2019-06-15T23:35:50 0 0 0 1.1", "norm is 1.1"),
-            (
-                "2019-06-15T23:35:50 0 0 0 nan",
-                "\"nan\" is no finite number",
-            ),
-            ("2019-06-15T23:35:50", "only one field"),
-            ("2019-06-15T23:35:50 0 0 0 1", "two at least"),
-            (
-                "2019-06-15T23:35:51 0 0 0 1\n2019-06-15T23:35:50 0 0 0 1",
-                "sort the list",
-            ),
+            (format!("{at} 0 0 0"), "a.txt:1: 3 numbers where 4 belong"),
+            (format!("{at} 0 0 0 1.1"), "norm is 1.1"),
+            (format!("{at} 0 0 0 nan"), "\"nan\" is no finite number"),
+            (at.into(), "only one field"),
+            (format!("{at} 0 0 0 1"), "two at least"),
+            (format!("{at} 0 0 0 1\n{at} 0 0 0 1"), "sort the list"),
         ] {
-            let error = AttitudeList::parse(text, "a.txt").unwrap_err().to_string();
+            let error = AttitudeList::parse(&text, "a.txt").unwrap_err().to_string();
             assert!(error.contains(part), "{text:?}: {error}");
         }
     }

@@ -15,6 +15,26 @@ pub struct Pointing {
     pub rates_rad_s: Vector3<f64>,
 }
 
+impl Pointing {
+    /// A body that does not turn.
+    #[must_use]
+    pub fn at_rest(attitude: UnitQuaternion<f64>) -> Self {
+        Self {
+            attitude,
+            rates_rad_s: Vector3::zeros(),
+        }
+    }
+
+    /// Where it points `seconds` later, at constant rates: exact.
+    #[must_use]
+    pub fn after(&self, seconds: f64) -> Self {
+        Self {
+            attitude: turn(self.rates_rad_s * seconds) * self.attitude,
+            ..*self
+        }
+    }
+}
+
 /// `exp(-v)`: what turning the body by the rotation vector `v` (body axes, rad) does to the ICRF-to-body quaternion.
 pub(crate) fn turn(v: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(-v)

@@ -8,7 +8,6 @@ use nalgebra::Vector3;
 use super::estimator::{Estimate, LEAST_STARS};
 use crate::times::Times;
 
-/// Arcseconds in a radian.
 const ARCSEC: f64 = 648_000.0 / std::f64::consts::PI;
 
 /// The figures of a closed loop.
@@ -113,41 +112,38 @@ impl ControlAccount {
 
 impl fmt::Display for ControlAccount {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            used,
+            starless,
+            late,
+            reference_stars,
+            flown_s,
+            ..
+        } = self;
         let (Some(rms), Some(across)) = (self.rms_rad(), self.across_rms_rad()) else {
             return writeln!(
                 f,
-                "closed loop      not begun: none of {} frames had {LEAST_STARS} stars; expose longer, or hold another attitude",
-                self.starless
+                "closed loop      not begun: none of {starless} frames had {LEAST_STARS} stars; expose longer, or hold \
+                 another attitude"
             );
         };
-        writeln!(
-            f,
-            "closed loop      pointing error rms {:.2} arcsec over the last half ({:.2} across the boresight), worst {:.2}; the drift alone makes {:.1} in {:.1} s",
-            rms * ARCSEC,
-            across * ARCSEC,
-            self.worst_rad * ARCSEC,
-            self.drifted_rad() * ARCSEC,
-            self.flown_s
-        )?;
+        let angles = [rms, across, self.worst_rad, self.drifted_rad()];
+        let [rms, across, worst, drifted] = angles.map(|angle| angle * ARCSEC);
         write!(
             f,
-            "steered by       {} frames, {} without enough stars, {} late",
-            self.used, self.starless, self.late
+            "closed loop      pointing error rms {rms:.2} arcsec over the last half ({across:.2} across the boresight), \
+             worst {worst:.2}; the drift alone makes {drifted:.1} in {flown_s:.1} s\n\
+             steered by       {used} frames, {starless} without enough stars, {late} late"
         )?;
-        let ms = |fraction| {
-            self.latencies
-                .quantile(fraction)
-                .map(|time| time.as_secs_f64() * 1e3)
-        };
+        let ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);
         if let (Some(off), Some(p50), Some(max)) = (self.estimate_rms_rad(), ms(0.5), ms(1.0)) {
-            let used = f64::from(self.used.max(1));
+            let frames = f64::from(self.used.max(1));
+            let (stars, residual) = (self.stars as f64 / frames, self.residuals_px / frames);
+            let off = off * ARCSEC;
             write!(
                 f,
-                "; estimated error off by {:.2} arcsec rms ({:.0} of {} stars, residual {:.3} px); from mid-exposure p50 {p50:.1} ms, max {max:.1} ms",
-                off * ARCSEC,
-                self.stars as f64 / used,
-                self.reference_stars,
-                self.residuals_px / used
+                "; estimated error off by {off:.2} arcsec rms ({stars:.0} of {reference_stars} stars, residual \
+                 {residual:.3} px); from mid-exposure p50 {p50:.1} ms, max {max:.1} ms"
             )?;
         }
         writeln!(f)
@@ -158,7 +154,6 @@ impl fmt::Display for ControlAccount {
 #[derive(Clone, Debug, PartialEq)]
 struct Series {
     piece_s: f64,
-    /// Sum and number.
     pieces: Vec<(f64, u64)>,
 }
 
@@ -171,15 +166,18 @@ impl Default for Series {
     }
 }
 
+/// Sum and number of several pieces.
+fn total(pieces: &[(f64, u64)]) -> (f64, u64) {
+    let pieces = pieces.iter();
+    pieces.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1))
+}
+
 impl Series {
     fn add(&mut self, at_s: f64, value: f64) {
         const MOST: usize = 4096;
         while at_s / self.piece_s >= MOST as f64 {
             self.piece_s *= 2.0;
-            let pairs = self.pieces.chunks(2);
-            let joined =
-                pairs.map(|pair| pair.iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1)));
-            self.pieces = joined.collect();
+            self.pieces = self.pieces.chunks(2).map(|pair| total(pair)).collect();
         }
         let piece = (at_s / self.piece_s) as usize;
         if piece >= self.pieces.len() {
@@ -195,8 +193,7 @@ impl Series {
     fn rms_from(&self, from_s: f64) -> Option<f64> {
         let first = (from_s / self.piece_s).ceil() as usize;
         let first = first.min(self.pieces.len().saturating_sub(1));
-        let from = self.pieces.iter().skip(first);
-        let (sum, count) = from.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let (sum, count) = total(self.pieces.get(first..)?);
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 }

@@ -103,10 +103,9 @@ pub fn estimate(
 ) -> Option<Estimate> {
     /// How far from where it should be a star is looked for, px: first by the shift alone, then by what has come of it.
     const RADII_PX: [f64; 3] = [3.0, 1.5, 1.5];
-    let directions: Vec<_> = reference
-        .iter()
-        .map(|star| pinhole.direction(star.at_px))
-        .collect();
+    let directions = reference.iter();
+    let directions = directions.map(|star| pinhole.direction(star.at_px));
+    let directions: Vec<_> = directions.collect();
     let seen_px: Vec<_> = seen.iter().map(|star| star.at_px).collect();
     let expected = |turned: &UnitQuaternion<f64>| -> Vec<Option<[f64; 2]>> {
         let places = directions.iter();
@@ -119,12 +118,8 @@ pub fn estimate(
     turned = turn(by_shift) * turned;
     let mut kept = Vec::new();
     for radius_px in RADII_PX {
-        let matched = pairs(&expected(&turned), &seen_px, radius_px);
-        let matched = matched
-            .into_iter()
-            .filter_map(|(of, to)| -> Option<Pair<'_>> {
-                Some((*directions.get(of)?, reference.get(of)?, seen.get(to)?))
-            });
+        let matched = pairs(&expected(&turned), &seen_px, radius_px).into_iter();
+        let matched = matched.map(|(of, to)| (directions[of], &reference[of], &seen[to]));
         (turned, kept) = fit(pinhole, turned, matched.collect())?;
     }
     if kept.len() < LEAST_STARS.max(reference.len().min(seen.len()) / 4) {
@@ -162,11 +157,8 @@ fn fit<'a>(
         all.sort_by(f64::total_cmp);
         let median = all.get(all.len() / 2)?;
         let limit = (MEDIANS * median).max(TOLERATED_PX);
-        kept = pairs
-            .iter()
-            .copied()
-            .filter(|pair| off(pair) <= limit)
-            .collect();
+        let agrees = |pair: &Pair<'_>| off(pair) <= limit;
+        kept = pairs.iter().copied().filter(agrees).collect();
         if kept.len() < LEAST_STARS {
             return None;
         }

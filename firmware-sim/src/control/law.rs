@@ -63,11 +63,12 @@ impl Law {
     /// than back, however long the next frame takes.
     #[must_use]
     pub fn rates(&self, now_s: f64) -> Vector3<f64> {
-        let fresh = self
-            .latest
-            .filter(|(mid_s, _)| self.delay_s > 0.0 && now_s - mid_s <= 2.0 * self.delay_s);
-        let proportional =
-            fresh.map_or(Vector3::zeros(), |(_, error)| error / (2.0 * self.delay_s));
+        let window_s = 2.0 * self.delay_s;
+        let is_fresh = |mid_s: f64| window_s > 0.0 && now_s - mid_s <= window_s;
+        let proportional = match self.latest {
+            Some((mid_s, error)) if is_fresh(mid_s) => error / window_s,
+            _ => Vector3::zeros(),
+        };
         let rates = -(proportional + self.integral_rad_s);
         rates.map(|rate| rate.clamp(-FASTEST_RAD_S, FASTEST_RAD_S))
     }
@@ -131,43 +132,31 @@ mod tests {
         errors
     }
 
+    fn most(errors: &[f64]) -> f64 {
+        errors.iter().fold(0.0, |most, error| most.max(error.abs()))
+    }
+
     #[test]
     fn a_constant_drift_is_held_at_any_latency_of_up_to_two_frames_and_more() {
-        for (period_s, late_s) in [
-            (0.1, 0.01),
-            (0.1, 0.1),
-            (0.1, 0.2),
-            (0.1, 0.5),
-            (0.02, 0.04),
-            (1.0, 2.0),
-        ] {
+        let latencies = [0.01, 0.1, 0.2, 0.5].map(|late_s| (0.1, late_s));
+        for (period_s, late_s) in latencies.into_iter().chain([(0.02, 0.04), (1.0, 2.0)]) {
             let delay_s = late_s + 0.1 + period_s / 2.0;
             let errors = fly(period_s, late_s, 0.1, 120.0 * delay_s, |_| false);
-            let end = &errors[errors.len() * 3 / 4..];
-            let worst = errors.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            let rest = end.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
             // In seconds of drift.
-            println!(
-                "period {period_s} s, latency {late_s} s: worst {:.2} delays, rest {rest:.1e} s",
-                worst / delay_s
-            );
-            assert!(worst < 3.0 * delay_s && rest < 1e-2 * delay_s);
+            let (worst, rest) = (most(&errors), most(&errors[errors.len() * 3 / 4..]));
+            let case = format!("{period_s} s, {late_s} s late: {worst}, {rest}");
+            assert!(worst < 3.0 * delay_s && rest < 1e-2 * delay_s, "{case}");
         }
     }
 
     #[test]
     fn frames_that_do_not_come_do_not_shake_it() {
         // Two of three are lost, and then ten in a row.
-        for lost in [
-            |n: u32| !n.is_multiple_of(3),
-            |n: u32| (30..40).contains(&n),
-        ] {
+        let lost: [fn(u32) -> bool; 2] = [|n| !n.is_multiple_of(3), |n| (30..40).contains(&n)];
+        for lost in lost {
             let errors = fly(0.1, 0.2, 0.1, 60.0, lost);
-            let worst = errors.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            assert!(
-                worst < 2.0 && errors.last().unwrap().abs() < 0.02,
-                "{worst}"
-            );
+            let (worst, last) = (most(&errors), errors.last().unwrap().abs());
+            assert!(worst < 2.0 && last < 0.02, "{worst} {last}");
         }
     }
 

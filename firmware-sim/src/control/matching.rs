@@ -10,7 +10,6 @@ fn apart([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
 ///
 /// Every pair of bright stars is asked how many others come to lie on a star by its shift; the mean over those is given.
 pub(super) fn shift(expected: &[Option<[f64; 2]>], seen: &[[f64; 2]]) -> Option<[f64; 2]> {
-    /// Stars that are asked, and how far they may be shifted, px.
     const BRIGHTEST: usize = 40;
     const FARTHEST_PX: f64 = 100.0;
     /// A star is hit within this, px.
@@ -28,9 +27,8 @@ pub(super) fn shift(expected: &[Option<[f64; 2]>], seen: &[[f64; 2]]) -> Option<
             let (mut hits, mut sum) = (0, [0.0, 0.0]);
             for [x, y] in &bright {
                 let place = [x + dx, y + dy];
-                let nearest = seen
-                    .iter()
-                    .min_by(|a, b| apart(**a, place).total_cmp(&apart(**b, place)));
+                let off = |at: &[f64; 2]| apart(*at, place);
+                let nearest = seen.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
                 if let Some(hit) = nearest.filter(|at| apart(**at, place) < HIT_PX * HIT_PX) {
                     hits += 1;
                     sum = [sum[0] + hit[0] - x, sum[1] + hit[1] - y];
@@ -57,21 +55,16 @@ pub(super) fn pairs(
     let mut near = Vec::new();
     for (of, place) in expected.iter().enumerate() {
         let Some(place) = place else { continue };
-        let close = seen
-            .iter()
-            .enumerate()
-            .map(|(to, at)| (apart(*at, *place), of, to));
-        near.extend(close.filter(|(off, _, _)| *off < radius_px * radius_px));
+        let off = seen.iter().map(|at| apart(*at, *place));
+        let off = off.enumerate().map(|(to, off)| (off, of, to));
+        near.extend(off.filter(|(off, _, _)| *off < radius_px * radius_px));
     }
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut used, mut taken) = (vec![false; expected.len()], vec![false; seen.len()]);
     let mut pairs = Vec::new();
     for (_, of, to) in near {
-        if let (Some(used), Some(taken)) = (used.get_mut(of), taken.get_mut(to))
-            && !*used
-            && !*taken
-        {
-            (*used, *taken) = (true, true);
+        if !used[of] && !taken[to] {
+            (used[of], taken[to]) = (true, true);
             pairs.push((of, to));
         }
     }

@@ -130,7 +130,6 @@ fn across(up: &Vector3<f64>, z: &Vector3<f64>) -> Option<Vector3<f64>> {
     (up - z * z.dot(&up)).try_normalize(PARALLEL)
 }
 
-/// Where the spacecraft is: without an orbit at the Earth's centre.
 fn state(epoch: Epoch, orbit: Option<&OrbitSource>) -> Result<StateVector, ProfileError> {
     match orbit {
         Some(orbit) => orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source }),
@@ -146,14 +145,10 @@ mod tests {
     use super::*;
     use skyloop_orbit::time::parse_utc;
 
-    fn fixed(direction: [f64; 3]) -> Direction {
-        Arc::new(move |_, _| Ok(Vector3::from(direction)))
-    }
-
-    fn aim(target: [f64; 3], up: [f64; 3], roll_deg: f64) -> Aim {
+    fn aim(target: Vector3<f64>, up: Vector3<f64>, roll_deg: f64) -> Aim {
         Aim {
-            target: fixed(target),
-            up: fixed(up),
+            target: Arc::new(move |_, _| Ok(target)),
+            up: Arc::new(move |_, _| Ok(up)),
             roll_rad: roll_deg.to_radians(),
             body_to_camera: UnitQuaternion::identity(),
         }
@@ -162,71 +157,30 @@ mod tests {
     #[test]
     fn the_roll_rule_holds_and_parallel_directions_have_a_substitute() {
         let epoch = parse_utc("2026-06-01T00:00:00").unwrap();
+        let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let none = Vector3::zeros();
         // Target, up, roll, where -Y lies (by hand), whether the rule is degenerate. From +X with north up, east is +Y.
         for (target, up, roll, image_up, degenerate) in [
-            (
-                [1.0, 0.0, 0.0],
-                [0.0, 0.0, 2.0],
-                0.0,
-                [0.0, 0.0, 1.0],
-                false,
-            ),
-            (
-                [1.0, 0.0, 0.0],
-                [0.0, 0.0, 2.0],
-                90.0,
-                [0.0, 1.0, 0.0],
-                false,
-            ),
-            (
-                [3.0, 0.0, 0.0],
-                [5.0, 1.0, 0.0],
-                0.0,
-                [0.0, 1.0, 0.0],
-                false,
-            ),
-            (
-                [1.0, 0.0, 0.0],
-                [-7.0, 0.0, 0.0],
-                0.0,
-                [0.0, 0.0, 1.0],
-                true,
-            ),
-            ([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0, [0.0, 0.0, 1.0], true),
-            ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 0.0, [1.0, 0.0, 0.0], true),
-            (
-                [0.0, 0.0, -1.0],
-                [0.0, 9e-5, 1.0],
-                0.0,
-                [1.0, 0.0, 0.0],
-                true,
-            ),
-            (
-                [0.0, 0.0, -1.0],
-                [0.0, 2e-4, 1.0],
-                0.0,
-                [0.0, 1.0, 0.0],
-                false,
-            ),
+            (x, 2.0 * z, 0.0, z, false),
+            (x, 2.0 * z, 90.0, y, false),
+            (3.0 * x, 5.0 * x + y, 0.0, y, false),
+            (x, -7.0 * x, 0.0, z, true),
+            (x, none, 0.0, z, true),
+            (z, z, 0.0, x, true),
+            (-z, 9e-5 * y + z, 0.0, x, true),
+            (-z, 2e-4 * y + z, 0.0, y, false),
         ] {
             let aim = aim(target, up, roll);
             let case = format!("{target:?} {up:?} {roll}");
-            assert_eq!(
-                aim.is_degenerate(epoch, None).unwrap(),
-                degenerate,
-                "{case}"
-            );
+            let found = aim.is_degenerate(epoch, None).unwrap();
+            assert_eq!(found, degenerate, "{case}");
             let pointing = aim.at(epoch, None).unwrap();
-            let axis = |axis: Vector3<f64>| pointing.attitude.inverse() * axis;
-            let off = (axis(Vector3::z()) - Vector3::from(target).normalize()).norm();
-            assert!(off < 1e-12, "{case}");
-            assert!(
-                (axis(-Vector3::y()) - Vector3::from(image_up)).norm() < 1e-12,
-                "{case}"
-            );
+            let to_icrf = pointing.attitude.inverse();
+            assert!((to_icrf * z - target.normalize()).norm() < 1e-12, "{case}");
+            assert!((to_icrf * -y - image_up).norm() < 1e-12, "{case}");
             assert!(pointing.rates_rad_s.norm() < 1e-12, "{case}");
         }
-        let nowhere = aim([0.0; 3], [0.0, 0.0, 1.0], 0.0).at(epoch, None);
+        let nowhere = aim(none, z, 0.0).at(epoch, None);
         assert!(matches!(nowhere, Err(ProfileError::NoTarget { .. })));
     }
 }

@@ -159,6 +159,13 @@ mod tests {
         parse_utc("2019-06-15T23:35:50").unwrap()
     }
 
+    fn limb(height_m: f64, azimuth_rad: f64) -> LimbStare {
+        LimbStare {
+            height_m,
+            azimuth_rad,
+        }
+    }
+
     /// 500 to 770 km high, over both poles.
     fn polar() -> OrbitSource {
         let state = StateVector {
@@ -197,10 +204,7 @@ mod tests {
             let at = epoch() + Duration::from_seconds(60.0 * f64::from(minute));
             let azimuth_rad = 0.7 * index as f64 - 2.0;
             for height_m in [0.0, 83_000.0] {
-                let limb = LimbStare {
-                    height_m,
-                    azimuth_rad,
-                };
+                let limb = limb(height_m, azimuth_rad);
                 let pointing = Profile::LimbStare(limb).at(at, Some(&orbit)).unwrap();
                 let state = orbit(at).unwrap();
                 let line = pointing.attitude.inverse() * Vector3::z();
@@ -224,81 +228,53 @@ mod tests {
         let up = state.position_m.normalize();
         let normal = state.position_m.cross(&state.velocity_m_s).normalize();
         let ahead = normal.cross(&up);
-        for (degrees, level) in [
-            (0.0, ahead),
-            (90.0, -normal),
-            (180.0, -ahead),
-            (-90.0, normal),
-        ] {
-            let limb = LimbStare {
-                height_m: 0.0,
-                azimuth_rad: f64::to_radians(degrees),
-            };
+        let quarters = [(0.0, ahead), (1.0, -normal), (2.0, -ahead), (-1.0, normal)];
+        for (quarter, level) in quarters {
+            let limb = limb(0.0, quarter * std::f64::consts::FRAC_PI_2);
             let pointing = Profile::LimbStare(limb).at(epoch(), Some(&orbit)).unwrap();
-            let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()]
-                .map(|axis| pointing.attitude.inverse() * axis);
+            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let [x, y, z] = axes.map(|axis| pointing.attitude.inverse() * axis);
             assert!((z.dot(&level) - (1.0 - z.dot(&up).powi(2)).sqrt()).abs() < 1e-12);
-            assert!(z.dot(&up) < -0.3 && -y.dot(&up) > 0.9, "{degrees}");
-            assert!(x.dot(&up).abs() < 1e-12, "level: {degrees}");
+            assert!(z.dot(&up) < -0.3 && -y.dot(&up) > 0.9, "{quarter}");
+            assert!(x.dot(&up).abs() < 1e-12, "level: {quarter}");
         }
     }
 
     #[test]
     fn along_the_equator_and_over_the_pole_it_is_a_circles_tangent() {
         let earth = Earth { pole: Vector3::z() };
-        let at = |position_m, velocity_m_s| StateVector {
-            position_m,
-            velocity_m_s,
+        let look = |azimuth, position_m| {
+            let velocity_m_s = Vector3::new(0.0, 7.5e3, 0.0);
+            let state = StateVector {
+                position_m,
+                velocity_m_s,
+            };
+            let attitude = limb(80e3, azimuth).attitude(&earth, epoch(), &state);
+            attitude.unwrap().inverse() * Vector3::z()
         };
         // X-Val: cos(depression) = (R + 80 km) / 7000 km, R the equatorial radius along the equator. Seen from over the pole, all
         // meridians are alike.
-        let limb = |azimuth_rad| LimbStare {
-            height_m: 80e3,
-            azimuth_rad,
-        };
-        let state = at(Vector3::new(7.0e6, 0.0, 0.0), Vector3::new(0.0, 7.5e3, 0.0));
-        let z = limb(0.0)
-            .attitude(&earth, epoch(), &state)
-            .unwrap()
-            .inverse()
-            * Vector3::z();
+        let z = look(0.0, Vector3::x() * 7.0e6);
         let cos: f64 = (6_378_137.0 + 80e3) / 7.0e6;
         assert!((z - Vector3::new(-(1.0 - cos * cos).sqrt(), cos, 0.0)).norm() < 1e-12);
-        let state = at(Vector3::new(0.0, 0.0, 7.0e6), Vector3::new(0.0, 7.5e3, 0.0));
-        let downs = [0.0, 1.0, 4.0].map(|azimuth| {
-            let attitude = limb(azimuth).attitude(&earth, epoch(), &state).unwrap();
-            (attitude.inverse() * Vector3::z()).z
-        });
-        assert!(
-            downs.iter().all(|down| (down - downs[0]).abs() < 1e-11),
-            "{downs:?}"
-        );
+        let downs = [0.0, 1.0, 4.0].map(|azimuth| look(azimuth, Vector3::z() * 7.0e6).z);
+        let alike = downs.iter().all(|down| (down - downs[0]).abs() < 1e-11);
+        assert!(alike, "{downs:?}");
     }
 
     #[test]
     fn below_the_height_there_is_no_limb_and_the_error_says_so() {
-        let limb = |height_m| {
-            let limb = LimbStare {
-                height_m,
-                azimuth_rad: 0.3,
-            };
-            Profile::LimbStare(limb).at(epoch(), Some(&polar()))
-        };
-        let error = limb(600e3).unwrap_err().to_string();
-        assert!(
-            error.contains("600 km")
-                && error.contains("at 501.9 km")
-                && error.contains("lower height"),
-            "{error}"
-        );
+        let stare = |height_m, orbit| Profile::LimbStare(limb(height_m, 0.3)).at(epoch(), orbit);
+        let orbit = polar();
+        let error = stare(600e3, Some(&orbit)).unwrap_err().to_string();
+        for part in ["600 km", "at 501.9 km", "lower height"] {
+            assert!(error.contains(part), "{error}");
+        }
         // Just below the orbit it is almost level.
-        let z = limb(500e3).unwrap().attitude.inverse() * Vector3::z();
+        let level = stare(500e3, Some(&orbit)).unwrap();
+        let z = level.attitude.inverse() * Vector3::z();
         assert!(z.x.abs() < 0.03, "{z}");
-        let error = Profile::LimbStare(LimbStare {
-            height_m: 0.0,
-            azimuth_rad: 0.0,
-        })
-        .at(epoch(), None);
-        assert!(error.unwrap_err().to_string().contains("--orbit"));
+        let error = stare(0.0, None).unwrap_err().to_string();
+        assert!(error.contains("--orbit"), "{error}");
     }
 }

@@ -4,7 +4,6 @@
 
 mod aim;
 mod limb;
-mod nadir;
 mod scan;
 
 use std::error::Error;
@@ -22,7 +21,7 @@ pub use self::limb::LimbStare;
 pub use self::scan::Scan;
 use crate::attitude_list::{AttitudeList, OutsideList};
 use crate::earth::Earth;
-use crate::pointing::{Pointing, rate_between, turn};
+use crate::pointing::{Pointing, of_axes, rate_between};
 
 /// Any error that an orbit source may give.
 pub type OrbitSourceError = Box<dyn Error + Send + Sync>;
@@ -64,56 +63,34 @@ pub enum Profile {
 
 /// Why there is no attitude at an epoch.
 #[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum ProfileError {
-    /// The epoch lies outside the attitude list.
     #[error(transparent)]
     OutsideList(#[from] OutsideList),
-    /// A profile that follows the orbit, without one.
     #[error("{what} needs an orbit: give one (--orbit FILE[:NAME])")]
-    NeedsOrbit {
-        /// The profile.
-        what: &'static str,
-    },
-    /// The orbit gave no state.
+    NeedsOrbit { what: &'static str },
     #[error("no orbit state at {}: {source}", utc_text(*epoch))]
     Orbit {
-        /// The epoch asked for.
         epoch: Epoch,
-        /// What the orbit said.
         source: OrbitSourceError,
     },
-    /// The direction of a target is not known.
     #[error("no direction to look in at {}: {source}", utc_text(*epoch))]
     Target {
-        /// The epoch asked for.
         epoch: Epoch,
-        /// Why.
         source: OrbitSourceError,
     },
-    /// The target is where the spacecraft is.
     #[error("no direction to look in at {}: the target is at the observer's own place, or the direction is zero", utc_text(*epoch))]
-    NoTarget {
-        /// The epoch asked for.
-        epoch: Epoch,
-    },
-    /// Position and velocity are parallel or not finite: no orbital plane.
+    NoTarget { epoch: Epoch },
     #[error("no attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
-    NoPlane {
-        /// The epoch asked for.
-        epoch: Epoch,
-    },
-    /// The spacecraft is not above the height of the tangent point.
+    NoPlane { epoch: Epoch },
     #[error(
         "no limb at {height_km} km at {}: a line of sight {height_km} km above the ellipsoid at its lowest starts above that, and \
          the orbit is at {orbit_km:.1} km: choose a lower height",
         utc_text(*epoch)
     )]
     BelowLimb {
-        /// The epoch asked for.
         epoch: Epoch,
-        /// Height of the tangent point, km.
         height_km: f64,
-        /// Height of the spacecraft above the ellipsoid, km.
         orbit_km: f64,
     },
 }
@@ -126,21 +103,17 @@ impl Profile {
     pub fn at(&self, epoch: Epoch, orbit: Option<&OrbitSource>) -> Result<Pointing, ProfileError> {
         match self {
             Self::List(list) => Ok(list.at(epoch)?),
-            Self::Hold(attitude) => Ok(Pointing {
-                attitude: *attitude,
-                rates_rad_s: Vector3::zeros(),
-            }),
+            Self::Hold(attitude) => Ok(Pointing::at_rest(*attitude)),
             Self::Slew {
                 start,
                 attitude,
                 rates_rad_s,
             } => {
-                let elapsed_s = (epoch - *start).to_seconds();
-                let attitude = turn(*rates_rad_s * elapsed_s) * attitude;
-                Ok(Pointing {
-                    attitude,
+                let at_start = Pointing {
+                    attitude: *attitude,
                     rates_rad_s: *rates_rad_s,
-                })
+                };
+                Ok(at_start.after((epoch - *start).to_seconds()))
             }
             Self::Scan(scan) => Ok(scan.at(epoch)),
             Self::Aim(aim) => aim.at(epoch, orbit),
@@ -148,7 +121,7 @@ impl Profile {
                 let what = "nadir pointing";
                 let orbit = orbit.ok_or(ProfileError::NeedsOrbit { what })?;
                 along(orbit, epoch, |state| {
-                    nadir::attitude(state).ok_or(ProfileError::NoPlane { epoch })
+                    nadir(state).ok_or(ProfileError::NoPlane { epoch })
                 })
             }
             Self::LimbStare(limb) => {
@@ -159,6 +132,14 @@ impl Profile {
             }
         }
     }
+}
+
+/// +Z to the Earth's centre, +X perpendicular to it towards the velocity; `None` where these span no plane.
+fn nadir(state: &StateVector) -> Option<UnitQuaternion<f64>> {
+    let z = -state.position_m;
+    let x = state.velocity_m_s - z * (z.dot(&state.velocity_m_s) / z.norm_squared());
+    let (z, x) = (z.try_normalize(1.0)?, x.try_normalize(1e-3)?);
+    Some(of_axes([x, z.cross(&x), z]))
 }
 
 /// An attitude that follows from position and velocity, with its rates.
@@ -210,25 +191,13 @@ mod tests {
         let orbit = circular();
         let h = 1e-3;
         let r = |dt: f64| {
-            let t = at + Duration::from_seconds(dt);
-            profile
-                .at(t, Some(&orbit))
-                .unwrap()
-                .attitude
-                .to_rotation_matrix()
-                .into_inner()
+            let at = profile.at(at + Duration::from_seconds(dt), Some(&orbit));
+            at.unwrap().attitude.to_rotation_matrix().into_inner()
         };
         let derivative = (r(h) - r(-h)) / (2.0 * h);
-        let law = -profile
-            .at(at, Some(&orbit))
-            .unwrap()
-            .rates_rad_s
-            .cross_matrix()
-            * r(0.0);
-        assert!(
-            (derivative - law).norm() < 1e-8,
-            "{profile:?}: {derivative} {law}"
-        );
+        let rates = profile.at(at, Some(&orbit)).unwrap().rates_rad_s;
+        let off = derivative + rates.cross_matrix() * r(0.0);
+        assert!(off.norm() < 1e-8, "{profile:?}: {off}");
     }
 
     fn list() -> AttitudeList {
@@ -297,26 +266,18 @@ mod tests {
             "-0.071699 -0.643288 0.734777 -0.202834",
         ];
         for (seconds, text) in [(0.0, expected[0]), (5.0, expected[1])] {
-            let angle = list
-                .at(after(seconds), None)
-                .unwrap()
-                .attitude
-                .angle_to(&parse_quaternion(text).unwrap());
+            let pointing = list.at(after(seconds), None).unwrap();
+            let entry = parse_quaternion(text).unwrap();
+            let angle = pointing.attitude.angle_to(&entry);
             assert!(angle < 1e-12, "{seconds}: {angle}");
         }
         assert!(list.at(after(9.0), None).unwrap().rates_rad_s.norm() < 1e-2);
         assert!(list.at(after(10.0), None).is_ok());
-    }
-
-    #[test]
-    fn outside_the_list_the_error_says_what_it_covers() {
-        let list = Profile::List(list());
+        // Outside the error says what it covers.
         for seconds in [-0.1, 10.1] {
             let error = list.at(after(seconds), None).unwrap_err().to_string();
-            assert!(
-                error.contains("23:35:50") && error.contains("23:36:00"),
-                "{error}"
-            );
+            let covers = error.contains("23:35:50") && error.contains("23:36:00");
+            assert!(covers, "{error}");
         }
     }
 
@@ -337,10 +298,8 @@ mod tests {
         assert!((pointing.attitude * state.velocity_m_s.normalize() - Vector3::x()).norm() < 1e-12);
         // X-Val: mean motion sqrt(mu / a^3) at 7000 km is 1.078007e-3 rad/s, about -Y (Z down, X ahead).
         assert!((pointing.rates_rad_s - Vector3::new(0.0, -1.078_007e-3, 0.0)).norm() < 1e-8);
-        assert!(matches!(
-            Profile::Nadir.at(epoch(), None),
-            Err(ProfileError::NeedsOrbit { .. })
-        ));
+        let without = Profile::Nadir.at(epoch(), None);
+        assert!(matches!(without, Err(ProfileError::NeedsOrbit { .. })));
     }
 
     #[test]
@@ -354,10 +313,7 @@ mod tests {
                 Err("another time".into())
             }
         });
-        let rates = |orbit| {
-            let pointing = Profile::Nadir.at(epoch(), Some(orbit)).unwrap();
-            pointing.rates_rad_s
-        };
+        let rates = |orbit| Profile::Nadir.at(epoch(), Some(orbit)).unwrap().rates_rad_s;
         assert_eq!(rates(&at_once), rates(&circular));
         let refused = Profile::Nadir.at(after(-1.0), Some(&at_once)).unwrap_err();
         assert!(refused.to_string().contains("another time"), "{refused}");

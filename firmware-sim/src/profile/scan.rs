@@ -64,11 +64,7 @@ impl Scan {
         let since = seconds + straight;
         let way = (since / half_period).floor();
         let into = since - way * half_period;
-        let sign = if way.rem_euclid(2.0) == 0.0 {
-            1.0
-        } else {
-            -1.0
-        };
+        let sign = 1.0 - 2.0 * way.rem_euclid(2.0);
         if into < 2.0 * straight {
             return (sign * rate * (into - straight), sign * rate);
         }
@@ -94,17 +90,14 @@ impl Scan {
 mod tests {
     use super::*;
 
-    fn scan(half_width_rad: f64, rate_rad_s: f64) -> Scan {
+    fn scan_of(half_width_rad: f64, rate_rad_s: f64) -> Option<Scan> {
         let start = Epoch::from_gregorian_utc_at_midnight(2019, 6, 15);
-        let attitude = UnitQuaternion::identity();
-        Scan::new(
-            start,
-            attitude,
-            Vector3::y_axis(),
-            half_width_rad,
-            rate_rad_s,
-        )
-        .unwrap()
+        let (attitude, axis) = (UnitQuaternion::identity(), Vector3::y_axis());
+        Scan::new(start, attitude, axis, half_width_rad, rate_rad_s)
+    }
+
+    fn scan(half_width_rad: f64, rate_rad_s: f64) -> Scan {
+        scan_of(half_width_rad, rate_rad_s).unwrap()
     }
 
     #[test]
@@ -147,31 +140,20 @@ mod tests {
                 assert!((rate_b - rate_a).abs() <= most * step * (1.0 + 1e-6) + 1e-12);
                 // The trapezium is exact but for corners of the acceleration within the step.
                 let mean = (rate_a + rate_b) / 2.0;
-                assert!(
-                    (b - a - mean * step).abs() <= most * step * step / 8.0 + 1e-12,
-                    "{at}"
-                );
+                let off = (b - a - mean * step).abs();
+                assert!(off <= most * step * step / 8.0 + 1e-12, "{at}");
                 widest = widest.max(a.abs());
             }
-            assert!(
-                (widest / scan.half_width_rad - 1.0).abs() < 1e-5,
-                "{widest}"
-            );
+            let off = widest / scan.half_width_rad - 1.0;
+            assert!(off.abs() < 1e-5, "{widest}");
         }
     }
 
     #[test]
     fn what_is_no_scan_is_none() {
-        let [a, b] = [scan(0.1, 0.1).start, scan(0.1, 0.1).start];
-        assert_eq!(a, b);
-        for (half_width, rate) in [
-            (0.0, 1.0),
-            (1.0, 0.0),
-            (f64::NAN, 1.0),
-            (1.0, f64::INFINITY),
-        ] {
-            let attitude = UnitQuaternion::identity();
-            assert!(Scan::new(a, attitude, Vector3::z_axis(), half_width, rate).is_none());
+        let infinite = (1.0, f64::INFINITY);
+        for (half_width, rate) in [(0.0, 1.0), (1.0, 0.0), (f64::NAN, 1.0), infinite] {
+            assert!(scan_of(half_width, rate).is_none());
         }
     }
 }
