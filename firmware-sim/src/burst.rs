@@ -38,15 +38,7 @@ impl Burst {
             let length = packets.first().map_or(0, |first| first.as_ref().len());
             match system::send_cut(socket, packets.get(..count).unwrap_or_default(), length, to) {
                 Ok(()) => return Ok(count),
-                // The second answers an earlier datagram: nobody listens there. It is reported once.
-                Err(error)
-                    if matches!(
-                        error.kind(),
-                        io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionRefused
-                    ) =>
-                {
-                    return Err(error);
-                }
+                Err(error) if passes(error.kind()) => return Err(error),
                 // An old system, a device that cannot, or a way that takes no datagrams of this length whole. What else stands against it will pass.
                 Err(error) => self.cuts = !system::never_cuts(&error),
             }
@@ -58,6 +50,14 @@ impl Burst {
     }
 }
 
+/// Whether the same call may succeed later. A refused connection answers an earlier datagram and is reported once.
+fn passes(kind: io::ErrorKind) -> bool {
+    matches!(
+        kind,
+        io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionRefused
+    )
+}
+
 /// How many of `packets` one buffer may be cut into: all of the first one's length, but the last, which may be shorter.
 fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
     let length = packets.first().map_or(0, |first| first.as_ref().len());
@@ -65,18 +65,10 @@ fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
         return 1;
     }
     let most = MOST.min(OCTETS / length);
-    let lengths = packets.iter().map(|packet| packet.as_ref().len());
-    let equal = lengths
-        .clone()
-        .take(most)
-        .take_while(|one| *one == length)
-        .count();
-    let shorter = lengths
-        .skip(equal)
-        .take(most - equal)
-        .take(1)
-        .filter(|last| (1..length).contains(last));
-    equal + shorter.count()
+    let lengths = packets.iter().take(most).map(|one| one.as_ref().len());
+    let equal = lengths.clone().take_while(|one| *one == length).count();
+    let shorter = lengths.skip(equal).take(1);
+    equal + shorter.filter(|last| (1..length).contains(last)).count()
 }
 
 #[cfg(target_os = "linux")]
@@ -93,35 +85,19 @@ mod system {
         to: SocketAddr,
     ) -> io::Result<()> {
         let length = u16::try_from(length).map_err(io::Error::other)?;
-        let parts: Vec<IoSlice<'_>> = packets
-            .iter()
-            .map(|packet| IoSlice::new(packet.as_ref()))
-            .collect();
+        let parts = packets.iter().map(|packet| IoSlice::new(packet.as_ref()));
+        let parts: Vec<IoSlice<'_>> = parts.collect();
         let cut = [ControlMessage::UdpGsoSegments(&length)];
-        let to = SockaddrStorage::from(to);
-        sendmsg(
-            socket.as_raw_fd(),
-            &parts,
-            &cut,
-            MsgFlags::empty(),
-            Some(&to),
-        )?;
+        let (fd, flags) = (socket.as_raw_fd(), MsgFlags::empty());
+        sendmsg(fd, &parts, &cut, flags, Some(&SockaddrStorage::from(to)))?;
         Ok(())
     }
 
     pub(super) fn never_cuts(error: &io::Error) -> bool {
-        use nix::errno::Errno;
-        let errno = error.raw_os_error().map(Errno::from_raw);
-        matches!(
-            errno,
-            None | Some(
-                Errno::EINVAL
-                    | Errno::EIO
-                    | Errno::EMSGSIZE
-                    | Errno::EOPNOTSUPP
-                    | Errno::ENOPROTOOPT
-            )
-        )
+        use nix::errno::Errno::{EINVAL, EIO, EMSGSIZE, ENOPROTOOPT, EOPNOTSUPP};
+        let never = [EINVAL, EIO, EMSGSIZE, EOPNOTSUPP, ENOPROTOOPT];
+        let errno = error.raw_os_error();
+        errno.is_none_or(|errno| never.iter().any(|one| *one as i32 == errno))
     }
 }
 

@@ -65,29 +65,21 @@ impl Datagrams {
     /// # Errors
     /// The system's.
     pub fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Datagram> {
-        let (length, from, told) = system::receive(&self.socket, buffer)?;
+        let (length, from, lost, each) = system::receive(&self.socket, buffer)?;
         // A socket that has lost nothing yet does not say so.
-        let lost = told.lost.unwrap_or(self.lost);
+        let lost = lost.unwrap_or(self.lost);
         let since = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
         Ok(Datagram {
             length,
-            each: told.each.unwrap_or(length),
+            each: each.unwrap_or(length),
             from,
             lost: since,
         })
     }
 }
 
-/// What the system tells with a datagram.
-#[derive(Default)]
-struct Told {
-    lost: Option<u32>,
-    each: Option<usize>,
-}
-
 #[cfg(target_os = "linux")]
 mod system {
-    use crate::datagram::Told;
     use nix::sys::socket::{
         AddressFamily, ControlMessageOwned, MsgFlags, SockFlag, SockType, SockaddrStorage, bind,
         cmsg_space, getsockopt, recvmsg, setsockopt, sockopt,
@@ -132,20 +124,21 @@ mod system {
         Ok(own)
     }
 
+    /// Bytes, sender, datagrams lost so far, bytes of each joined one: the last two as far as the system tells.
     pub(super) fn receive(
         socket: &UdpSocket,
         buffer: &mut [u8],
-    ) -> io::Result<(usize, SocketAddr, Told)> {
+    ) -> io::Result<(usize, SocketAddr, Option<u32>, Option<usize>)> {
         let mut room = [0; cmsg_space::<u32>() + cmsg_space::<i32>()];
         let mut parts = [IoSliceMut::new(buffer)];
         let flags = MsgFlags::empty();
         let fd = socket.as_raw_fd();
         let message = recvmsg::<SockaddrStorage>(fd, &mut parts, Some(&mut room), flags)?;
-        let mut told = Told::default();
+        let (mut lost, mut each) = (None, None);
         for part in message.cmsgs()? {
             match part {
-                ControlMessageOwned::RxqOvfl(lost) => told.lost = Some(lost),
-                ControlMessageOwned::UdpGroSegments(each) => told.each = usize::try_from(each).ok(),
+                ControlMessageOwned::RxqOvfl(packets) => lost = Some(packets),
+                ControlMessageOwned::UdpGroSegments(octets) => each = usize::try_from(octets).ok(),
                 _ => {}
             }
         }
@@ -156,13 +149,12 @@ mod system {
             four.or_else(|| six(from).map(SocketAddr::from))
         });
         let from = from.ok_or_else(|| io::Error::other("a datagram from no address"))?;
-        Ok((message.bytes, from, told))
+        Ok((message.bytes, from, lost, each))
     }
 }
 
 #[cfg(not(target_os = "linux"))]
 mod system {
-    use crate::datagram::Told;
     use std::io;
     use std::net::{SocketAddr, UdpSocket};
 
@@ -183,13 +175,14 @@ mod system {
     pub(super) fn receive(
         socket: &UdpSocket,
         buffer: &mut [u8],
-    ) -> io::Result<(usize, SocketAddr, Told)> {
+    ) -> io::Result<(usize, SocketAddr, Option<u32>, Option<usize>)> {
         let (length, from) = socket.recv_from(buffer)?;
-        Ok((length, from, Told::default()))
+        Ok((length, from, None, None))
     }
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use super::*;
 
@@ -199,15 +192,14 @@ mod tests {
         socket.set_nonblocking(true).unwrap();
         let mut datagrams = Datagrams::of(&socket).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let to = socket.local_addr().unwrap();
         let mut buffer = [0; 2000];
         for round in 0..2 {
             // More than any default buffer holds: each takes some 2 KiB of it.
             let sent = 20_000;
             for number in 0..sent {
                 let packet = [number as u8; 1400];
-                sender
-                    .send_to(&packet, socket.local_addr().unwrap())
-                    .unwrap();
+                sender.send_to(&packet, to).unwrap();
             }
             let (mut taken, mut lost) = (0, 0);
             while let Ok(datagram) = datagrams.receive(&mut buffer) {
@@ -217,15 +209,10 @@ mod tests {
             }
             assert!(taken < sent, "{taken} found room");
             // The next one tells of those lost after the last that found room.
-            sender
-                .send_to(b"next", socket.local_addr().unwrap())
-                .unwrap();
+            sender.send_to(b"next", to).unwrap();
             let next = datagrams.receive(&mut buffer).unwrap();
-            assert_eq!(
-                (next.length, lost + next.lost),
-                (4, sent - taken),
-                "{round}"
-            );
+            let told = (next.length, lost + next.lost);
+            assert_eq!(told, (4, sent - taken), "{round}");
         }
     }
 
@@ -269,9 +256,8 @@ mod tests {
     #[test]
     fn what_is_sent_together_comes_joined_or_one_by_one() {
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let packets: Vec<Vec<u8>> = (0..30u8)
-            .map(|n| vec![n; if n == 29 { 300 } else { 1400 }])
-            .collect();
+        let packet = |n| vec![n; if n == 29 { 300 } else { 1400 }];
+        let packets: Vec<Vec<u8>> = (0..30).map(packet).collect();
         let mut buffer = vec![0; 1 << 16];
         for joined in [true, false] {
             let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -297,7 +283,6 @@ mod tests {
             assert_eq!(taken, packets);
             let alone = datagrams.receive(&mut buffer).unwrap();
             assert_eq!((alone.length, alone.each), (0, 0));
-            println!("{calls} calls, joined: {joined}");
             assert!(calls < packets.len() || !joined);
         }
     }

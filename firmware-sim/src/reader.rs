@@ -23,7 +23,6 @@ pub(crate) struct Reader {
     thread: Option<JoinHandle<io::Error>>,
 }
 
-/// What both ends see.
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,

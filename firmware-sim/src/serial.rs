@@ -106,9 +106,7 @@ impl SerialPort {
             reader,
         })
     }
-}
 
-impl SerialPort {
     /// A line that is only stuck is there still.
     fn failed(&self, what: &'static str, source: io::Error) -> PortError {
         if source.kind() == ErrorKind::TimedOut {
@@ -156,7 +154,8 @@ impl Port for SerialPort {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
     use serialport::TTYPort;
@@ -174,9 +173,8 @@ mod tests {
         let mut octet = [0; 1];
         let received = (0..2000).find_map(|_| {
             master.read_exact(&mut octet).unwrap();
-            decoder
-                .push(octet[0])
-                .map(|packet| packet.unwrap().to_vec())
+            let packet = decoder.push(octet[0])?;
+            Some(packet.unwrap().to_vec())
         });
         assert_eq!(received.as_ref(), Some(&packet));
 
@@ -188,10 +186,8 @@ mod tests {
             master.write_all(&line).unwrap();
         }
         for _ in 0..200 {
-            assert_eq!(
-                port.recv(Duration::from_secs(5)).unwrap().as_ref(),
-                Some(&packet)
-            );
+            let received = port.recv(Duration::from_secs(5)).unwrap();
+            assert_eq!(received.as_ref(), Some(&packet));
         }
         assert_eq!(port.dropped(), 1);
     }
@@ -210,10 +206,8 @@ mod tests {
         };
         let sent = port.send(&[1; 100]).unwrap_err().to_string();
         for error in [error, sent] {
-            assert!(
-                error.contains("the line has gone (") && error.contains("check its cable"),
-                "{error}"
-            );
+            assert!(error.contains("the line has gone ("), "{error}");
+            assert!(error.contains("check its cable"), "{error}");
         }
     }
 }

@@ -78,7 +78,6 @@ const RETRY: Duration = Duration::from_millis(200);
 /// Frames that may wait for the carrier.
 const QUEUE: usize = 1024;
 
-/// What wakes the carrier.
 enum Event {
     Frame(CanFrame, Instant),
     /// There may be a packet to send.
@@ -115,7 +114,7 @@ pub fn start<A: Above>(
     let reader = Reader::start(name, bus.share()?, wake.clone())?;
     let mut carrier = Carrier {
         name: name.to_string(),
-        bus,
+        bus: Some(bus),
         reader: Some(reader),
         opener,
         wake: wake.clone(),
@@ -138,27 +137,10 @@ pub fn start<A: Above>(
     Ok((Waker(wake), thread))
 }
 
-/// In place of a bus that has gone.
-struct Absent;
-
-impl CanBus for Absent {
-    fn send(&mut self, _: &CanFrame) -> io::Result<Sending> {
-        Err(io::ErrorKind::NotConnected.into())
-    }
-
-    fn recv(&mut self, _: Duration) -> io::Result<Option<CanFrame>> {
-        Err(io::ErrorKind::NotConnected.into())
-    }
-
-    fn share(&self) -> io::Result<Box<dyn CanBus>> {
-        Err(io::ErrorKind::NotConnected.into())
-    }
-}
-
 /// The thread that reads.
 struct Reader {
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    thread: JoinHandle<()>,
 }
 
 impl Reader {
@@ -185,10 +167,7 @@ impl Reader {
                     }
                 }
             })?;
-        Ok(Reader {
-            stop,
-            thread: Some(thread),
-        })
+        Ok(Reader { stop, thread })
     }
 }
 
@@ -196,14 +175,14 @@ impl Drop for Reader {
     fn drop(&mut self) {
         // It ends within its time-out; a reader that waits for room in the queue ends with the carrier.
         self.stop.store(true, Ordering::Relaxed);
-        drop(self.thread.take());
     }
 }
 
 /// The thread that sends.
 struct Carrier<A: Above> {
     name: String,
-    bus: Box<dyn CanBus>,
+    /// None while it has gone.
+    bus: Option<Box<dyn CanBus>>,
     reader: Option<Reader>,
     opener: Option<Opener>,
     wake: SyncSender<Event>,
@@ -277,18 +256,11 @@ impl<A: Above> Carrier<A> {
         let now = Instant::now();
         let due = due.map(|due| due.saturating_duration_since(now));
         // A frame that is due waits for the bus; the node's next timer is one more reason to wake.
-        let node = match due {
-            Some(_) => None,
-            None => self.node.wake_at(),
-        };
+        let node = self.node.wake_at().filter(|_| due.is_none());
         let node = node.map(|at| Duration::from_micros(at.saturating_sub(self.now_us(now))));
         let restart = self.restart.map(|at| at.saturating_duration_since(now));
-        due.into_iter()
-            .chain(restart)
-            .chain(node)
-            .chain([NAP])
-            .min()
-            .unwrap_or(NAP)
+        let waits = [due, restart, node].into_iter().flatten();
+        waits.fold(NAP, Duration::min)
     }
 
     fn is_idle(&self) -> bool {
@@ -360,11 +332,11 @@ impl<A: Above> Carrier<A> {
                 }
                 self.frame = self.node.next_frame(self.now_us(now));
             }
-            let Some(frame) = self.frame else {
+            let (Some(frame), Some(bus)) = (self.frame, &mut self.bus) else {
                 return Ok(None);
             };
-            if self.bus.send(&frame)? == Sending::Full {
-                return Ok(Some(now + self.pace.duration(&frame).max(FULL)));
+            if bus.send(&frame)? == Sending::Full {
+                return Ok(Some(now + self.pace.rates.duration(&frame).max(FULL)));
             }
             self.frame = None;
             self.pace.sent(&frame, now);
@@ -373,10 +345,11 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Puts the controller back on the bus, if it is time.
     fn restart(&mut self) -> io::Result<()> {
-        if self.restart.is_some_and(|at| at <= Instant::now()) {
-            let is_sent = self.bus.restart()? == Sending::Sent;
+        if self.restart.is_some_and(|at| at <= Instant::now())
+            && let Some(bus) = &mut self.bus
+        {
+            let is_sent = bus.restart()? == Sending::Sent;
             self.restart = (!is_sent).then(|| Instant::now() + RETRY);
         }
         Ok(())
@@ -401,18 +374,14 @@ impl<A: Above> Carrier<A> {
     fn book(&mut self) {
         let (now, before) = (self.node.counts(), self.counts);
         self.counts = now;
-        let more = |now: u32, before: u32| Some(now.wrapping_sub(before)).filter(|more| *more > 0);
-        if let Some(more) = more(now.unsent, before.unsent) {
-            self.above.note(Note::Unsent(more));
-        }
-        if let Some(more) = more(now.incomplete, before.incomplete) {
-            self.above.note(Note::Incomplete(more));
-        }
-        if let Some(more) = more(now.oversize, before.oversize) {
-            self.above.note(Note::Oversize(more));
-        }
-        if let Some(more) = more(now.malformed, before.malformed) {
-            self.above.note(Note::Garbled(more));
+        let notes: [(fn(u32) -> Note, u32, u32); 4] = [
+            (Note::Unsent, now.unsent, before.unsent),
+            (Note::Incomplete, now.incomplete, before.incomplete),
+            (Note::Oversize, now.oversize, before.oversize),
+            (Note::Garbled, now.malformed, before.malformed),
+        ];
+        for (note, now, before) in notes.into_iter().filter(|(_, now, before)| now != before) {
+            self.above.note(note(now.wrapping_sub(before)));
         }
     }
 
@@ -426,7 +395,7 @@ impl<A: Above> Carrier<A> {
         let begin = Instant::now();
         let mut ended = false;
         while !ended && begin.elapsed() < 4 * READ_TIMEOUT {
-            ended = reader.thread.as_ref().is_none_or(JoinHandle::is_finished);
+            ended = reader.thread.is_finished();
             while let Ok(event) = self.events.try_recv() {
                 if let Event::Garbled(more) = event {
                     self.above.note(Note::Garbled(more));
@@ -446,7 +415,7 @@ impl<A: Above> Carrier<A> {
         self.above.note(Note::Gone(error));
         self.dismiss_reader();
         // A serial port is open once: this end of it is closed before it is opened again.
-        (self.bus, self.restart) = (Box::new(Absent), None);
+        (self.bus, self.restart) = (None, None);
         loop {
             std::thread::sleep(RETRY);
             if !self.above.is_wanted() {
@@ -459,7 +428,7 @@ impl<A: Above> Carrier<A> {
             let reader = shared.and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
             // Without a second handle or a thread for it, it is tried again like one that is not there.
             if let Ok(reader) = reader {
-                (self.bus, self.reader) = (bus, Some(reader));
+                (self.bus, self.reader) = (Some(bus), Some(reader));
                 self.above.note(Note::Back);
                 return true;
             }

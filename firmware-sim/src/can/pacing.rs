@@ -57,20 +57,18 @@ impl Rates {
         // The first frame carries two octets less than a frame has, each of the others one less.
         let rest = length - (most - 2);
         let (whole, last) = (rest / (most - 1), rest % (most - 1));
-        let whole = u32::try_from(1 + whole).unwrap_or(u32::MAX);
-        of(most) * whole
-            + if last > 0 {
-                of(last + 1)
-            } else {
-                Duration::ZERO
-            }
+        let whole = of(most) * u32::try_from(1 + whole).unwrap_or(u32::MAX);
+        match last {
+            0 => whole,
+            last => whole + of(last + 1),
+        }
     }
 }
 
 /// When the next frame may go.
 #[derive(Debug)]
 pub struct Pace {
-    rates: Rates,
+    pub(super) rates: Rates,
     free: Instant,
 }
 
@@ -82,12 +80,6 @@ impl Pace {
             rates,
             free: Instant::now(),
         }
-    }
-
-    /// How long this frame keeps the bus from us.
-    #[must_use]
-    pub fn duration(&self, frame: &CanFrame) -> Duration {
-        self.rates.duration(frame)
     }
 
     /// When the next frame may go; `None`: now.

@@ -96,13 +96,6 @@ pub struct CanPort {
     opens_again: bool,
 }
 
-/// What a bus says that takes nothing.
-fn stuck() -> io::Error {
-    let why = "the bus takes no frames: is another node on it, with the same bit rate?";
-    io::Error::new(ErrorKind::TimedOut, why)
-}
-
-/// What both ends see.
 #[derive(Default)]
 struct Shared {
     stop: AtomicBool,
@@ -181,7 +174,6 @@ struct End {
     outbound: Receiver<Vec<u8>>,
     inbound: SyncSender<Vec<u8>>,
     shared: Arc<Shared>,
-    /// How often somebody has been told.
     news: u32,
 }
 
@@ -251,17 +243,12 @@ impl Above for End {
 
 impl Port for CanPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let failed =
-            |kind: ErrorKind| PortError::io(&self.link, "cannot send", io::Error::from(kind));
-        let broken = || self.gone().unwrap_or(failed(ErrorKind::BrokenPipe));
+        let failed = |error| PortError::io(&self.link, "cannot send", error);
         let Some(to_bus) = &self.to_bus else {
             return Err(PortError::Closed);
         };
-        let patience = match self.stuck {
-            true => Duration::ZERO,
-            false => SEND_TIMEOUT,
-        };
-        let deadline = Instant::now() + patience;
+        let patience = if self.stuck { 0 } else { 1 };
+        let deadline = Instant::now() + SEND_TIMEOUT * patience;
         let mut packet = packet.to_vec();
         loop {
             // Until the line is back it is lost like any other.
@@ -283,9 +270,14 @@ impl Port for CanPort {
                 Err(TrySendError::Full(back)) if Instant::now() < deadline => packet = back,
                 Err(TrySendError::Full(_)) => {
                     self.stuck = true;
-                    return Err(PortError::io(&self.link, "cannot send", stuck()));
+                    let why =
+                        "the bus takes no frames: is another node on it, with the same bit rate?";
+                    return Err(failed(io::Error::new(ErrorKind::TimedOut, why)));
                 }
-                Err(TrySendError::Disconnected(_)) => return Err(broken()),
+                Err(TrySendError::Disconnected(_)) => {
+                    let broken = failed(ErrorKind::BrokenPipe.into());
+                    return Err(self.gone().unwrap_or(broken));
+                }
             }
             std::thread::sleep(Duration::from_micros(500));
         }

@@ -76,10 +76,8 @@ impl Settings {
             "fd" => (self.fd, self.rates.data_bitrate) = (true, whole()?),
             "baud" => self.baud = Some(whole()?),
             "load" => {
-                let share = value
-                    .parse()
-                    .ok()
-                    .filter(|load| (0.01..=1.0).contains(load));
+                let share = value.parse().ok();
+                let share = share.filter(|load| (0.01..=1.0).contains(load));
                 self.rates.load = share.ok_or_else(|| {
                     format!("load = \"{value}\" must be a share of the bus, 0.01 to 1")
                 })?;
@@ -145,15 +143,9 @@ impl Settings {
             data_bitrate,
             load,
         } = self.rates;
-        let fd = if self.fd {
-            format!("&fd={data_bitrate}")
-        } else {
-            String::new()
-        };
-        let baud = match self.baud {
-            Some(baud) => format!("&baud={baud}"),
-            None => String::new(),
-        };
+        let fd = self.fd.then(|| format!("&fd={data_bitrate}"));
+        let baud = self.baud.map(|baud| format!("&baud={baud}"));
+        let [fd, baud] = [fd, baud].map(Option::unwrap_or_default);
         format!("{}?bitrate={bitrate}{fd}&load={load}{baud}", self.place)
     }
 }
@@ -177,26 +169,18 @@ mod tests {
 
     #[test]
     fn wrong_ones_are_refused_with_the_reason() {
-        for (text, part) in [
-            ("", "names no interface"),
-            (
-                "can0?bitrate=fast",
-                "bitrate = \"fast\" must be a whole number",
-            ),
-            ("can0?bitrate=2000000", "10000 to 1000000"),
-            (
-                "can0?bitrate=500000&fd=250000",
-                "500000 (the bitrate) to 8000000",
-            ),
-            ("can0?fd", "fd = \"\" must be a whole number"),
-            ("can0?load=0", "0.01 to 1"),
-            ("can0?load=nan", "0.01 to 1"),
-            ("can0?baud=0", "above 0"),
-            (
-                "can0?speed=3",
-                "unknown option \"speed\"; it has bitrate, fd, load, baud, roles",
-            ),
+        for row in [
+            " => names no interface",
+            "can0?bitrate=fast => bitrate = \"fast\" must be a whole number",
+            "can0?bitrate=2000000 => 10000 to 1000000",
+            "can0?bitrate=500000&fd=250000 => 500000 (the bitrate) to 8000000",
+            "can0?fd => fd = \"\" must be a whole number",
+            "can0?load=0 => 0.01 to 1",
+            "can0?load=nan => 0.01 to 1",
+            "can0?baud=0 => above 0",
+            "can0?speed=3 => unknown option \"speed\"; it has bitrate, fd, load, baud, roles",
         ] {
+            let (text, part) = row.split_once(" => ").unwrap();
             let error = Settings::parse(text, ALL).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }

@@ -60,32 +60,20 @@ fn take_one(count: &AtomicU32) -> bool {
 /// # Errors
 /// It has no such rate.
 pub fn commands(settings: &Settings) -> Result<Vec<Command>, String> {
-    let rates = settings.rates;
-    let Some(code) = BIT_RATES.iter().position(|rate| *rate == rates.bitrate) else {
-        let known: Vec<String> = BIT_RATES.iter().map(u32::to_string).collect();
-        return Err(format!(
-            "bitrate = {}: adapters have {}",
-            rates.bitrate,
-            known.join(", ")
-        ));
+    let code = |key: &str, rate: u32, known: &[u32]| {
+        let code = known.iter().position(|known| *known == rate);
+        code.ok_or_else(|| {
+            let known: Vec<String> = known.iter().map(u32::to_string).collect();
+            format!("{key} = {rate}: adapters have {}", known.join(", "))
+        })
     };
-    let mut commands = vec![Command::Close, Command::BitRate(code as u8)];
+    let rates = settings.rates;
+    let bit_rate = code("bitrate", rates.bitrate, &BIT_RATES)?;
+    let mut commands = vec![Command::Close, Command::BitRate(bit_rate as u8)];
     if settings.fd {
-        let data = DATA_RATES
-            .iter()
-            .find(|(_, rate)| *rate == rates.data_bitrate);
-        let Some((code, _)) = data else {
-            let known: Vec<String> = DATA_RATES
-                .iter()
-                .map(|(_, rate)| rate.to_string())
-                .collect();
-            return Err(format!(
-                "fd = {}: adapters have {}",
-                rates.data_bitrate,
-                known.join(", ")
-            ));
-        };
-        commands.push(Command::DataRate(*code));
+        let data_rates = DATA_RATES.map(|(_, rate)| rate);
+        let data_rate = code("fd", rates.data_bitrate, &data_rates)?;
+        commands.push(Command::DataRate(DATA_RATES[data_rate].0));
     }
     commands.push(Command::Open);
     Ok(commands)
@@ -177,23 +165,18 @@ impl SlcanBus {
                 return;
             }
             Answer::Refused => {
-                self.refused += 1;
-                if self.refused >= REFUSED {
-                    self.refused = 0;
-                    Trouble::BusOff.frame()
-                } else {
-                    overflow()
+                self.refused = (self.refused + 1) % REFUSED;
+                match self.refused {
+                    0 => Trouble::BusOff.frame(),
+                    _ => overflow(),
                 }
             }
-            Answer::State {
-                state: State::BusOff,
-                ..
-            } => Trouble::BusOff.frame(),
-            Answer::State {
-                state: State::Active,
-                ..
-            } => return,
-            Answer::State { .. } | Answer::Errors(_) => Trouble::Error.frame(),
+            Answer::State { state, .. } => match state {
+                State::BusOff => Trouble::BusOff.frame(),
+                State::Active => return,
+                _ => Trouble::Error.frame(),
+            },
+            Answer::Errors(_) => Trouble::Error.frame(),
             Answer::Status(_) | Answer::Version(_) | Answer::Serial(_) => return,
         };
         self.received.push_back(trouble);
@@ -219,13 +202,7 @@ impl SlcanBus {
 fn overflow() -> CanFrame {
     let mut frame = CanFrame {
         id: 0x04,
-        extended: false,
-        fd: false,
-        brs: false,
-        remote: false,
-        error: true,
-        len: 8,
-        data: [0; 64],
+        ..Trouble::Error.frame()
     };
     frame.data[1] = 0x02;
     frame
@@ -302,7 +279,8 @@ impl CanBus for SlcanBus {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
     use serialport::TTYPort;
@@ -344,10 +322,7 @@ mod tests {
         assert_eq!(bus.send(&frame).unwrap(), Sending::Sent);
         other.write_all(b"\x07").unwrap();
         let refused = bus.recv(Duration::from_secs(5)).unwrap().unwrap();
-        assert!(
-            refused.error,
-            "a frame that the adapter refuses is an error of the bus"
-        );
+        assert!(refused.error, "an error of the bus");
     }
 
     fn trouble(bus: &mut Box<dyn CanBus>) -> Option<Trouble> {
@@ -375,20 +350,17 @@ mod tests {
     fn refusals_count_against_frames_that_were_sent() {
         let frame = CanFrame::new(0x123, false, &[]).unwrap();
         let most = REFUSED as usize;
-        // Frames sent, what the adapter says (the first three may answer C, S and O), whether it shows that it is off the bus, bytes of noise.
+        // Refusals, one frame taken, and refusals again; the first three may answer C, S and O.
+        let taken_after = |before, after| [&vec![7; before][..], b"z\r", &vec![7; after]].concat();
+        // Frames sent, what the adapter says, whether it shows that it is off the bus, bytes of noise.
         for (sent, said, is_off, noise) in [
             (0, vec![7; most + 3], false, most),
             (0, vec![7; 1000], false, 997),
             (most - 1, vec![7; most + 3], false, 1),
             (most, vec![7; most + 3], true, 0),
             (most, vec![7; most + 2], false, 0),
-            (
-                2 * most,
-                [&[7; 66][..], b"z\r", &[7; 63]].concat(),
-                false,
-                0,
-            ),
-            (2 * most, [&[7; 66][..], b"z\r", &[7; 64]].concat(), true, 0),
+            (2 * most, taken_after(66, 63), false, 0),
+            (2 * most, taken_after(66, 64), true, 0),
         ] {
             let (mut bus, mut other) = line("bitrate=250000");
             read(&mut other, SET_UP.len());
@@ -449,26 +421,15 @@ mod tests {
 
     #[test]
     fn rates_that_no_adapter_has_are_refused() {
-        let error = commands(&settings("bitrate=33333")).unwrap_err();
-        assert!(
-            error.contains("bitrate = 33333") && error.contains("125000"),
-            "{error}"
-        );
-        let error = commands(&settings("bitrate=500000&fd=3000000")).unwrap_err();
-        assert!(
-            error.contains("fd = 3000000") && error.contains("8000000"),
-            "{error}"
-        );
-    }
-
-    #[test]
-    fn a_device_that_is_none_is_named() {
-        let error = open(&Settings::new("/dev/there-is-no-such-port"))
-            .err()
-            .unwrap();
-        assert!(
-            error.to_string().contains("check that the device exists"),
-            "{error}"
-        );
+        for (query, parts) in [
+            ("bitrate=33333", ["bitrate = 33333", "125000"]),
+            ("bitrate=500000&fd=3000000", ["fd = 3000000", "8000000"]),
+        ] {
+            let error = commands(&settings(query)).unwrap_err();
+            assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+        }
+        let error = open(&Settings::new("/dev/there-is-no-such-port")).err();
+        let error = error.unwrap().to_string();
+        assert!(error.contains("check that the device exists"), "{error}");
     }
 }

@@ -38,6 +38,7 @@ mod linux {
     use super::{carries_fd, exists};
     use crate::can::settings::Settings;
     use crate::can::{CanBus, Refusal, Sending};
+    use nix::errno::Errno;
     use skyloop_protocols::can::CanFrame;
     use socketcan::id::FdFlags;
     use socketcan::{
@@ -48,19 +49,10 @@ mod linux {
     use std::sync::Arc;
     use std::time::Duration;
 
-    /// Errors by number that have no `ErrorKind` (`errno.h`, the same on every Linux but MIPS and SPARC for the first).
-    const EAFNOSUPPORT: i32 = 97;
-    const EPROTONOSUPPORT: i32 = 93;
-    const ENODEV: i32 = 19;
-    const ENXIO: i32 = 6;
-    const ENETDOWN: i32 = 100;
-    const ENOBUFS: i32 = 105;
-
     /// Octets that may wait in the socket, as far as the system allows: some 1,000 FD frames a socket buffer's doubled
     /// share.
     const RECEIVE_BUFFER: usize = 1 << 20;
 
-    /// A CAN interface.
     struct SocketBus {
         socket: Arc<CanFdSocket>,
     }
@@ -73,7 +65,7 @@ mod linux {
         let name = &settings.place;
         // Interface 0 stands for all of them: this asks only whether the kernel has CAN.
         if let Err(error) = CanFdSocket::open_iface(0)
-            && matches!(error.raw_os_error(), Some(EAFNOSUPPORT | EPROTONOSUPPORT))
+            && matches!(errno(&error), Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT)
         {
             return Err(Refusal {
                 action: "open a CAN socket",
@@ -82,14 +74,14 @@ mod linux {
             });
         }
         let refuse = |source: io::Error| {
-            let remedy = match source.raw_os_error() {
-                Some(ENODEV | ENXIO) if exists(name) => {
+            let remedy = match errno(&source) {
+                Errno::ENODEV | Errno::ENXIO if exists(name) => {
                     format!("{name} is no CAN interface: `ip -br link` lists all")
                 }
-                Some(ENODEV | ENXIO) => format!(
+                Errno::ENODEV | Errno::ENXIO => format!(
                     "there is no CAN interface {name:?}: `ip -br link` lists them; `ip link add dev {name} type vcan && ip link set {name} up` makes a virtual one"
                 ),
-                Some(ENETDOWN) => format!("the interface is down: run `ip link set {name} up`"),
+                Errno::ENETDOWN => format!("the interface is down: run `ip link set {name} up`"),
                 _ if source.kind() == ErrorKind::PermissionDenied => {
                     "run it as a user that may open CAN sockets".to_string()
                 }
@@ -136,7 +128,7 @@ mod linux {
                 Ok(()) => Ok(Sending::Sent),
                 Err(error) if error.should_retry() => Ok(Sending::Full),
                 // The interface's queue is full.
-                Err(error) if error.raw_os_error() == Some(ENOBUFS) => Ok(Sending::Full),
+                Err(error) if errno(&error) == Errno::ENOBUFS => Ok(Sending::Full),
                 Err(error) => Err(error),
             }
         }
@@ -161,6 +153,10 @@ mod linux {
         }
     }
 
+    fn errno(error: &io::Error) -> Errno {
+        Errno::from_raw(error.raw_os_error().unwrap_or_default())
+    }
+
     /// Our frame as the kernel's; none if it is not one that a bus could carry.
     fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
         let payload = frame.data.get(..frame.len.into())?;
@@ -174,11 +170,8 @@ mod linux {
         }?;
         Some(match (frame.fd, frame.remote) {
             (true, _) => {
-                let flags = if frame.brs {
-                    FdFlags::BRS
-                } else {
-                    FdFlags::empty()
-                };
+                let mut flags = FdFlags::empty();
+                flags.set(FdFlags::BRS, frame.brs);
                 CanFdFrame::with_flags(id, payload, flags)?.into()
             }
             (false, true) => CanRemoteFrame::new_remote(id, frame.len.into())?.into(),
@@ -186,7 +179,6 @@ mod linux {
         })
     }
 
-    /// The kernel's frame as ours.
     fn from_kernel(frame: &CanAnyFrame) -> CanFrame {
         let (fd, brs) = match frame {
             CanAnyFrame::Fd(frame) => (true, frame.is_brs()),
