@@ -13,11 +13,9 @@ const MOST_PEAKS: usize = 32;
 pub(crate) struct Blob {
     /// Its number, from 1.
     id: u32,
-    /// Indices of its pixels.
     pub(crate) pixels: Vec<usize>,
 }
 
-/// The blobs of an image.
 pub(crate) struct Blobs {
     pub(crate) list: Vec<Blob>,
     /// Per pixel the number of its blob, 0 for none.

@@ -2,18 +2,18 @@
 
 mod closed;
 mod faults;
-mod pause;
 mod profile;
-mod range;
 
 pub use closed::LoopArgs;
 pub use faults::parse_fault;
-pub use pause::parse_pause;
 pub use profile::ProfileArgs;
-pub use range::within;
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
 
 use anyhow::{Result, anyhow, bail};
 use clap::{Args, ValueEnum};
+use skyloop_firmware_sim::flight_computer::Pause;
 use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::output::{MAX_POSITIONS, MAX_WINDOW};
 use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
@@ -62,25 +62,19 @@ impl OutputArgs {
         };
         let windows = level == Level::Windows;
         let objects = windows || level == Level::Labels;
-        for (given, used, option, levels) in [
-            (self.windows.is_some(), windows, "--windows", "windows"),
-            (
-                self.window_size.is_some(),
-                windows,
-                "--window-size",
-                "windows",
-            ),
-            (self.positions.is_some(), windows, "--positions", "windows"),
-            (
-                self.objects.is_some(),
-                objects,
-                "--objects",
-                "windows or --output labels",
-            ),
+        for (given, option) in [
+            (self.windows.is_some(), "--windows"),
+            (self.window_size.is_some(), "--window-size"),
+            (self.positions.is_some(), "--positions"),
         ] {
-            if given && !used {
-                bail!("{option} is for --output {levels} only: leave it out, or choose that");
+            if given && !windows {
+                bail!("{option} is for --output windows only: leave it out, or choose that");
             }
+        }
+        if self.objects.is_some() && !objects {
+            bail!(
+                "--objects is for --output windows or --output labels only: leave it out, or choose that"
+            );
         }
         if self.windows.is_some() && self.positions.is_some() {
             bail!("--windows and --positions both say where windows lie: give one of them");
@@ -122,4 +116,59 @@ fn parse_positions(text: &str) -> Result<Positions> {
     let count = centres.len();
     Positions::new(&centres)
         .ok_or_else(|| anyhow!("{count} positions where at most {MAX_POSITIONS} may be given"))
+}
+
+/// Reads a number of `unit` within `range`.
+pub fn within(
+    range: RangeInclusive<f64>,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match text.trim().parse() {
+        Ok(number) if range.contains(&number) => Ok(number),
+        _ => Err(format!(
+            "it must be {} to {} {unit}",
+            range.start(),
+            range.end()
+        )),
+    }
+}
+
+/// Reads `AFTER:S`, both in seconds.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn parse_pause(text: &str) -> Result<Pause> {
+    /// As long as anybody would wait.
+    const MOST_S: f64 = 1e6;
+    let time = |text: &str| {
+        let seconds: f64 = text.trim().parse().ok()?;
+        let fits = (0.0..=MOST_S).contains(&seconds);
+        fits.then(|| Duration::from_secs_f64(seconds))
+    };
+    let times = text.split_once(':');
+    let times = times.and_then(|(after, lasts)| Some((time(after)?, time(lasts)?)));
+    let (after, lasts) =
+        times.ok_or_else(|| anyhow!("\"{text}\" is not AFTER:S, both 0 to {MOST_S} s, as 5:30"))?;
+    Ok(Pause { after, lasts })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_are_read() {
+        let pause = parse_pause("5:0.25").unwrap();
+        assert_eq!(pause.after, Duration::from_secs(5));
+        assert_eq!(pause.lasts, Duration::from_millis(250));
+        for wrong in [
+            "", "5", "5:", ":5", "-1:5", "1:-5", "nan:1", "1:inf", "1e7:1", "1:2:3",
+        ] {
+            let error = parse_pause(wrong).unwrap_err().to_string();
+            assert!(
+                error.contains("AFTER:S") && error.contains("5:30"),
+                "{error}"
+            );
+        }
+    }
 }

@@ -90,12 +90,8 @@ pub fn detect(image: &Image<'_>, settings: &DetectorSettings) -> Detections {
     if image.width > 0 && image.pixels.len() == image.width * image.height {
         let signal = Signal::new(image);
         let blobs = Blobs::find(&signal, settings.threshold);
-        list.extend(
-            blobs
-                .list
-                .iter()
-                .filter_map(|blob| signal.measure(image, blob, &blobs)),
-        );
+        let measured = |blob| signal.measure(image, blob, &blobs);
+        list.extend(blobs.list.iter().filter_map(measured));
     }
     Detections::new(image.frame, list, settings)
 }
@@ -132,12 +128,10 @@ impl Signal {
     /// The pixels of a blob grown by two, without those of other blobs, and whether the frame cuts it.
     fn grown(&self, blob: &Blob, blobs: &Blobs) -> (Vec<usize>, bool) {
         const GROWTH: usize = 2;
-        let mut grown: Vec<usize> = blob
-            .pixels
-            .iter()
-            .flat_map(|&index| self.around(index, GROWTH))
-            .filter(|&index| blobs.is_free_for(index, blob))
-            .collect();
+        let around = blob.pixels.iter();
+        let around = around.flat_map(|index| self.around(*index, GROWTH));
+        let is_free = |index: &usize| blobs.is_free_for(*index, blob);
+        let mut grown: Vec<usize> = around.filter(is_free).collect();
         grown.sort_unstable();
         grown.dedup();
         let edge = blob.pixels.iter().any(|&index| {
@@ -150,32 +144,24 @@ impl Signal {
     fn measure(&self, image: &Image<'_>, blob: &Blob, blobs: &Blobs) -> Option<Detection> {
         let (grown, edge) = self.grown(blob, blobs);
         let start = Moments::of(blob.pixels.iter().map(|&index| self.sample(index)))?;
-        let brightest = blob
-            .pixels
-            .iter()
-            .copied()
-            .max_by(|a, b| self.electrons[*a].total_cmp(&self.electrons[*b]))?;
-        let (peak, variance) = (
-            self.electrons[brightest].max(0.0),
-            self.sigma[brightest].powi(2),
-        );
+        let pixels = blob.pixels.iter().copied();
+        let by_light = |a: &usize, b: &usize| self.electrons[*a].total_cmp(&self.electrons[*b]);
+        let brightest = pixels.clone().max_by(by_light)?;
+        let peak = self.electrons[brightest].max(0.0);
+        let variance = self.sigma[brightest].powi(2);
         let window = Window::of_blob(&start, f64::from(peak / (peak + variance)));
         let (x_px, y_px, snr) = self.windowed_centroid(&start, &window, blob, blobs);
         let limit = u32::from(image.full_scale_dn) * 95 / 100;
+        let light = grown.iter().map(|index| f64::from(self.electrons[*index]));
+        let is_full = |index: usize| u32::from(image.pixels[index]) >= limit;
         Some(Detection {
             x_px,
             y_px,
-            flux_e: grown
-                .iter()
-                .map(|&index| f64::from(self.electrons[index]))
-                .sum(),
+            flux_e: light.sum(),
             snr,
             pixels: blob.pixels.len(),
             edge,
-            saturated: blob
-                .pixels
-                .iter()
-                .any(|&index| u32::from(image.pixels[index]) >= limit),
+            saturated: pixels.clone().any(is_full),
         })
     }
 

@@ -32,15 +32,13 @@ pub fn open(link: &str) -> Result<(Box<dyn Port + Send>, Roles), PortError> {
             reason,
             examples: match scheme {
                 Some(scheme) => scheme.example.into(),
-                None => examples(),
+                None => {
+                    let examples = SCHEMES.iter().map(|scheme| scheme.example);
+                    examples.collect::<Vec<_>>().join(" or ")
+                }
             },
         },
     })
-}
-
-fn examples() -> String {
-    let examples: Vec<&str> = SCHEMES.iter().map(|scheme| scheme.example).collect();
-    examples.join(" or ")
 }
 
 #[cfg(test)]
@@ -49,49 +47,36 @@ mod tests {
 
     #[test]
     fn links_that_are_none_are_refused_with_an_example() {
-        for (text, part) in [
-            ("udp://127.0.0.1", "no IP address and port"),
-            ("udp://localhost:5", "no IP address and port"),
-            ("tcp://127.0.0.1:5", "no scheme is called \"tcp\""),
-            ("serial:///dev/ttyX?baud=fast", "must be a whole number"),
-            ("serial:///dev/ttyX?baud=12", "9600 to 3000000"),
-            (
-                "serial:///dev/ttyX?speed=9600",
-                "unknown option \"speed\"; serial has baud, roles",
-            ),
-            (
-                "serial:///dev/ttyX?baud=9600&baud=9600",
-                "baud is given twice",
-            ),
-            ("udp://127.0.0.1:5?roles=eyes", "roles=eyes must be truth"),
-            (
-                "udp://127.0.0.1:5?role=pixels",
-                "unknown option \"role\"; udp has roles",
-            ),
-            (
-                "can://vcan0?role=pixels",
-                "unknown option \"role\"; it has bitrate, fd, load, roles",
-            ),
-            ("pty://tracker", "is opened as serial://NAME"),
+        for row in [
+            "udp://127.0.0.1 => no IP address and port",
+            "udp://localhost:5 => no IP address and port",
+            "tcp://127.0.0.1:5 => no scheme is called \"tcp\"",
+            "serial:///dev/ttyX?baud=fast => must be a whole number",
+            "serial:///dev/ttyX?baud=12 => 9600 to 3000000",
+            "serial:///dev/ttyX?speed=9600 => unknown option \"speed\"; serial has baud, roles",
+            "serial:///dev/ttyX?baud=9600&baud=9600 => baud is given twice",
+            "udp://127.0.0.1:5?roles=eyes => roles=eyes must be truth",
+            "udp://127.0.0.1:5?role=pixels => unknown option \"role\"; udp has roles",
+            "can://vcan0?role=pixels => unknown option \"role\"; it has bitrate, fd, load, roles",
+            "pty://tracker => is opened as serial://NAME",
         ] {
+            let (text, part) = row.split_once(" => ").unwrap();
             let error = open(text).err().unwrap().to_string();
-            let examples: Vec<&str> = SCHEMES
-                .iter()
-                .filter(|scheme| error.contains(&format!("{}://", scheme.name)))
-                .map(|scheme| scheme.name)
-                .collect();
+            let names = SCHEMES.iter().map(|scheme| scheme.name);
+            let shown = names
+                .clone()
+                .filter(|name| error.contains(&format!("{name}://")));
+            let examples: Vec<&str> = shown.collect();
             let name = text.split(':').next().unwrap();
-            let due = match SCHEMES.iter().any(|scheme| scheme.name == name) {
+            let due = match names.clone().any(|known| known == name) {
                 true => vec![name],
-                false => SCHEMES.iter().map(|scheme| scheme.name).collect(),
+                false => names.collect(),
             };
             assert!(error.contains(part), "{text}: {error}");
             assert_eq!(examples, due, "{text}: {error}");
         }
-        let error = open("serial:///dev/there-is-no-such-port")
-            .err()
-            .unwrap()
-            .to_string();
+        let error = open("serial:///dev/there-is-no-such-port").err();
+        let error = error.unwrap().to_string();
         assert!(error.contains("/dev/there-is-no-such-port"), "{error}");
     }
 }

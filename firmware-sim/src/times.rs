@@ -107,6 +107,9 @@ fn place(time: Duration) -> f64 {
 mod tests {
     use super::*;
 
+    /// Number, the least in s, decades: all the range; a run's usual times; three.
+    const RUNS: [(u64, f64, f64); 3] = [(9999, 1e-6, 9.0), (1000, 5e-3, 1.0), (3, 0.1, 0.1)];
+
     fn of(list: &[Duration]) -> Times {
         let mut times = Times::default();
         list.iter().for_each(|time| times.add(*time));
@@ -117,20 +120,13 @@ mod tests {
     fn spread(count: u64, low: f64, decades: f64) -> Vec<Duration> {
         let fraction = |n: u64| (n as f64 * 0.618_033_988_749_895).fract();
         let second = |n| low * 10_f64.powf(decades * fraction(n));
-        (0..count)
-            .map(|n| Duration::from_secs_f64(second(n)))
-            .collect()
+        let times = (0..count).map(|n| Duration::from_secs_f64(second(n)));
+        times.collect()
     }
 
     #[test]
     fn quantiles_are_those_of_the_sorted_list_to_half_a_percent() {
-        // All the range; a run's usual times; three; one.
-        for (count, low, decades) in [
-            (9999, 1e-6, 9.0),
-            (1000, 5e-3, 1.0),
-            (3, 0.1, 0.1),
-            (1, 7.0, 0.0),
-        ] {
+        for (count, low, decades) in RUNS.into_iter().chain([(1, 7.0, 0.0)]) {
             let mut sorted = spread(count, low, decades);
             let times = of(&sorted);
             sorted.sort_unstable();
@@ -140,10 +136,9 @@ mod tests {
                 let (exact, found) = (sorted[rank - 1], times.quantile(fraction).unwrap());
                 let off = found.abs_diff(exact);
                 let ends = rank == 1 || rank == sorted.len();
-                let most = if ends {
-                    Duration::ZERO
-                } else {
-                    exact / 200 + Duration::from_nanos(1)
+                let most = match ends {
+                    true => Duration::ZERO,
+                    false => exact / 200 + Duration::from_nanos(1),
                 };
                 assert!(off <= most, "{count} {fraction}: {found:?}, not {exact:?}");
             }
@@ -166,23 +161,19 @@ mod tests {
 
     #[test]
     fn how_many_are_within_a_bound_is_what_the_list_says_to_half_a_percent() {
-        for (count, low, decades) in [(9999, 1e-6, 9.0), (1000, 5e-3, 1.0), (3, 0.1, 0.1)] {
+        for (count, low, decades) in RUNS {
             let list = spread(count, low, decades);
             let times = of(&list);
             let exact = |bound_s: f64| {
-                list.iter()
-                    .filter(|time| time.as_secs_f64() <= bound_s)
-                    .count() as u64
+                let within = list.iter().filter(|time| time.as_secs_f64() <= bound_s);
+                within.count() as u64
             };
             let mut before = 0;
             for step in 0..=200 {
                 let bound_s = 1e-7 * 10_f64.powf(f64::from(step) * 0.055);
                 let within = times.within(Duration::from_secs_f64(bound_s));
                 let range = exact(bound_s * 0.995 - 1e-9)..=exact(bound_s * 1.005 + 1e-9);
-                assert!(
-                    range.contains(&within),
-                    "{bound_s}: {within}, not {range:?}"
-                );
+                assert!(range.contains(&within), "{bound_s}: {within}, {range:?}");
                 assert!(within >= before, "{bound_s}: {within} after {before}");
                 before = within;
             }

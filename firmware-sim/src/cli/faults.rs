@@ -51,27 +51,19 @@ mod tests {
 
     #[test]
     fn faults_are_read() {
-        let fault = |kind, direction, value, seconds| Fault {
-            kind,
-            direction,
-            value,
-            seconds,
-        };
-        for (text, read) in [
-            (
-                "drop:out:0.05",
-                fault(FaultKind::Drop, Direction::Out, 0.05, 0.0),
-            ),
-            (
-                "delay:in:2:20.5",
-                fault(FaultKind::Delay, Direction::In, 2.0, 20.5),
-            ),
-            (
-                "stuck:in:1:3",
-                fault(FaultKind::Stuck, Direction::In, 1.0, 3.0),
-            ),
+        let (into, out) = (Direction::In, Direction::Out);
+        for (text, kind, direction, value, seconds) in [
+            ("drop:out:0.05", FaultKind::Drop, out, 0.05, 0.0),
+            ("delay:in:2:20.5", FaultKind::Delay, into, 2.0, 20.5),
+            ("stuck:in:1:3", FaultKind::Stuck, into, 1.0, 3.0),
         ] {
-            assert_eq!(parse_fault(text).unwrap(), read);
+            let fault = Fault {
+                kind,
+                direction,
+                value,
+                seconds,
+            };
+            assert_eq!(parse_fault(text).unwrap(), fault);
         }
     }
 

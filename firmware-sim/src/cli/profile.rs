@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scans_are_read() {
+    fn scans_and_limbs_are_read() {
         for (text, axis) in [
             ("0,0,0,1,10,0.5", Vector3::y_axis()),
             ("0 0 0 1 10 0.5 x", Vector3::x_axis()),
@@ -195,38 +195,34 @@ mod tests {
             let numbers = [scan.half_width_rad, scan.rate_rad_s].map(f64::to_degrees);
             assert!((numbers[0] - 10.0).abs() + (numbers[1] - 0.5).abs() < 1e-12);
         }
-        for (text, says) in [
-            ("0,0,0,1,10", "5 numbers where 6 belong: give x,y,z,w,DEG"),
-            ("0,0,0,1,10,0.5,w", "\"w\" is no finite number"),
-            ("0,0,0,1,nan,0.5", "\"nan\" is no finite number"),
-            (
-                "0,0,0,1,0,0.5",
-                "the half width is 0; it must be above 0, at most 180 deg",
-            ),
-            (
-                "0,0,0,1,10,-1",
-                "the rate is -1; it must be above 0, at most 360 deg/s",
-            ),
-            ("0,0,0,2,10,1", "norm is 2"),
-        ] {
-            let error = parse_scan(text).unwrap_err();
-            assert!(error.contains(says), "{text}: {error}");
-        }
-    }
-
-    #[test]
-    fn limbs_are_read() {
         let limb = parse_limb("80").unwrap();
         assert_eq!((limb.height_m, limb.azimuth_rad), (80e3, 0.0));
         let limb = parse_limb("83.5,-90").unwrap();
         assert!((limb.azimuth_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-15);
-        for (text, says) in [
-            ("", "0 numbers where 2 belong: give KM or KM,AZIMUTH_DEG"),
-            ("80,90,1", "3 numbers where 2 belong"),
-            ("nan", "\"nan\" is no finite number"),
-            ("-1", "the height is -1; it must be 0 to 10000 km"),
-            ("80,361", "the azimuth is 361; it must be -360 to 360 deg"),
+    }
+
+    #[test]
+    fn others_are_refused() {
+        for row in [
+            "0,0,0,1,10 => 5 numbers where 6 belong: give x,y,z,w,DEG",
+            "0,0,0,1,10,0.5,w => \"w\" is no finite number",
+            "0,0,0,1,nan,0.5 => \"nan\" is no finite number",
+            "0,0,0,1,0,0.5 => the half width is 0; it must be above 0, at most 180 deg",
+            "0,0,0,1,10,-1 => the rate is -1; it must be above 0, at most 360 deg/s",
+            "0,0,0,2,10,1 => norm is 2",
         ] {
+            let (text, says) = row.split_once(" => ").unwrap();
+            let error = parse_scan(text).unwrap_err();
+            assert!(error.contains(says), "{text}: {error}");
+        }
+        for row in [
+            " => 0 numbers where 2 belong: give KM or KM,AZIMUTH_DEG",
+            "80,90,1 => 3 numbers where 2 belong",
+            "nan => \"nan\" is no finite number",
+            "-1 => the height is -1; it must be 0 to 10000 km",
+            "80,361 => the azimuth is 361; it must be -360 to 360 deg",
+        ] {
+            let (text, says) = row.split_once(" => ").unwrap();
             let error = parse_limb(text).unwrap_err();
             assert!(error.contains(says), "{text}: {error}");
         }
