@@ -20,9 +20,8 @@ const LONG: Duration = Duration::from_secs(20);
 struct State {
     queues: [VecDeque<CanFrame>; 2],
     down: bool,
-    /// Frames that it takes until it is full; it is emptied by `Memory::drain`.
+    /// Frames that it takes until it is full.
     room: Option<usize>,
-    sent: usize,
     refused: usize,
     /// How often the system will refuse a second handle.
     no_handle: usize,
@@ -76,7 +75,6 @@ impl CanBus for Memory {
                 return Ok(Sending::Full);
             }
             state.room = state.room.map(|room| room - 1);
-            state.sent += 1;
             state.queues[1 - end].push_back(*frame);
             Ok(Sending::Sent)
         })

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use common::emulator::Emulator;
 use common::loops::{by_wall, computer, mission, over_memory, over_udp, within};
-use common::lossy::{Lossy, Truncating};
+use common::lossy::Lossy;
 use common::slow::Slow;
 use common::{Field, Noise};
 use skyloop_firmware_sim::event::Event;
@@ -38,7 +38,7 @@ fn lossy_flight(output: Output, frames: u32, field: Field, seed: u64) -> (Report
         output: Some(output),
         ..mission(frames)
     };
-    let report = fly(Lossy::new(port, seed, 0.05, 0.05), mission);
+    let report = fly(Lossy::new(port, seed, [0.05, 0.05, 0.0]), mission);
     (report, thread.join().unwrap())
 }
 
@@ -135,7 +135,7 @@ fn an_emulator_without_resend_is_asked_once() {
 #[test]
 fn by_the_wall_clock_frames_are_mended_while_others_come() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
-    let report = fly(Lossy::new(port, 4, 0.03, 0.05), by_wall(10.0, 40));
+    let report = fly(Lossy::new(port, 4, [0.03, 0.05, 0.0]), by_wall(10.0, 40));
     thread.join().unwrap();
     // An attitude or a whole frame that is lost is not made up for.
     assert!(report.frames >= 34, "{report}");
@@ -154,7 +154,7 @@ fn udp_with_packets_cut_short_both_ways() {
     for seed in 70..73 {
         let (port, thread) = on_udp(true);
         let seed = Noise::new(seed).bits();
-        let report = fly(Truncating::new(port, seed, 0.1), mission(40));
+        let report = fly(Lossy::new(port, seed, [0.0, 0.0, 0.1]), mission(40));
         let emulator = thread.join().unwrap();
         assert_eq!((report.frames, report.lost, report.refused), (40, 0, 0));
         let damaged = report.recovery.damaged;
@@ -167,7 +167,7 @@ fn udp_with_packets_cut_short_both_ways() {
 fn udp_with_loss_and_reordering_both_ways() {
     let (port, thread) = on_udp(false);
     let seed = Noise::new(7).bits();
-    let report = fly(Lossy::new(port, seed, 0.05, 0.05), mission(40));
+    let report = fly(Lossy::new(port, seed, [0.05, 0.05, 0.0]), mission(40));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (40, 0));
 }

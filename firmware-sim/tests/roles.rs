@@ -235,7 +235,8 @@ fn a_part_of_which_nothing_came_is_asked_for_when_the_other_has_come() {
 fn every_link_mends_its_own_losses() {
     let (links, thread) = over_memory(THREE, |_, _| {});
     let links = (1..).zip(links);
-    let links = links.map(|(seed, (port, roles))| (Lossy::new(port, seed, 0.05, 0.05), roles));
+    let links =
+        links.map(|(seed, (port, roles))| (Lossy::new(port, seed, [0.05, 0.05, 0.0]), roles));
     let (report, _) = fly(links.collect(), mission(30));
     let ends = thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (30, 0));

@@ -103,32 +103,19 @@ impl Emulator {
             Ok(decoded) => decoded,
             Err(error) => return self.complain(packet, error),
         };
-        let mut out = Vec::new();
-        let ack = Reply::Ack(Ack {
+        if let Some((reason, why)) = self.refusal(&command) {
+            let nack = Nack::new(header.apid, header.sequence_count, reason, why);
+            return vec![self.sender.reply(&Reply::Nack(nack), now())];
+        }
+        let mut replies = vec![Reply::Ack(Ack {
             apid: header.apid,
             sequence_count: header.sequence_count,
-        });
+        })];
+        let mut out = Vec::new();
         match command {
-            Command::Attitude(attitude) if (self.refuses)(attitude.sequence) => {
-                out.push(self.refuse(&header, Reason::TimeBackwards, "as the test asks"));
-            }
             Command::Attitude(attitude) => {
-                let same = |(_, other): &&(Header, Attitude)| other.sequence == attitude.sequence;
-                let copy = self.attitudes.iter().filter(same).count();
-                self.attitudes.push((header, attitude));
-                if (self.swallows)(copy, attitude.sequence) {
-                    return out;
-                }
-                let frame = self.frames;
-                let mut packets = self.frame(&header);
-                self.kept.push_back((frame, packets.clone()));
-                if self.kept.len() > 2 {
-                    self.kept.pop_front();
-                }
-                (self.mischief)(attitude.sequence, &mut packets);
-                let packets = packets.into_iter().map(|packet| (frame, packet));
-                self.waiting.extend(packets);
-                if (self.delays)(copy, attitude.sequence) {
+                replies.clear();
+                if self.expose(header, attitude) {
                     return out;
                 }
             }
@@ -137,65 +124,83 @@ impl Emulator {
                 self.credit = CreditAccount::new();
                 self.waiting.clear();
                 self.kept.clear();
-                out.push(self.sender.reply(&ack, now()));
             }
-            Command::Output(output) => match self.refuses_output {
-                Some(why) => out.push(self.refuse(&header, Reason::ValueOutOfRange, why)),
-                None => {
-                    self.output = output;
-                    out.push(self.sender.reply(&ack, now()));
-                }
-            },
-            Command::Fault(_) if self.refuses_faults => {
-                out.push(self.refuse(&header, Reason::NotSupported, "no faults here"));
-            }
-            Command::Fault(fault) => {
-                self.faults.push((fault, self.attitudes.len()));
-                out.push(self.sender.reply(&ack, now()));
-            }
-            Command::Positions(positions) => {
-                self.positions = positions.centres().to_vec();
-                out.push(self.sender.reply(&ack, now()));
-            }
+            Command::Output(output) => self.output = output,
+            Command::Fault(fault) => self.faults.push((fault, self.attitudes.len())),
+            Command::Positions(positions) => self.positions = positions.centres().to_vec(),
             Command::Credit { packets } => {
+                replies.clear();
                 if !self.credit.grant(packets) {
-                    out.push(self.refuse(&header, Reason::ValueOutOfRange, "Credit"));
+                    let (apid, count) = (header.apid, header.sequence_count);
+                    let nack = Nack::new(apid, count, Reason::ValueOutOfRange, "Credit");
+                    replies.push(Reply::Nack(nack));
                 }
-            }
-            Command::Resend { .. } if !self.resends => {
-                out.push(self.refuse(&header, Reason::NotSupported, "no Resend"));
             }
             Command::Resend {
                 frame,
                 first,
                 count,
             } => {
-                let kept = self.kept.iter().find(|(number, _)| *number == frame);
-                let Some((_, packets)) = kept else {
-                    out.push(self.refuse(&header, Reason::ValueOutOfRange, "not kept"));
-                    return out;
-                };
+                replies.clear();
+                let kept = self.kept.iter().filter(|(number, _)| *number == frame);
+                let packets = kept.flat_map(|(_, packets)| packets);
                 // Only what has been sent is sent again.
                 let unsent = self.waiting.iter().filter(|(of, _)| *of == frame).count();
-                let sent = packets.len().saturating_sub(unsent);
-                let (first, count) = (first as usize, count as usize);
-                let again = packets.iter().take(sent).skip(first).take(count).cloned();
-                let before = out.len();
-                out.extend(again);
-                self.resent += out.len() - before;
+                let sent = packets.clone().count().saturating_sub(unsent);
+                let again = packets.take(sent).skip(first as usize);
+                out.extend(again.take(count as usize).cloned());
+                self.resent += out.len();
             }
-            Command::Ping => {
-                out.push(self.sender.reply(&ack, now()));
-                let status = self.status();
-                out.push(self.sender.reply(&Reply::Status(status), now()));
-            }
-            _ => out.push(self.sender.reply(&ack, now())),
+            Command::Ping => replies.push(Reply::Status(self.status())),
+            _ => {}
         }
+        let replies = replies.iter();
+        out.extend(replies.map(|reply| self.sender.reply(reply, now())));
         while !self.waiting.is_empty() && self.credit.may_send() {
             self.credit.spend();
             out.extend(self.waiting.pop_front().map(|(_, packet)| packet));
         }
         out
+    }
+
+    /// Why it does not do what it is told.
+    fn refusal(&self, command: &Command) -> Option<(Reason, &'static str)> {
+        match command {
+            Command::Attitude(attitude) if (self.refuses)(attitude.sequence) => {
+                Some((Reason::TimeBackwards, "as the test asks"))
+            }
+            Command::Output(_) => Some((Reason::ValueOutOfRange, self.refuses_output?)),
+            Command::Fault(_) if self.refuses_faults => {
+                Some((Reason::NotSupported, "no faults here"))
+            }
+            Command::Resend { .. } if !self.resends => Some((Reason::NotSupported, "no Resend")),
+            Command::Resend { frame, .. } => {
+                let is_kept = self.kept.iter().any(|(number, _)| number == frame);
+                (!is_kept).then_some((Reason::ValueOutOfRange, "not kept"))
+            }
+            _ => None,
+        }
+    }
+
+    /// Makes the frame of an attitude. True: nothing of it leaves now.
+    fn expose(&mut self, header: Header, attitude: Attitude) -> bool {
+        let sequence = attitude.sequence;
+        let same = |(_, other): &&(Header, Attitude)| other.sequence == sequence;
+        let copy = self.attitudes.iter().filter(same).count();
+        self.attitudes.push((header, attitude));
+        if (self.swallows)(copy, sequence) {
+            return true;
+        }
+        let frame = self.frames;
+        let mut packets = self.frame(&header);
+        self.kept.push_back((frame, packets.clone()));
+        if self.kept.len() > 2 {
+            self.kept.pop_front();
+        }
+        (self.mischief)(sequence, &mut packets);
+        let packets = packets.into_iter().map(|packet| (frame, packet));
+        self.waiting.extend(packets);
+        (self.delays)(copy, sequence)
     }
 
     /// About a packet damaged on the way, as the emulator does.
@@ -208,11 +213,6 @@ impl Emulator {
         let (apid, count) = identify(packet).unwrap_or((0, 0));
         let nack = Nack::new(apid, count, error.reason(), "damaged");
         vec![self.sender.reply(&Reply::Nack(nack), now())]
-    }
-
-    fn refuse(&mut self, header: &Header, reason: Reason, why: &str) -> Vec<u8> {
-        let nack = Nack::new(header.apid, header.sequence_count, reason, why);
-        self.sender.reply(&Reply::Nack(nack), now())
     }
 
     /// Of the latest attitude.

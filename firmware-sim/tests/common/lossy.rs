@@ -1,4 +1,4 @@
-//! Ports that lose and reorder packets, or cut them short, both ways, the same ones in every run.
+//! A port that loses, reorders and cuts packets both ways, the same ones in every run.
 
 use std::time::Duration;
 
@@ -6,12 +6,13 @@ use skyloop_firmware_sim::port::{Port, PortError};
 
 use super::Noise;
 
-/// Loses, and swaps with the next, each with this probability.
+/// Loses packets, swaps them with the next, or cuts them short to any length, each with its probability.
 pub struct Lossy<P> {
     port: P,
     noise: Noise,
     loss: f64,
     swap: f64,
+    cut: f64,
     held_out: Option<Vec<u8>>,
     held_in: Option<Vec<u8>>,
     /// What was held and comes next.
@@ -19,25 +20,36 @@ pub struct Lossy<P> {
 }
 
 impl<P> Lossy<P> {
-    pub fn new(port: P, seed: u64, loss: f64, swap: f64) -> Self {
+    pub fn new(port: P, seed: u64, [loss, swap, cut]: [f64; 3]) -> Self {
         Self {
             port,
             noise: Noise::new(seed),
             loss,
             swap,
+            cut,
             held_out: None,
             held_in: None,
             overtaken: None,
         }
     }
+
+    fn happens(&mut self, probability: f64) -> bool {
+        self.noise.uniform() < probability
+    }
+
+    fn cut<'a>(&mut self, packet: &'a [u8]) -> &'a [u8] {
+        if !self.happens(self.cut) {
+            return packet;
+        }
+        let most = packet.len().saturating_sub(1);
+        &packet[..1 + (self.noise.uniform() * most as f64) as usize]
+    }
 }
 
 impl<P: Port> Port for Lossy<P> {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let (lost, swapped) = (
-            self.noise.uniform() < self.loss,
-            self.noise.uniform() < self.swap,
-        );
+        let (lost, swapped) = (self.happens(self.loss), self.happens(self.swap));
+        let packet = self.cut(packet);
         if lost {
             return Ok(());
         }
@@ -46,10 +58,8 @@ impl<P: Port> Port for Lossy<P> {
             return Ok(());
         }
         self.port.send(packet)?;
-        match self.held_out.take() {
-            Some(held) => self.port.send(&held),
-            None => Ok(()),
-        }
+        let held = self.held_out.take();
+        held.map_or(Ok(()), |held| self.port.send(&held))
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
@@ -64,52 +74,16 @@ impl<P: Port> Port for Lossy<P> {
             let Some(packet) = self.port.recv(timeout)? else {
                 return Ok(self.held_in.take());
             };
-            if self.noise.uniform() < self.loss {
+            if self.happens(self.loss) {
                 continue;
             }
-            if self.held_in.is_none() && self.noise.uniform() < self.swap {
+            let packet = self.cut(&packet).to_vec();
+            if self.held_in.is_none() && self.happens(self.swap) {
                 self.held_in = Some(packet);
                 continue;
             }
             self.overtaken = self.held_in.take();
             return Ok(Some(packet));
         }
-    }
-}
-
-/// Cuts packets short, each with this probability, to any length.
-pub struct Truncating<P> {
-    port: P,
-    noise: Noise,
-    probability: f64,
-}
-
-impl<P> Truncating<P> {
-    pub fn new(port: P, seed: u64, probability: f64) -> Self {
-        Self {
-            port,
-            noise: Noise::new(seed),
-            probability,
-        }
-    }
-
-    fn cut<'a>(&mut self, packet: &'a [u8]) -> &'a [u8] {
-        if self.noise.uniform() >= self.probability {
-            return packet;
-        }
-        let most = packet.len() - 1;
-        &packet[..1 + (self.noise.uniform() * most as f64) as usize]
-    }
-}
-
-impl<P: Port> Port for Truncating<P> {
-    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let packet = self.cut(packet);
-        self.port.send(packet)
-    }
-
-    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        let packet = self.port.recv(timeout)?;
-        Ok(packet.map(|packet| self.cut(&packet).to_vec()))
     }
 }
