@@ -24,33 +24,21 @@ impl Timings {
             self.spares.add(timing.spare_s.into());
         }
     }
-
-    /// Half of the attitudes are of this age or less at the middle of the exposure, and all of that: s; `None` without any.
-    #[must_use]
-    pub fn ages_s(&self) -> Option<(f64, f64)> {
-        Some((self.ages.quantile(0.5)?, self.ages.quantile(1.0)?))
-    }
-
-    /// Half of the frames had this time left or less, and the last of all that: s; `None` without any.
-    #[must_use]
-    pub fn spares_s(&self) -> Option<(f64, f64)> {
-        Some((self.spares.quantile(0.5)?, self.spares.quantile(0.0)?))
-    }
 }
 
 impl fmt::Display for Timings {
     /// Nothing, or a line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Some((age, oldest)), Some((spare, least))) = (self.ages_s(), self.spares_s()) else {
+        let ms = |times: &SignedTimes, fraction| Some(times.quantile(fraction)? * 1e3);
+        let (Some(age), Some(oldest)) = (ms(&self.ages, 0.5), ms(&self.ages, 1.0)) else {
+            return Ok(());
+        };
+        let (Some(spare), Some(least)) = (ms(&self.spares, 0.5), ms(&self.spares, 0.0)) else {
             return Ok(());
         };
         writeln!(
             f,
-            "attitude age     p50 {:.2} ms, max {:.2} ms; spare time p50 {:.2} ms, min {:.2} ms",
-            age * 1e3,
-            oldest * 1e3,
-            spare * 1e3,
-            least * 1e3
+            "attitude age     p50 {age:.2} ms, max {oldest:.2} ms; spare time p50 {spare:.2} ms, min {least:.2} ms"
         )
     }
 }

@@ -30,7 +30,7 @@ pub struct ControlAccount {
     /// When the body's error was looked at last, s after the drift began.
     flown_s: f64,
     /// The largest error of the body, rad.
-    worst_rad: f64,
+    pub worst_rad: f64,
     errors: Series,
     /// Those of the boresight (+Z) alone.
     across: Series,
@@ -88,12 +88,6 @@ impl ControlAccount {
     #[must_use]
     pub fn across_rms_rad(&self) -> Option<f64> {
         self.across.rms_from(self.flown_s / 2.0)
-    }
-
-    /// The largest error of the body, rad.
-    #[must_use]
-    pub fn worst_rad(&self) -> f64 {
-        self.worst_rad
     }
 
     /// Root mean square of the difference between estimated and true errors, rad; `None` without any.
@@ -177,7 +171,7 @@ impl Series {
         const MOST: usize = 4096;
         while at_s / self.piece_s >= MOST as f64 {
             self.piece_s *= 2.0;
-            self.pieces = self.pieces.chunks(2).map(|pair| total(pair)).collect();
+            self.pieces = self.pieces.chunks(2).map(total).collect();
         }
         let piece = (at_s / self.piece_s) as usize;
         if piece >= self.pieces.len() {
@@ -215,7 +209,7 @@ mod tests {
             }
             let rms = account.rms_rad().unwrap();
             assert!((rms - 4e-5).abs() < 1e-9, "{seconds}: {rms}");
-            assert_eq!(account.worst_rad(), 3e-4);
+            assert_eq!(account.worst_rad, 3e-4);
             assert!((account.drifted_rad() / seconds - 1e-4).abs() < 1e-6);
             assert!(account.errors.pieces.len() <= 4096);
         }

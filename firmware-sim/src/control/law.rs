@@ -78,12 +78,6 @@ impl Law {
     pub fn expected(&self) -> Vector3<f64> {
         self.latest.map_or(Vector3::zeros(), |(_, error)| error)
     }
-
-    /// L, s.
-    #[must_use]
-    pub fn delay_s(&self) -> f64 {
-        self.delay_s
-    }
 }
 
 /// A value that follows another up at once, down by a tenth of the way.
@@ -168,7 +162,7 @@ mod tests {
         assert!(law.measured(0.1, 0.15, Vector3::z() * 1e-4));
         // X-Val: L = 0.05 + 0.1 + 0.05 = 0.2 s, Kp = 2.5, Ki = 1 / 0.64, of 0.1 s.
         let integral = 1e-4 * 0.1 / 0.64;
-        assert!((law.delay_s() - 0.2).abs() < 1e-12);
+        assert!((law.delay_s - 0.2).abs() < 1e-12);
         assert!((law.rates(0.2).z + 2.5e-4 + integral).abs() < 1e-12);
         assert!((law.rates(0.6).z + integral).abs() < 1e-12);
         assert!(!law.measured(0.1, 0.2, Vector3::zeros()), "the same again");

@@ -274,7 +274,7 @@ mod tests {
             let account = control.account();
             println!("latency {late_s} s\n{account}");
             let (rms, off) = (account.rms_rad(), account.estimate_rms_rad());
-            let angles = [rms.unwrap(), off.unwrap(), account.worst_rad()];
+            let angles = [rms.unwrap(), off.unwrap(), account.worst_rad];
             let [rms, off, worst] = angles.map(|angle| angle * ARCSEC);
             // X-Val: 0.02 deg/s are 72 arcsec/s, 4300 in a minute. A centroid's 0.05 px are 2.1 arcsec: over the square root of 50 stars, and as
             // much of the reference again, 0.6 arcsec across the boresight. Stars lie 0.04 rad from the middle on average, so that the turn
