@@ -85,20 +85,19 @@ impl AttitudeList {
                 count: attitudes.len(),
             });
         }
-        match attitudes.windows(2).find(|pair| pair[1].0 <= pair[0].0) {
-            Some(pair) => Err(ListError::NotIncreasing {
-                name: name.into(),
-                epoch: pair[1].0,
-            }),
-            None => Ok(Self {
-                segments: vec![Segment {
-                    first: attitudes[0].0,
-                    last: attitudes[attitudes.len() - 1].0,
-                    attitudes,
-                }],
-                remarks: Vec::new(),
-            }),
+        if let Some(pair) = attitudes.windows(2).find(|pair| pair[1].0 <= pair[0].0) {
+            let (name, epoch) = (name.into(), pair[1].0);
+            return Err(ListError::NotIncreasing { name, epoch });
         }
+        let segment = Segment {
+            first: attitudes[0].0,
+            last: attitudes[attitudes.len() - 1].0,
+            attitudes,
+        };
+        Ok(Self {
+            segments: vec![segment],
+            remarks: Vec::new(),
+        })
     }
 
     /// Reads a CCSDS AEM, or lines of `UTC x y z w` (blanks or commas between; `#` starts a comment).
@@ -136,15 +135,13 @@ impl AttitudeList {
             reason,
         };
         let AttitudeMessage { segments, remarks } = aem::parse(text).map_err(refused)?;
-        let segments = segments
-            .iter()
-            .map(|segment| Segment::of(segment).map_err(refused));
+        let segments = segments.iter();
+        let segments = segments.map(|segment| Segment::of(segment).map_err(refused));
         let remarks = remarks.iter();
+        let remarks = remarks.map(|(line, remark)| format!("{name}:{line}: {remark}"));
         Ok(Self {
             segments: segments.collect::<Result<_, _>>()?,
-            remarks: remarks
-                .map(|(line, remark)| format!("{name}:{line}: {remark}"))
-                .collect(),
+            remarks: remarks.collect(),
         })
     }
 
@@ -155,9 +152,6 @@ impl AttitudeList {
     }
 
     /// Attitude and rates at `epoch`.
-    ///
-    /// # Errors
-    /// [`OutsideList`].
     pub fn at(&self, epoch: Epoch) -> Result<Pointing, OutsideList> {
         let holds = |segment: &&Segment| (segment.first..=segment.last).contains(&epoch);
         if let Some(segment) = self.segments.iter().find(holds) {
@@ -208,11 +202,9 @@ impl Segment {
 }
 
 fn parse_line(content: &str) -> Result<(Epoch, UnitQuaternion<f64>), String> {
-    let (time, numbers) = content
-        .split_once([' ', ',', '\t'])
-        .ok_or("only one field")?;
-    let epoch = parse_utc(time)?;
-    Ok((epoch, parse_quaternion(numbers)?))
+    let fields = content.split_once([' ', ',', '\t']);
+    let (time, numbers) = fields.ok_or("only one field")?;
+    Ok((parse_utc(time)?, parse_quaternion(numbers)?))
 }
 
 #[cfg(test)]

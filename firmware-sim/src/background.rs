@@ -38,20 +38,14 @@ impl Background {
             for column in 0..columns {
                 let (left, right) = bounds(column, columns, image.width);
                 values.clear();
-                for line in image
-                    .pixels
-                    .chunks_exact(image.width)
-                    .take(bottom)
-                    .skip(top)
-                {
+                let lines = image.pixels.chunks_exact(image.width);
+                for line in lines.take(bottom).skip(top) {
                     values.extend_from_slice(&line[left..right]);
                 }
                 let (mean_dn, sigma_dn) = clipped_moments(&mut values);
                 let gain = image.gain_e_per_dn;
-                tiles.push((
-                    ((mean_dn - image.offset_dn) * gain) as f32,
-                    (sigma_dn * gain) as f32,
-                ));
+                let level = (mean_dn - image.offset_dn) * gain;
+                tiles.push((level as f32, (sigma_dn * gain) as f32));
             }
         }
         Self {
@@ -74,11 +68,8 @@ impl Background {
             top + (bottom - top) * v
         };
         // The noise is not carried on beyond the centres: it must not fall below 0.
-        let sigma = mix(
-            corners.map(|(_, sigma)| sigma),
-            u.clamp(0.0, 1.0),
-            v.clamp(0.0, 1.0),
-        );
+        let [within_u, within_v] = [u, v].map(|at| at.clamp(0.0, 1.0));
+        let sigma = mix(corners.map(|(_, sigma)| sigma), within_u, within_v);
         (mix(corners.map(|(level, _)| level), u, v), sigma)
     }
 }
@@ -112,10 +103,8 @@ fn clipped_moments(values: &mut [u16]) -> (f64, f64) {
     // The median itself is always within: count is never 0.
     let mean = sum / count;
     let variance = (squares / count - mean * mean).max(0.0);
-    (
-        f64::from(median) + mean,
-        variance.sqrt().max(QUANTISATION_DN),
-    )
+    let sigma = variance.sqrt().max(QUANTISATION_DN);
+    (f64::from(median) + mean, sigma)
 }
 
 fn median(values: &mut [u16]) -> u16 {

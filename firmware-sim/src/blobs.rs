@@ -70,11 +70,9 @@ impl Blobs {
         }
         let mut parts = vec![Vec::new(); peaks.len()];
         for index in connected {
-            let distance = |peak: &usize| squared_distance(signal, index, *peak);
-            let nearest = (0..peaks.len())
-                .min_by_key(|part| distance(&peaks[*part]))
-                .unwrap_or(0);
-            parts[nearest].push(index);
+            let distance = |part: &usize| squared_distance(signal, index, peaks[*part]);
+            let nearest = (0..peaks.len()).min_by_key(distance);
+            parts[nearest.unwrap_or(0)].push(index);
         }
         parts.into_iter().for_each(|part| self.add(part));
     }
@@ -89,9 +87,10 @@ impl Blobs {
 }
 
 fn squared_distance(signal: &Signal, a: usize, b: usize) -> usize {
+    let width = signal.width;
     let (dx, dy) = (
-        (a % signal.width).abs_diff(b % signal.width),
-        (a / signal.width).abs_diff(b / signal.width),
+        (a % width).abs_diff(b % width),
+        (a / width).abs_diff(b / width),
     );
     dx * dx + dy * dy
 }
@@ -102,9 +101,8 @@ fn peaks(signal: &Signal, smoothed: &[f32], connected: &[usize]) -> Vec<usize> {
     const VALLEY: f32 = 0.75;
     const SIGNIFICANT: f32 = 4.0;
     let is_top = |&index: &usize| {
-        signal
-            .around(index, 1)
-            .all(|other| smoothed[other] <= smoothed[index])
+        let mut around = signal.around(index, 1);
+        around.all(|other| smoothed[other] <= smoothed[index])
     };
     let mut tops: Vec<usize> = connected.iter().copied().filter(is_top).collect();
     tops.sort_by(|a, b| smoothed[*b].total_cmp(&smoothed[*a]));
@@ -113,10 +111,8 @@ fn peaks(signal: &Signal, smoothed: &[f32], connected: &[usize]) -> Vec<usize> {
         let height = smoothed[top];
         let noise = SMOOTHED_NOISE * (signal.sigma[top].powi(2) + height.max(0.0)).sqrt();
         let stands_apart = |&peak: &usize| {
-            let lowest = signal
-                .between(top, peak)
-                .map(|index| smoothed[index])
-                .fold(height, f32::min);
+            let between = signal.between(top, peak).map(|index| smoothed[index]);
+            let lowest = between.fold(height, f32::min);
             lowest < VALLEY * height && height - lowest > SIGNIFICANT * noise
         };
         if peaks.len() < MOST_PEAKS && peaks.iter().all(stands_apart) {

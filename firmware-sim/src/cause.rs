@@ -58,24 +58,18 @@ pub enum Cause {
 }
 
 fn roles_of(links: &[Named]) -> String {
-    let links = links
-        .iter()
-        .map(|link| format!("{} roles={}", link.name, link.roles));
-    links.collect::<Vec<_>>().join(", ")
+    let named = |link: &Named| format!("{} roles={}", link.name, link.roles);
+    links.iter().map(named).collect::<Vec<_>>().join(", ")
 }
 
 fn remedy(what: Roles, on: &Named, off: &Named) -> String {
-    let rest = off.roles.without(what);
-    let without = if rest == Roles::NONE {
-        format!("leave {} out", off.name)
-    } else {
-        format!("{} roles={rest}", off.name)
+    let (all, rest) = (on.roles.with(what), off.roles.without(what));
+    let without = match rest {
+        Roles::NONE => format!("leave {} out", off.name),
+        rest => format!("{} roles={rest}", off.name),
     };
-    format!(
-        "give {} roles={} and {without}, or change the emulator's links",
-        on.name,
-        on.roles.with(what)
-    )
+    let give = &on.name;
+    format!("give {give} roles={all} and {without}, or change the emulator's links")
 }
 
 impl Cause {

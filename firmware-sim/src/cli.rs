@@ -53,9 +53,6 @@ enum Level {
 
 impl OutputArgs {
     /// What to ask for, and where windows lie.
-    ///
-    /// # Errors
-    /// An option that the level has no use for.
     pub fn wanted(&self) -> Result<(Option<Output>, Option<Positions>)> {
         let Some(level) = self.output else {
             return Ok((None, None));
@@ -134,9 +131,6 @@ pub fn within(
 }
 
 /// Reads `AFTER:S`, both in seconds.
-///
-/// # Errors
-/// What is wrong with it.
 pub fn parse_pause(text: &str) -> Result<Pause> {
     /// As long as anybody would wait.
     const MOST_S: f64 = 1e6;

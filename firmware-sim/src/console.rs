@@ -24,9 +24,6 @@ pub fn say(text: impl Display) -> io::Result<()> {
 }
 
 /// Prints data for programs to standard output, unchanged but where that is a terminal; else as [`say`].
-///
-/// # Errors
-/// As of [`say`].
 pub fn write_out(text: impl Display) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let text = text.to_string();

@@ -61,9 +61,6 @@ impl Datagrams {
     }
 
     /// The next one, as the socket waits: it may block, or have a time-out.
-    ///
-    /// # Errors
-    /// The system's.
     pub fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Datagram> {
         let (length, from, lost, each) = system::receive(&self.socket, buffer)?;
         // A socket that has lost nothing yet does not say so.

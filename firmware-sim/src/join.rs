@@ -45,9 +45,6 @@ impl Joiner {
     }
 
     /// Takes what one link, which brings `brought`, has whole; gives the frame that it completes.
-    ///
-    /// # Errors
-    /// The parts are not of the same frame.
     pub(crate) fn join(
         &mut self,
         frame: ReceivedFrame,

@@ -50,16 +50,12 @@ impl Pacing {
 
     /// Books an arrival. Says whether so much of the window is used up that a new grant should go out.
     pub(crate) fn arrived(&mut self, apid: u16, sequence_count: u16) -> bool {
-        let Some(next) = PAID
-            .iter()
-            .position(|paid| *paid == apid)
-            .and_then(|row| self.next.get_mut(row))
-        else {
+        let Some(row) = PAID.iter().position(|paid| *paid == apid) else {
             return false;
         };
-        let ahead = next.map_or(0, |next| {
-            sequence_count.wrapping_sub(next) % SEQUENCE_MODULUS
-        });
+        let next = &mut self.next[row];
+        let ahead = next.map_or(0, |next| sequence_count.wrapping_sub(next));
+        let ahead = ahead % SEQUENCE_MODULUS;
         if ahead >= SEQUENCE_MODULUS / 2 {
             // Late or repeated: it was booked as a gap or as an arrival before.
             return false;
@@ -67,11 +63,9 @@ impl Pacing {
         *next = Some((sequence_count + 1) % SEQUENCE_MODULUS);
         // The emulator cannot have sent more than was granted, or told of; a larger gap is a restarted count, not a loss.
         let unused = self.granted.wrapping_sub(self.left);
-        let lost = if u32::from(ahead) < unused.saturating_add(self.foretold) {
-            u32::from(ahead)
-        } else {
-            0
-        };
+        let ahead = Some(u32::from(ahead));
+        let lost = ahead.filter(|lost| *lost < unused.saturating_add(self.foretold));
+        let lost = lost.unwrap_or(0);
         // What a Status has told of has been booked, as lost.
         let told = self.foretold.min(lost + 1);
         self.foretold -= told;
@@ -121,10 +115,9 @@ impl Pacing {
     fn target(&self) -> u32 {
         let target = self.left.wrapping_add(self.window);
         // Never back: a grant once given stands.
-        if (target.wrapping_sub(self.granted) as i32) > 0 {
-            target
-        } else {
-            self.granted
+        match (target.wrapping_sub(self.granted) as i32) > 0 {
+            true => target,
+            false => self.granted,
         }
     }
 }

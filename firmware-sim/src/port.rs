@@ -8,17 +8,12 @@ use skyloop_protocols::EncodeError;
 use thiserror::Error;
 
 /// A link that carries packets. An implementation keeps packet boundaries; it may lose, repeat or damage packets.
+/// It gives a [`PortError`] when the link is gone.
 pub trait Port {
     /// Sends one packet.
-    ///
-    /// # Errors
-    /// [`PortError`] when the link is gone.
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError>;
 
     /// Waits for the next packet, `timeout` at most; `None` if none came.
-    ///
-    /// # Errors
-    /// [`PortError`] when the link is gone.
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError>;
 
     /// Packets that the link dropped: damaged ones, or for want of room.

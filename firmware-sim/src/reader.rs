@@ -54,9 +54,6 @@ impl Intake {
 impl Reader {
     /// Starts the thread. `source` waits for what comes, [`READ_TIMEOUT`] at most, and gives it to the intake; its
     /// errors end the link, but for those that pass.
-    ///
-    /// # Errors
-    /// The system gives no thread.
     pub(crate) fn start(
         name: &str,
         mut source: impl FnMut(&Intake) -> io::Result<()> + Send + 'static,
@@ -86,18 +83,14 @@ impl Reader {
     }
 
     /// The next packet; none within `timeout`.
-    ///
-    /// # Errors
-    /// What ended the source.
     pub(crate) fn recv(&mut self, timeout: Duration) -> io::Result<Option<Vec<u8>>> {
         match self.packets.recv_timeout(timeout) {
             Ok(packet) => Ok(Some(packet)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => Err(self
-                .thread
-                .take()
-                .and_then(|thread| thread.join().ok())
-                .unwrap_or_else(|| ErrorKind::BrokenPipe.into())),
+            Err(RecvTimeoutError::Disconnected) => {
+                let ended = self.thread.take().and_then(|thread| thread.join().ok());
+                Err(ended.unwrap_or_else(|| ErrorKind::BrokenPipe.into()))
+            }
         }
     }
 

@@ -157,9 +157,6 @@ impl ReceivedFrame {
     }
 
     /// The label text: JSON, one line; empty if no text was sent. It opens for the fixed detections of this frame only.
-    ///
-    /// # Errors
-    /// [`SealError`].
     pub fn labels(&self, detections: &Detections) -> Result<&str, SealError> {
         let octets = self.opened(detections, LabelLevel::Text)?;
         std::str::from_utf8(octets).map_err(|error| SealError::NotText {
@@ -170,9 +167,6 @@ impl ReceivedFrame {
 
     /// The brightest objects, the brightest first; none if only text was sent, or nothing. They open for the fixed
     /// detections of this frame only.
-    ///
-    /// # Errors
-    /// [`SealError::OtherFrame`].
     pub fn objects(&self, detections: &Detections) -> Result<Vec<ObjectRecord>, SealError> {
         let all = ObjectPart {
             frame: self.header.frame,

@@ -27,9 +27,6 @@ impl Roles {
     };
 
     /// Takes option `roles` out of an address: the rest of it, and the roles; all where none are given.
-    ///
-    /// # Errors
-    /// What is wrong with them.
     pub fn split(address: &str) -> Result<(String, Self), String> {
         let Some((place, options)) = address.split_once('?') else {
             return Ok((address.into(), Self::ALL));
@@ -51,9 +48,6 @@ impl Roles {
     }
 
     /// Reads names joined by `+`: `pixels+labels`.
-    ///
-    /// # Errors
-    /// What is wrong with them.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
         for name in text.split('+') {

@@ -17,8 +17,8 @@ impl Signal {
     pub(crate) fn new(image: &Image<'_>) -> Self {
         let background = Background::measure(image);
         let (gain, offset) = (image.gain_e_per_dn as f32, image.offset_dn as f32);
-        let (mut electrons, mut sigma) = (Vec::with_capacity(image.pixels.len()), Vec::new());
-        sigma.reserve(image.pixels.len());
+        let count = image.pixels.len();
+        let (mut electrons, mut sigma) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (y, line) in image.pixels.chunks_exact(image.width).enumerate() {
             for (x, dn) in line.iter().enumerate() {
                 let (level, noise) = background.at(x, y);
@@ -41,30 +41,23 @@ impl Signal {
         let mut along = Vec::with_capacity(self.electrons.len());
         for line in self.electrons.chunks_exact(width) {
             along.extend((0..width).map(|x| {
-                blend(
-                    line[x.saturating_sub(1)],
-                    line[x],
-                    line[(x + 1).min(width - 1)],
-                )
+                let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
+                blend(line[left], line[x], line[right])
             }));
         }
         let mut both = Vec::with_capacity(along.len());
         for y in 0..height {
             let (up, down) = (y.saturating_sub(1) * width, (y + 1).min(height - 1) * width);
-            both.extend(
-                (0..width).map(|x| blend(along[up + x], along[y * width + x], along[down + x])),
-            );
+            let smooth = |x| blend(along[up + x], along[y * width + x], along[down + x]);
+            both.extend((0..width).map(smooth));
         }
         both
     }
 
     /// The pixels in the frame within `reach` of a pixel, itself included.
     pub(crate) fn around(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
-        self.block(
-            (index % self.width) as isize,
-            (index / self.width) as isize,
-            reach as isize,
-        )
+        let (x, y) = (index % self.width, index / self.width);
+        self.block(x as isize, y as isize, reach as isize)
     }
 
     /// The pixels in the frame of a square around (x, y).
@@ -85,11 +78,8 @@ impl Signal {
 
     /// Column, row, electrons.
     pub(crate) fn sample(&self, index: usize) -> (f64, f64, f64) {
-        (
-            (index % self.width) as f64,
-            (index / self.width) as f64,
-            f64::from(self.electrons[index]),
-        )
+        let (x, y) = (index % self.width, index / self.width);
+        (x as f64, y as f64, self.electrons[index].into())
     }
 
     /// The pixels on the straight line from one pixel to another, both included.

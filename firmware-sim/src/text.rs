@@ -12,16 +12,13 @@ use std::str::FromStr;
 /// Says which item is not a finite number, or how many there are instead of N.
 pub fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let items = text.split([' ', ',', '\t']).filter(|item| !item.is_empty());
-    let numbers = items
-        .map(|item| match item.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(format!("\"{item}\" is no finite number")),
-        })
-        .collect::<Result<Vec<f64>, String>>()?;
-    let count = numbers.len();
-    numbers
-        .try_into()
-        .map_err(|_| format!("{count} numbers where {N} belong"))
+    let numbers = items.map(|item| match item.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("\"{item}\" is no finite number")),
+    });
+    let numbers = numbers.collect::<Result<Vec<f64>, String>>()?;
+    let numbers = <[f64; N]>::try_from(numbers);
+    numbers.map_err(|numbers| format!("{} numbers where {N} belong", numbers.len()))
 }
 
 /// A whole number within a range, as an option of a command line takes it.
@@ -46,9 +43,6 @@ pub fn decimal(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, Strin
 }
 
 /// A finite number, as an option of a command line takes it.
-///
-/// # Errors
-/// Says what is wanted.
 pub fn number(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite());
     number.ok_or_else(|| "a number is wanted".to_string())
@@ -63,17 +57,13 @@ pub fn parse_quaternion(text: &str) -> Result<UnitQuaternion<f64>, String> {
 }
 
 /// A unit quaternion from `[x, y, z, w]`, normalised when its norm is within [`UNIT_TOLERANCE`] of 1.
-///
-/// # Errors
-/// Says the norm.
 pub fn quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
     let q = Quaternion::new(w, x, y, z);
     let norm = q.norm();
-    if (norm - 1.0).abs() <= UNIT_TOLERANCE {
-        Ok(UnitQuaternion::from_quaternion(q))
-    } else {
-        Err(format!(
+    match (norm - 1.0).abs() <= UNIT_TOLERANCE {
+        true => Ok(UnitQuaternion::from_quaternion(q)),
+        false => Err(format!(
             "the quaternion's norm is {norm:.6}, not 1 within {UNIT_TOLERANCE}"
-        ))
+        )),
     }
 }

@@ -43,9 +43,6 @@ pub struct UdpPort {
 
 impl UdpPort {
     /// A socket on a free port that hears `emulator` only. It binds to the loopback address if `emulator` has one.
-    ///
-    /// # Errors
-    /// [`PortError::Io`].
     pub fn connect(emulator: SocketAddr) -> Result<Self, PortError> {
         let link = format!("udp://{emulator}");
         let local: IpAddr = match (emulator.ip().is_loopback(), emulator.is_ipv4()) {

@@ -92,6 +92,7 @@ pub fn not_run(checks: &[&'static str], error: &str) -> Vec<Verdict> {
 }
 
 /// A file with the outcome of a run. Until its end it is that of a failed one: a run that never ends has not passed.
+/// Errors name the file and the remedy.
 #[derive(Debug)]
 pub struct VerdictFile {
     path: PathBuf,
@@ -118,9 +119,6 @@ impl VerdictFile {
     }
 
     /// Replaces the earlier contents by `text`, that of an unfinished run. A pipe gets the final text only.
-    ///
-    /// # Errors
-    /// As of [`VerdictFile::open`].
     pub fn begin(&mut self, text: &str) -> Result<(), String> {
         self.has_begun = true;
         match self.output.is_regular() {
@@ -131,18 +129,12 @@ impl VerdictFile {
     }
 
     /// Writes the final text.
-    ///
-    /// # Errors
-    /// As of [`VerdictFile::open`].
     pub fn finish(&mut self, text: &str) -> Result<(), String> {
         self.is_final = true;
         self.write(text)
     }
 
     /// Writes the text of a run that failed, unless the final text is there, or the run failed before a file of another program was to be replaced.
-    ///
-    /// # Errors
-    /// As of [`VerdictFile::open`].
     pub fn fail(&mut self, text: &str) -> Result<(), String> {
         if self.is_final || !self.has_begun && self.output.is_foreign() {
             return Ok(());
@@ -193,9 +185,6 @@ impl Limits {
     }
 
     /// Opens the JUnit file, if one was named.
-    ///
-    /// # Errors
-    /// As of [`VerdictFile::open`].
     pub fn open(&self, force: bool) -> Result<Option<VerdictFile>, String> {
         VerdictFile::open(self.junit(), JUNIT_MARK, force)
     }

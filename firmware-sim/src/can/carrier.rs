@@ -374,7 +374,8 @@ impl<A: Above> Carrier<A> {
     fn book(&mut self) {
         let (now, before) = (self.node.counts(), self.counts);
         self.counts = now;
-        let notes: [(fn(u32) -> Note, u32, u32); 4] = [
+        type Counted = fn(u32) -> Note;
+        let notes: [(Counted, u32, u32); 4] = [
             (Note::Unsent, now.unsent, before.unsent),
             (Note::Incomplete, now.incomplete, before.incomplete),
             (Note::Oversize, now.oversize, before.oversize),

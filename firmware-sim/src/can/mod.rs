@@ -31,15 +31,9 @@ pub enum Sending {
 /// as frames with [`CanFrame::error`].
 pub trait CanBus: Send {
     /// Sends a frame, without waiting for long.
-    ///
-    /// # Errors
-    /// The bus has gone.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending>;
 
     /// Waits for the next frame, `timeout` at most; `None` if none came.
-    ///
-    /// # Errors
-    /// The bus has gone.
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>>;
 
     /// The same bus for another thread. One of the two sends, the other receives.
@@ -50,9 +44,6 @@ pub trait CanBus: Send {
 
     /// Puts a controller that has left the bus back on it, after [`Trouble::BusOff`]; the handle that sends does it. [`Sending::Full`]: call it
     /// again later. A kernel's interface restarts by itself (`restart-ms`).
-    ///
-    /// # Errors
-    /// The bus has gone.
     fn restart(&mut self) -> io::Result<Sending> {
         Ok(Sending::Sent)
     }

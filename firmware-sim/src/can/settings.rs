@@ -39,9 +39,6 @@ impl Settings {
     }
 
     /// A bus by what follows `://`. Of its keys those in `known` are allowed.
-    ///
-    /// # Errors
-    /// What is wrong with it.
     pub fn parse(text: &str, known: &[&str]) -> Result<Settings, String> {
         let (place, query) = text.split_once('?').unwrap_or((text, ""));
         if place.is_empty() {
@@ -63,9 +60,6 @@ impl Settings {
     }
 
     /// Takes the value of one key.
-    ///
-    /// # Errors
-    /// What is wrong with it.
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
         let whole = || {
             let number = value.parse::<u32>();
@@ -88,9 +82,6 @@ impl Settings {
     }
 
     /// Whether its values fit each other.
-    ///
-    /// # Errors
-    /// What is wrong with them.
     pub fn check(&self) -> Result<(), String> {
         let Rates {
             bitrate,

@@ -56,9 +56,6 @@ fn take_one(count: &AtomicU32) -> bool {
 }
 
 /// The adapter's commands for the bit rates of `settings`.
-///
-/// # Errors
-/// It has no such rate.
 pub fn commands(settings: &Settings) -> Result<Vec<Command>, String> {
     let code = |key: &str, rate: u32, known: &[u32]| {
         let code = known.iter().position(|known| *known == rate);

@@ -35,9 +35,6 @@ pub struct LoopArgs {
 
 impl LoopArgs {
     /// The loop that is asked for, if one is.
-    ///
-    /// # Errors
-    /// What is missing or of no use.
     pub fn settings(&self, wall: bool, mission: &Mission) -> Result<Option<ControlSettings>> {
         if !self.closed {
             for (given, option) in [

@@ -4,9 +4,6 @@ use anyhow::{Result, anyhow, bail};
 use skyloop_protocols::{Direction, Fault, FaultKind};
 
 /// Reads `KIND:in|out:VALUE[:SECONDS]`.
-///
-/// # Errors
-/// What is wrong with it.
 pub fn parse_fault(text: &str) -> Result<Fault> {
     let parts: Vec<&str> = text.split(':').collect();
     let (kind, direction, value, seconds) = match parts[..] {

@@ -49,9 +49,10 @@ impl FlightComputer {
                 return self.time_out(sequence, watch);
             }
             let heard = self.links.heard();
-            let tick = match heard > seen {
-                true => Event::Progress,
-                false => Event::Tick,
+            let tick = if heard > seen {
+                Event::Progress
+            } else {
+                Event::Tick
             };
             seen = heard;
             if watch(tick).is_break() {

@@ -334,9 +334,6 @@ impl Partial {
     }
 
     /// The received frame of a partial one that is whole.
-    ///
-    /// # Errors
-    /// The pixels are not those that were sent.
     pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
         let frame = self.header.frame;
         let end = self.end.unwrap_or_default();
