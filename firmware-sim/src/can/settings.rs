@@ -156,6 +156,12 @@ mod tests {
         assert!(fd.fd);
         assert_eq!((fd.rates.data_bitrate, fd.rates.load), (8_000_000, 0.5));
         assert_eq!(fd.describe(), text);
+        // X-Val: 8 octets go in two segments of 7, each a line of 22 octets of 10 bits at 9600 baud.
+        let slow = Settings::parse("x?baud=9600", ALL).unwrap();
+        assert_eq!(
+            slow.packet_duration(8).as_micros(),
+            2 * 22 * 10_000_000 / 9600
+        );
     }
 
     #[test]
