@@ -2,14 +2,13 @@
 //! and a million sources.
 
 use crate::stage::{
-    Light, Lit, behind, camera, check_numbers, drawn, emulator, falling, light, moments, noon, oem,
-    orbiter, towards, vehicle,
+    LOW_KM, LOW_KM_S, Light, Lit, alone, behind, camera, check_numbers, drawn, emulator, falling,
+    in_low_orbit, light, moments, noon, oem, square, still,
 };
-use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::camera::Stamp;
 use skyloop::camera::psf::{Psf, Shape, Variation};
-use skyloop::engine::Emulator;
+use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;
 use skyloop::kernels::{Reading, add_signal};
 use skyloop::orbit::sgp4_batch::Level;
@@ -65,53 +64,42 @@ fn the_phase_function_keeps_its_digits_up_to_pi() {
     assert!(sphere.magnitude(PI - 1e-12, 1.5e11, 1e6) > 80.0);
 }
 
-/// An object of a sphere of such a diameter that it has that magnitude, 1,000 km before the camera.
-fn object_of(mag: f64, with: impl FnOnce(&mut Emulator)) -> skyloop::engine::Shot {
-    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
-    let objects = oem(
-        "LIGHT",
-        noon(),
-        falling(r + Vector3::new(1000.0, 0.0, 0.0), v),
-    );
-    let shot = |diameter_m: f64, with: &mut dyn FnMut(&mut Emulator)| {
-        let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
-            config.objects = objects.clone();
-            config.sphere.diameter_m = diameter_m;
-        });
-        with(&mut emulator);
-        let vehicle = orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3);
-        emulator.shoot(&vehicle, 0).unwrap()
-    };
-    let first = shot(10.0, &mut |_| {}).label.objects[0].mag;
+/// A sphere of that diameter, 1,000 km before the camera; labels list it from a signal-to-noise ratio on.
+fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> Shot {
+    let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
+        config.objects = oem("LIGHT", noon(), falling(LOW_KM * 8.0 / 7.0, LOW_KM_S));
+        config.sphere.diameter_m = diameter_m;
+        config.label_snr = label_snr;
+    });
+    emulator.choice.noise = noise;
+    emulator
+        .choice
+        .off
+        .retain(|name| !noise || *name != "shot noise");
+    emulator.shoot(&in_low_orbit(), 0).unwrap()
+}
+
+/// A sphere of such a diameter that it has that magnitude.
+fn object_of(mag: f64, noise: bool) -> Shot {
+    let ten_metres = sphere(10.0, false, 0.0).label.objects[0].mag;
     // Light goes by the square of the diameter.
-    let mut with = Some(with);
-    shot(10.0 * 10f64.powf((first - mag) / 5.0), &mut |emulator| {
-        if let Some(with) = with.take() {
-            with(emulator);
-        }
-    })
+    sphere(10.0 * 10f64.powf((ten_metres - mag) / 5.0), noise, 0.0)
 }
 
 /// Reference: Pogson's law, `10^(-0.4 m)`, from the object of magnitude 5; 1e-9. What fills every pixel that it lights is in the label all the same, and why
 /// it has no signal-to-noise ratio.
 #[test]
 fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
-    let five = object_of(5.0, |_| {}).label.objects[0].electrons;
+    let five = object_of(5.0, false).label.objects[0].electrons;
     for mag in [-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0] {
         for noise in [false, true] {
-            let shot = object_of(mag, |emulator| {
-                emulator.choice.noise = noise;
-                emulator.choice.off.retain(|name| *name != "shot noise");
-            });
+            let shot = object_of(mag, noise);
             check_numbers(&shot, &format!("magnitude {mag}"));
             let object = &shot.label.objects[0];
             let expected = five * 10f64.powf(-0.4 * (mag - 5.0));
             assert!((object.mag - mag).abs() < 1e-9, "{}", object.mag);
-            assert!(
-                (object.electrons / expected - 1.0).abs() < 1e-9,
-                "{mag}: {}",
-                object.electrons
-            );
+            let miss = object.electrons / expected - 1.0;
+            assert!(miss.abs() < 1e-9, "{mag}: {}", object.electrons);
             let most = *shot.frame.digits.iter().max().unwrap();
             // X-Val: the plain camera: 60,000 e- at 1 e-/DN, over an offset of 100 DN.
             const OFFSET: u16 = 100;
@@ -124,30 +112,14 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
         }
     }
     // 10^20 e- fill every pixel that a Gaussian of 0.8 px gives anything.
-    let shot = object_of(-40.0, |emulator| {
-        emulator.choice.noise = false;
-    });
+    let shot = object_of(-40.0, false);
     let listed = &shot.label.objects[0];
     assert!(listed.electrons > 1e19 && listed.snr == 0.0 && !listed.visible);
-    assert_eq!(
-        listed.reason.as_deref(),
-        Some("every pixel that it lights is full")
-    );
+    let reason = listed.reason.as_deref();
+    assert_eq!(reason, Some("every pixel that it lights is full"));
     // It is in lists that leave faint objects out.
-    let r = Vector3::new(7000.0, 0.0, 0.0);
-    let objects = oem("LIGHT", noon(), falling(r * 8.0 / 7.0, Vector3::y() * 7.5));
-    let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
-        config.objects = objects;
-        config.label_snr = 3.0;
-        config.sphere.diameter_m = 1e11;
-    });
-    let shot = emulator
-        .shoot(
-            &orbiter(&towards(&Vector3::x()), r * 1e3, Vector3::y() * 7.5e3),
-            0,
-        )
-        .unwrap();
-    assert_eq!(shot.label.objects.len(), 1, "{:?}", shot.label.unseen);
+    let label = sphere(1e11, false, 3.0).label;
+    assert_eq!(label.objects.len(), 1, "{:?}", label.unseen);
 }
 
 /// Numbers so small that processors slow down (below 1e-38 in f32; their roots, where light is squared) take no longer than others: images, pixels, and what signal-to-noise ratios are summed of, two million shares.
@@ -156,11 +128,7 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
 #[test]
 #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
 fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
-    let camera = camera(&[
-        ("optics.psf.sigma_px", "5.0"),
-        ("detector.width_px", "256"),
-        ("detector.height_px", "256"),
-    ]);
+    let camera = square(256, "optics.psf.sigma_px = 5.0");
     let mut emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     emulator.choice.all = true;
     let attitude = Attitude::identity();
@@ -169,12 +137,9 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
             let (column, row) = (f64::from(i % 20), f64::from(i / 20));
             [column * 9.1 + 41.2, row * 9.1 + 41.4]
         });
-        let lights = places.map(|at| Light {
-            direction: behind(&camera, &attitude, at),
-            electrons,
-        });
+        let lights = places.map(|at| Light::new(behind(&camera, &attitude, at), electrons));
         let lights: Vec<Light> = lights.collect();
-        light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights)
+        light(&emulator, &still(&attitude), &lights)
     };
     let reading = Reading {
         bend: 0.0,
@@ -206,11 +171,8 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
         let small = of(electrons);
         let pixels = small.expected_e.iter().map(|e| *e as f32);
         assert!(pixels.clone().all(f32::is_finite));
-        assert_eq!(
-            pixels.filter(|e| e.is_subnormal()).count(),
-            0,
-            "{electrons:e}"
-        );
+        let slow = pixels.filter(|e| e.is_subnormal());
+        assert_eq!(slow.count(), 0, "{electrons:e}");
         let mut best = [[Duration::MAX; 3]; 2];
         let is_slow = |[usual, small]: [[Duration; 3]; 2]| {
             let mut pairs = usual.into_iter().zip(small);
@@ -293,15 +255,11 @@ fn gaussians_from_a_hundredth_of_a_pixel_to_a_hundred_have_their_shares() {
     let mut stamp = Stamp::default();
     for (sigma, truth) in SHARES {
         let psf = Psf::new(Shape::Gaussian(sigma), Variation::default());
-        for ([x, y], truth) in [[0.0, 0.0], [0.25, 0.4375], [2.25, -1.5625]]
-            .into_iter()
-            .zip(truth)
-        {
+        let places = [[0.0, 0.0], [0.25, 0.4375], [2.25, -1.5625]];
+        for ([x, y], truth) in places.into_iter().zip(truth) {
             let found = psf.at([0.0; 2], 1.0).on_pixel([-x, -y], &mut stamp);
-            assert!(
-                (found - truth).abs() < 1e-12,
-                "{sigma} {x} {y}: {found:e} {truth:e}"
-            );
+            let miss = (found - truth).abs();
+            assert!(miss < 1e-12, "{sigma} {x} {y}: {found:e} {truth:e}");
         }
     }
 }
@@ -310,21 +268,16 @@ fn gaussians_from_a_hundredth_of_a_pixel_to_a_hundred_have_their_shares() {
 #[test]
 fn frames_keep_the_light_of_gaussians_of_any_width() {
     for (sigma, side) in [
-        ("0.01", 64),
-        ("0.05", 64),
-        ("0.3", 64),
-        ("0.7", 64),
-        ("3.0", 128),
-        ("10.0", 256),
-        ("40.0", 640),
-        ("100.0", 1280),
+        (0.01, 64),
+        (0.05, 64),
+        (0.3, 64),
+        (0.7, 64),
+        (3.0, 128),
+        (10.0, 256),
+        (40.0, 640),
+        (100.0, 1280),
     ] {
-        let size = side.to_string();
-        let camera = camera(&[
-            ("optics.psf.sigma_px", sigma),
-            ("detector.width_px", &size),
-            ("detector.height_px", &size),
-        ]);
+        let camera = square(side, &format!("optics.psf.sigma_px = {sigma:?}"));
         let attitude = Attitude::identity();
         let middle = (side / 2) as f64;
         for (off, fidelity) in [
@@ -335,23 +288,13 @@ fn frames_keep_the_light_of_gaussians_of_any_width() {
             let emulator = emulator(camera.clone(), fidelity, |_| {});
             let at = off.map(|off| middle + off);
             let direction = behind(&camera, &attitude, at);
-            let lit = light(
-                &emulator,
-                &vehicle(&attitude, [0.0; 3]),
-                &[Light {
-                    direction,
-                    electrons: 1e6,
-                }],
-            );
+            let lit = alone(&emulator, &still(&attitude), direction, 1e6);
             assert!(lit.expected_e.iter().all(|e| *e >= 0.0), "{sigma}");
             let (sum, centre) = moments(&lit.expected_e, side);
             assert!((sum / 1e6 - 1.0).abs() < 2e-6, "{sigma} {off:?}: {sum}");
             let miss = (centre[0] - at[0]).hypot(centre[1] - at[1]);
-            let width: f64 = sigma.parse().unwrap();
-            assert!(
-                width < 0.7 || miss < 2e-4 * width,
-                "{sigma} {off:?}: {miss} px"
-            );
+            let is_near = sigma < 0.7 || miss < 2e-4 * sigma;
+            assert!(is_near, "{sigma} {off:?}: {miss} px");
         }
     }
 }
@@ -361,11 +304,7 @@ fn frames_keep_the_light_of_gaussians_of_any_width() {
 #[test]
 fn a_million_sources_add_up_in_any_order() {
     const SOURCES: usize = 1_000_000;
-    let camera = camera(&[
-        ("detector.width_px", "256"),
-        ("detector.height_px", "256"),
-        ("optics.psf.sigma_px", "0.2"),
-    ]);
+    let camera = square(256, "optics.psf.sigma_px = 0.2");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
     // Weyl's sequence: even over the square, and never twice the same.
@@ -375,19 +314,16 @@ fn a_million_sources_add_up_in_any_order() {
             part(i, 0.754_877_666_246_692_8),
             part(i, 0.569_840_290_998_053_3),
         ];
-        let electrons = if i % 1000 == 0 {
-            1e4
-        } else {
-            0.5 + part(i, 0.618_033_988_749_894_9)
-        };
-        Light {
-            direction: behind(&camera, &attitude, at.map(|x| 3.0 + 250.0 * x)),
+        let faint = 0.5 + part(i, 0.618_033_988_749_894_9);
+        let electrons = if i % 1000 == 0 { 1e4 } else { faint };
+        Light::new(
+            behind(&camera, &attitude, at.map(|x| 3.0 + 250.0 * x)),
             electrons,
-        }
+        )
     });
     let lights: Vec<Light> = lights.collect();
     let all: f64 = lights.iter().map(|light| light.electrons).sum();
-    let mut lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
+    let mut lit = light(&emulator, &still(&attitude), &lights);
     let mut truth = vec![0.0f64; 256 * 256];
     let mut on_pixel = vec![0u32; 256 * 256];
     for source in &lit.scene.sources {

@@ -100,7 +100,7 @@ fn spreads_of_no_width() {
                 wavelength_exponent: 1.0,
                 ..Variation::default()
             };
-            let mut cameras = [camera(&[]), camera(&[])];
+            let mut cameras = [camera(""), camera("")];
             cameras[1].optics.psf = Psf::new(Spread::Gaussian(0.8), varied);
             let track = Track::still(Place {
                 at: [30.2, 31.4],
@@ -146,7 +146,7 @@ fn drawn_along(
     at: impl Fn(f64) -> [f64; 2],
     change: impl FnOnce(&mut Course, &mut Fidelity),
 ) -> Vec<f64> {
-    static CAMERA: LazyLock<skyloop::camera::Camera> = LazyLock::new(|| camera(&[]));
+    static CAMERA: LazyLock<skyloop::camera::Camera> = LazyLock::new(|| camera(""));
     let mut fidelity = Fidelity::REALTIME;
     let mut course = Course {
         pieces: 2,
@@ -287,7 +287,7 @@ fn detectors_of_no_numbers() {
             figures
         }),
         ("Radiation", Anything, |bad| {
-            let detector = camera(&[]).detector;
+            let detector = camera("").detector;
             let key = NoiseKey {
                 seed: 1,
                 sequence: 2,
@@ -371,7 +371,7 @@ fn cameras_of_no_numbers() {
             vec![band.response(bad), band.wavelength_ratio(bad)]
         }),
         ("Camera, Detector", Anything, |bad| {
-            let mut camera = camera(&[]);
+            let mut camera = camera("");
             camera.cone_rad(bad);
             camera.sides(bad);
             camera.period_s(bad);

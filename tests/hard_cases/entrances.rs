@@ -1,7 +1,9 @@
 //! NaN, infinities and the greatest numbers at public entrances: an error, or a documented value; no panic, no frame with a number that is none.
 
+use crate::functions::spoilt;
 use crate::stage::{
-    Light, behind, camera, check_numbers, emulator, light, noon, oem, orbiter, towards, vehicle,
+    LOW_KM, LOW_KM_S, Light, behind, camera, check_numbers, emulator, falling, in_low_orbit, light,
+    noon, oem, towards, vehicle,
 };
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
@@ -50,8 +52,8 @@ fn at<'a>(value: &'a mut toml::Value, path: &[String]) -> &'a mut toml::Value {
     })
 }
 
-/// A file's text with each of its numbers in turn replaced by each that is none: key and text.
-fn spoilt(text: &str) -> Vec<(String, String)> {
+/// A file's text with each of its numbers in turn replaced by each of [`NO_NUMBERS`]: key and text.
+fn spoilt_files(text: &str) -> Vec<(String, String)> {
     let whole = toml::Value::Table(text.parse().unwrap());
     let mut places = Vec::new();
     numbers(&whole, &mut Vec::new(), &mut places);
@@ -98,17 +100,13 @@ fn no_key_of_a_camera_takes_what_is_no_number() {
         for list in ["dead_px", "stuck_px"] {
             detector.remove(list);
         }
-        table["optics"]
-            .as_table_mut()
-            .unwrap()
-            .remove("principal_px");
-        for (key, text) in spoilt(&table.to_string()) {
+        let optics = table["optics"].as_table_mut().unwrap();
+        optics.remove("principal_px");
+        for (key, text) in spoilt_files(&table.to_string()) {
             std::fs::write(folder.path().join("camera.toml"), text).unwrap();
-            let refused = Camera::load("camera.toml", &disk);
-            let error = refused
-                .err()
-                .unwrap_or_else(|| panic!("{name}: {key} takes it"))
-                .to_string();
+            let refused = Camera::load("camera.toml", &disk).err();
+            let error = refused.unwrap_or_else(|| panic!("{name}: {key} takes it"));
+            let error = error.to_string();
             assert!(error.contains(last_name(&key)), "{name}: {key}: {error}");
             keys += 1;
         }
@@ -141,10 +139,9 @@ fn no_key_of_a_scene_takes_what_is_no_number() {
         panic!("{error}");
     }
     let mut keys = Vec::new();
-    for (key, text) in spoilt(&text) {
-        let refused = Config::parse("scene", &text, &Folder::current());
+    for (key, text) in spoilt_files(&text) {
+        let refused = Config::parse("scene", &text, &Folder::current()).err();
         let error = refused
-            .err()
             .unwrap_or_else(|| panic!("{key} takes it"))
             .to_string();
         assert!(error.contains(last_name(&key)), "{key}: {error}");
@@ -174,24 +171,12 @@ fn no_component_of_a_state_is_anything_but_a_number() {
     ];
     let state = |c: [f64; 13]| {
         let [q0, q1, q2, q3, w0, w1, w2, r0, r1, r2, v0, v1, v2] = c;
-        VehicleState::new(
-            0,
-            noon(),
-            [q0, q1, q2, q3],
-            [w0, w1, w2],
-            Some(([r0, r1, r2], [v0, v1, v2])),
-        )
+        let orbit = Some(([r0, r1, r2], [v0, v1, v2]));
+        VehicleState::new(0, noon(), [q0, q1, q2, q3], [w0, w1, w2], orbit)
     };
     assert!(state(good).is_ok());
     for i in 0..13 {
-        for bad in [
-            f64::NAN,
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-            1e300,
-            -1e160,
-            f64::MAX,
-        ] {
+        for bad in NO_NUMBERS.into_iter().chain([1e300, -1e160, f64::MAX]) {
             let mut c = good;
             c[i] = bad;
             let error = state(c).unwrap_err().to_string();
@@ -207,7 +192,7 @@ fn no_component_of_a_state_is_anything_but_a_number() {
     }
 }
 
-/// Directions and places that are no numbers have no image and no direction, of any lens.
+/// Directions and places that are not finite have no image and no direction, of any lens.
 #[test]
 fn lenses_image_numbers_only() {
     let fisheye = Projection::new(Model::Fisheye {
@@ -218,10 +203,8 @@ fn lenses_image_numbers_only() {
         p: [1e-3, 0.0],
     });
     for lens in [Projection::PINHOLE, brown, fisheye] {
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            for axis in 0..3 {
-                let mut direction = Vector3::new(0.1, 0.2, 1.0);
-                direction[axis] = bad;
+        for bad in NO_NUMBERS {
+            for direction in spoilt(Vector3::new(0.1, 0.2, 1.0), bad) {
                 let image = lens.image(&direction);
                 let finite = image.is_none_or(|at| at.iter().all(|x| x.is_finite()));
                 assert!(finite, "{lens:?} {direction:?}: {image:?}");
@@ -234,54 +217,34 @@ fn lenses_image_numbers_only() {
         // The greatest numbers are a direction like any other, or none.
         for scale in [1e-320, 1e-160, 1e160, 1e300] {
             let image = lens.image(&(Vector3::new(0.1, 0.2, 1.0) * scale));
-            assert!(
-                image.is_none_or(|at| (at[0] - 0.1).abs() < 0.1 && at[1].is_finite()),
-                "{scale:e} {image:?}"
-            );
+            let is_near = image.is_none_or(|at| (at[0] - 0.1).abs() < 0.1 && at[1].is_finite());
+            assert!(is_near, "{scale:e} {image:?}");
         }
     }
-    let optics = camera(&[]).optics;
-    assert!(
-        optics
-            .direction([f64::NAN, 1.0])
-            .iter()
-            .all(|x| x.is_finite())
-    );
+    let direction = camera("").optics.direction([f64::NAN, 1.0]);
+    assert!(direction.iter().all(|x| x.is_finite()));
 }
 
 /// A light whose direction or whose electrons are no number lights nothing, and leaves its neighbours alone. Reference: the frame without it.
 #[test]
 fn lights_that_are_no_numbers_light_nothing() {
-    let camera = camera(&[]);
+    let camera = camera("");
     let attitude = Attitude::identity();
-    let good = Light {
-        direction: behind(&camera, &attitude, [30.2, 31.7]),
-        electrons: 1e4,
-    };
+    let good = Light::new(behind(&camera, &attitude, [30.2, 31.7]), 1e4);
     for rates in [[0.0; 3], [0.1, 2.0, 0.3]] {
         let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
         let vehicle = vehicle(&attitude, rates);
         let alone = light(&emulator, &vehicle, &[good]);
         for bad in NO_NUMBERS {
-            for axis in 0..3 {
-                let mut off = good;
-                off.direction[axis] = bad;
+            for direction in spoilt(good.direction, bad) {
+                let off = Light::new(direction, good.electrons);
                 let both = light(&emulator, &vehicle, &[off, good]);
                 assert_eq!(both.expected_e, alone.expected_e, "{off:?}");
                 assert_eq!(both.digits, alone.digits);
             }
         }
-        let both = light(
-            &emulator,
-            &vehicle,
-            &[
-                Light {
-                    electrons: f64::NAN,
-                    ..good
-                },
-                good,
-            ],
-        );
+        let dark = Light::new(good.direction, f64::NAN);
+        let both = light(&emulator, &vehicle, &[dark, good]);
         assert_eq!(both.expected_e, alone.expected_e);
     }
 }
@@ -289,7 +252,7 @@ fn lights_that_are_no_numbers_light_nothing() {
 /// Tracks through places that are no numbers end, and what is drawn of them are numbers.
 #[test]
 fn tracks_through_nowhere_end() {
-    let camera = camera(&[]);
+    let camera = camera("");
     for rows in [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)] {
         let course = Course {
             pieces: 4,
@@ -310,10 +273,8 @@ fn tracks_through_nowhere_end() {
             for part in [0.0, 0.3, 2.0] {
                 let place = |t: f64| {
                     let (x, light) = if t > part { bad } else { (20.0 + 5.0 * t, 1.0) };
-                    Some(Place {
-                        at: [x, 30.0 + t],
-                        light,
-                    })
+                    let at = [x, 30.0 + t];
+                    Some(Place { at, light })
                 };
                 let Some(track) = Track::sample(place, &course, &Fidelity::REALTIME) else {
                     continue;
@@ -325,13 +286,9 @@ fn tracks_through_nowhere_end() {
                     };
                     let footprint =
                         Footprint::of(&track, &camera, &Fidelity::REALTIME, &light, None);
-                    assert!(
-                        footprint
-                            .shares()
-                            .iter()
-                            .all(|share| share.is_finite() && *share >= 0.0),
-                        "{bad:?} {part}"
-                    );
+                    let mut shares = footprint.shares().iter();
+                    let is_whole = shares.all(|share| share.is_finite() && *share >= 0.0);
+                    assert!(is_whole, "{bad:?} {part}");
                 }
             }
         }
@@ -348,12 +305,8 @@ fn point_spread_functions_bear_any_place() {
             for at in [[bad, 1.0], [1.0, bad]] {
                 let local = psf.at(at, 1.0);
                 local.spread(1.0, at, 0..4, 0..4, &mut stamp);
-                assert!(
-                    stamp
-                        .light
-                        .iter()
-                        .all(|light| light.is_nan() || *light >= 0.0)
-                );
+                let mut light = stamp.light.iter();
+                assert!(light.all(|light| light.is_nan() || *light >= 0.0));
                 assert!(local.drawn_px(&Fidelity::REALTIME, bad) >= 0.0);
             }
         }
@@ -363,17 +316,14 @@ fn point_spread_functions_bear_any_place() {
 /// Objects whose messages put them at the ends of numbers: refused when they are read, unknown, or out of sight; frames have numbers only.
 #[test]
 fn objects_at_the_ends_of_numbers_leave_frames_whole() {
-    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
     for far_km in [1e9, 1e30, 1e77, 1e120] {
         for fast_km_s in [0.0, 1e6, 1e30] {
             for axis in [Vector3::x(), Vector3::new(1.0, 1e-3, 0.0)] {
                 let (far, fast) = (axis * far_km, axis * fast_km_s);
-                let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
+                let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
                     config.objects = oem("FAR", noon(), |s| (far + fast * s, fast));
                 });
-                let shot = emulator
-                    .shoot(&orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3), 0)
-                    .unwrap();
+                let shot = emulator.shoot(&in_low_orbit(), 0).unwrap();
                 check_numbers(&shot, &format!("{far_km:e} km, {fast_km_s:e} km/s"));
                 assert!(shot.frame.digits.iter().all(|dn| *dn == 100));
             }
@@ -390,10 +340,8 @@ fn orbits_of_no_number_are_no_number() {
     };
     for bad in NO_NUMBERS {
         assert!(!propagate_j2(&state, bad).is_finite());
-        let spoilt = StateVector {
-            position_m: Vector3::new(bad, 0.0, 0.0),
-            ..state
-        };
+        let mut spoilt = state;
+        spoilt.position_m.x = bad;
         assert!(!propagate_j2(&spoilt, 10.0).is_finite());
     }
 }
@@ -404,18 +352,11 @@ fn shadows_of_no_place() {
     let earth = Earth::at(noon());
     let good = Vector3::new(7e6, 0.0, 0.0);
     for bad in [f64::NAN, f64::INFINITY, 1e200, 0.0] {
-        for axis in 0..3 {
-            let mut spoilt = good;
-            spoilt[axis] = bad;
-            let lit = [
-                earth.illumination(spoilt, good * 2e4),
-                earth.illumination(good, spoilt * 2e4),
-            ];
-            assert!(
-                lit.iter()
-                    .all(|lit| lit.is_nan() || (0.0..=1.0).contains(lit)),
-                "{bad} {lit:?}"
-            );
+        for spoilt in spoilt(good, bad) {
+            for (object, sun) in [(spoilt, good), (good, spoilt)] {
+                let lit = earth.illumination(object, sun * 2e4);
+                assert!(lit.is_nan() || (0.0..=1.0).contains(&lit), "{bad} {lit}");
+            }
             earth.occults(spoilt, good);
             earth.occults(good, spoilt);
             earth.occults_direction(good, spoilt);
@@ -424,10 +365,7 @@ fn shadows_of_no_place() {
             earth.outline(spoilt, 1e5);
         }
     }
-    for at in [
-        Epoch::from_tai_duration(hifitime::Duration::MAX),
-        Epoch::from_tai_duration(hifitime::Duration::MIN),
-    ] {
+    for at in [hifitime::Duration::MAX, hifitime::Duration::MIN].map(Epoch::from_tai_duration) {
         assert!((Earth::at(at).pole().norm() - 1.0).abs() < 1e-12);
     }
 }
@@ -435,24 +373,19 @@ fn shadows_of_no_place() {
 /// A search for stays of any length ends: of NaN, of none and of less than none it is a microsecond's.
 #[test]
 fn searches_for_stays_of_no_length_end() {
-    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
-    let way = crate::stage::falling(
-        r + Vector3::new(500.0, -2.0, 0.0),
-        Vector3::new(0.0, 8.5, 0.0),
-    );
+    let place = LOW_KM + Vector3::new(500.0, -2.0, 0.0);
+    let way = falling(place, Vector3::new(0.0, 8.5, 0.0));
     let mut config = Config::defaults().unwrap();
     config.objects = oem("PASSER", noon(), way);
     let population = config.take_population();
     let state = StateVector {
-        position_m: r * 1e3,
-        velocity_m_s: v * 1e3,
+        position_m: LOW_KM * 1e3,
+        velocity_m_s: LOW_KM_S * 1e3,
     };
-    let attitude = towards(&Vector3::x()).xyzw();
-    let [x, y, z, w] = attitude;
+    let [x, y, z, w] = towards(&Vector3::x()).xyzw();
+    let attitude = nalgebra::Quaternion::new(w, x, y, z);
     let flight = Flight {
-        profile: Profile::Hold(nalgebra::UnitQuaternion::from_quaternion(
-            nalgebra::Quaternion::new(w, x, y, z),
-        )),
+        profile: Profile::Hold(nalgebra::UnitQuaternion::from_quaternion(attitude)),
         orbit: Arc::new(move |at| Ok(propagate_j2(&state, (at - noon()).to_seconds()))),
         target: None,
     };
@@ -465,7 +398,7 @@ fn searches_for_stays_of_no_length_end() {
         let found = passes(
             &search,
             &flight,
-            &camera(&[]),
+            &camera(""),
             &population,
             &config.sky.corrections,
             |_| {},

@@ -1,7 +1,10 @@
 //! Edges of the field: what is behind and beside the camera, corners of pixels, bands and detectors, fields from a tenth of a degree to half of
 //! the sky, and lenses next to their fold.
 
-use crate::stage::{Light, behind, camera, emulator, epoch, light, moments, noon, starry, vehicle};
+use crate::stage::{
+    Light, alone, behind, camera, emulator, epoch, light, moments, noon, square, starry, still,
+    unit, vehicle,
+};
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::camera::{Camera, Model, Projection};
@@ -16,37 +19,24 @@ fn share(off: [f64; 2], sigma: f64) -> f64 {
         .product()
 }
 
+/// Unit vector `angle` rad from the boresight, in the direction `around` (rad from +X).
+fn off_axis(angle: f64, around: f64) -> Vector3<f64> {
+    let ((sin, cos), (y, x)) = (angle.sin_cos(), around.sin_cos());
+    Vector3::new(sin * x, sin * y, cos)
+}
+
 /// Nothing of what stands behind the camera or across its boresight is in a frame, however bright. Reference: none.
 #[test]
 fn what_is_behind_or_beside_a_pinhole_gives_no_light() {
-    let camera = camera(&[]);
+    let camera = camera("");
     let emulator = emulator(camera, Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
-    let beside = |angle: f64, around: f64| {
-        Vector3::new(
-            angle.sin() * around.cos(),
-            angle.sin() * around.sin(),
-            angle.cos(),
-        )
-    };
-    let mut lights = vec![-Vector3::z(), Vector3::x(), -Vector3::y()];
-    for angle in [
-        FRAC_PI_2 - 1e-9,
-        FRAC_PI_2 - 1e-16,
-        FRAC_PI_2,
-        FRAC_PI_2 + 1e-16,
-        2.0,
-        PI - 1e-9,
-    ] {
-        lights.extend([0.0, 1.0, 4.0].map(|around| beside(angle, around)));
+    let mut directions = vec![-Vector3::z(), Vector3::x(), -Vector3::y()];
+    for beyond in [-1e-9, -1e-16, 0.0, 1e-16, 2.0 - FRAC_PI_2, FRAC_PI_2 - 1e-9] {
+        directions.extend([0.0, 1.0, 4.0].map(|around| off_axis(FRAC_PI_2 + beyond, around)));
     }
-    let lights: Vec<Light> = lights
-        .into_iter()
-        .map(|direction| Light {
-            direction,
-            electrons: 1e12,
-        })
-        .collect();
+    let lights = directions.into_iter();
+    let lights: Vec<Light> = lights.map(|to| Light::new(to, 1e12)).collect();
     for rates in [[0.0; 3], [1e-9, 0.0, 0.0], [300.0, 200.0, 100.0]] {
         let lit = light(&emulator, &vehicle(&attitude, rates), &lights);
         assert!(lit.expected_e.iter().all(|e| *e == 0.0), "{rates:?}");
@@ -57,15 +47,12 @@ fn what_is_behind_or_beside_a_pinhole_gives_no_light() {
 /// 1.83 deg that 64 px of 2,000 px a radian are, by the rate of 300 deg/s times 0.1 s: the exposure's share of any star that crosses is `64 / (2000 * 0.5236)` of its light.
 #[test]
 fn what_swings_through_the_field_leaves_its_share_of_light() {
-    let camera = camera(&[]);
+    let camera = camera("");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
     // Across the columns, through the middle of the field at mid-exposure.
-    let lights = [Light {
-        direction: Vector3::z(),
-        electrons: 1e6,
-    }];
-    let lit = light(&emulator, &vehicle(&attitude, [0.0, 300.0, 0.0]), &lights);
+    let vehicle = vehicle(&attitude, [0.0, 300.0, 0.0]);
+    let lit = alone(&emulator, &vehicle, Vector3::z(), 1e6);
     let sum: f64 = lit.expected_e.iter().sum();
     // Equal steps of time are equal steps of angle: 64 px subtend 2 atan(32 / 2000).
     let expected = 1e6 * 2.0 * (32.0_f64 / 2000.0).atan() / (0.1 * 300_f64.to_radians());
@@ -76,7 +63,7 @@ fn what_swings_through_the_field_leaves_its_share_of_light() {
 /// pixel; tolerance: a millionth of the light, `psf_loss`, and f32.
 #[test]
 fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
-    let camera = camera(&[("detector.width_px", "70"), ("detector.height_px", "66")]);
+    let camera = camera("detector.width_px = 70; detector.height_px = 66");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     let attitude = Attitude::towards(1.0, 0.5, 0.0);
     for at in [
@@ -92,16 +79,13 @@ fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
         [34.5, 31.5 + 1e-12],
     ] {
         let direction = behind(&camera, &attitude, at);
-        let lights = [Light {
-            direction,
-            electrons: 1e6,
-        }];
-        let lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
+        let lit = alone(&emulator, &still(&attitude), direction, 1e6);
         for (i, e) in lit.expected_e.iter().enumerate() {
             let off = [(i % 70) as f64 - at[0], (i / 70) as f64 - at[1]];
             let expected = 1e6 * share(off, 0.8);
+            let miss = (e - expected).abs();
             assert!(
-                (e - expected).abs() < 0.1 + 1e-6 * expected,
+                miss < 0.1 + 1e-6 * expected,
                 "{at:?} pixel {i}: {e} {expected}"
             );
         }
@@ -117,41 +101,22 @@ fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
 /// A star that is a last digit beyond the upper edge is not in the frame, one on the lower edge is. Reference: the contract, `[-0.5, columns - 0.5)`.
 #[test]
 fn the_last_pixels_edge_belongs_to_no_pixel() {
-    let detector = camera(&[]).detector;
+    let detector = camera("").detector;
     assert!(detector.contains([-0.5, 63.5_f64.next_down()]));
     assert!(!detector.contains([63.5, 0.0]) && !detector.contains([(-0.5_f64).next_down(), 0.0]));
 }
 
 /// Cameras of fields from a tenth of a degree to half of the sky: 512 px each.
 fn cameras() -> Vec<(f64, Camera)> {
-    let size = [("detector.width_px", "512"), ("detector.height_px", "512")];
-    let pinhole = |deg: f64| {
-        let mm = (2.56 / (deg / 2.0).to_radians().tan()).to_string();
-        let keys = [
-            size[0],
-            size[1],
-            ("optics.focal_length_mm", mm.as_str()),
-            ("optics.aperture_mm", "1.0"),
-        ];
-        (deg, camera(&keys))
+    let of = |mm: f64, keys: &str| {
+        let optics = format!("optics.focal_length_mm = {mm:?}; optics.aperture_mm = 1.0; {keys}");
+        square(512, &optics)
     };
-    let fisheye = |deg: f64| {
-        let mm = (2.56 / (deg / 2.0).to_radians()).to_string();
-        let keys = [
-            size[0],
-            size[1],
-            ("optics.focal_length_mm", mm.as_str()),
-            ("optics.aperture_mm", "1.0"),
-            ("optics.projection.model", "\"fisheye\""),
-            ("optics.projection.k", "[0.0]"),
-        ];
-        (deg, camera(&keys))
-    };
-    let narrow = [0.1, 1.0, 10.0, 60.0, 120.0].map(pinhole);
-    narrow
-        .into_iter()
-        .chain([120.0, 180.0].map(fisheye))
-        .collect()
+    let half = |deg: f64| (deg / 2.0).to_radians();
+    let fisheye = "optics.projection = { model = \"fisheye\", k = [0.0] }";
+    let narrow = [0.1, 1.0, 10.0, 60.0, 120.0].map(|deg| (deg, of(2.56 / half(deg).tan(), "")));
+    let wide = [120.0, 180.0].map(|deg| (deg, of(2.56 / half(deg), fisheye)));
+    narrow.into_iter().chain(wide).collect()
 }
 
 /// Reference: the projections' closed forms, `f tan` and `f` times the angle; 1e-9 px, and 1e-16 rad times the scale of the narrowest.
@@ -164,26 +129,20 @@ fn fields_of_a_tenth_of_a_degree_to_half_the_sky_image_as_their_formula() {
         for (part, around) in [(0.0, 0.0_f64), (0.3, 1.0), (0.9, 2.5), (0.99, -2.0)] {
             let angle = part * (deg / 2.0_f64).to_radians();
             let (sin, cos) = around.sin_cos();
-            let direction = Vector3::new(angle.sin() * cos, angle.sin() * sin, angle.cos());
+            let direction = off_axis(angle, around);
             let radius = match camera.optics.projection.model() {
                 Model::Fisheye { .. } => f * angle,
                 _ => f * angle.tan(),
             };
             let at = [255.5 + radius * cos, 255.5 + radius * sin];
-            let lit = light(
-                &emulator,
-                &vehicle(&attitude, [0.0; 3]),
-                &[Light {
-                    direction,
-                    electrons: 1e5,
-                }],
-            );
+            let lit = alone(&emulator, &still(&attitude), direction, 1e5);
             let [x, y] = lit.scene.sources[0].centroid;
             let miss = (x - at[0]).hypot(y - at[1]);
             assert!(miss < 1e-9 + 4e-16 * f, "{deg} deg, {part}: {miss:e} px");
             let (sum, [x, y]) = moments(&lit.expected_e, 512);
+            let miss = (x - at[0]).hypot(y - at[1]);
             assert!(
-                (sum / 1e5 - 1.0).abs() < 2e-6 && (x - at[0]).hypot(y - at[1]) < 1e-4,
+                (sum / 1e5 - 1.0).abs() < 2e-6 && miss < 1e-4,
                 "{deg} deg, {part}"
             );
         }
@@ -198,20 +157,11 @@ fn at_half_the_field_an_image_stands_on_the_detectors_edge() {
         let angle = (deg / 2.0_f64).to_radians();
         for (x, y) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
             let direction = Vector3::new(angle.sin() * x, angle.sin() * y, angle.cos());
-            let lit = light(
-                &emulator,
-                &vehicle(&Attitude::identity(), [0.0; 3]),
-                &[Light {
-                    direction,
-                    electrons: 1e5,
-                }],
-            );
+            let lit = alone(&emulator, &still(&Attitude::identity()), direction, 1e5);
             let [column, row] = lit.scene.sources[0].centroid;
             let miss = (column - 255.5 - 256.0 * x).hypot(row - 255.5 - 256.0 * y);
-            assert!(
-                miss < 1e-9 + 4e-16 * camera.optics.focal_px,
-                "{deg} deg: {miss:e} px"
-            );
+            let bound = 1e-9 + 4e-16 * camera.optics.focal_px;
+            assert!(miss < bound, "{deg} deg: {miss:e} px");
             let sum: f64 = lit.expected_e.iter().sum();
             assert!((sum / 1e5 - 0.5).abs() < 2e-6, "{deg} deg: {sum}");
         }
@@ -222,17 +172,13 @@ fn at_half_the_field_an_image_stands_on_the_detectors_edge() {
 #[test]
 fn the_scale_of_a_narrow_field_is_its_focal_length() {
     for mm in ["20.0", "1000.0", "20000.0", "1e6"] {
-        let camera = camera(&[
-            ("optics.focal_length_mm", mm),
-            ("optics.aperture_mm", "500.0"),
-        ]);
+        let keys = format!("optics.focal_length_mm = {mm}; optics.aperture_mm = 500.0");
+        let camera = camera(&keys);
         let f = camera.optics.focal_px;
         let tan = 32.0 * std::f64::consts::SQRT_2 / f;
         let (scale, corner) = camera.scale_and_corner_px();
-        assert!(
-            (scale / (f * (1.0 + tan * tan)) - 1.0).abs() < 1e-5,
-            "{mm} mm: {scale}"
-        );
+        let miss = scale / (f * (1.0 + tan * tan)) - 1.0;
+        assert!(miss.abs() < 1e-5, "{mm} mm: {scale}");
         assert!((corner - 32.0 * std::f64::consts::SQRT_2).abs() < 1e-9);
     }
 }
@@ -243,7 +189,7 @@ fn half_the_sky_has_all_its_stars() {
     let (_, camera) = cameras().pop().unwrap();
     let emulator = starry(camera.clone(), Fidelity::REALTIME);
     let attitude = Attitude::towards(0.0, FRAC_PI_2, 0.0);
-    let vehicle = vehicle(&attitude, [0.0; 3]);
+    let vehicle = still(&attitude);
     let scene = emulator
         .scene(&emulator.camera(), &vehicle, 0, &emulator.choice)
         .unwrap();
@@ -252,51 +198,36 @@ fn half_the_sky_has_all_its_stars() {
         .world()
         .stars
         .in_cone(&Vector3::z(), 4.0, &scene.view.observer, corrections);
-    let seen = |star: &skyloop::sky::star_field::SeenStar| {
-        let d = attitude.rotate(&star.direction);
-        let radius = camera.optics.focal_px * d.x.hypot(d.y).atan2(d.z);
+    // From the middle of the detector, px.
+    let image = |direction: &Vector3<f64>| {
+        let d = attitude.rotate(direction);
         let across = d.x.hypot(d.y);
-        let at = [255.5 + radius * d.x / across, 255.5 + radius * d.y / across];
-        camera.detector.contains(at)
+        let scale = camera.optics.focal_px * across.atan2(d.z) / across;
+        [d.x * scale, d.y * scale]
     };
-    let expected: Vec<usize> = all
-        .iter()
-        .filter(|star| seen(star))
-        .map(|star| star.index)
-        .collect();
-    let on = |source: &&skyloop::scene::Source| camera.detector.contains(source.centroid);
-    let found: Vec<usize> = scene
-        .sources
-        .iter()
-        .filter(on)
-        .map(|source| source.body.identity().1)
-        .collect();
-    assert_eq!(found, expected);
+    let on = |centroid: [f64; 2]| camera.detector.contains(centroid);
+    let expected = all.iter();
+    let expected = expected.filter(|star| on(image(&star.direction).map(|x| 255.5 + x)));
+    let found = scene.sources.iter().filter(|source| on(source.centroid));
+    let found: Vec<usize> = found.map(|source| source.body.identity().1).collect();
+    assert_eq!(found, expected.map(|star| star.index).collect::<Vec<_>>());
     // X-Val: the catalogue's own places, carried along by their proper motions, one by one: what aberration (20.5 arcsec), parallax and the light's deflection leave out is less than 30 arcsec, a fortieth of a pixel.
     let years = (noon() - epoch("1991-04-02T13:30:00")).to_unit(hifitime::Unit::Century) * 100.0;
     let stars = emulator.world().stars.catalog().stars().iter();
     let beside = stars.map(|star| {
         let ra = star.ra_rad + star.pm_ra_cosdec_rad_yr * years / star.dec_rad.cos();
         let dec = star.dec_rad + star.pm_dec_rad_yr * years;
-        let direction = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-        let d = attitude.rotate(&direction);
-        let radius = camera.optics.focal_px * d.x.hypot(d.y).atan2(d.z);
-        let across = d.x.hypot(d.y);
         // How far (px) it stands beyond the nearest edge.
-        (radius * d.x / across)
-            .abs()
-            .max((radius * d.y / across).abs())
-            - 256.0
+        let [x, y] = image(&unit(ra, dec));
+        x.abs().max(y.abs()) - 256.0
     });
     assert!(found.is_sorted());
     for (index, beyond) in beside.enumerate() {
-        if beyond.abs() > 0.03 {
-            assert_eq!(
-                found.binary_search(&index).is_ok(),
-                beyond < 0.0,
-                "{index}: {beyond} px"
-            );
-        }
+        let is_found = found.binary_search(&index).is_ok();
+        assert!(
+            beyond.abs() <= 0.03 || is_found == (beyond < 0.0),
+            "{index}: {beyond} px"
+        );
     }
 }
 
@@ -324,40 +255,26 @@ fn next_to_the_fold_the_inverse_is_one() {
         for i in 1..=15 {
             let angle = end * (1.0 - 10f64.powi(-i));
             for around in [0.11, 1.97, 3.83, 5.69_f64] {
-                let direction = Vector3::new(
-                    angle.sin() * around.cos(),
-                    angle.sin() * around.sin(),
-                    angle.cos(),
-                );
-                let Some(at) = lens.image(&direction) else {
-                    panic!("{lens:?}: no image at 1 - 1e-{i}");
-                };
-                let back = lens
-                    .direction(at)
-                    .unwrap_or_else(|| panic!("{lens:?}: no direction at 1 - 1e-{i}"));
+                let direction = off_axis(angle, around);
+                let what = format!("{lens:?} at 1 - 1e-{i}");
+                let at = lens.image(&direction).expect(&what);
+                let back = lens.direction(at).expect(&what);
                 let again = lens.image(&back).unwrap();
                 let miss = (again[0] - at[0]).hypot(again[1] - at[1]);
-                assert!(
-                    miss <= 1e-13 * (1.0 + at[0].hypot(at[1])),
-                    "{lens:?} 1 - 1e-{i}: {miss:e}"
-                );
-                let off = (back - direction).norm();
                 let radius = at[0].hypot(at[1]);
+                assert!(miss <= 1e-13 * (1.0 + radius), "{what}: {miss:e}");
+                let off = (back - direction).norm();
                 let digits = f64::EPSILON * (1.0 + radius) / radius;
                 let most = (digits / (2.0 * 10f64.powi(-i))).min(digits.sqrt());
                 worst = worst.max(off / end / most);
-                assert!(off <= 4.0 * most * end, "{lens:?} 1 - 1e-{i}: {off:e}");
+                assert!(off <= 4.0 * most * end, "{what}: {off:e}");
             }
         }
         // Beyond, none.
         for around in [0.0, 0.11, 1.97, 3.83, 5.69_f64] {
-            let at = |angle: f64| {
-                let (sin, cos) = angle.sin_cos();
-                Vector3::new(sin * around.cos(), sin * around.sin(), cos)
-            };
-            let edge = lens.image(&at(end * (1.0 - 1e-9)));
+            let edge = lens.image(&off_axis(end * (1.0 - 1e-9), around));
             // Straight behind there is no beyond.
-            let beyond = lens.image(&at(end * (1.0 + 1e-9)));
+            let beyond = lens.image(&off_axis(end * (1.0 + 1e-9), around));
             assert!(beyond.is_none() || end == PI, "{lens:?} {beyond:?}");
             for further in [1.0001, 1.1, 2.0, 1e3, 1e300] {
                 let none = lens.direction(edge.unwrap().map(|x| further * x));

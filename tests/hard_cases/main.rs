@@ -31,6 +31,8 @@
 
 #[path = "../support/oem.rs"]
 mod oem;
+#[path = "../support/plain_camera.rs"]
+mod plain_camera;
 #[path = "../support/sky.rs"]
 mod sky;
 

@@ -1,6 +1,8 @@
 //! Objects at the sensor's own place, a metre before it and a million kilometres away; and sunlight past the Earth's limb, grazing.
 
-use crate::stage::{camera, check_numbers, emulator, falling, noon, oem, orbiter, towards};
+use crate::stage::{
+    LOW_KM, LOW_KM_S, camera, check_numbers, emulator, falling, in_low_orbit, noon, oem,
+};
 use nalgebra::Vector3;
 use skyloop::engine::Shot;
 use skyloop::fidelity::{Fidelity, Orbits};
@@ -9,17 +11,14 @@ use std::f64::consts::PI;
 
 /// An object `off_m` from the observer, at rest beside it, 7,000 km from the Earth's centre.
 fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
-    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
     let fidelity = Fidelity {
         orbits,
         ..Fidelity::REALTIME
     };
-    let mut emulator = emulator(camera(&[]), fidelity, |config| {
-        config.objects = oem("NEAR", noon(), falling(r + off_m * 1e-3, v));
+    let mut emulator = emulator(camera(""), fidelity, |config| {
+        config.objects = oem("NEAR", noon(), falling(LOW_KM + off_m * 1e-3, LOW_KM_S));
     });
-    let shot = emulator
-        .shoot(&orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3), 0)
-        .unwrap();
+    let shot = emulator.shoot(&in_low_orbit(), 0).unwrap();
     check_numbers(&shot, &format!("{off_m:?}"));
     shot
 }
@@ -115,15 +114,11 @@ fn the_penumbra_begins_and_ends_as_the_closed_form_says() {
     };
     for (part, outer, inner) in GRAZING {
         let covered = 1.0 - lit(limb + sun * (1.0 - part));
-        assert!(
-            (covered - outer).abs() <= 1e-5 * outer + 3e-16,
-            "{part}: {covered:e} {outer:e}"
-        );
         let left = lit(limb - sun * (1.0 - part));
-        assert!(
-            (left - inner).abs() <= 1e-5 * inner + 3e-16,
-            "{part}: {left:e} {inner:e}"
-        );
+        for (found, due) in [(covered, outer), (left, inner)] {
+            let bound = 1e-5 * due + 3e-16;
+            assert!((found - due).abs() <= bound, "{part}: {found:e} {due:e}");
+        }
     }
     // On either side of contact light is whole, or none, and never more or less.
     for beyond in [0.0, 1e-15, 1e-9, 1e-3, 0.1] {

@@ -1,6 +1,6 @@
 //! Poles, the wrap of right ascension, half turns, signs of quaternions, slerps next to nothing and next to half a turn, and ten million steps.
 
-use crate::stage::{Light, behind, camera, emulator, light, noon, starry, vehicle};
+use crate::stage::{alone, behind, camera, emulator, noon, square, starry, still, unit, vehicle};
 use hifitime::Unit;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use skyloop::attitude::{Attitude, angle_between, degrees_of_turn};
@@ -8,23 +8,11 @@ use skyloop::fidelity::Fidelity;
 use skyloop_firmware_sim::attitude_list::AttitudeList;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Unit vector of right ascension and declination, rad.
-fn at(ra: f64, dec: f64) -> Vector3<f64> {
-    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra.sin_cos(), dec.sin_cos());
-    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
-}
-
 /// The boresights that coordinates are worst at: poles, a hair beside them, the wrap.
 fn boresights() -> Vec<[f64; 2]> {
     let mut all = Vec::new();
-    for dec in [
-        FRAC_PI_2,
-        FRAC_PI_2 - 1e-9,
-        1.2,
-        0.0,
-        -FRAC_PI_2 + 1e-9,
-        -FRAC_PI_2,
-    ] {
+    let pole = FRAC_PI_2;
+    for dec in [pole, pole - 1e-9, 1.2, 0.0, 1e-9 - pole, -pole] {
         for ra in [0.0, 1e-12, TAU - 1e-12, PI, PI - 1e-12, -1e-300] {
             all.push([ra, dec]);
         }
@@ -36,24 +24,16 @@ fn boresights() -> Vec<[f64; 2]> {
 /// there. Reference: the pixel itself. 1e-9 px: 1e-16 of 2,000 px a radian, times the roundings.
 #[test]
 fn at_poles_and_across_the_wrap_a_light_is_where_it_is_put() {
-    let camera = camera(&[]);
+    let camera = camera("");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     for [ra, dec] in boresights() {
         for roll in [0.0, PI, -3.0] {
             let attitude = Attitude::towards(ra, dec, roll);
-            let off = attitude.rotate(&at(ra, dec)) - Vector3::z();
+            let off = attitude.rotate(&unit(ra, dec)) - Vector3::z();
             assert!(off.norm() < 1e-15, "{ra} {dec} {roll}");
             let pixel = [31.2, 10.7];
             let direction = behind(&camera, &attitude, pixel);
-            let still = vehicle(&attitude, [0.0; 3]);
-            let lit = light(
-                &emulator,
-                &still,
-                &[Light {
-                    direction,
-                    electrons: 1e4,
-                }],
-            );
+            let lit = alone(&emulator, &still(&attitude), direction, 1e4);
             let [x, y] = lit.scene.sources[0].centroid;
             let miss = (x - pixel[0]).hypot(y - pixel[1]);
             assert!(miss < 1e-9, "{ra} {dec} {roll}: {miss:e} px");
@@ -76,14 +56,11 @@ fn right_ascensions_are_below_a_whole_turn() {
     }
     assert!(degrees_of_turn(-1e-15) < 360.0);
     // A star a millionth of a degree on either side of the wrap: of the label's nine decimals none makes a whole turn of it.
-    let mut emulator = starry(
-        camera(&[("optics.focal_length_mm", "5.0")]),
-        Fidelity::REALTIME,
-    );
+    let mut emulator = starry(camera("optics.focal_length_mm = 5.0"), Fidelity::REALTIME);
     let mut found = 0;
     for dec in [-1.2, -0.6, 0.0, 0.5, 1.0, 1.5] {
-        let shot = emulator.shoot(&vehicle(&Attitude::towards(0.0, dec, 0.0), [0.0; 3]), 0);
-        let label = shot.unwrap().label;
+        let vehicle = still(&Attitude::towards(0.0, dec, 0.0));
+        let label = emulator.shoot(&vehicle, 0).unwrap().label;
         let ras: Vec<f64> = label.objects.iter().map(|o| o.ra_deg).collect();
         assert!(ras.iter().all(|ra| (0.0..360.0).contains(ra)));
         found += ras.iter().filter(|ra| **ra > 350.0).count();
@@ -93,14 +70,10 @@ fn right_ascensions_are_below_a_whole_turn() {
             (359.999_999_999, "\"ra_deg\":359.999999999,"),
         ] {
             let mut label = label.clone();
-            label
-                .objects
-                .iter_mut()
-                .for_each(|object| object.ra_deg = ra);
-            assert!(
-                label.objects.is_empty() || label.to_json().contains(text),
-                "{ra}"
-            );
+            let objects = label.objects.iter_mut();
+            objects.for_each(|object| object.ra_deg = ra);
+            let is_told = label.to_json().contains(text);
+            assert!(label.objects.is_empty() || is_told, "{ra}");
         }
     }
     assert!(found > 5, "{found}");
@@ -132,11 +105,7 @@ fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
         let back = one.then(&one.inverse()).matrix() - Matrix3::identity();
         assert!(back.norm() < 1e-15, "{q:?}");
         // The frames are the same to the last digit.
-        let camera = camera(&[
-            ("optics.focal_length_mm", "5.0"),
-            ("detector.width_px", "256"),
-            ("detector.height_px", "256"),
-        ]);
+        let camera = square(256, "optics.focal_length_mm = 5.0");
         let mut emulator = starry(camera, Fidelity::REALTIME);
         let [a, b] =
             [&one, &other].map(|q| emulator.shoot(&vehicle(q, [0.3, 0.2, -0.1]), 0).unwrap());
@@ -150,22 +119,9 @@ fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
 #[test]
 fn slerps_next_to_nothing_and_next_to_half_a_turn_are_turns() {
     let start = UnitQuaternion::from_euler_angles(0.3, -1.0, 2.0);
-    for angle in [
-        0.0,
-        1e-300,
-        1e-17,
-        1e-12,
-        1e-8,
-        1e-4,
-        1.0,
-        3.0,
-        PI - 1e-6,
-        PI - 1e-12,
-        PI,
-        PI + 1e-9,
-        PI + 0.1,
-        6.25,
-    ] {
+    let beside_pi = [-1e-6, -1e-12, 0.0, 1e-9, 0.1].map(|off| PI + off);
+    let others = [0.0, 1e-300, 1e-17, 1e-12, 1e-8, 1e-4, 1.0, 3.0, 6.25];
+    for angle in beside_pi.into_iter().chain(others) {
         let short = angle.min(TAU - angle);
         for axis in [Vector3::x(), Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
             let end = UnitQuaternion::from_scaled_axis(axis * angle) * start;
@@ -203,13 +159,8 @@ fn ten_million_steps_of_clock_and_attitude_do_not_drift() {
         now.epoch - start.epoch,
         Unit::Nanosecond * (33_333_333 * STEPS)
     );
-    let norm = now
-        .attitude
-        .xyzw()
-        .iter()
-        .map(|c| c * c)
-        .sum::<f64>()
-        .sqrt();
+    let squares = now.attitude.xyzw().map(|c| c * c);
+    let norm = squares.iter().sum::<f64>().sqrt();
     assert!((norm - 1.0).abs() < 1e-15, "{norm:.17}");
     let apart = now.attitude.matrix() - start.at(now.epoch).attitude.matrix();
     println!("{STEPS} steps: {:.1e} rad", apart.norm());
@@ -223,10 +174,8 @@ fn angles_between_directions_keep_their_digits() {
         for (axis, scale) in [(Vector3::y(), 1.0), (Vector3::z(), 7e6)] {
             let turned = Vector3::x() * angle.cos() + axis * angle.sin();
             let found = angle_between(&(Vector3::x() * scale), &turned);
-            assert!(
-                (found - angle).abs() <= 4e-16 * angle,
-                "{angle:e}: {found:e}"
-            );
+            let miss = (found - angle).abs();
+            assert!(miss <= 4e-16 * angle, "{angle:e}: {found:e}");
         }
     }
     assert_eq!(angle_between(&Vector3::zeros(), &Vector3::x()), 0.0);

@@ -1,6 +1,8 @@
 //! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, and light scales.
 
-use crate::stage::{Light, Lit, behind, camera, emulator, light, starry, vehicle};
+use crate::stage::{
+    Light, Lit, behind, emulator, expected as pixels, light, square, starry, vehicle,
+};
 use nalgebra::{Quaternion, UnitQuaternion};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -55,49 +57,19 @@ fn lights() -> impl Strategy<Value = Vec<([f64; 2], f64)>> {
 /// Cameras of all kinds of optics and shutters, 128 x 128 px.
 pub fn cameras() -> &'static [Camera] {
     static CAMERAS: OnceLock<Vec<Camera>> = OnceLock::new();
-    CAMERAS.get_or_init(|| {
-        let of = |keys: &[(&str, &str)]| {
-            let mut all = vec![("detector.width_px", "128"), ("detector.height_px", "128")];
-            all.extend(keys);
-            camera(&all)
-        };
-        let moffat = "{ kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }";
-        vec![
-            of(&[]),
-            of(&[
-                ("optics.psf.sigma_px", "2.5"),
-                ("optics.focal_length_mm", "1.5"),
-                ("optics.aperture_mm", "1.0"),
-            ]),
-            of(&[
-                ("optics.psf.sigma_px", "0.5"),
-                ("optics.projection.model", "\"brown-conrady\""),
-                ("optics.projection.k", "[-20.0, 100.0]"),
-                ("optics.projection.p", "[0.02, -0.01]"),
-            ]),
-            of(&[
-                ("optics.psf", moffat),
-                ("optics.vignetting.cos4", "true"),
-                ("optics.focal_length_mm", "2.0"),
-                ("optics.aperture_mm", "1.0"),
-            ]),
-            of(&[
-                ("optics.psf", "{ kind = \"airy\", obscuration = 0.3 }"),
-                ("optics.aperture_mm", "0.8"),
-            ]),
-            of(&[
-                ("timing.shutter", "\"rolling\""),
-                ("timing.row_us", "400.0"),
-            ]),
-            of(&[
-                ("optics.projection.model", "\"fisheye\""),
-                ("optics.projection.k", "[-0.01]"),
-                ("optics.focal_length_mm", "0.8"),
-                ("optics.aperture_mm", "0.5"),
-                ("optics.psf.sigma_px", "1.2"),
-            ]),
-        ]
-    })
+    let keys = [
+        "",
+        "optics.psf.sigma_px = 2.5; optics.focal_length_mm = 1.5; optics.aperture_mm = 1.0",
+        "optics.psf.sigma_px = 0.5; optics.projection.model = \"brown-conrady\"; \
+         optics.projection.k = [-20.0, 100.0]; optics.projection.p = [0.02, -0.01]",
+        "optics.psf = { kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }; \
+         optics.vignetting.cos4 = true; optics.focal_length_mm = 2.0; optics.aperture_mm = 1.0",
+        "optics.psf = { kind = \"airy\", obscuration = 0.3 }; optics.aperture_mm = 0.8",
+        "timing.shutter = \"rolling\"; timing.row_us = 400.0",
+        "optics.projection.model = \"fisheye\"; optics.projection.k = [-0.01]; \
+         optics.focal_length_mm = 0.8; optics.aperture_mm = 0.5; optics.psf.sigma_px = 1.2",
+    ];
+    CAMERAS.get_or_init(|| keys.map(|keys| square(128, keys)).into())
 }
 
 /// What one shot of a scene takes: camera, attitude, rates (deg/s), places (px) of lights and their electrons.
@@ -107,10 +79,15 @@ pub fn scenes() -> impl Strategy<Value = Taken> {
     (0..cameras().len(), rotations(), rates(), lights())
 }
 
-pub fn put(camera: &Camera, attitude: &Attitude, places: &[([f64; 2], f64)]) -> Vec<Light> {
-    let light = |(at, electrons): &([f64; 2], f64)| Light {
-        direction: behind(camera, attitude, *at),
-        electrons: *electrons,
+/// Lights at these places, each `factor` times as bright.
+pub fn put(
+    camera: &Camera,
+    attitude: &Attitude,
+    places: &[([f64; 2], f64)],
+    factor: f64,
+) -> Vec<Light> {
+    let light = |(at, electrons): &([f64; 2], f64)| {
+        Light::new(behind(camera, attitude, *at), electrons * factor)
     };
     places.iter().map(light).collect()
 }
@@ -149,21 +126,14 @@ fn turning_camera_and_sky_together_changes_nothing() {
         |((which, attitude, rates, places), turn)| {
             let camera = &cameras()[which];
             let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
-            let lights = put(camera, &attitude, &places);
+            let lights = put(camera, &attitude, &places, 1.0);
             let here = light(&emulator, &vehicle(&attitude, rates), &lights);
             // The sky turned by R is seen alike by q R^-1.
-            let turned: Vec<Light> = lights
-                .iter()
-                .map(|one| Light {
-                    direction: turn.rotate(&one.direction),
-                    ..*one
-                })
-                .collect();
-            let there = light(
-                &emulator,
-                &vehicle(&turn.inverse().then(&attitude), rates),
-                &turned,
-            );
+            let turned = lights.iter();
+            let turned = turned.map(|one| Light::new(turn.rotate(&one.direction), one.electrons));
+            let turned: Vec<Light> = turned.collect();
+            let there = vehicle(&turn.inverse().then(&attitude), rates);
+            let there = light(&emulator, &there, &turned);
             prop_assert_eq!(here.scene.sources.len(), there.scene.sources.len());
             for (a, b) in here.scene.sources.iter().zip(&there.scene.sources) {
                 prop_assert!((a.electrons / b.electrons - 1.0).abs() < 1e-9);
@@ -199,49 +169,28 @@ fn an_exposure_in_two_adds_up() {
             (0..2_usize, rotations(), rates(), exposures.clone()),
             |(which, attitude, rates, power)| {
                 let exposure_s = 10f64.powf(power);
-                let wide = [
-                    ("optics.focal_length_mm", "3.0"),
-                    ("detector.width_px", "128"),
-                    ("detector.height_px", "128"),
+                let psf = [
+                    "",
+                    "optics.psf = { kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }",
                 ];
-                let mut camera = match which {
-                    0 => camera(&wide),
-                    _ => camera(&[
-                        wide[0],
-                        wide[1],
-                        wide[2],
-                        (
-                            "optics.psf",
-                            "{ kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }",
-                        ),
-                    ]),
-                };
+                let wide = format!("optics.focal_length_mm = 3.0; {}", psf[which]);
+                let mut camera = square(128, &wide);
                 let mut expected = |exposure_s: f64, off_s: f64| {
                     camera.exposure_s = exposure_s;
                     let mut emulator = starry(camera.clone(), fidelity);
                     let whole = vehicle(&attitude, rates);
                     let at = whole.epoch + skyloop::orbit::time::seconds(off_s);
-                    emulator
-                        .shoot(&whole.at(at), 0)
-                        .unwrap()
-                        .frame
-                        .expected_e
-                        .unwrap()
+                    pixels(emulator.shoot(&whole.at(at), 0).unwrap())
                 };
                 let whole = expected(exposure_s, 0.0);
                 let [first, second] =
                     [-0.25, 0.25].map(|part| expected(exposure_s / 2.0, part * exposure_s));
-                let brightest = f64::from(whole.iter().copied().fold(0.0, f32::max));
+                let brightest = whole.iter().copied().fold(0.0, f64::max);
                 for (whole, (a, b)) in whole.iter().zip(first.iter().zip(&second)) {
-                    let miss = (f64::from(*whole) - f64::from(*a) - f64::from(*b)).abs();
+                    let miss = (whole - a - b).abs();
                     let bound = most_e + part * brightest;
                     off.of(miss);
-                    prop_assert!(
-                        worst.of(miss / bound) <= 1.0,
-                        "{} e-, of {}",
-                        miss,
-                        brightest
-                    );
+                    prop_assert!(worst.of(miss / bound) <= 1.0, "{miss} e-, of {brightest}");
                 }
                 Ok(())
             },
@@ -274,23 +223,12 @@ fn scaling_all_fluxes_scales_the_frame() {
                     };
                     let mut emulator = emulator(camera.clone(), fidelity, |_| {});
                     emulator.choice.all = true;
-                    let lights = put(camera, &attitude, &places).into_iter();
-                    let lights = lights.map(|one| Light {
-                        electrons: one.electrons * factor,
-                        ..one
-                    });
-                    let lights: Vec<Light> = lights.collect();
+                    let lights = put(camera, &attitude, &places, factor);
                     light(&emulator, &vehicle(&attitude, rates), &lights).expected_e
                 };
                 for (a, b) in by(1.0).iter().zip(&by(factor)) {
                     let miss = (b / factor - a).abs() / a.max(f64::from(f32::MIN_POSITIVE));
-                    prop_assert!(
-                        worst.of(miss) <= 1e-6,
-                        "camera {}: {:e} {:e}",
-                        which,
-                        a,
-                        b / factor
-                    );
+                    prop_assert!(worst.of(miss) <= 1e-6, "camera {which}: {a:e} {b:e}");
                 }
             }
             Ok(())
@@ -312,17 +250,11 @@ fn scaling_all_fluxes_alone_changes_what_tolerances_allow() {
             for fidelity in [Fidelity::REFERENCE, Fidelity::REALTIME] {
                 let mut emulator = emulator(camera.clone(), fidelity, |_| {});
                 emulator.choice.all = true;
-                let lights = put(camera, &attitude, &places);
-                let scaled: Vec<Light> = lights
-                    .iter()
-                    .map(|one| Light {
-                        electrons: one.electrons * factor,
-                        ..*one
-                    })
-                    .collect();
                 let vehicle = vehicle(&attitude, rates);
-                let [one, other]: [Lit; 2] =
-                    [lights, scaled].map(|lights| light(&emulator, &vehicle, &lights));
+                let [one, other]: [Lit; 2] = [1.0, factor].map(|factor| {
+                    let lights = put(camera, &attitude, &places, factor);
+                    light(&emulator, &vehicle, &lights)
+                });
                 let gaussian = ![3, 4].contains(&which);
                 let leaves_e = match fidelity == Fidelity::REFERENCE && gaussian {
                     true => 0.0,

@@ -1,7 +1,7 @@
 //! Whole frames under settings that are no numbers, which files and commands refuse but callers of the library can make: no panic, a bounded time, and a frame of numbers or an error.
 
 use crate::functions::{EDGES, Gives, fault};
-use crate::stage::{check_numbers, noon, starry, towards};
+use crate::stage::{camera, check_numbers, emulator, expected, starry, towards};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::camera::{Camera, Flux, Radiation, Shutter, Stray, Vignetting};
@@ -20,20 +20,14 @@ const BOUND: Duration = Duration::from_secs(20);
 /// Towards Orion, turning by 2 deg/s.
 fn vehicle() -> VehicleState {
     let attitude = towards(&nalgebra::Vector3::new(0.1, 1.0, -0.02));
-    let rates = [0.0, 0.035, 0.0];
-    VehicleState::new(7, noon(), attitude.xyzw(), rates, None).unwrap()
+    crate::stage::vehicle(&attitude, [0.0, 2.0, 0.0])
 }
 
 fn stage() -> Emulator {
-    let wide = [
-        ("optics.focal_length_mm", "2.0"),
-        ("optics.aperture_mm", "1.0"),
-        ("detector.dark_e_s", "5.0"),
-        ("detector.read_noise_e", "2.0"),
-        ("detector.nonlinearity", "0.01"),
-        ("detector.prnu", "0.01"),
-    ];
-    let mut emulator = starry(crate::stage::camera(&wide), Fidelity::REALTIME);
+    let wide = "optics.focal_length_mm = 2.0; optics.aperture_mm = 1.0; \
+         detector.dark_e_s = 5.0; detector.read_noise_e = 2.0; \
+         detector.nonlinearity = 0.01; detector.prnu = 0.01";
+    let mut emulator = starry(camera(wide), Fidelity::REALTIME);
     emulator.choice.noise = true;
     emulator.choice.off.retain(|name| *name != "shot noise");
     emulator
@@ -134,14 +128,7 @@ fn frames_of_cameras_that_are_no_numbers() {
             assert!(digits == 0 || digits == 64 * 64);
             // What comes after is not the worse for it.
             emulator.reset_camera();
-            let after = emulator.shoot(&vehicle(), 0).unwrap();
-            after
-                .frame
-                .expected_e
-                .unwrap()
-                .iter()
-                .map(|e| f64::from(*e))
-                .collect()
+            expected(emulator.shoot(&vehicle(), 0).unwrap())
         })
     });
     let wrong: Vec<String> = wrong.collect();
@@ -153,7 +140,7 @@ fn frames_of_cameras_that_are_no_numbers() {
 fn a_label_of_no_least_ratio_lists_all() {
     let listed = |label_snr: f64| {
         let camera = stage().camera().as_ref().clone();
-        let mut emulator = crate::stage::emulator(camera, Fidelity::REALTIME, |config| {
+        let mut emulator = emulator(camera, Fidelity::REALTIME, |config| {
             config.choice.off.retain(|name| *name != "stars");
             config.label_snr = label_snr;
         });

@@ -8,7 +8,7 @@ use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::frame::{Frame, Memory};
-use skyloop::load::{ConfigError, Folder};
+use skyloop::load::Folder;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
 use skyloop::render::render;
@@ -19,57 +19,7 @@ use std::sync::OnceLock;
 use crate::sky::DARK_SKY;
 
 pub use crate::oem::{falling, oem};
-
-/// 64 x 64 px of 10 um behind 20 mm: 2,000 px a radian, no dark current, no read noise, 1 e-/DN.
-const PLAIN: &str = r#"
-name = "plain"
-[optics]
-focal_length_mm = 20.0
-aperture_mm = 10.0
-transmission = 0.8
-band = "v"
-[optics.psf]
-kind = "gaussian"
-sigma_px = 0.8
-[detector]
-width_px = 64
-height_px = 64
-pixel_um = 10.0
-quantum_efficiency = 0.5
-dark_e_s = 0.0
-read_noise_e = 0.0
-full_well_e = 60000.0
-gain_e_per_dn = 1.0
-offset_dn = 100.0
-adc_bits = 16
-[timing]
-exposure_s = 0.1
-rate_hz = 1.0
-"#;
-
-/// The plain camera with these keys set: dotted names and TOML values.
-pub fn try_camera(keys: &[(&str, &str)]) -> Result<Camera, ConfigError> {
-    let mut table: toml::Table = PLAIN.parse().unwrap();
-    for (name, value) in keys {
-        let mut path: Vec<&str> = name.split('.').collect();
-        let key = path.pop().unwrap();
-        let mut at = &mut table;
-        for step in path {
-            let inner = at.entry(step).or_insert_with(|| toml::Table::new().into());
-            at = inner.as_table_mut().unwrap();
-        }
-        let value: toml::Table = format!("value = {value}").parse().unwrap();
-        at.insert(key.to_string(), value["value"].clone());
-    }
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("camera.toml"), table.to_string()).unwrap();
-    Camera::load("camera.toml", &Folder::Disk(folder.path().to_path_buf()))
-}
-
-/// [`try_camera`] of keys that are as they should be.
-pub fn camera(keys: &[(&str, &str)]) -> Camera {
-    try_camera(keys).unwrap()
-}
+pub use crate::plain_camera::camera;
 
 /// A UTC time.
 pub fn epoch(text: &str) -> Epoch {
@@ -87,7 +37,21 @@ pub fn vehicle(attitude: &Attitude, rates_deg_s: [f64; 3]) -> VehicleState {
     VehicleState::new(7, noon(), attitude.xyzw(), rates, None).unwrap()
 }
 
-/// The same in orbit, m and m/s.
+/// The same at rest.
+pub fn still(attitude: &Attitude) -> VehicleState {
+    vehicle(attitude, [0.0; 3])
+}
+
+/// A low orbit at [`noon`], km and km/s.
+pub const LOW_KM: Vector3<f64> = Vector3::new(7000.0, 0.0, 0.0);
+pub const LOW_KM_S: Vector3<f64> = Vector3::new(0.0, 7.5, 0.0);
+
+/// The vehicle in that orbit, which looks away from the Earth.
+pub fn in_low_orbit() -> VehicleState {
+    orbiter(&towards(&LOW_KM), LOW_KM * 1e3, LOW_KM_S * 1e3)
+}
+
+/// A vehicle at rest in orbit, m and m/s.
 pub fn orbiter(
     attitude: &Attitude,
     position_m: Vector3<f64>,
@@ -104,6 +68,19 @@ pub fn towards(direction: &Vector3<f64>) -> Attitude {
         direction.z.atan2(direction.x.hypot(direction.y)),
     );
     Attitude::towards(ra, dec, 0.3)
+}
+
+/// Unit vector of right ascension and declination, rad.
+pub fn unit(ra: f64, dec: f64) -> Vector3<f64> {
+    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra.sin_cos(), dec.sin_cos());
+    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+}
+
+/// The plain camera with as many rows as columns, and these keys.
+pub fn square(side: usize, keys: &str) -> Camera {
+    camera(&format!(
+        "detector.width_px = {side}; detector.height_px = {side}; {keys}"
+    ))
 }
 
 /// An emulator without noise, with nothing in the sky but objects and what is put there; all is labelled and expected electrons are kept.
@@ -135,6 +112,15 @@ pub struct Light {
     pub electrons: f64,
 }
 
+impl Light {
+    pub fn new(direction: Vector3<f64>, electrons: f64) -> Light {
+        Light {
+            direction,
+            electrons,
+        }
+    }
+}
+
 /// A star's candidate, to be made another of.
 fn template() -> Candidate {
     static STAR: OnceLock<Candidate> = OnceLock::new();
@@ -157,6 +143,22 @@ pub struct Lit {
     pub digits: Vec<u16>,
     /// The effects of its plan.
     pub choice: Choice,
+}
+
+/// The frame of one light alone.
+pub fn alone(
+    emulator: &Emulator,
+    vehicle: &VehicleState,
+    direction: Vector3<f64>,
+    electrons: f64,
+) -> Lit {
+    light(emulator, vehicle, &[Light::new(direction, electrons)])
+}
+
+/// The expected electrons of a frame.
+pub fn expected(shot: Shot) -> Vec<f64> {
+    let pixels = shot.frame.expected_e.unwrap();
+    pixels.into_iter().map(f64::from).collect()
 }
 
 /// Puts `lights` before the camera of `emulator`.

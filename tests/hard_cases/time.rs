@@ -1,7 +1,8 @@
 //! Leap seconds to the nanosecond, years from 1950 to 2100, and the clock of long missions.
 
 use crate::stage::{
-    camera, check_numbers, emulator, epoch, falling, noon, oem, orbiter, starry, towards, vehicle,
+    camera, check_numbers, emulator, epoch, falling, noon, oem, orbiter, square, starry, still,
+    towards,
 };
 use hifitime::{Duration, Epoch, Unit};
 use nalgebra::Vector3;
@@ -17,40 +18,17 @@ use std::collections::BTreeSet;
 
 /// The days that ended with a leap second.
 // X-Val: IERS Bulletin C 52 and its predecessors; 10 s on 1 January 1972.
-const LEAPS: [&str; 27] = [
-    "1972-06-30",
-    "1972-12-31",
-    "1973-12-31",
-    "1974-12-31",
-    "1975-12-31",
-    "1976-12-31",
-    "1977-12-31",
-    "1978-12-31",
-    "1979-12-31",
-    "1981-06-30",
-    "1982-06-30",
-    "1983-06-30",
-    "1985-06-30",
-    "1987-12-31",
-    "1989-12-31",
-    "1990-12-31",
-    "1992-06-30",
-    "1993-06-30",
-    "1994-06-30",
-    "1995-12-31",
-    "1997-06-30",
-    "1998-12-31",
-    "2005-12-31",
-    "2008-12-31",
-    "2012-06-30",
-    "2015-06-30",
-    "2016-12-31",
-];
+const LEAPS: &str = "\
+    1972-06-30 1972-12-31 1973-12-31 1974-12-31 1975-12-31 1976-12-31 1977-12-31 1978-12-31 \
+    1979-12-31 1981-06-30 1982-06-30 1983-06-30 1985-06-30 1987-12-31 1989-12-31 1990-12-31 \
+    1992-06-30 1993-06-30 1994-06-30 1995-12-31 1997-06-30 1998-12-31 2005-12-31 2008-12-31 \
+    2012-06-30 2015-06-30 2016-12-31";
 
 /// Every nanosecond around every leap second has its own text, which reads back as that nanosecond. Reference: the count of nanoseconds from the second before the leap second.
 #[test]
 fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
-    for (number, day) in (1..).zip(LEAPS) {
+    assert_eq!(LEAPS.split(' ').count(), 27);
+    for (number, day) in (1..).zip(LEAPS.split(' ')) {
         let before = epoch(&format!("{day}T23:59:59"));
         for (clock, ns) in [
             ("23:59:59.000000001", 1),
@@ -71,38 +49,23 @@ fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
         let after = before + Unit::Second * 2;
         let text = utc_text(after);
         let year: i32 = text[..4].parse().unwrap();
-        let (month, date) = if text[4..].starts_with("-01") {
-            (1, 1)
-        } else {
-            (7, 1)
-        };
-        assert_eq!(text[4..], format!("-{month:02}-{date:02}T00:00:00.000Z"));
+        let month = if text[4..].starts_with("-01") { 1 } else { 7 };
+        assert_eq!(text[4..], format!("-{month:02}-01T00:00:00.000Z"));
         // UTC's days have 86,400 s: a second of UTC is one of TAI, but for the leap second.
         let utc_after = utc_duration(after);
         for seconds in [-86_400, -40, -36, -10, -2, 0, 10, 40] {
             let at = after + Unit::Second * seconds;
             let leap = Unit::Second * i64::from(seconds < 0);
-            assert_eq!(
-                utc_duration(at) - utc_after,
-                at - after + leap,
-                "{text} {seconds} s"
-            );
+            let utc = utc_duration(at) - utc_after;
+            assert_eq!(utc, at - after + leap, "{text} {seconds} s");
         }
-        assert_eq!(
-            utc_text(after - Unit::Nanosecond),
-            format!("{day}T23:59:60.999999999Z")
-        );
-        assert_eq!(
-            utc_text(after + Unit::Nanosecond)[10..],
-            *"T00:00:00.000000001Z"
-        );
+        let (last, first) = (after - Unit::Nanosecond, after + Unit::Nanosecond);
+        assert_eq!(utc_text(last), format!("{day}T23:59:60.999999999Z"));
+        assert_eq!(utc_text(first)[10..], *"T00:00:00.000000001Z");
         // TAI - UTC.
-        let midnight = Epoch::from_gregorian_tai(year, month, date, 0, 0, 0, 0);
+        let midnight = Epoch::from_gregorian_tai(year, month, 1, 0, 0, 0, 0);
         assert_eq!(after - midnight, Unit::Second * (10 + number));
-        assert_eq!(
-            to_epoch(to_wire(after - Unit::Nanosecond).unwrap()),
-            after - Unit::Nanosecond
-        );
+        assert_eq!(to_epoch(to_wire(last).unwrap()), last);
     }
 }
 
@@ -131,11 +94,9 @@ fn text_is_exact_from_1900_to_2199() {
 fn frames_of_the_years_1950_to_2100() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
     let shoot = |at: Epoch| {
-        let mut emulator = starry(
-            camera(&[("optics.focal_length_mm", "5.0")]),
-            Fidelity::REALTIME,
-        );
-        let mut vehicle = vehicle(&attitude, [0.0; 3]);
+        let camera = camera("optics.focal_length_mm = 5.0");
+        let mut emulator = starry(camera, Fidelity::REALTIME);
+        let mut vehicle = still(&attitude);
         vehicle.epoch = at;
         emulator.shoot(&vehicle, 0)
     };
@@ -154,11 +115,8 @@ fn frames_of_the_years_1950_to_2100() {
     ] {
         let shot = shoot(epoch(text)).unwrap();
         check_numbers(&shot, text);
-        assert!(
-            shot.label.epoch_mid.starts_with(text),
-            "{text}: {}",
-            shot.label.epoch_mid
-        );
+        let epoch_mid = &shot.label.epoch_mid;
+        assert!(epoch_mid.starts_with(text), "{text}: {epoch_mid}");
         counts.push(shot.label.objects.len());
         for object in shot.label.objects.iter().take(50) {
             assert!(object.electrons.is_finite() && object.snr.is_finite());
@@ -177,10 +135,7 @@ fn frames_of_the_years_1950_to_2100() {
         assert!(matches!(refused, Err(Unobservable::Epoch(_))), "{text}");
     }
     // No text, and no end of time, stops anything.
-    for at in [
-        Epoch::from_tai_duration(Duration::MAX),
-        Epoch::from_tai_duration(Duration::MIN),
-    ] {
+    for at in [Duration::MAX, Duration::MIN].map(Epoch::from_tai_duration) {
         assert!(utc_text(at).len() > 20);
         assert!(shoot(at).is_err());
     }
@@ -191,15 +146,9 @@ fn frames_of_the_years_1950_to_2100() {
 // X-Val: J. Meeus, Astronomical Algorithms, 2nd ed., 1998, chapters 36 and 50 (elongations, perigees and apogees).
 #[test]
 fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
-    let size = [("detector.width_px", "512"), ("detector.height_px", "512")];
-    let fisheye = camera(&[
-        size[0],
-        size[1],
-        ("optics.focal_length_mm", "1.6"),
-        ("optics.aperture_mm", "1.0"),
-        ("optics.projection.model", "\"fisheye\""),
-        ("optics.projection.k", "[0.0]"),
-    ]);
+    let optics = "optics.focal_length_mm = 1.6; optics.aperture_mm = 1.0; \
+                  optics.projection = { model = \"fisheye\", k = [0.0] }";
+    let fisheye = square(512, optics);
     // X-Val: obliquity of J2000.0, 84381.406 arcsec (IAU 2006).
     let (sin, cos) = (84_381.406 / 3600.0f64).to_radians().sin_cos();
     let pole = Vector3::new(0.0, -sin, cos);
@@ -216,10 +165,8 @@ fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
         for up in [pole, -pole] {
             let (r, v) = (up * 7000.0, up.cross(&sun).normalize() * 7.5);
             let mut emulator = emulator(fisheye.clone(), Fidelity::REALTIME, |config| {
-                config
-                    .choice
-                    .off
-                    .retain(|name| !["moon", "planets"].contains(name));
+                let lights = ["moon", "planets"];
+                config.choice.off.retain(|name| !lights.contains(name));
                 config.objects = oem("ABOVE", epoch(text), falling(r + up * 300.0, v));
             });
             let mut vehicle = orbiter(&towards(&up), r * 1e3, v * 1e3);
@@ -241,19 +188,14 @@ fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
                     "Venus" => off_ecliptic < 9.0 && elongation < 47.9,
                     _ => off_ecliptic < 9.0,
                 };
-                assert!(
-                    is_there,
-                    "{text}: {} {off_ecliptic} {elongation}",
-                    object.id
-                );
-                found.insert(object.id.clone());
+                let id = object.id.clone();
+                assert!(is_there, "{text}: {id} {off_ecliptic} {elongation}");
+                found.insert(id);
             }
         }
         let moon_km = bodies.moon_geocentric_m.norm() / 1e3;
-        assert!(
-            (356_000.0..407_000.0).contains(&moon_km),
-            "{text}: {moon_km}"
-        );
+        let range = 356_000.0..407_000.0;
+        assert!(range.contains(&moon_km), "{text}: {moon_km}");
         assert_eq!(found.len(), 9, "{text}: {found:?}");
     }
 }
@@ -304,18 +246,16 @@ fn ten_million_periods_do_not_drift() {
         let mut last = mission.epoch(0);
         for step in 1..=10_000_000_u32 {
             let at = mission.epoch(step);
-            let exact = i128::from(step) * period_ns;
-            assert!(
-                step % 9973 != 0 || (at - noon()).total_nanoseconds() == exact,
-                "{period_s} {step}"
-            );
             assert!(at > last);
+            if step % 9973 == 0 || step == 10_000_000 {
+                let exact = i128::from(step) * period_ns;
+                assert_eq!(
+                    (at - noon()).total_nanoseconds(),
+                    exact,
+                    "{period_s} {step}"
+                );
+            }
             last = at;
         }
-        assert_eq!(
-            (last - noon()).total_nanoseconds(),
-            10_000_000 * period_ns,
-            "{period_s}"
-        );
     }
 }

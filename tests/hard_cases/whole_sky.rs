@@ -129,33 +129,20 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
     there
 }
 
-/// Cameras of 60 px a side and 7 to 9 deg.
+/// Cameras of 7 to 9 deg.
 fn cameras() -> [Camera; 3] {
-    let of = |keys: &[(&str, &str)]| {
-        let mut all = vec![
-            ("optics.focal_length_mm", "5.0"),
-            ("optics.aperture_mm", "2.0"),
-        ];
-        all.extend(keys);
-        camera(&all)
-    };
-    [
-        of(&[]),
-        of(&[
-            ("timing.shutter", "\"rolling\""),
-            ("timing.row_us", "400.0"),
-        ]),
-        of(&[
-            (
-                "optics.psf",
-                "{ kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }",
-            ),
-            ("optics.projection.model", "\"brown-conrady\""),
-            ("optics.projection.k", "[-2.0]"),
-            ("optics.vignetting.cos4", "true"),
-            ("optics.stray.pst", "[[10.0, 1e-4], [180.0, 1e-6]]"),
-        ]),
-    ]
+    let keys = [
+        "timing.exposure_s = 0.1",
+        "timing.shutter = \"rolling\"; timing.row_us = 400.0",
+        "optics.psf = { kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }; \
+         optics.projection.model = \"brown-conrady\"; optics.projection.k = [-2.0]; \
+         optics.vignetting.cos4 = true; optics.stray.pst = [[10.0, 1e-4], [180.0, 1e-6]]",
+    ];
+    keys.map(|keys| {
+        camera(&format!(
+            "optics.focal_length_mm = 5.0; optics.aperture_mm = 2.0; {keys}"
+        ))
+    })
 }
 
 /// From 622 km up: the day's limb, the night's, and the Moon over the terminator; two objects before each, and each by all cameras.

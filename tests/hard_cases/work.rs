@@ -1,6 +1,6 @@
 //! The dearest cameras, exposures, rates and settings that files and commands may have, under a limit of work: each frame is made within it, or refused.
 
-use crate::stage::{camera, noon, towards};
+use crate::stage::{camera, noon, square, towards};
 use nalgebra::Vector3;
 use skyloop::abort::Abort;
 use skyloop::attitude::VehicleState;
@@ -13,130 +13,117 @@ use std::time::{Duration, Instant};
 /// What a frame may cost, s on one core.
 const LIMIT_S: f64 = 0.3;
 
-/// What is set of the plain camera, where it points (ICRF), how fast the body turns (deg/s, x and y), and whether the frame is made.
-type Corner = (
-    &'static str,
-    &'static [(&'static str, &'static str)],
-    [f64; 3],
-    f64,
-    bool,
-);
+/// What is set of the plain camera, where it points (ICRF), how fast the body turns (deg/s, x and y),
+/// and whether the frame is made.
+type Corner = (&'static str, &'static [&'static str], [f64; 3], f64, bool);
 
 /// Stars, zodiacal light and the Milky Way; the Moon; the Earth's limb by day.
 const SKY: [f64; 3] = [0.1, 1.0, -0.02];
 const MOON: [f64; 3] = [-0.7231, 0.6150, 0.3145];
 const LIMB: [f64; 3] = [0.9140, -0.4057, 0.0];
 
-const SECOND: (&str, &str) = ("timing.exposure_s", "1.0");
-const LONGEST: [(&str, &str); 2] = [("timing.exposure_s", "1e4"), ("timing.rate_hz", "1e-4")];
+const SECOND: &str = "timing.exposure_s = 1.0";
+const LONGEST: &str = "timing.exposure_s = 1e4; timing.rate_hz = 1e-4";
 /// 1.5e6 e- a pixel, twenty times the full well.
-const DARK: [(&str, &str); 3] = [LONGEST[0], LONGEST[1], ("detector.dark_e_s", "150.0")];
+const DARK: &str = "detector.dark_e_s = 150.0";
 /// Zodiacal light of some 3e4 e- a pixel fills all.
-const BRIGHT: [(&str, &str); 6] = [
-    ("timing.exposure_s", "1e3"),
-    ("timing.rate_hz", "1e-3"),
-    ("optics.focal_length_mm", "100.0"),
-    ("optics.aperture_mm", "200.0"),
-    ("optics.psf.sigma_px", "25.0"),
-    ("detector.full_well_e", "1000.0"),
-];
-const BRIGHT_SPILLING: [(&str, &str); 7] = {
-    let [a, b, c, d, e, f] = BRIGHT;
-    [a, b, c, d, e, f, SPILLING[1]]
-};
-const WIDEST: [(&str, &str); 3] = [
-    SECOND,
-    ("optics.aperture_mm", "18.0"),
-    ("optics.psf.sigma_px", "100.0"),
-];
-const ROLLING: [(&str, &str); 3] = [
-    SECOND,
-    ("timing.shutter", "\"rolling\""),
-    ("timing.row_us", "3000.0"),
-];
-const PARTICLES: [(&str, &str); 4] = [
-    SECOND,
-    ("radiation.flux_cm2_s", "1e5"),
-    ("radiation.thickness_um", "50.0"),
-    ("radiation.diffusion_um", "30.0"),
-];
-const DISTORTED: [(&str, &str); 2] = [
-    SECOND,
-    (
-        "optics.projection",
-        "{ model = \"brown-conrady\", k = [2.6] }",
-    ),
-];
-const WIDE: [(&str, &str); 2] = [SECOND, ("detector.width_px", "4096")];
-const TALL: [(&str, &str); 5] = [
-    SECOND,
-    ("detector.width_px", "64"),
-    ("detector.height_px", "8192"),
-    ("timing.shutter", "\"rolling\""),
-    ("timing.row_us", "10.0"),
-];
+const BRIGHT: &str = "timing.exposure_s = 1e3; timing.rate_hz = 1e-3; \
+    optics.focal_length_mm = 100.0; optics.aperture_mm = 200.0; optics.psf.sigma_px = 25.0; \
+    detector.full_well_e = 1000.0";
+const SPILLING: &str = "detector.blooming = \"column\"";
+const WIDEST: &str = "optics.aperture_mm = 18.0; optics.psf.sigma_px = 100.0";
+const ROLLING: &str = "timing.shutter = \"rolling\"; timing.row_us = 3000.0";
+const PARTICLES: &str = "radiation.flux_cm2_s = 1e5; radiation.thickness_um = 50.0; \
+    radiation.diffusion_um = 30.0";
+const DISTORTED: &str = "optics.projection = { model = \"brown-conrady\", k = [2.6] }";
+const TALL: &str = "detector.width_px = 64; detector.height_px = 8192; \
+    timing.shutter = \"rolling\"; timing.row_us = 10.0";
+const MOFFAT: &str = "optics.psf = { kind = \"moffat\", fwhm_px = 20.0, beta = 1.5 }";
+const AIRY: &str = "optics.psf = { kind = \"airy\" }";
+const SHIFTED: &str = "timing.rate_hz = 0.5; timing.shutter = \"frame-transfer\"; \
+    timing.row_us = 1.0";
+const STRAY: &str = "optics.stray = { pst = [[1.0, 1e-1], [90.0, 1e-6], [180.0, 1e-9]] }";
 
-const MOFFAT: [(&str, &str); 2] = [
-    SECOND,
-    (
-        "optics.psf",
-        "{ kind = \"moffat\", fwhm_px = 20.0, beta = 1.5 }",
-    ),
-];
-const AIRY: [(&str, &str); 2] = [SECOND, ("optics.psf", "{ kind = \"airy\" }")];
-const SPILLING: [(&str, &str); 2] = [SECOND, ("detector.blooming", "\"column\"")];
-const SHIFTED: [(&str, &str); 4] = [
-    SECOND,
-    ("timing.rate_hz", "0.5"),
-    ("timing.shutter", "\"frame-transfer\""),
-    ("timing.row_us", "1.0"),
-];
-const STRAY: [(&str, &str); 2] = [
-    SECOND,
-    (
-        "optics.stray",
-        "{ pst = [[1.0, 1e-1], [90.0, 1e-6], [180.0, 1e-9]] }",
-    ),
-];
-
-/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1. Which of them are refused at this limit follows from the counted work: the values hold it still, so that
-/// a change of prices shows.
+/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1. Which of them are refused at this
+/// limit follows from the counted work: a change of prices shows here.
 const CORNERS: &[Corner] = &[
     ("at rest", &[SECOND], SKY, 0.0, true),
     ("a slow turn", &[SECOND], SKY, 1.0, true),
     ("the furthest turn", &[SECOND], SKY, 40.0, true),
     (
         "the fastest turn",
-        &[("timing.exposure_s", "1.1e-3")],
+        &["timing.exposure_s = 1.1e-3"],
         SKY,
         25_000.0,
         true,
     ),
-    ("the longest exposure", &LONGEST, SKY, 0.0, false),
-    ("the longest exposure, turning", &LONGEST, SKY, 4e-3, false),
-    ("dark current fills all", &DARK, SKY, 4e-3, true),
-    ("light fills all", &BRIGHT, SKY, 0.02, true),
+    ("the longest exposure", &[LONGEST], SKY, 0.0, false),
+    (
+        "the longest exposure, turning",
+        &[LONGEST],
+        SKY,
+        4e-3,
+        false,
+    ),
+    ("dark current fills all", &[LONGEST, DARK], SKY, 4e-3, true),
+    ("light fills all", &[BRIGHT], SKY, 0.02, true),
     (
         "light fills all, and spills",
-        &BRIGHT_SPILLING,
+        &[BRIGHT, SPILLING],
         SKY,
         0.02,
         true,
     ),
-    ("the widest Gaussian", &WIDEST, SKY, 0.0, false),
-    ("the widest Gaussian, turning", &WIDEST, SKY, 2.0, false),
-    ("rows in turn, turning", &ROLLING, SKY, 1.0, true),
-    ("particles", &PARTICLES, SKY, 0.0, false),
-    ("a distorting lens, turning", &DISTORTED, SKY, 20.0, true),
-    ("4096 columns, turning", &WIDE, SKY, 40.0, false),
-    ("8192 rows in turn", &TALL, SKY, 1.0, true),
-    ("Moffat's wings, turning", &MOFFAT, SKY, 5.0, false),
-    ("Airy's rings, turning", &AIRY, SKY, 5.0, false),
-    ("columns that spill", &SPILLING, MOON, 0.0, true),
-    ("frame transfer, turning", &SHIFTED, SKY, 5.0, true),
-    ("stray light", &STRAY, MOON, 1.0, true),
+    ("the widest Gaussian", &[SECOND, WIDEST], SKY, 0.0, false),
+    (
+        "the widest Gaussian, turning",
+        &[SECOND, WIDEST],
+        SKY,
+        2.0,
+        false,
+    ),
+    ("rows in turn, turning", &[SECOND, ROLLING], SKY, 1.0, true),
+    ("particles", &[SECOND, PARTICLES], SKY, 0.0, false),
+    (
+        "a distorting lens, turning",
+        &[SECOND, DISTORTED],
+        SKY,
+        20.0,
+        true,
+    ),
+    (
+        "4096 columns, turning",
+        &[SECOND, "detector.width_px = 4096"],
+        SKY,
+        40.0,
+        false,
+    ),
+    ("8192 rows in turn", &[SECOND, TALL], SKY, 1.0, true),
+    (
+        "Moffat's wings, turning",
+        &[SECOND, MOFFAT],
+        SKY,
+        5.0,
+        false,
+    ),
+    ("Airy's rings, turning", &[SECOND, AIRY], SKY, 5.0, false),
+    ("columns that spill", &[SECOND, SPILLING], MOON, 0.0, true),
+    (
+        "frame transfer, turning",
+        &[SECOND, SHIFTED],
+        SKY,
+        5.0,
+        true,
+    ),
+    ("stray light", &[SECOND, STRAY], MOON, 1.0, true),
     ("the Moon, turning", &[SECOND], MOON, 5.0, true),
-    ("the Moon by rows in turn", &ROLLING, MOON, 1.0, true),
+    (
+        "the Moon by rows in turn",
+        &[SECOND, ROLLING],
+        MOON,
+        1.0,
+        true,
+    ),
     ("the limb", &[SECOND], LIMB, 0.0, true),
     ("the limb, turning", &[SECOND], LIMB, 5.0, true),
 ];
@@ -146,18 +133,18 @@ fn stage(
     (_, keys, direction, rate_deg_s, _): &Corner,
     fidelity: Fidelity,
 ) -> (Emulator, VehicleState) {
-    let size = [("detector.width_px", "256"), ("detector.height_px", "256")];
-    let keys: Vec<(&str, &str)> = size.into_iter().chain(keys.iter().copied()).collect();
     let mut config = Config::builtin().unwrap();
-    config.camera = camera(&keys);
+    config.camera = square(256, &keys.join("; "));
     config.fidelity = fidelity;
     let mut emulator = Emulator::new(&mut config);
     emulator.work_limit_s = Some(LIMIT_S);
-    let rate = rate_deg_s.to_radians();
-    let attitude = towards(&Vector3::from(*direction)).xyzw();
+    (emulator, vehicle(*direction, rate_deg_s.to_radians()))
+}
+
+fn vehicle(direction: [f64; 3], rate: f64) -> VehicleState {
+    let attitude = towards(&Vector3::from(direction)).xyzw();
     let orbit = Some(([0.0, 7.0e6, 0.0], [7.5e3, 0.0, 0.0]));
-    let vehicle = VehicleState::new(7, noon(), attitude, [rate, rate, 0.0], orbit);
-    (emulator, vehicle.unwrap())
+    VehicleState::new(7, noon(), attitude, [rate, rate, 0.0], orbit).unwrap()
 }
 
 /// Whether its frame is made, on so many threads.
@@ -197,14 +184,11 @@ fn too_many_objects_are_refused_before_the_search() {
         .collect();
     for (count, is_refused) in [(1400, false), (1600, true)] {
         let mut config = Config::builtin().unwrap();
-        config.camera = camera(&[]);
+        config.camera = camera("");
         config.objects = objects[..count].to_vec();
         let mut emulator = Emulator::new(&mut config);
         emulator.work_limit_s = Some(1e-3);
-        let attitude = towards(&Vector3::new(0.1, 1.0, -0.02)).xyzw();
-        let orbit = Some(([0.0, 7.0e6, 0.0], [7.5e3, 0.0, 0.0]));
-        let vehicle = VehicleState::new(7, noon(), attitude, [0.0; 3], orbit).unwrap();
-        let refused = match emulator.shoot(&vehicle, 0) {
+        let refused = match emulator.shoot(&vehicle(SKY, 0.0), 0) {
             Err(Unobservable::TooMuchWork { sources, .. }) => sources == count,
             _ => false,
         };
@@ -235,64 +219,40 @@ fn timed_no_frame_takes_much_longer_than_the_limit() {
 const LARGE: &[Corner] = &[
     (
         "4 Mpx, the limb by day",
-        &[
-            ("timing.exposure_s", "1e-4"),
-            ("detector.width_px", "2048"),
-            ("detector.height_px", "2048"),
-        ],
+        &["timing.exposure_s = 1e-4", SIDES_2048],
         LIMB,
         0.0,
         true,
     ),
-    ("16 Mpx, the limb by day", &SENSITIVE, LIMB, 0.0, true),
+    ("16 Mpx, the limb by day", &[SENSITIVE], LIMB, 0.0, true),
     (
         "16 Mpx, the limb by night",
-        &SENSITIVE,
+        &[SENSITIVE],
         [-0.9140, -0.4057, 0.0],
         0.0,
         true,
     ),
-    ("16 Mpx, 10,000 labels", &SENSITIVE, SKY, 0.0, true),
-    ("16 Mpx that spill", &UNEVEN, SKY, 0.0, true),
+    ("16 Mpx, 10,000 labels", &[SENSITIVE], SKY, 0.0, true),
+    ("16 Mpx that spill", &[UNEVEN], SKY, 0.0, true),
 ];
+
+const SIDES_2048: &str = "detector.width_px = 2048; detector.height_px = 2048";
 
 /// All columns fill up, with maps of response and dark current.
-const UNEVEN: [(&str, &str); 14] = [
-    ("timing.exposure_s", "0.3"),
-    ("timing.rate_hz", "0.5"),
-    ("timing.shutter", "\"frame-transfer\""),
-    ("timing.row_us", "5.0"),
-    ("detector.width_px", "4096"),
-    ("detector.height_px", "4096"),
-    ("detector.blooming", "\"column\""),
-    ("detector.full_well_e", "5000.0"),
-    ("detector.dark_e_s", "150.0"),
-    ("detector.prnu", "0.01"),
-    ("detector.dark_nonuniformity", "0.3"),
-    ("detector.hot_fraction", "0.05"),
-    ("detector.hot_e_s", "5000.0"),
-    (
-        "optics.stray",
-        "{ pst = [[15.0, 1e-3], [105.0, 1e-12]], sun_exclusion_deg = 60.0 }",
-    ),
-];
+const UNEVEN: &str = "timing.exposure_s = 0.3; timing.rate_hz = 0.5; \
+    timing.shutter = \"frame-transfer\"; timing.row_us = 5.0; \
+    detector.width_px = 4096; detector.height_px = 4096; detector.blooming = \"column\"; \
+    detector.full_well_e = 5000.0; detector.dark_e_s = 150.0; detector.prnu = 0.01; \
+    detector.dark_nonuniformity = 0.3; detector.hot_fraction = 0.05; detector.hot_e_s = 5000.0; \
+    optics.stray = { pst = [[15.0, 1e-3], [105.0, 1e-12]], sun_exclusion_deg = 60.0 }";
 
 /// 77 deg wide.
-const SENSITIVE: [(&str, &str); 10] = [
-    SECOND,
-    ("detector.width_px", "4096"),
-    ("detector.height_px", "4096"),
-    ("detector.dark_e_s", "150.0"),
-    ("detector.full_well_e", "90000.0"),
-    ("optics.focal_length_mm", "25.5"),
-    ("optics.aperture_mm", "18.0"),
-    ("optics.transmission", "1.0"),
-    ("detector.quantum_efficiency", "1.0"),
-    (
-        "optics.stray",
-        "{ pst = [[15.0, 1e-3], [30.0, 1e-7], [60.0, 1e-9], [105.0, 1e-12]], sun_exclusion_deg = 60.0 }",
-    ),
-];
+const SENSITIVE: &str = "timing.exposure_s = 1.0; \
+    detector.width_px = 4096; detector.height_px = 4096; detector.dark_e_s = 150.0; \
+    detector.full_well_e = 90000.0; optics.focal_length_mm = 25.5; optics.aperture_mm = 18.0; \
+    optics.transmission = 1.0; detector.quantum_efficiency = 1.0; \
+    optics.stray = { pst = [[15.0, 1e-3], [30.0, 1e-7], [60.0, 1e-9], [105.0, 1e-12]], \
+    sun_exclusion_deg = 60.0 }";
 
 /// Whatever is under way: the end of a run waits for it, and is to come within 100 ms of a signal.
 #[test]
