@@ -62,6 +62,34 @@ pub fn shoot(
     emulator.shoot(&vehicle, 0).unwrap()
 }
 
+/// The vehicle of a frame of `fai-nir`, turning so fast (deg/s).
+pub fn turning(rates_deg_s: [f64; 3]) -> VehicleState {
+    let at = epoch("2026-02-11T18:22:41.25");
+    vehicle(at, [0.1, 0.2, -0.3, 0.9], rates_deg_s, None)
+}
+
+/// Bright stars before a changed `fai-nir`.
+pub fn changed_fai(change: impl FnOnce(&mut Emulator)) -> Emulator {
+    let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
+    change(&mut emulator);
+    emulator
+}
+
+/// The built-in scene with bright stars, aberration and a dark sky; labels list everything.
+pub fn builtin() -> Config {
+    let mut config = Config::builtin().unwrap();
+    config.sky.selection = Selection::Bsc;
+    config.sky.corrections.aberration = true;
+    config.label_snr = 0.0;
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
+    config
+}
+
+/// The greatest of some values, and 0.
+pub fn most(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, f64::max)
+}
+
 /// What [`shoot`] shoots from.
 pub fn vehicle(
     at: Epoch,
@@ -131,11 +159,15 @@ pub fn pointing(label: &Label, t: f64) -> Matrix3<f64> {
     matrix(label.q_body_to_camera) * turn * matrix(label.q_icrf_to_body)
 }
 
+/// Unit vector of a right ascension and a declination (rad).
+pub fn unit(ra: f64, dec: f64) -> Vector3<f64> {
+    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra.sin_cos(), dec.sin_cos());
+    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+}
+
 /// Unit vector of the label's apparent right ascension and declination.
 pub fn apparent(object: &ObjectLabel) -> Vector3<f64> {
-    let (sin_ra, cos_ra) = object.ra_deg.to_radians().sin_cos();
-    let (sin_dec, cos_dec) = object.dec_deg.to_radians().sin_cos();
-    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+    unit(object.ra_deg.to_radians(), object.dec_deg.to_radians())
 }
 
 /// Where an object stands `t` seconds after mid-exposure, unit vector: light time and first-order aberration by the
@@ -150,13 +182,8 @@ fn direction(label: &Label, object: &ObjectLabel, t: f64) -> Vector3<f64> {
     let [x, y, z, vx, vy, vz] = label.state_gcrf_km;
     let (r, v) = (Vector3::new(x, y, z), Vector3::new(vx, vy, vz));
     let velocity = v - r * (GM / r.norm().powi(3) * t);
-    let target = |t| {
-        fall(
-            rso.position_gcrf_km.into(),
-            rso.velocity_gcrf_km_s.into(),
-            t,
-        )
-    };
+    let [place, motion] = [rso.position_gcrf_km, rso.velocity_gcrf_km_s].map(Vector3::from);
+    let target = |t| fall(place, motion, t);
     let here = fall(r, v, t);
     let light_time = (target(t) - here).norm() / LIGHT_KM_S;
     let line = target(t - light_time) - here;
@@ -178,7 +205,7 @@ fn track(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Vec<[f64; 2]>
     let gaps = points
         .windows(2)
         .map(|ends| (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]));
-    let gap = gaps.fold(0.0, f64::max);
+    let gap = most(gaps);
     (points, gap)
 }
 
@@ -235,15 +262,22 @@ impl Image {
     /// The frame's expected electrons without the label's background.
     pub fn light_of(shot: &Shot) -> Image {
         let background = shot.label.background_e_px;
-        let expected = shot.frame.expected_e.as_ref().unwrap();
+        let expected = shot.frame.expected_e.iter().flatten();
         Image {
             width: shot.frame.width,
             height: shot.frame.height,
-            e: expected
-                .iter()
-                .map(|e| f64::from(*e) - background)
-                .collect(),
+            e: expected.map(|e| f64::from(*e) - background).collect(),
         }
+    }
+
+    pub fn peak(&self) -> f64 {
+        most(self.e.iter().copied())
+    }
+
+    /// The greatest difference from `truth`, as a part of its brightest pixel.
+    pub fn off(&self, truth: &[f64]) -> f64 {
+        let off = self.e.iter().zip(truth).map(|(a, b)| (a - b).abs());
+        most(off) / most(truth.iter().copied())
     }
 
     /// Light, and its centre (px), inside a box.
@@ -320,12 +354,11 @@ pub fn image(label: &Label, camera: &Camera) -> Image {
 pub fn share(x: f64, sigma: f64) -> f64 {
     const STEPS: usize = 12;
     let peak = 1.0 / (sigma * std::f64::consts::TAU.sqrt());
-    (0..=STEPS)
-        .map(|i| {
-            let at = (x - 0.5 + i as f64 / STEPS as f64) / sigma;
-            simpson(i, STEPS) / STEPS as f64 * peak * (-0.5 * at * at).exp()
-        })
-        .sum()
+    let node = |i: usize| {
+        let at = (x - 0.5 + i as f64 / STEPS as f64) / sigma;
+        simpson(i, STEPS) / STEPS as f64 * peak * (-0.5 * at * at).exp()
+    };
+    (0..=STEPS).map(node).sum()
 }
 
 /// Weight of node `i` of `n` (even) steps in Simpson's rule, for a step of 1.

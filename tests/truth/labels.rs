@@ -1,5 +1,6 @@
 //! The label's fields: their names, and each against what it is defined by.
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
@@ -13,7 +14,7 @@ use skyloop::label::ObjectLabel;
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{apparent, emulator, epoch, matrix, pointing, shoot, stamp};
+use super::brute::{apparent, builtin, emulator, epoch, matrix, pointing, shoot, stamp, turning};
 
 // The contract: the names in the README.
 const FRAME_KEYS: &str = "frame seed camera columns rows epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
@@ -30,12 +31,8 @@ fn near(a: f64, b: f64, bound: f64, what: &str) {
 /// Every rule that holds for every object of every frame.
 fn check(shot: &Shot) {
     let (label, camera) = (&shot.label, &shot.camera);
-    near(
-        label.background_e_px,
-        camera.detector.dark_e_s * label.exposure_s,
-        1e-9,
-        "background",
-    );
+    let dark = camera.detector.dark_e_s * label.exposure_s;
+    near(label.background_e_px, dark, 1e-9, "background");
     let turned = matrix(label.q_body_to_camera) * matrix(label.q_icrf_to_body);
     for (i, row) in label.r_icrf_to_camera.iter().enumerate() {
         assert!((turned.row(i).transpose() - Vector3::from(*row)).norm() < 1e-14);
@@ -46,11 +43,8 @@ fn check(shot: &Shot) {
     let [ra, dec, roll] = angles;
     assert!((Attitude::towards(ra, dec, roll).matrix() - turned).norm() < 1e-13);
     assert!(label.ra_deg < 360.0 && label.roll_deg < 360.0 && ra >= 0.0 && roll >= 0.0);
-    let detector = &camera.detector;
-    assert_eq!(
-        [label.columns, label.rows],
-        [detector.width, detector.height]
-    );
+    let size = [camera.detector.width, camera.detector.height];
+    assert_eq!([label.columns, label.rows], size);
     for object in &label.objects {
         check_object(shot, object);
     }
@@ -59,19 +53,10 @@ fn check(shot: &Shot) {
 
 fn check_object(shot: &Shot, o: &ObjectLabel) {
     let (label, camera) = (&shot.label, &shot.camera);
-    near(
-        o.vx_px_s,
-        (o.x1_px - o.x0_px) / label.exposure_s,
-        1e-9,
-        "vx",
-    );
-    near(
-        o.vy_px_s,
-        (o.y1_px - o.y0_px) / label.exposure_s,
-        1e-9,
-        "vy",
-    );
-    let length = (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px);
+    let [dx, dy] = [o.x1_px - o.x0_px, o.y1_px - o.y0_px];
+    near(o.vx_px_s, dx / label.exposure_s, 1e-9, "vx");
+    near(o.vy_px_s, dy / label.exposure_s, 1e-9, "vy");
+    let length = dx.hypot(dy);
     let pad = 1e-3 + 0.01 * length;
     assert!(o.x_px > o.x0_px.min(o.x1_px) - pad && o.x_px < o.x0_px.max(o.x1_px) + pad);
     assert!(o.y_px > o.y0_px.min(o.y1_px) - pad && o.y_px < o.y0_px.max(o.y1_px) + pad);
@@ -133,12 +118,8 @@ fn check_object(shot: &Shot, o: &ObjectLabel) {
     let line = Vector3::from(rso.position_gcrf_km) - Vector3::new(x, y, z);
     let relative = Vector3::from(rso.velocity_gcrf_km_s) - Vector3::new(vx, vy, vz);
     near(rso.range_km, line.norm(), 1e-9, "range");
-    near(
-        rso.range_rate_km_s,
-        line.dot(&relative) / line.norm(),
-        1e-9,
-        "range rate",
-    );
+    let rate = line.dot(&relative) / line.norm();
+    near(rso.range_rate_km_s, rate, 1e-9, "range rate");
     // Eqs. (7), (9) with the paper's sphere. Light time moves the object by metres.
     let sun = Bodies::at(shot.exposure.mid).unwrap().sun_apparent_m() * 1e-3;
     let to_sun = sun - Vector3::from(rso.position_gcrf_km);
@@ -159,18 +140,13 @@ fn check_object(shot: &Shot, o: &ObjectLabel) {
 /// The line of text has the contract's names, and the values but for their last decimals.
 fn check_json(shot: &Shot) {
     let json: Value = serde_json::from_str(&shot.json).unwrap();
-    let keys = |value: &Value| {
-        let mut keys: Vec<String> = value.as_object().unwrap().keys().cloned().collect();
-        keys.sort();
-        keys
+    let keys = |value: &Value| -> BTreeSet<String> {
+        let keys = value.as_object().unwrap().keys();
+        keys.cloned().collect()
     };
-    let wanted = |lists: &[&str]| {
-        let mut keys: Vec<String> = lists
-            .iter()
-            .flat_map(|list| list.split_whitespace().map(String::from))
-            .collect();
-        keys.sort();
-        keys
+    let wanted = |lists: &[&str]| -> BTreeSet<String> {
+        let keys = lists.iter().flat_map(|list| list.split_whitespace());
+        keys.map(String::from).collect()
     };
     assert_eq!(keys(&json), wanted(&[FRAME_KEYS]));
     let listed = json["objects"].as_array().unwrap();
@@ -183,12 +159,8 @@ fn check_json(shot: &Shot) {
         assert_eq!(text["kind"], o.kind);
         assert_eq!(text["id"], o.id.as_str());
         near(number("x_px"), o.x_px, 1e-6, "x_px");
-        near(
-            number("electrons"),
-            o.electrons,
-            1e-4 * (1.0 + o.electrons),
-            "electrons",
-        );
+        let bound = 1e-4 * (1.0 + o.electrons);
+        near(number("electrons"), o.electrons, bound, "electrons");
         near(number("snr"), o.snr, 1e-4, "snr");
         near(number("ra_deg"), o.ra_deg, 1e-8, "ra_deg");
         assert_eq!(text["band_mag"].as_f64().is_some(), o.band_mag.is_some());
@@ -202,13 +174,8 @@ fn every_field_is_what_it_is_defined_to_be() {
         let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
         for (i, rates) in [[0.0; 3], [-1.0, 2.0, 3.0]].into_iter().enumerate() {
             let q = [0.1, 0.2 + i as f64, -0.3, 0.9];
-            let shot = shoot(
-                &mut emulator,
-                epoch("2026-02-11T18:22:41.25"),
-                q,
-                rates,
-                orbit,
-            );
+            let at = epoch("2026-02-11T18:22:41.25");
+            let shot = shoot(&mut emulator, at, q, rates, orbit);
             assert!(shot.label.objects.len() > 10);
             check(&shot);
         }
@@ -217,11 +184,7 @@ fn every_field_is_what_it_is_defined_to_be() {
 
 #[test]
 fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_derivative() {
-    let mut config = Config::builtin().unwrap();
-    config.sky.selection = Selection::Bsc;
-    config.sky.corrections.aberration = true;
-    config.label_snr = 0.0;
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
+    let mut config = builtin();
     let objects = config.objects.clone();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
@@ -258,10 +221,12 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
             let rso = o.rso.as_ref().unwrap();
             let object = objects.iter().find(|object| object.id == o.id).unwrap();
             let there = object.state(vehicle.epoch).unwrap();
-            assert!((there.position_m * 1e-3 - Vector3::from(rso.position_gcrf_km)).norm() < 1e-12);
-            assert!(
-                (there.velocity_m_s * 1e-3 - Vector3::from(rso.velocity_gcrf_km_s)).norm() < 1e-12
-            );
+            for (label, state) in [
+                (rso.position_gcrf_km, there.position_m),
+                (rso.velocity_gcrf_km_s, there.velocity_m_s),
+            ] {
+                assert!((state * 1e-3 - Vector3::from(label)).norm() < 1e-12);
+            }
             let rate = (range(&after, &o.id) - range(&before, &o.id)) / 0.2;
             near(rso.range_rate_km_s, rate, 3e-5, "range rate");
             compared += 1;
@@ -279,14 +244,7 @@ fn the_list_ends_at_the_asked_signal_to_noise_ratio() {
             ..Config::defaults().unwrap()
         };
         let mut emulator = Emulator::new(&mut config);
-        let shot = shoot(
-            &mut emulator,
-            epoch("2026-02-11T18:22:41.25"),
-            [0.1, 0.2, -0.3, 0.9],
-            [0.0; 3],
-            None,
-        );
-        shot.label.objects
+        emulator.shoot(&turning([0.0; 3]), 0).unwrap().label.objects
     };
     let (all, some) = (list(0.0), list(5.0));
     let bright: Vec<_> = all.iter().filter(|o| o.snr >= 5.0).cloned().collect();

@@ -4,14 +4,14 @@ use std::collections::HashSet;
 
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::Fidelity;
 use skyloop::flight;
 use skyloop::sky::catalog::{Catalog, Selection};
 
 use super::brute::{
-    Box2, Image, emulator, epoch, falling, image, look_at, oem, orbit, pointing, shoot,
+    Box2, Image, builtin, emulator, epoch, falling, image, look_at, oem, orbit, pointing, shoot,
+    unit,
 };
 
 /// What a frame showed of its objects.
@@ -36,24 +36,17 @@ impl Tally {
     pub fn add(&mut self, shot: &Shot) {
         let seen = Image::light_of(shot);
         let truth = image(&shot.label, &shot.camera);
-        let peak = truth.e.iter().copied().fold(0.0, f64::max);
+        let peak = truth.peak();
         for (a, b) in seen.e.iter().zip(&truth.e) {
             let off_e = (a - b).abs();
             self.worst_pixel = self.worst_pixel.max(off_e / peak);
             let beyond = (off_e - Fidelity::REALTIME.track_e) / peak;
             self.worst_beyond = self.worst_beyond.max(beyond);
         }
-        let objects: Vec<_> = shot
-            .label
-            .objects
-            .iter()
-            .filter(|o| o.electrons > 0.0)
-            .collect();
-        let boxes: Vec<Box2> = objects
-            .iter()
-            .map(|o| Box2::of(&shot.label, o, &shot.camera))
-            .collect();
-        for (i, (object, region)) in objects.iter().zip(&boxes).enumerate() {
+        let objects = || shot.label.objects.iter().filter(|o| o.electrons > 0.0);
+        let boxes = objects().map(|o| Box2::of(&shot.label, o, &shot.camera));
+        let boxes: Vec<Box2> = boxes.collect();
+        for (i, (object, region)) in objects().zip(&boxes).enumerate() {
             let alone = (0..boxes.len()).all(|j| j == i || !region.meets(&boxes[j]));
             // Below a hundredth of an electron the background's last digit (float32) counts.
             if !alone || object.electrons < 0.01 {
@@ -67,10 +60,9 @@ impl Tally {
                 self.worst_light = self.worst_light.max((light / object.electrons - 1.0).abs());
             } else {
                 let (expected, _) = truth.moments(region);
+                let off = (light - expected).abs() / object.electrons;
                 self.partly += 1;
-                self.worst_part = self
-                    .worst_part
-                    .max((light - expected).abs() / object.electrons);
+                self.worst_part = self.worst_part.max(off);
             }
         }
     }
@@ -90,21 +82,28 @@ const CAMERAS: [(&str, Selection); 4] = [
     ("rigel-l", Selection::Hipparcos),
     ("cots-wide", Selection::Hipparcos),
 ];
+/// deg/s.
+const RATES: [[f64; 3]; 6] = [
+    [1e-3, 0.0, 0.0],
+    [0.5, 0.0, 0.0],
+    [0.0, -2.0, 0.0],
+    [0.0, 0.0, 5.0],
+    [5.0, 0.0, 0.0],
+    [-3.0, 4.0, -5.0],
+];
 /// A low orbit, m and m/s.
 const ORBIT: ([f64; 3], [f64; 3]) = ([2.1e6, -5.4e6, 3.9e6], [6.3e3, 3.7e3, 1.8e3]);
 
+/// At rest at several epochs, and turning; every other camera that turns is mounted askew.
 #[test]
 fn stars_stand_where_the_label_says_with_the_light_it_says() {
+    const CLARK: [f64; 4] = [-0.070834, -0.644137, 0.733522, -0.204975];
     for (camera, stars) in CAMERAS {
         let mut emulator = emulator(camera, stars, Vec::new(), Fidelity::REALTIME);
         let mut tally = Tally::default();
         for (at, q, orbit) in [
             ("1995-03-02T04:05:06.789", [0.3, -0.5, 0.7, 0.2], None),
-            (
-                "2019-06-15T23:35:50",
-                [-0.070834, -0.644137, 0.733522, -0.204975],
-                None,
-            ),
+            ("2019-06-15T23:35:50", CLARK, None),
             ("2031-11-30T12:00:00.000000001", [0.9, 0.1, -0.2, 0.4], None),
             ("2026-02-11T18:22:41.25", [0.1, 0.2, -0.3, 0.9], Some(ORBIT)),
         ] {
@@ -112,36 +111,16 @@ fn stars_stand_where_the_label_says_with_the_light_it_says() {
         }
         tally.holds(camera);
         assert!(tally.whole > 60 && tally.partly > 3, "{camera}: {tally:?}");
-    }
-}
 
-#[test]
-fn smeared_stars_do_too() {
-    let rates = [
-        [1e-3, 0.0, 0.0],
-        [0.5, 0.0, 0.0],
-        [0.0, -2.0, 0.0],
-        [0.0, 0.0, 5.0],
-        [5.0, 0.0, 0.0],
-        [-3.0, 4.0, -5.0],
-    ];
-    for (camera, stars) in CAMERAS {
-        let mut emulator = emulator(camera, stars, Vec::new(), Fidelity::REALTIME);
         let mut tally = Tally::default();
-        for (i, rates) in rates.into_iter().enumerate() {
+        let at = epoch("2024-05-06T07:08:09.1");
+        for (i, rates) in RATES.into_iter().enumerate() {
             let q = [0.2 * i as f64, -0.5, 0.3, 0.4];
-            // Every other camera is mounted askew.
             let mounting = [[0.0, 0.0, 0.0, 1.0], [0.5, -0.1, 0.7, 0.5]][i % 2];
             emulator.camera_mut().mounting = Attitude::from_xyzw(mounting).unwrap();
-            tally.add(&shoot(
-                &mut emulator,
-                epoch("2024-05-06T07:08:09.1"),
-                q,
-                rates,
-                Some(ORBIT),
-            ));
+            tally.add(&shoot(&mut emulator, at, q, rates, Some(ORBIT)));
         }
-        tally.holds(camera);
+        tally.holds(&format!("{camera}, turning"));
         assert!(tally.whole > 60 && tally.partly > 3, "{camera}: {tally:?}");
     }
 }
@@ -150,12 +129,8 @@ fn smeared_stars_do_too() {
 #[test]
 fn no_star_is_missing() {
     let catalog = Catalog::embedded(Selection::Hipparcos);
-    let mut emulator = emulator(
-        "fai-nir",
-        Selection::Hipparcos,
-        Vec::new(),
-        Fidelity::REALTIME,
-    );
+    let stars = Selection::Hipparcos;
+    let mut emulator = emulator("fai-nir", stars, Vec::new(), Fidelity::REALTIME);
     let at = epoch("2020-05-06T07:08:09");
     for rates in [[0.0; 3], [20.0, 30.0, 100.0]] {
         let shot = shoot(&mut emulator, at, [0.6, 0.2, -0.3, 0.4], rates, Some(ORBIT));
@@ -167,9 +142,7 @@ fn no_star_is_missing() {
             .collect();
         let mut crossing = 0;
         for star in catalog.stars() {
-            let (sin_ra, cos_ra) = star.ra_rad.sin_cos();
-            let (sin_dec, cos_dec) = star.dec_rad.sin_cos();
-            let direction = Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
+            let direction = unit(star.ra_rad, star.dec_rad);
             let inside = matrices.iter().any(|matrix| {
                 let seen = matrix * direction;
                 // One pixel (6 arcmin) of margin: proper motion and aberration are left out here.
@@ -191,11 +164,7 @@ fn no_star_is_missing() {
 /// The three satellites of the built-in scene, seen by its own camera at rest and turning.
 #[test]
 fn objects_in_orbit_do_too() {
-    let mut config = Config::builtin().unwrap();
-    config.sky.selection = Selection::Bsc;
-    config.sky.corrections.aberration = true;
-    config.label_snr = 0.0;
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
+    let mut config = builtin();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;
@@ -209,12 +178,8 @@ fn objects_in_orbit_do_too() {
                 ..still.clone()
             };
             let shot = emulator.shoot(&vehicle, 0).unwrap();
-            rsos += shot
-                .label
-                .objects
-                .iter()
-                .filter(|o| o.kind == "rso")
-                .count();
+            let objects = shot.label.objects.iter();
+            rsos += objects.filter(|o| o.kind == "rso").count();
             tally.add(&shot);
         }
     }
@@ -232,18 +197,14 @@ fn a_near_pass_is_a_long_streak_with_its_own_centre() {
     );
     let aim = Vector3::new(0.3, -0.8, 0.4).normalize();
     let aside = aim.cross(&Vector3::x()).normalize();
-    for (camera, stars) in [("fai-nir", Selection::Bsc), ("rigel-l", Selection::Bsc)] {
+    let stars = Selection::Bsc;
+    for camera in ["fai-nir", "rigel-l"] {
         for (range, speed) in [(20.0, 1.0), (8.0, 4.0), (2.0, 0.9)] {
             let passing = falling(r + aim * range, v + aside * speed + aim * (0.4 * speed));
-            let mut emulator =
-                emulator(camera, stars, oem("PASS", at, passing), Fidelity::REALTIME);
-            let shot = shoot(
-                &mut emulator,
-                at,
-                look_at(aim, 0.7),
-                [0.2, 0.0, 1.0],
-                orbit(r, v),
-            );
+            let objects = oem("PASS", at, passing);
+            let mut emulator = emulator(camera, stars, objects, Fidelity::REALTIME);
+            let (q, rates) = (look_at(aim, 0.7), [0.2, 0.0, 1.0]);
+            let shot = shoot(&mut emulator, at, q, rates, orbit(r, v));
             let object = shot.label.objects.iter().find(|o| o.kind == "rso").unwrap();
             let length = (object.x1_px - object.x0_px).hypot(object.y1_px - object.y0_px);
             let mut tally = Tally::default();
@@ -252,44 +213,4 @@ fn a_near_pass_is_a_long_streak_with_its_own_centre() {
             assert!(length > 2.0 && object.electrons > 1e3);
         }
     }
-}
-
-#[test]
-fn realtime_stays_within_its_tolerances_of_the_reference() {
-    let mut worst = (0.0f64, 0.0f64);
-    for rates in [[0.0; 3], [1.0, -2.0, 3.0], [1e-4, 0.0, 0.0]] {
-        let [fast, slow] = [Fidelity::REALTIME, Fidelity::REFERENCE].map(|fidelity| {
-            let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), fidelity);
-            shoot(
-                &mut emulator,
-                epoch("2023-01-02T03:04:05"),
-                [0.5, 0.5, -0.5, 0.5],
-                rates,
-                Some(ORBIT),
-            )
-        });
-        let (a, b) = (Image::light_of(&fast), Image::light_of(&slow));
-        let peak = b.e.iter().copied().fold(0.0, f64::max);
-        for (a, b) in a.e.iter().zip(&b.e) {
-            worst.0 = worst.0.max((a - b).abs() / peak);
-        }
-        // Both list what touches the detector; the reference's wider stamps reach a few more.
-        for object in &fast.label.objects {
-            let other = slow
-                .label
-                .objects
-                .iter()
-                .find(|o| o.id == object.id)
-                .unwrap();
-            let off = (object.x_px - other.x_px).hypot(object.y_px - other.y_px);
-            worst.1 = worst.1.max(off);
-            assert_eq!(object.electrons, other.electrons);
-        }
-    }
-    println!(
-        "pixels {:.1e} of the peak, centroids {:.1e} px",
-        worst.0, worst.1
-    );
-    // Fidelity: a profile's error of 2e-5 of its height at 0.5 sigma a panel; a static source's of 1e-3 px at most.
-    assert!(worst.0 < 3e-5 && worst.1 < 1e-3, "{worst:?}");
 }

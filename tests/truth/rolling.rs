@@ -2,11 +2,9 @@
 
 use skyloop::camera::{Camera, Shutter};
 use skyloop::engine::Shot;
-use skyloop::fidelity::Fidelity;
 use skyloop::label::{Label, ObjectLabel};
-use skyloop::sky::catalog::Selection;
 
-use super::brute::{Image, arriving_e, emulator, epoch, pixel, share, shoot, simpson};
+use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
 
 /// What the rows collect of one object whose light is 1 in an exposure: on the detector, and of all light its sum and
 /// centre. Rows beyond the detector are exposed with the row at its edge.
@@ -88,9 +86,17 @@ fn compare(shot: &Shot, row_s: f64) -> (f64, f64, f64) {
             assert!(off < 1e-5, "{off} {object:?}");
         }
     }
-    let peak = truth.iter().copied().fold(0.0, f64::max);
-    let off_pixel = seen.e.iter().zip(&truth).map(|(a, b)| (a - b).abs() / peak);
-    (off_light, off_px, off_pixel.fold(0.0, f64::max))
+    (off_light, off_px, seen.off(&truth))
+}
+
+/// A frame with this shutter, however little it changes.
+fn shot(shutter: Shutter, exposure_s: f64, rates: [f64; 3]) -> Shot {
+    let mut emulator = changed_fai(|emulator| {
+        emulator.choice.all = true;
+        let camera = emulator.camera_mut();
+        (camera.shutter, camera.exposure_s) = (shutter, exposure_s);
+    });
+    emulator.shoot(&turning(rates), 0).unwrap()
 }
 
 #[test]
@@ -105,29 +111,15 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
             [0.0, 30.0, 0.0],
             [10.0, -5.0, 60.0],
         ] {
-            let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
-            // However little it changes.
-            emulator.choice.all = true;
-            let camera = emulator.camera_mut();
-            camera.exposure_s = 0.05;
-            camera.shutter = Shutter::Rolling {
-                row_s: row_us * 1e-6,
-            };
-            let q = [0.1, 0.2, -0.3, 0.9];
-            let shot = shoot(
-                &mut emulator,
-                epoch("2026-02-11T18:22:41.25"),
-                q,
-                rates,
-                None,
+            let row_s = row_us * 1e-6;
+            let shot = shot(Shutter::Rolling { row_s }, 0.05, rates);
+            let (light, px, pixel) = compare(&shot, row_s);
+            let what = format!(
+                "{row_us} us a row, {rates:?} deg/s: light {light:.1e}, centre {px:.1e} px, \
+                 pixel {pixel:.1e}"
             );
-            let (light, px, pixel) = compare(&shot, row_us * 1e-6);
-            println!(
-                "{row_us} us a row, {rates:?} deg/s: light {light:.1e}, centre {px:.1e} px, pixel {pixel:.1e}"
-            );
-            assert!(light <= 2e-6, "{light}");
-            assert!(px <= 1e-4, "{px}");
-            assert!(pixel <= 3e-5, "{pixel}");
+            println!("{what}");
+            assert!(light <= 2e-6 && px <= 1e-4 && pixel <= 3e-5, "{what}");
             let objects = shot.label.objects.iter();
             for o in objects.filter(|o| o.electrons > 0.0) {
                 let arriving = arriving_e(&shot.label, o, &shot.camera);
@@ -142,28 +134,11 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
 /// A still scene does not care in which order its rows are exposed.
 #[test]
 fn at_rest_it_is_the_global_shutter() {
-    let frame = |shutter: Shutter| {
-        let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
-        emulator.choice.all = true;
-        emulator.camera_mut().shutter = shutter;
-        let q = [0.1, 0.2, -0.3, 0.9];
-        shoot(
-            &mut emulator,
-            epoch("2026-02-11T18:22:41.25"),
-            q,
-            [0.0; 3],
-            None,
-        )
-    };
-    let (rolling, global) = (
-        frame(Shutter::Rolling { row_s: 1e-4 }),
-        frame(Shutter::Global),
-    );
+    let shutters = [Shutter::Rolling { row_s: 1e-4 }, Shutter::Global];
+    let [rolling, global] = shutters.map(|shutter| shot(shutter, 0.1, [0.0; 3]));
     assert_eq!(rolling.frame.expected_e, global.frame.expected_e);
     for (a, b) in rolling.label.objects.iter().zip(&global.label.objects) {
-        assert!(
-            (a.electrons / b.electrons - 1.0).abs() < 1e-12,
-            "{a:?} {b:?}"
-        );
+        let off = (a.electrons / b.electrons - 1.0).abs();
+        assert!(off < 1e-12, "{a:?} {b:?}");
     }
 }

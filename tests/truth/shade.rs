@@ -8,7 +8,7 @@ use skyloop::orbit::Object;
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{epoch, falling, look_at, oem, orbit, shoot};
+use super::brute::{apparent, epoch, falling, look_at, oem, orbit, shoot};
 
 const AT: &str = "2019-06-15T23:35:50";
 const EQUATOR_KM: f64 = 6378.137;
@@ -47,13 +47,8 @@ fn shot_of(
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;
     emulator.keep_expected = true;
-    shoot(
-        &mut emulator,
-        epoch(AT),
-        look_at(aim, roll),
-        [0.0; 3],
-        orbit(from.0, from.1),
-    )
+    let (q, orbit) = (look_at(aim, roll), orbit(from.0, from.1));
+    shoot(&mut emulator, epoch(AT), q, [0.0; 3], orbit)
 }
 
 /// Expected electrons of the pixel that holds the label's centroid, background included.
@@ -69,24 +64,16 @@ fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
     let from = (-sun * 7000.0, velocity);
     let (shot, o) = look(from, (-sun * 7300.0 + across * 40.0, velocity), 0.1);
     let rso = o.rso.as_ref().unwrap();
-    assert_eq!(
-        (rso.illumination, o.electrons, o.snr, o.band_mag),
-        (0.0, 0.0, 0.0, None)
-    );
+    let light = (rso.illumination, o.electrons, o.snr, o.band_mag);
+    assert_eq!(light, (0.0, 0.0, 0.0, None));
     assert!(o.in_frame && !o.visible && o.mag.is_finite());
     assert_eq!(o.reason.as_deref(), Some("in the Earth's shadow"));
     assert!(shot.json.contains("\"band_mag\":null"));
-    let dark = shot.label.background_e_px;
-    assert!(
-        (pixel(&shot, &o) - dark).abs() < 0.5,
-        "no star stands there"
-    );
+    let light = pixel(&shot, &o) - shot.label.background_e_px;
+    assert!(light.abs() < 0.5, "no star stands there");
     // The same, on the other side of the Earth, shines.
-    let (shot, o) = look(
-        (sun * 7300.0, velocity),
-        (sun * 7000.0 + across * 40.0, velocity),
-        0.1,
-    );
+    let target = (sun * 7000.0 + across * 40.0, velocity);
+    let (shot, o) = look((sun * 7300.0, velocity), target, 0.1);
     assert!(o.rso.unwrap().illumination == 1.0 && o.electrons > 1e3);
     assert!(!shot.json.contains("Earth's shadow"));
 }
@@ -132,10 +119,8 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
         let offset = 6400.0 - 5.0 * f64::from(step);
         let (place, shot, o) = at(offset);
         let rso = o.rso.as_ref().unwrap();
-        assert!(
-            (rso.illumination - sunlit_part(place)).abs() < 5e-3,
-            "{offset}"
-        );
+        let miss = rso.illumination - sunlit_part(place);
+        assert!(miss.abs() < 5e-3, "{offset}");
         let whole = shot.camera.electrons_per_second_at_zero()
             * 10f64.powf(-0.4 * o.mag)
             * shot.label.exposure_s;
@@ -157,18 +142,17 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
         let middle = 0.5 * (dark + lit);
         let o = at(middle).2;
         let illumination = o.rso.as_ref().unwrap().illumination;
-        *(if illumination > 0.0 {
+        let side = if illumination > 0.0 {
             &mut lit
         } else {
             &mut dark
-        }) = middle;
+        };
+        *side = middle;
         (illumination > 0.0).then_some(o).filter(|o| o.snr < 3.0)
     });
     let reason = faint.expect("some light remains").reason.unwrap();
-    assert!(
-        reason.starts_with("too faint, in the Earth's penumbra: snr "),
-        "{reason}"
-    );
+    let told = "too faint, in the Earth's penumbra: snr ";
+    assert!(reason.starts_with(told), "{reason}");
 }
 
 #[test]
@@ -199,17 +183,11 @@ fn across_the_limb_the_frame_has_stars_on_one_side_only() {
     // The limb, 65.7 degrees from the nadir: asin(6378 / 7000), 6357 at the poles.
     let dip = (EQUATOR_KM / 7000.0f64).asin();
     let aim = -across * dip.cos() + sun * dip.sin();
-    let shot = shot_of(
-        from,
-        oem("TARGET", epoch(AT), falling(from.0 + aim * 300.0, from.1)),
-        aim,
-        0.0,
-    );
+    let target = oem("TARGET", epoch(AT), falling(from.0 + aim * 300.0, from.1));
+    let shot = shot_of(from, target, aim, 0.0);
     let (mut hidden, mut seen) = (0, 0);
     for star in shot.label.objects.iter().filter(|o| o.kind == "star") {
-        let (ra, dec) = (star.ra_deg.to_radians(), star.dec_deg.to_radians());
-        let d = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-        let depth = d.angle(&-across) - dip;
+        let depth = apparent(star).angle(&-across) - dip;
         // The ellipsoid and aberration leave a rim of 0.5 degree undecided.
         if depth.abs() > 0.01 {
             assert_eq!(star.electrons > 0.0, depth > 0.0, "{star:?}");

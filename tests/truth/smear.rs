@@ -5,31 +5,22 @@ use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{emulator, epoch, shoot, verdict};
+use super::brute::{emulator, epoch, most, shoot, verdict};
 use super::light::Tally;
 
 /// A frame of `camera` with another focal length (px), turning so far (deg) about body axes during the exposure.
-fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3], fidelity: Fidelity) -> Shot {
-    let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), fidelity);
+fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3]) -> Shot {
+    let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     emulator.camera_mut().optics.focal_px = focal_px;
     let exposure_s = emulator.camera().exposure_s;
     let rates = turn_deg.map(|turn| turn / exposure_s);
-    let q = [0.6, -0.5, 0.3, 0.4];
-    shoot(
-        &mut emulator,
-        epoch("2024-05-06T07:08:09.1"),
-        q,
-        rates,
-        None,
-    )
+    let at = epoch("2024-05-06T07:08:09.1");
+    shoot(&mut emulator, at, [0.6, -0.5, 0.3, 0.4], rates, None)
 }
 
 fn longest(shot: &Shot) -> f64 {
     let objects = shot.label.objects.iter();
-    let length = |x: f64, y: f64| x.hypot(y);
-    objects
-        .map(|o| length(o.x1_px - o.x0_px, o.y1_px - o.y0_px))
-        .fold(0.0, f64::max)
+    most(objects.map(|o| (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px)))
 }
 
 /// Across, slanted, and about the boresight; the first of these moves images by `px` in the middle of the field.
@@ -49,7 +40,7 @@ fn every_length_keeps_its_light_its_centre_and_its_profile() {
         let mut tally = Tally::default();
         let mut longest_px = 0.0f64;
         for turn in axes(px, 6000.0) {
-            let shot = turned("rigel-l", 6000.0, turn, Fidelity::REALTIME);
+            let shot = turned("rigel-l", 6000.0, turn);
             longest_px = longest_px.max(longest(&shot));
             tally.add(&shot);
         }
@@ -108,7 +99,7 @@ fn a_wide_field_hurries_images_in_its_corners() {
     // 256 pixels at a focal length of 180: 45 degrees to the corners, where the scale is twice as large.
     let mut tally = Tally::default();
     for turn in [[12.0, 0.0, 0.0], [4.0, -6.0, 9.0]] {
-        tally.add(&turned("fai-nir", 180.0, turn, Fidelity::REALTIME));
+        tally.add(&turned("fai-nir", 180.0, turn));
     }
     println!("wide: {tally:?}");
     assert!(tally.worst_pixel <= 1e-4, "{tally:?}");

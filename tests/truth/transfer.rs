@@ -2,20 +2,16 @@
 
 use skyloop::camera::Shutter;
 use skyloop::engine::Shot;
-use skyloop::fidelity::Fidelity;
 use skyloop::label::EffectLabel;
-use skyloop::sky::catalog::Selection;
 
-use super::brute::{emulator, epoch, image, stamp, vehicle, verdict};
+use super::brute::{changed_fai, image, most, stamp, turning, verdict};
 
 fn frame(row_us: f64, rates: [f64; 3]) -> (Shot, EffectLabel) {
-    let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     // Exposed for 0.1 s: a trail of a few hundredths of the light of its column.
-    emulator.camera_mut().shutter = Shutter::FrameTransfer {
-        row_s: row_us * 1e-6,
-    };
-    let at = epoch("2026-02-11T18:22:41.25");
-    let vehicle = vehicle(at, [0.1, 0.2, -0.3, 0.9], rates, None);
+    let row_s = row_us * 1e-6;
+    let shutter = Shutter::FrameTransfer { row_s };
+    let mut emulator = changed_fai(|emulator| emulator.camera_mut().shutter = shutter);
+    let vehicle = turning(rates);
     let verdict = verdict(&emulator, &vehicle, "frame transfer");
     (emulator.shoot(&vehicle, 0).unwrap(), verdict)
 }
@@ -35,19 +31,20 @@ fn every_pixel_passes_every_row_of_its_column_once() {
         let dark = shot.camera.detector.dark_e_s * shot.label.exposure_s;
         let background = dark + trails.iter().sum::<f64>() / trails.len() as f64;
         assert!((shot.label.background_e_px / background - 1.0).abs() < 1e-5);
-        let expected = shot.frame.expected_e.as_ref().unwrap();
-        let peak = truth.e.iter().copied().fold(0.0, f64::max);
-        let mut worst = 0.0f64;
-        for (i, (seen, light)) in expected.iter().zip(&truth.e).enumerate() {
-            let sum = light + trails[i % truth.width] + dark;
-            worst = worst.max((f64::from(*seen) - sum).abs() / peak);
-        }
+        let expected = shot.frame.expected_e.iter().flatten();
+        let off = expected
+            .zip(&truth.e)
+            .enumerate()
+            .map(|(i, (seen, light))| {
+                (f64::from(*seen) - light - trails[i % truth.width] - dark).abs()
+            });
+        let worst = most(off) / truth.peak();
         println!("{row_us} us: {worst:.1e} of the peak");
         assert!(worst < 2e-5, "{worst}");
 
         // What leaving it out would cost is the brightest trail.
         let label = &shot.label;
-        let brightest = trails.iter().copied().fold(0.0, f64::max);
+        let brightest = most(trails.iter().copied());
         assert!((effect.error_e.unwrap() / brightest - 1.0).abs() < 1e-4 && effect.run);
 
         // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the pixels that are not full.
