@@ -65,6 +65,15 @@ impl Chance {
         self.0.uniform() * n < 1.0
     }
 
+    /// Once in so many times 0, else of any size.
+    fn or_none(&mut self, n: f64, low: f64, high: f64) -> f64 {
+        if self.once_in(n) {
+            0.0
+        } else {
+            self.of_any_size(low, high)
+        }
+    }
+
     fn among<'a, T>(&mut self, of: &'a [T]) -> &'a T {
         &of[(self.0.uniform() * of.len() as f64) as usize]
     }
@@ -114,14 +123,12 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
         ),
     };
     let listed = |c: &mut Chance| {
-        let pixels: Vec<[u32; 2]> = (0..6)
-            .map(|_| [width, height].map(|side| c.between(0.0, f64::from(side)) as u32))
-            .collect();
-        if c.once_in(2.0) {
-            format!("{pixels:?}")
-        } else {
-            "[]".to_string()
-        }
+        let mut place = |side| c.between(0.0, f64::from(side)) as u32;
+        let mut pixels = [[width, height]; 6]
+            .map(|sides| sides.map(&mut place))
+            .to_vec();
+        pixels.truncate(if c.once_in(2.0) { 6 } else { 0 });
+        format!("{pixels:?}")
     };
     let full_well = c.of_any_size(100.0, 2e5);
     let bits = c.between(6.0, 16.99) as u32;
@@ -130,54 +137,18 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
          dark_nonuniformity = {:?}\nhot_fraction = {:?}\nhot_e_s = {:?}\ndead_fraction = {:?}\ndead_px = {}\nstuck_fraction = {:?}\n\
          stuck_px = {}\nread_noise_e = {:?}\nfull_well_e = {full_well:?}\nblooming = \"{}\"\nnonlinearity = {:?}\n\
          gain_e_per_dn = {:?}\noffset_dn = {:?}\nadc_bits = {bits}\nadc_clips_first = true",
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-3, 0.5).min(0.3)
-        },
-        if c.once_in(3.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-2, 1e4)
-        },
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-2, 2.0)
-        },
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-4, 1e-2)
-        },
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1.0, 1e5)
-        },
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-4, 1e-2)
-        },
+        c.or_none(2.0, 1e-3, 0.5).min(0.3),
+        c.or_none(3.0, 1e-2, 1e4),
+        c.or_none(2.0, 1e-2, 2.0),
+        c.or_none(2.0, 1e-4, 1e-2),
+        c.or_none(2.0, 1.0, 1e5),
+        c.or_none(2.0, 1e-4, 1e-2),
         listed(c),
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-4, 1e-2)
-        },
+        c.or_none(2.0, 1e-4, 1e-2),
         listed(c),
-        if c.once_in(4.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-2, 30.0)
-        },
+        c.or_none(4.0, 1e-2, 30.0),
         if c.once_in(2.0) { "none" } else { "column" },
-        if c.once_in(2.0) {
-            0.0
-        } else {
-            c.of_any_size(1e-4, 0.5)
-        },
+        c.or_none(2.0, 1e-4, 0.5),
         full_well / 2f64.powi(bits as i32) * c.of_any_size(0.3, 3.0),
         c.between(0.0, 0.2) * 2f64.powi(bits as i32),
     );
@@ -244,10 +215,8 @@ fn psf(c: &mut Chance, folder: &Path) -> String {
     let varies = if c.once_in(2.0) {
         String::new()
     } else {
-        format!(
-            ", width_by_field = [[0.0, 1.0], [20.0, {:?}]]",
-            c.between(0.6, 2.5)
-        )
+        let width = c.between(0.6, 2.5);
+        format!(", width_by_field = [[0.0, 1.0], [20.0, {width:?}]]")
     };
     match c.between(0.0, 10.0) as u32 {
         0..=4 => format!(
@@ -285,10 +254,8 @@ fn image(c: &mut Chance, folder: &Path) -> String {
     };
     let all: f64 = (0..SIDE * SIDE).map(|i| at(i % SIDE, i / SIDE)).sum();
     let row = |y| {
-        let row: Vec<String> = (0..SIDE)
-            .map(|x| format!("{:.9}", at(x, y) / all))
-            .collect();
-        row.join(", ")
+        let row = (0..SIDE).map(|x| format!("{:.9}", at(x, y) / all));
+        row.collect::<Vec<_>>().join(", ")
     };
     let rows: Vec<String> = (0..SIDE).map(row).collect();
     std::fs::write(folder.join("chance.csv"), rows.join("\n")).unwrap();
@@ -319,11 +286,7 @@ fn vehicle(
     let q = look_at(z, c.between(0.0, TAU));
     // Images move by so many pixels in the exposure and the readout.
     let open_s = camera.exposure_s + camera.readout_s();
-    let rate = if c.once_in(5.0) {
-        0.0
-    } else {
-        c.of_any_size(1e-4, 60.0) / camera.optics.focal_px / open_s
-    };
+    let rate = c.or_none(5.0, 1e-4, 60.0) / camera.optics.focal_px / open_s;
     let mut axis = c.direction();
     if c.once_in(4.0) {
         axis.z *= 20.0;

@@ -7,167 +7,142 @@ use skyloop::camera::{Camera, Model, Projection, Vignetting};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
-use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
 use super::entering::towards_sirius;
-use super::{ORBIT, epoch, verdicts};
+use super::{ORBIT, epoch, plain_camera, verdicts};
 
 /// Images may be off by so much before anything is called for, px.
 const SKIP_PX: f64 = 0.2;
 /// No bound is this many times what is measured.
 const NEAR: f64 = 3.0;
 
-/// 40,000 px to the radian, and images 30 px wide.
-fn camera(timing: &str) -> Camera {
-    let folder = tempfile::tempdir().unwrap();
-    let text = format!(
-        r#"name = "wide images"
-[optics]
-focal_length_mm = 400.0
-aperture_mm = 10.0
-transmission = 1e-3
-band = "silicon"
-psf = {{ kind = "gaussian", sigma_px = 3.0 }}
-[detector]
-width_px = 96
-height_px = 96
-pixel_um = 10.0
-quantum_efficiency = 0.5
-read_noise_e = 5.0
-full_well_e = 1e6
-gain_e_per_dn = 20.0
-adc_bits = 16
-dark_e_s = 0.0
-offset_dn = 0.0
-[timing]
-exposure_s = 100.0
-rate_hz = 0.005
-{timing}
-"#
-    );
-    std::fs::write(folder.path().join("wide.toml"), text).unwrap();
-    Camera::load("wide.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
+/// 40,000 px to the radian, and images 30 px wide; with these keys.
+fn camera(keys: &str) -> Camera {
+    plain_camera::camera(&format!(
+        "optics.focal_length_mm = 400.0; optics.transmission = 1e-3; optics.band = \"silicon\"; \
+         optics.psf.sigma_px = 3.0; detector.width_px = 96; detector.height_px = 96; \
+         detector.read_noise_e = 5.0; detector.full_well_e = 1e6; \
+         detector.gain_e_per_dn = 20.0; detector.offset_dn = 0.0; timing.exposure_s = 100.0; \
+         timing.rate_hz = 0.005; {keys}"
+    ))
 }
 
-/// Leaves `name` out of a frame of Sirius, near the last rows, with so many px/s along them, seen from an orbit or not.
-fn bound_is_near(name: &str, timing: &str, px_s: f64, in_orbit: bool) {
-    let emulator = |skip_px: f64| {
+/// What is left out of a frame, and what it may change: `[skip_e, skip_px]`.
+struct Case {
+    effect: &'static str,
+    camera: Camera,
+    tolerance: [Option<f64>; 2],
+    /// Where Sirius is, px.
+    sirius_px: [f64; 2],
+    /// Turning about +Y, rad/s.
+    rate: f64,
+    in_orbit: bool,
+    choice: Choice,
+    /// At least so much must be measured, e-.
+    least_e: f64,
+}
+
+/// The effect is skipped, and its bound is more than what is measured without any tolerance (where the
+/// shortest tracks are drawn), but not much more.
+fn bound_is_near(case: &Case) {
+    let emulator = |[skip_e, skip_px]: [Option<f64>; 2]| {
         let mut config = Config::defaults().unwrap();
-        config.camera = camera(timing);
+        config.camera = case.camera.clone();
         config.sky.selection = Selection::Bsc;
-        config.fidelity.skip_px = skip_px;
+        config.fidelity.skip_e = skip_e.unwrap_or(config.fidelity.skip_e);
+        config.fidelity.skip_px = skip_px.unwrap_or(config.fidelity.skip_px);
         Emulator::new(&mut config)
     };
-    // Measured where the shortest tracks are drawn.
-    let [tolerant, exact] = [SKIP_PX, 0.0].map(emulator);
+    let exact = case.tolerance.map(|tolerance| tolerance.map(|_| 0.0));
+    let [tolerant, exact] = [case.tolerance, exact].map(emulator);
     let camera = exact.camera();
-    let attitude = towards_sirius(&camera, [47.5, 75.0]);
-    let rates = [0.0, px_s / camera.optics.focal_px, 0.0];
+    let attitude = towards_sirius(&camera, case.sirius_px);
     let metres = |km: [f64; 3]| km.map(|x| x * 1e3);
-    let orbit = in_orbit.then(|| (metres(ORBIT.0), metres(ORBIT.1)));
+    let orbit = case.in_orbit.then(|| (metres(ORBIT.0), metres(ORBIT.1)));
+    let rates = [0.0, case.rate, 0.0];
     let vehicle = VehicleState::new(7, epoch(), attitude, rates, orbit).unwrap();
     let bench = |emulator| Bench {
         emulator,
         camera: Arc::clone(&camera),
         vehicle: vehicle.clone(),
     };
-    let quiet = Choice {
-        noise: false,
-        ..Choice::default()
-    };
-    let mut verdicts = verdicts(&bench(&tolerant), &quiet).into_iter();
+    let name = case.effect;
+    let mut verdicts = verdicts(&bench(&tolerant), &case.choice).into_iter();
     let (effect, verdict) = verdicts.find(|(of, _)| of.name == name).unwrap();
     assert!(!verdict.run, "{name} runs: {}", verdict.why);
-    let all = Choice { all: true, ..quiet };
+    let all = Choice {
+        all: true,
+        ..case.choice.clone()
+    };
     let measured = bench(&exact).error_e(effect, &all).unwrap();
     let declared = verdict.error_e.unwrap();
-    println!("{name}: declared {declared} e-, measured {measured}");
-    // Of Sirius a pixel gets some 9,000 e-, which f32 round by a thousandth.
-    assert!(measured > 0.3, "{name}: {measured} e-");
-    assert!(
-        (measured..NEAR * measured).contains(&declared),
-        "{name}: declared {declared} e-, measured {measured}"
-    );
+    let what = format!("{name}: declared {declared} e-, measured {measured}");
+    println!("{what}");
+    assert!(measured > case.least_e, "{what}");
+    assert!((measured..NEAR * measured).contains(&declared), "{what}");
 }
 
-/// 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are exposed up to 25 s early and late.
+/// A frame of Sirius, near the last rows; of it a pixel gets some 9,000 e-, which f32 round by a thousandth.
+fn of_a_star(effect: &'static str, timing: &str, px_s: f64, in_orbit: bool) -> Case {
+    let camera = camera(timing);
+    Case {
+        effect,
+        tolerance: [None, Some(SKIP_PX)],
+        sirius_px: [47.5, 75.0],
+        rate: px_s / camera.optics.focal_px,
+        camera,
+        in_orbit,
+        choice: Choice {
+            noise: false,
+            ..Choice::default()
+        },
+        least_e: 0.3,
+    }
+}
+
 #[test]
-fn the_bound_of_drift_that_rows_see_at_other_times_is_near() {
-    let rolling = "shutter = \"rolling\"\nrow_us = 526_000.0";
-    bound_is_near("aberration drift", rolling, 0.0, true);
+fn the_bounds_of_images_that_move_are_near() {
+    // 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are exposed
+    // up to 25 s early and late.
+    let rolling = "timing.shutter = \"rolling\"; timing.row_us = 526_000.0";
+    bound_is_near(&of_a_star("aberration drift", rolling, 0.0, true));
+    // Rows together: only the spread along the way is left, and its bend.
+    bound_is_near(&of_a_star("aberration drift", "", 0.0, true));
+    // Streaks of 2 px; the last row is exposed 2.5 s late, for which they move by 0.05 px.
+    let rolling = "timing.shutter = \"rolling\"; timing.row_us = 52_600.0";
+    bound_is_near(&of_a_star("rolling shutter", rolling, 0.02, false));
 }
 
-/// Rows together: only the spread along the way is left, and its bend.
+/// Frames in which no star shines, of a fisheye with this `k1`; pixels get 5 e-.
 #[test]
-fn the_bound_of_drift_during_an_exposure_is_near() {
-    bound_is_near("aberration drift", "", 0.0, true);
-}
-
-/// Streaks of 2 px; the last row is exposed 2.5 s late, for which they move by 0.05 px.
-#[test]
-fn the_bound_of_rows_exposed_in_turn_is_near() {
-    let rolling = "shutter = \"rolling\"\nrow_us = 52_600.0";
-    bound_is_near("rolling shutter", rolling, 0.02, false);
-}
-
-/// Leaves `name` out of a frame in which no star shines, of a fisheye with this `k1` and vignetting; pixels get 5 e-. All that it changes is tolerated.
-fn bound_of_area_light_is_near(name: &str, vignetting: &Vignetting, k1: f64) {
-    let camera = || {
-        let mut camera = camera("");
-        let optics = &mut camera.optics;
-        optics.transmission = 1.0;
-        optics.vignetting = vignetting.clone();
-        optics.projection = Projection::new(Model::Fisheye {
-            k: [k1, 0.0, 0.0, 0.0],
+fn the_bounds_of_area_light_have_the_solid_angle_of_pixels() {
+    for (effect, vignetting, k1) in [
+        // Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less of the sky
+        // there and 15 % less in the corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which
+        // stands for it and is 1 to 3e-6.
+        ("vignetting", Vignetting::Cos4, 14_000.0),
+        // Images are 0.4 px further out in the corners: pixels take 2.5 % less of the sky there.
+        ("distortion", Vignetting::None, 2_200.0),
+    ] {
+        let mut camera = camera("optics.transmission = 1.0");
+        camera.optics.vignetting = vignetting;
+        let k = [k1, 0.0, 0.0, 0.0];
+        camera.optics.projection = Projection::new(Model::Fisheye { k });
+        bound_is_near(&Case {
+            effect,
+            camera,
+            tolerance: [Some(5.0), Some(0.5)],
+            sirius_px: [47.5, 47.5],
+            rate: 0.0,
+            in_orbit: false,
+            choice: Choice {
+                noise: false,
+                off: vec!["stars", "planets", "moon"],
+                all: false,
+            },
+            least_e: 0.1,
         });
-        camera
-    };
-    let emulator = |skip_e: f64, skip_px: f64| {
-        let mut config = Config::defaults().unwrap();
-        config.camera = camera();
-        config.sky.selection = Selection::Bsc;
-        config.fidelity.skip_e = skip_e;
-        config.fidelity.skip_px = skip_px;
-        Emulator::new(&mut config)
-    };
-    let (tolerant, exact) = (emulator(5.0, 0.5), emulator(0.0, 0.0));
-    let camera = exact.camera();
-    let attitude = towards_sirius(&camera, [47.5, 47.5]);
-    let vehicle = VehicleState::new(7, epoch(), attitude, [0.0; 3], None).unwrap();
-    let bench = |emulator| Bench {
-        emulator,
-        camera: Arc::clone(&camera),
-        vehicle: vehicle.clone(),
-    };
-    let choice = Choice {
-        noise: false,
-        off: vec!["stars", "planets", "moon"],
-        all: false,
-    };
-    let mut verdicts = verdicts(&bench(&tolerant), &choice).into_iter();
-    let (effect, verdict) = verdicts.find(|(of, _)| of.name == name).unwrap();
-    assert!(!verdict.run, "{name} runs: {}", verdict.why);
-    let measured = bench(&exact).error_e(effect, &choice).unwrap();
-    let declared = verdict.error_e.unwrap();
-    println!("{name}: declared {declared} e-, measured {measured}");
-    assert!(measured > 0.1, "{name}: {measured} e-");
-    assert!(
-        (measured..NEAR * measured).contains(&declared),
-        "{name}: declared {declared} e-, measured {measured}"
-    );
-}
-
-/// Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less of the sky there and 15 % less in the
-/// corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which stands for it and is 1 to 3e-6.
-#[test]
-fn the_bound_of_vignetting_has_the_solid_angle_that_it_stands_for() {
-    bound_of_area_light_is_near("vignetting", &Vignetting::Cos4, 14_000.0);
-}
-
-/// Images are 0.4 px further out in the corners: pixels take 2.5 % less of the sky there.
-#[test]
-fn the_bound_of_distortion_has_the_solid_angle_of_pixels() {
-    bound_of_area_light_is_near("distortion", &Vignetting::None, 2_200.0);
+    }
 }
