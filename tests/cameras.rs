@@ -1,10 +1,14 @@
 //! The shipped cameras have their figures, and a wrong value in a camera or configuration file is refused by name.
 
-use std::collections::BTreeMap;
+#[path = "support/table.rs"]
+mod table;
+
+use std::collections::BTreeSet;
 
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::load::{CAMERAS, ConfigError, Folder};
+use table::check_refusals;
 
 fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::current()).unwrap()
@@ -33,16 +37,11 @@ fn the_shipped_cameras_have_their_published_figures() {
     for (name, width, height, pitch_um, focal_mm, aperture_mm, exposure_s) in FIGURES {
         let camera = camera(name);
         assert_eq!(camera.name, name);
-        assert_eq!(
-            (camera.detector.width, camera.detector.height),
-            (width, height)
-        );
+        let size = (camera.detector.width, camera.detector.height);
+        assert_eq!(size, (width, height), "{name}");
         near(camera.detector.pitch_m * 1e6, pitch_um, "pitch");
-        near(
-            camera.optics.focal_px,
-            focal_mm * 1e3 / pitch_um,
-            "focal length in pixels",
-        );
+        let focal_px = focal_mm * 1e3 / pitch_um;
+        near(camera.optics.focal_px, focal_px, "focal length in pixels");
         assert!((camera.optics.aperture_m * 1e3 / aperture_mm - 1.0).abs() < 1e-4);
         near(camera.exposure_s, exposure_s, "exposure");
         let centre = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
@@ -62,106 +61,62 @@ fn the_shipped_cameras_have_their_published_figures() {
     assert!((arcsec - 61.0).abs() < 0.1, "{arcsec}");
 }
 
+/// Lines of a configuration; `SEQUENCE` begins a sequence, `ONE` and `TWO` are attitudes of it.
+const CONFIGURATIONS: &str = r#"
+[sky]\naberation = false | run.toml:2:1: sky.aberation:  | `aberration`
+label_snr = -1.0 | run.toml | label_snr = -1 | 0 to 1000000000
+label_snr = nan | run.toml | label_snr = NaN | 0 to 1000000000
+[sky]\ncatalog = "gaia" | run.toml | sky.catalog = "gaia" | hipparcos
+[objects]\nreflectance = 1.5 | run.toml | objects.reflectance = 1.5 | 0 to 1
+[objects]\ndiameter_m = 0.0 | run.toml | objects.diameter_m = 0 | 0.000001 to 1000000
+[run]\nidle_s = -2.0 | run.toml | run.idle_s = -2 | 0 to 1000000
+[run]\nclock = "sundial" | run.toml | run.clock: must be one of "stepped", "wall" | not "sundial"
+camera = "hubble" | hubble | fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling
+[sequence]\nepoch = "today"\nframes = 1\nperiod_s = 1.0\nattitudes = [] | run.toml | sequence.epoch: "today" | UTC time
+SEQUENCE\nframes = 0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }] | run.toml | sequence.frames = 0 | 1 to 1000000
+SEQUENCE\nframes = 1\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.1] }] | run.toml | sequence.attitudes[0] | norm 1.1
+SEQUENCE\nframes = 1\nrates_deg_s = [0.0, 0.1, 0.0]\nattitudes = [ONE, TWO] | run.toml | sequence.rates_deg_s | leave it out
+[objects]\ndiffuse = 0.9\nspecular = 0.2 | run.toml | objects: diffuse + specular | above 1
+[effects]\noff = ["Smeer"] | run.toml | effects.off[0] = "Smeer" | did you mean `smear`?
+[effects]\noff = ["noise"] | run.toml | effects.off[0] = "noise" | known: distortion, aberration drift
+[objects]\nfiles = [""] | run.toml | objects.files[0]: "": No such file | check the path
+[objects]\nfiles = ["none.tle"] | none.tle | check the path
+[observer]\norbit = "none.oem" | none.oem | check the path
+"#;
+
 #[test]
 fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
-    let refused = |text: &str| {
-        Config::parse("run.toml", text, &Folder::current())
-            .unwrap_err()
-            .to_string()
-    };
-    let error = refused("[sky]\naberation = false\n");
-    for part in ["run.toml:2:1: sky.aberation: ", "`aberration`"] {
-        assert!(error.contains(part), "{error}");
-    }
-    for (text, parts) in [
-        ("label_snr = -1.0", ["label_snr = -1", "0 to 1000000000"]),
-        ("label_snr = nan", ["label_snr = NaN", "0 to 1000000000"]),
-        (
-            "fidelity = \"best\"",
-            ["fidelity = \"best\"", "one of fast, realtime, reference"],
-        ),
-        (
-            "[sky]\ncatalog = \"gaia\"",
-            ["sky.catalog = \"gaia\"", "hipparcos"],
-        ),
-        (
-            "[objects]\nreflectance = 1.5",
-            ["objects.reflectance = 1.5", "0 to 1"],
-        ),
-        (
-            "[objects]\ndiameter_m = 0.0",
-            ["objects.diameter_m = 0", "0.000001 to 1000000"],
-        ),
-        ("[run]\nidle_s = -2.0", ["run.idle_s = -2", "0 to 1000000"]),
-        (
-            "[run]\nclock = \"sundial\"",
-            [
-                "run.clock: must be one of \"stepped\", \"wall\"",
-                "not \"sundial\"",
-            ],
-        ),
-        (
-            "camera = \"hubble\"",
-            [
-                "hubble",
-                "fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling",
-            ],
-        ),
-        (
-            "[sequence]\nepoch = \"today\"\nframes = 1\nperiod_s = 1.0\nattitudes = []",
-            ["sequence.epoch: \"today\"", "UTC time"],
-        ),
-        (
-            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 0\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
-            ["sequence.frames = 0", "1 to 1000000"],
-        ),
-        (
-            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.1] }]",
-            ["sequence.attitudes[0]", "norm 1.1"],
-        ),
-        (
-            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\nrates_deg_s = [0.0, 0.1, 0.0]\n\
-             attitudes = [{ utc = \"2020-01-01T00:00:00Z\", q = [0.0, 0.0, 0.0, 1.0] }, \
-             { utc = \"2020-01-01T00:00:01Z\", q = [0.0, 0.0, 0.0, 1.0] }]",
-            ["sequence.rates_deg_s", "leave it out"],
-        ),
-        (
-            "[objects]\ndiffuse = 0.9\nspecular = 0.2",
-            ["objects: diffuse + specular", "above 1"],
-        ),
-        (
-            "[effects]\noff = [\"Smeer\"]",
-            ["effects.off[0] = \"Smeer\"", "did you mean `smear`?"],
-        ),
-        (
-            "[effects]\noff = [\"noise\"]",
-            [
-                "effects.off[0] = \"noise\"",
-                "known: distortion, aberration drift",
-            ],
-        ),
-        (
-            "[objects]\nfiles = [\"\"]",
-            ["objects.files[0]: \"\": No such file", "check the path"],
-        ),
-        (
-            "[objects]\nfiles = [\"none.tle\"]",
-            ["none.tle", "check the path"],
-        ),
-        (
-            "[observer]\norbit = \"none.oem\"",
-            ["none.oem", "check the path"],
-        ),
-    ] {
-        let error = refused(text);
-        if !text.contains("none.") && !text.contains("hubble") {
-            assert!(error.contains("run.toml"), "{error}");
-        }
-        for part in parts {
-            assert!(error.contains(part), "{text}: {error}");
-        }
-    }
+    check_refusals(CONFIGURATIONS, |text| {
+        let sequence = "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nperiod_s = 1.0";
+        let [one, two] = [0, 1]
+            .map(|s| format!("{{ utc = \"2020-01-01T00:00:0{s}Z\", q = [0.0, 0.0, 0.0, 1.0] }}"));
+        let text = text.replace("SEQUENCE", sequence);
+        let text = text.replace("ONE", &one).replace("TWO", &two);
+        let refused = Config::parse("run.toml", &text, &Folder::current());
+        refused.unwrap_err().to_string()
+    });
 }
+
+/// What is replaced in the file of `rigel-l`, by what. The last rows of shutters: 1024 rows of 100 us are more
+/// than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
+const CHANGES: &str = r#"
+rate_hz = 10.0 => rate_hz = 15.2 | timing.rate_hz = 15.2 | timing.exposure_s
+[timing] => [timing]\nshutter = "leaf" | timing.shutter = "leaf" | "frame-transfer"
+[timing] => [timing]\nshutter = "rolling" | timing.row_us | "rolling" needs
+[timing] => [timing]\nrow_us = 10.0 | timing.row_us | leave it out
+[timing] => [timing]\nshutter = "rolling"\nrow_us = -1.0 | timing.row_us = -1 | 0.001 to 1000000
+[timing] => [timing]\nshutter = "rolling"\nrow_us = 100.0 | timing.rate_hz = 10 | at most 9.765625
+[timing] => [timing]\nshutter = "frame-transfer"\nrow_us = 40.0 | timing.rate_hz = 10 | timing.row_us
+[timing] => [timing]\nshutters = 1 | mine.toml | shutters
+offset_dn = 64.0 => offset_dn = 4096.0 | detector.offset_dn = 4096 | 0 to 4095
+name = "rigel-l" => name = " " | name = " " | a name
+name = "rigel-l" => name = "\u001b[31m" | name = "\u{1b}[31m" | printable
+band = "silicon" => band = 5 | mine.toml | two wavelengths [from, to] in nm
+band = "silicon" => band = "r" | optics.band = "r" | "silicon"
+band = "silicon" => band = [700.0, 600.0] | optics.band = [700, 600] | from < to
+transmission => principal_px = [512.0, 2048.1]\ntransmission | optics.principal_px[1] = 2048.1 | -1024 to 2048
+pixel_um => # pixel_um | mine.toml | pixel_um
+"#;
 
 /// Every number of a camera file, made absurd, is refused by its own name.
 #[test]
@@ -174,7 +129,7 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
     };
     load(&text).unwrap();
     let mut table = String::new();
-    let mut tried = BTreeMap::new();
+    let mut tried = BTreeSet::new();
     for line in text.lines() {
         if let Some(name) = line.strip_prefix('[') {
             table = name.trim_end_matches(']').to_string();
@@ -186,120 +141,28 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         if table.is_empty() || value.parse::<f64>().is_err() {
             continue;
         }
-        let absurd = if value.contains('.') {
-            "-1.0"
-        } else if key == "adc_bits" {
-            "17"
-        } else {
-            "100000"
+        let absurd = match key {
+            _ if value.contains('.') => "-1.0",
+            "adc_bits" => "17",
+            _ => "100000",
         };
         let error = load(&text.replace(line, &format!("{key} = {absurd}"))).unwrap_err();
         assert!(matches!(error, ConfigError::Value { .. }), "{error}");
         let message = error.to_string();
-        for part in [
-            "mine.toml",
-            &format!("{table}.{key} = {}", absurd.trim_end_matches(".0")),
-            " to ",
-        ] {
+        let said = format!("{table}.{key} = {}", absurd.trim_end_matches(".0"));
+        for part in ["mine.toml", &said, " to "] {
             assert!(message.contains(part), "{message}");
         }
-        tried.insert(key.to_string(), ());
+        tried.insert(key.to_string());
     }
     assert_eq!(tried.len(), 17, "{tried:?}");
-    // What only two keys together make wrong.
-    for (line, other, parts) in [
-        (
-            "rate_hz = 10.0",
-            "rate_hz = 15.2",
-            ["timing.rate_hz = 15.2", "timing.exposure_s"],
-        ),
-        (
-            "[timing]",
-            "[timing]\nshutter = \"leaf\"",
-            ["timing.shutter = \"leaf\"", "\"frame-transfer\""],
-        ),
-        (
-            "[timing]",
-            "[timing]\nshutter = \"rolling\"",
-            ["timing.row_us", "\"rolling\" needs"],
-        ),
-        (
-            "[timing]",
-            "[timing]\nrow_us = 10.0",
-            ["timing.row_us", "leave it out"],
-        ),
-        (
-            "[timing]",
-            "[timing]\nshutter = \"rolling\"\nrow_us = -1.0",
-            ["timing.row_us = -1", "0.001 to 1000000"],
-        ),
-        // 1024 rows of 100 us are more than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
-        (
-            "[timing]",
-            "[timing]\nshutter = \"rolling\"\nrow_us = 100.0",
-            ["timing.rate_hz = 10", "at most 9.765625"],
-        ),
-        (
-            "[timing]",
-            "[timing]\nshutter = \"frame-transfer\"\nrow_us = 40.0",
-            ["timing.rate_hz = 10", "timing.row_us"],
-        ),
-        (
-            "offset_dn = 64.0",
-            "offset_dn = 4096.0",
-            ["detector.offset_dn = 4096", "0 to 4095"],
-        ),
-        (
-            "name = \"rigel-l\"",
-            "name = \" \"",
-            ["name = \" \"", "a name"],
-        ),
-        (
-            "name = \"rigel-l\"",
-            "name = \"\\u001b[31m\"",
-            ["name = \"\\u{1b}[31m\"", "printable"],
-        ),
-        (
-            "band = \"silicon\"",
-            "band = 5",
-            ["mine.toml", "two wavelengths [from, to] in nm"],
-        ),
-        (
-            "transmission",
-            "principal_px = [512.0, 2048.1]\ntransmission",
-            ["optics.principal_px[1] = 2048.1", "-1024 to 2048"],
-        ),
-        (
-            "band = \"silicon\"",
-            "band = \"r\"",
-            ["optics.band = \"r\"", "\"silicon\""],
-        ),
-        (
-            "band = \"silicon\"",
-            "band = [700.0, 600.0]",
-            ["optics.band = [700, 600]", "from < to"],
-        ),
-    ] {
+    check_refusals(CHANGES, |change| {
+        let (line, other) = change.split_once(" => ").unwrap();
         assert!(text.contains(line), "{line}");
-        let error = load(&text.replacen(line, other, 1))
+        load(&text.replacen(line, other, 1))
             .unwrap_err()
-            .to_string();
-        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
-    }
-    let missing = load(&text.replace("pixel_um", "# pixel_um"))
-        .unwrap_err()
-        .to_string();
-    assert!(
-        missing.contains("mine.toml") && missing.contains("pixel_um"),
-        "{missing}"
-    );
-    let unknown = load(&text.replace("[timing]", "[timing]\nshutters = 1"))
-        .unwrap_err()
-        .to_string();
-    assert!(
-        unknown.contains("mine.toml") && unknown.contains("shutters"),
-        "{unknown}"
-    );
+            .to_string()
+    });
 }
 
 #[test]

@@ -36,14 +36,8 @@ fn an_object_nearer_than_its_own_way_is_seen() {
     };
     let angle = 10_f64.to_radians();
     // m behind the observer in the middle of the exposure, and beside; the way to its end is 700 m.
-    for (behind, seen) in [
-        (10.0, true),
-        (300.0, true),
-        (460.0, true),
-        (600.0, true),
-        (690.0, false),
-        (20_000.0, false),
-    ] {
+    for behind in [10.0, 300.0, 460.0, 600.0, 690.0, 20_000.0] {
+        let seen = behind <= 600.0;
         let start = PLACE_KM + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
         let objects = oem("PASSER", mid, |s| (start + way * s, way));
         let population = Population::new(objects, Sphere::default(), Looks::new());

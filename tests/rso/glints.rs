@@ -1,6 +1,6 @@
 //! Attitudes, spins and glints during an exposure, through to labels.
 
-use crate::facets::{glossy, lossless, one_plate, unit};
+use crate::facets::{from_z, glossy, lossless, made, one_plate, unit};
 use hifitime::{Epoch, Unit as Time};
 use nalgebra::{Unit, Vector3};
 use skyloop::attitude::Attitude;
@@ -12,7 +12,7 @@ use skyloop::sky::bodies::{AU_M, Bodies, SUN_RADIUS_M};
 use skyloop::sky::body_attitude::BodyAttitude;
 use skyloop::sky::look::{Body, Passage};
 use skyloop::sky::photometry::{Sphere, diffuse_phase, magnitude};
-use skyloop::sky::population::{Look, Population};
+use skyloop::sky::population::{Look, Population, SeenObject};
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::shape::{Lobe, Plate, Shape};
 use std::f64::consts::PI;
@@ -82,11 +82,6 @@ fn spin(rate_deg_s: f64) -> BodyAttitude {
     }
 }
 
-fn from_z(deg: f64) -> Vector3<f64> {
-    let (sin, cos) = deg.to_radians().sin_cos();
-    Vector3::new(sin, 0.0, cos)
-}
-
 #[test]
 fn a_matt_plate_that_turns_once_gives_the_mean_over_the_turn() {
     let plate = one_plate(2.0, lossless(0.0, Lobe::Mirror));
@@ -96,10 +91,8 @@ fn a_matt_plate_that_turns_once_gives_the_mean_over_the_turn() {
         // By hand: the mean of max(cos a, 0) max(cos(a - p), 0) / pi over a is [(pi - p) cos p + sin p] / (4 pi^2).
         let p = f64::to_radians(phase_deg);
         let wanted = 2.0 * ((PI - p) * p.cos() + p.sin()) / (4.0 * PI * PI);
-        assert!(
-            (got / wanted - 1.0).abs() < 2e-3,
-            "{phase_deg}: {got} {wanted}"
-        );
+        let is_met = (got / wanted - 1.0).abs() < 2e-3;
+        assert!(is_met, "{phase_deg}: {got} {wanted}");
     }
 }
 
@@ -113,10 +106,8 @@ fn a_glint_that_passes_counts_for_the_time_it_lasts() {
         // The mirror direction goes twice as fast as the plate past the image of the Sun, 0.5331 deg across.
         let lasts_s = 2.0 * (SUN_RADIUS_M / AU_M).asin().to_degrees() / (2.0 * rate_deg_s);
         let wanted = inside * lasts_s / 0.5;
-        assert!(
-            (got / wanted - 1.0).abs() < 0.03,
-            "{rate_deg_s}: {got} {wanted}"
-        );
+        let is_met = (got / wanted - 1.0).abs() < 0.03;
+        assert!(is_met, "{rate_deg_s}: {got} {wanted}");
     }
     // At rest it is there all the time, and a degree beside it never.
     let rest = BodyAttitude::Inertial(Attitude::identity());
@@ -140,12 +131,12 @@ fn a_spin_shows_the_attitude_of_the_time() {
     assert_eq!(away.mean(&plate, turned), 0.0);
 }
 
-/// Object and observer on circular orbits, the object's body by `look`; what the observer sees.
-fn seen(look: Option<Look>, range_km: f64) -> (Population, skyloop::sky::population::SeenObject) {
+/// Object and observer on circular orbits; what the observer sees of a body, or of the paper's sphere.
+fn seen(body: Option<Body>, range_km: f64) -> SeenObject {
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
     let velocity = Vector3::new(-4.0, -6.0, 1.0);
     let objects = oem::oem("OBJECT", mid(), oem::falling(position, velocity));
-    let looks = look.map(|look| ("OBJECT".to_string(), look));
+    let looks = body.map(|body| ("OBJECT".to_string(), Look::Body(Arc::new(body))));
     let population = Population::new(objects, Sphere::default(), looks.into_iter().collect());
     let bodies = Bodies::at(mid()).unwrap();
     let observer = |s: f64| Observer {
@@ -156,13 +147,13 @@ fn seen(look: Option<Look>, range_km: f64) -> (Population, skyloop::sky::populat
     };
     let shutter = [observer(-0.05), observer(0.0), observer(0.05)];
     let seen = population.see(0, &Earth::at(mid()), &shutter, &Corrections::default());
-    (population, seen.unwrap())
+    seen.unwrap()
 }
 
 #[test]
 fn magnitudes_follow_eq_9_with_range_and_phase() {
     for range_km in [50.0, 500.0] {
-        let sphere = seen(None, range_km).1;
+        let sphere = seen(None, range_km);
         let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
         let to_sun_m = (sun_m - sphere.apparent.seen_at_m).norm();
         // X-Val: Eqs. (7) and (9) by hand for the paper's sphere: 0.2 * pi * 25 m^2 of diffuse light; m_sun = -26.73.
@@ -174,17 +165,11 @@ fn magnitudes_follow_eq_9_with_range_and_phase() {
             sphere.mag
         );
         // The same sphere as a shape.
-        let mut shape = Shape::default();
-        let matt = skyloop::sky::shape::Surface {
-            reflectance: 0.2,
-            ..lossless(0.0, Lobe::Mirror)
-        };
-        shape.sphere(10.0, matt);
+        let mut matt = lossless(0.0, Lobe::Mirror);
+        matt.reflectance = 0.2;
+        let shape = made(|shape| shape.sphere(10.0, matt));
         let attitude = BodyAttitude::Nadir(Attitude::identity());
-        let (_, body) = seen(
-            Some(Look::Body(Arc::new(Body { shape, attitude }))),
-            range_km,
-        );
+        let body = seen(Some(Body { shape, attitude }), range_km);
         assert!((body.mag - wanted).abs() < 1e-3);
         assert_eq!(body.phase, sphere.phase);
     }
@@ -193,19 +178,16 @@ fn magnitudes_follow_eq_9_with_range_and_phase() {
 /// A mirror that is held so that it throws the Sun at the observer: a magnitude from radiance alone.
 #[test]
 fn an_aimed_mirror_flashes_and_one_a_degree_off_is_dark() {
-    let (_, sphere) = seen(None, 200.0);
+    let sphere = seen(None, 200.0);
     let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
     let to_sun = (sun_m - sphere.apparent.seen_at_m).normalize();
     let to_observer = -sphere.apparent.direction;
     let normal = (to_sun + to_observer).normalize();
     let aimed = |normal: Vector3<f64>, lobe: Lobe| {
-        let mut shape = Shape::default();
         let plate = Plate::new(1.5, Unit::new_normalize(normal));
-        shape.plate(plate, lossless(1.0, lobe));
+        let shape = made(|shape| shape.plate(plate, lossless(1.0, lobe)));
         let attitude = BodyAttitude::Inertial(Attitude::identity());
-        seen(Some(Look::Body(Arc::new(Body { shape, attitude }))), 200.0)
-            .1
-            .mag
+        seen(Some(Body { shape, attitude }), 200.0).mag
     };
     // X-Val: the observer sees the Sun's radiance, the same from any distance, over the solid angle of the plate: (A cos i / d^2) / (pi R^2 / a^2)
     // of the Sun's light at 1 au. The Sun is 0.991 au away: 0.02 mag.

@@ -1,23 +1,32 @@
 //! `skyloop lightcurve`: what it writes, and what it refuses.
 
+use crate::table::check_refusals;
 use assert_cmd::Command;
 use std::path::Path;
 
 const ROCKET: &str = "configs/scenes/tumbling-rocket-body/scene.toml";
 
-/// Standard output, standard error and the exit code.
-fn skyloop(args: &[&str]) -> (String, String, i32) {
+/// Of `lightcurve` with these arguments into a folder: standard output, standard error and the exit code.
+fn skyloop(args: &[&str], out: &Path) -> (String, String, i32) {
     let output = Command::new(env!("CARGO_BIN_EXE_skyloop"))
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .arg("lightcurve")
         .args(args)
+        .arg("--out")
+        .arg(out)
         .output()
         .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (
-        text(output.stdout),
-        text(output.stderr),
-        output.status.code().unwrap(),
+    let code = output.status.code().unwrap();
+    (text(output.stdout), text(output.stderr), code)
+}
+
+/// The same of an object of a scene, with more arguments.
+fn curve(scene: &str, object: &str, more: &str, out: &Path) -> (String, String, i32) {
+    let args = ["--scene", scene, "--object", object].into_iter();
+    skyloop(
+        &args.chain(more.split_whitespace()).collect::<Vec<_>>(),
+        out,
     )
 }
 
@@ -35,76 +44,49 @@ fn table(folder: &Path) -> Vec<Vec<String>> {
 #[test]
 fn a_table_and_a_picture_are_written_and_nothing_is_removed() {
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
     std::fs::write(folder.path().join("labels.jsonl"), "mine").unwrap();
-    let (said, warned, code) = skyloop(&[
-        "--scene",
-        ROCKET,
-        "--object",
-        "rocket body",
-        "--step",
-        "0.25",
-        "--out",
-        out,
-    ]);
+    let (said, warned, code) = curve(ROCKET, "rocket body", "--step 0.25", folder.path());
     assert_eq!((warned.as_str(), code), ("", 0), "{said}");
-    assert!(
-        said.contains("NORAD 99002 (ROCKET BODY) seen from NORAD 99001")
-            && said.contains("81 instants"),
-        "{said}"
-    );
+    for word in [
+        "NORAD 99002 (ROCKET BODY) seen from NORAD 99001",
+        "81 instants",
+    ] {
+        assert!(said.contains(word), "{said}");
+    }
     let rows = table(folder.path());
     assert_eq!(rows.len(), 81);
     assert_eq!(rows[0][..2], ["2026-06-01T00:33:00.000Z", "0.000000"]);
     assert_eq!(rows[80][..2], ["2026-06-01T00:33:20.000Z", "20.000000"]);
     // It tumbles: brighter and fainter by more than range and phase explain, in flashes.
     let mags: Vec<f64> = rows.iter().map(|row| row[2].parse().unwrap()).collect();
-    let span = mags.iter().copied().fold(f64::MIN, f64::max)
-        - mags.iter().copied().fold(f64::MAX, f64::min);
+    let [least, most] = [f64::MAX, f64::MIN];
+    let least = mags.iter().copied().fold(least, f64::min);
+    let span = mags.iter().copied().fold(most, f64::max) - least;
     assert!(span > 2.0, "{span}");
-    assert!(
-        rows.iter()
-            .all(|row| row[2] == row[3] && row[6] == "1.000000" && row[7].is_empty())
-    );
-    let picture = image::open(folder.path().join("lightcurve.png"))
-        .unwrap()
-        .to_rgb8();
-    let curve = picture
-        .pixels()
-        .filter(|pixel| pixel.0 == [255, 200, 80])
-        .count();
-    assert!(curve > 900, "{curve}");
-    assert_eq!(
-        std::fs::read_to_string(folder.path().join("labels.jsonl")).unwrap(),
-        "mine"
-    );
+    let is_lit = |row: &Vec<String>| row[2] == row[3] && row[6] == "1.000000" && row[7].is_empty();
+    assert!(rows.iter().all(is_lit));
+    let picture = picture(&folder.path().join("lightcurve.png"));
+    let curve = picture.pixels().filter(|pixel| pixel.0 == [255, 200, 80]);
+    assert!(curve.count() > 900);
+    let kept = std::fs::read_to_string(folder.path().join("labels.jsonl"));
+    assert_eq!(kept.unwrap(), "mine");
+}
+
+fn picture(path: &Path) -> image::RgbImage {
+    image::open(path).unwrap().to_rgb8()
 }
 
 /// The picture in the README is this one; a platform may draw a line a pixel beside.
 #[test]
 fn the_readme_shows_what_is_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let (_, _, code) = skyloop(&[
-        "--scene",
-        ROCKET,
-        "--object",
-        "ROCKET BODY",
-        "--step",
-        "0.05",
-        "--out",
-        out,
-    ]);
+    let (_, _, code) = curve(ROCKET, "ROCKET BODY", "--step 0.05", folder.path());
     assert_eq!(code, 0);
-    let open = |path: &Path| image::open(path).unwrap().to_rgb8();
-    let shown = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/lightcurve.png");
-    let (drawn, shown) = (open(&folder.path().join("lightcurve.png")), open(&shown));
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let [drawn, shown] = [folder.path(), &docs].map(|at| picture(&at.join("lightcurve.png")));
     assert_eq!(drawn.dimensions(), shown.dimensions());
-    let differ = drawn
-        .pixels()
-        .zip(shown.pixels())
-        .filter(|(a, b)| a != b)
-        .count();
+    let pairs = drawn.pixels().zip(shown.pixels());
+    let differ = pairs.filter(|(a, b)| a != b).count();
     assert!(
         differ < 100,
         "{differ} pixels: skyloop lightcurve --scene {ROCKET} --object \"ROCKET BODY\" --step 0.05"
@@ -118,17 +100,13 @@ fn it_says_what_labels_say() {
     says_what_labels_say(&["--object", "RCM-2"], "RCM-2", builtin);
     let rocket = Path::new(env!("CARGO_MANIFEST_DIR")).join(ROCKET);
     let rocket = skyloop::config::Config::load(&rocket).unwrap();
-    says_what_labels_say(
-        &["--scene", ROCKET, "--object", "99002"],
-        "ROCKET BODY",
-        rocket,
-    );
+    let args = ["--scene", ROCKET, "--object", "99002"];
+    says_what_labels_say(&args, "ROCKET BODY", rocket);
 }
 
 fn says_what_labels_say(args: &[&str], name: &str, mut config: skyloop::config::Config) {
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let (_, said, code) = skyloop(&[args, &["--out", out]].concat());
+    let (_, said, code) = skyloop(args, folder.path());
     assert_eq!(code, 0, "{said}");
     let rows = table(folder.path());
     let mission = skyloop::flight::mission(&config).unwrap();
@@ -146,10 +124,8 @@ fn says_what_labels_say(args: &[&str], name: &str, mut config: skyloop::config::
         (6, rso.illumination, 1e-6),
     ] {
         let got: f64 = rows[7][column].parse().unwrap();
-        assert!(
-            (got - wanted).abs() <= tolerance,
-            "{name}, column {column}: {got} {wanted}"
-        );
+        let off = (got - wanted).abs();
+        assert!(off <= tolerance, "{name}, column {column}: {got} {wanted}");
     }
     assert_eq!(rows[7][0], label.epoch_mid);
 }
@@ -157,72 +133,61 @@ fn says_what_labels_say(args: &[&str], name: &str, mut config: skyloop::config::
 #[test]
 fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
     let scene = "configs/scenes/geo-belt-stare/scene.toml";
-    let args = [
-        "--scene",
-        scene,
-        "--object",
-        "GEO 4",
-        "--to",
-        "2026-06-01T16:00:00Z",
-        "--step",
-        "300",
-        "--out",
-        out,
-    ];
-    let (said, _, code) = skyloop(&args);
+    let to = "--to 2026-06-01T16:00:00Z --step 300";
+    let (said, _, code) = curve(scene, "GEO 4", to, folder.path());
     assert_eq!(code, 0, "{said}");
     let rows = table(folder.path());
-    let hidden: Vec<_> = rows
-        .iter()
-        .filter(|row| row[7] == "behind the Earth")
-        .collect();
+    let hidden = rows.iter().filter(|row| row[7] == "behind the Earth");
+    let hidden: Vec<_> = hidden.collect();
     assert!(!hidden.is_empty() && hidden.len() < rows.len());
     assert!(hidden.iter().all(|row| row[3].is_empty()));
     let cause = format!("at others none: {} behind the Earth", hidden.len());
     assert!(said.contains(&cause), "{said}");
 }
 
-/// An object on the observer's own orbit, under another name.
+/// In a folder: an observer with a straight way from a place (km, km/s) at noon, and another object on
+/// it, with the arguments from noon to some other time.
+fn on_one_way(place: [f64; 3], way: [f64; 3], to: &str, folder: &Path) -> (String, String, i32) {
+    let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
+    let [place, way] = [place, way].map(nalgebra::Vector3::from);
+    let text = crate::glints::oem::oem_text("EYE", mid, |t| (place + way * t, way));
+    let scene = "[observer]\norbit = \"eye.oem\"\n[objects]\nfiles = [\"twin.oem\"]\n";
+    for (name, text) in [
+        ("eye.oem", text.as_str()),
+        ("twin.oem", &text.replace("EYE", "TWIN")),
+        ("scene.toml", scene),
+    ] {
+        std::fs::write(folder.join(name), text).unwrap();
+    }
+    let times = format!("--from 2026-03-01T12:00:00 --to {to} --step 1 --exposure 0.1");
+    curve(
+        folder.to_str().unwrap(),
+        "TWIN",
+        &times,
+        &folder.join("out"),
+    )
+}
+
 #[test]
 fn the_observer_itself_reflects_nothing_to_itself() {
     let folder = tempfile::tempdir().unwrap();
-    let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
-    let path = |t: f64| {
-        let along = nalgebra::Vector3::new(0.0, 7.5, 0.0);
-        (nalgebra::Vector3::new(7000.0, 0.0, 0.0) + along * t, along)
-    };
-    let text = crate::glints::oem::oem_text("EYE", mid, path);
-    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("eye.oem", &text);
-    write("twin.oem", &text.replace("EYE", "TWIN"));
-    write(
-        "scene.toml",
-        "[observer]\norbit = \"eye.oem\"\n[objects]\nfiles = [\"twin.oem\"]\n",
-    );
-    let here = folder.path().to_str().unwrap();
-    let curve = |to: &str| {
-        let times = ["--from", "2026-03-01T12:00:00", "--to", to, "--step", "1"];
-        let others = ["--scene", here, "--object", "TWIN", "--exposure", "0.1"];
-        skyloop(&[&times[..], &others, &["--out", here]].concat())
-    };
+    let curve = |to: &str| on_one_way([7000.0, 0.0, 0.0], [0.0, 7.5, 0.0], to, folder.path());
     let (said, log, code) = curve("2026-03-01T12:00:00");
     assert_eq!(code, 0, "{log}");
-    assert!(said.contains(": 1 instant from"), "{said}");
+    let none = "no light of it arrives: 1 at the observer itself";
     assert!(
-        said.contains("no light of it arrives: 1 at the observer itself"),
+        said.contains(": 1 instant from") && said.contains(none),
         "{said}"
     );
-    let rows = table(folder.path());
-    assert_eq!(
-        [&rows[0][2], &rows[0][3], &rows[0][7]],
-        ["", "", "at the observer itself"]
-    );
+    let rows = table(&folder.path().join("out"));
+    let [mag, band_mag, reason] = [2, 3, 7].map(|column| rows[0][column].as_str());
+    assert_eq!([mag, band_mag, reason], ["", "", "at the observer itself"]);
 
     // The ephemeris ends at 12:00:10, in the middle of the last exposure.
     let (_, log, code) = curve("2026-03-01T12:00:10");
     assert_eq!(code, 1, "{log}");
+    let here = folder.path().to_str().unwrap();
     let works = "--to 2026-03-01T12:00:09.000Z works";
     for word in [
         here,
@@ -235,126 +200,45 @@ fn the_observer_itself_reflects_nothing_to_itself() {
     assert_eq!(curve("2026-03-01T12:00:09").2, 0);
 }
 
+/// Arguments; `TUMBLING` are those of the rocket body, `ROCKET` is its scene.
+const REFUSED: &str = r#"
+--scene ROCKET --object ISS | error: --object ISS: no object called | NORAD 99002 (ROCKET BODY)
+TUMBLING --step 0 | error: --step 0:  | from 1e-6 to 1e6
+TUMBLING --step nan | --step <S> | a number is wanted
+TUMBLING --exposure -1 | error: --exposure -1:  | 0 to 10000
+TUMBLING --step 1e-6 | error: --step 0.000001, --from 2026-06-01T00:33:00 | 20000001 points | enlarge --step
+TUMBLING --from 2026-06-02T00:00:00Z | error: --from 2026-06-02T00:00:00 | --to 2026-06-01T00:33:20.000Z (the scene's) | the end lies before the start
+TUMBLING --from tomorrow | --from | tomorrow
+--scene nowhere.toml --object X | nowhere.toml | check the path
+--object RCM-1 --to 2019-06-16T00:00:00Z | the built-in scene:  | outside its ephemeris | 23:36:30 | half of --exposure 0.1
+--object CASSIOPE | no object called | RCM-1
+--scene configs/scenes/deep-sky.toml --object X | deep-sky.toml | no observer | [observer]
+--scene configs/scenes/south-atlantic-anomaly.toml --object X | south-atlantic-anomaly.toml: has no objects | [objects]
+"#;
+
 #[test]
 fn wrong_input_says_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let out = out.to_str().unwrap();
-    let refuses = |args: &[&str], words: &[&str]| {
-        let (_, said, code) = skyloop(&[args, &["--out", out]].concat());
-        assert!(code != 0, "{args:?}");
-        for word in words {
-            assert!(said.contains(word), "{args:?}: {said} has no {word:?}");
-        }
-        assert!(!Path::new(out).exists(), "{args:?} left something behind");
-    };
-    let rocket = ["--scene", ROCKET, "--object"];
-    let with = |more: &[&'static str]| [&rocket[..], more].concat();
-    refuses(
-        &with(&["ISS"]),
-        &[
-            "error: --object ISS: no object called",
-            "NORAD 99002 (ROCKET BODY)",
-        ],
-    );
-    refuses(
-        &with(&["99002", "--step", "0"]),
-        &["error: --step 0: ", "from 1e-6 to 1e6"],
-    );
-    refuses(
-        &with(&["99002", "--step", "nan"]),
-        &["--step <S>", "a number is wanted"],
-    );
-    refuses(
-        &with(&["99002", "--exposure", "-1"]),
-        &["error: --exposure -1: ", "0 to 10000"],
-    );
-    refuses(
-        &with(&["99002", "--step", "1e-6"]),
-        &[
-            "error: --step 0.000001, --from 2026-06-01T00:33:00",
-            "20000001 points",
-            "enlarge --step",
-        ],
-    );
-    refuses(
-        &with(&["99002", "--from", "2026-06-02T00:00:00Z"]),
-        &[
-            "error: --from 2026-06-02T00:00:00",
-            "--to 2026-06-01T00:33:20.000Z (the scene's)",
-            "the end lies before the start",
-        ],
-    );
-    refuses(
-        &with(&["99002", "--from", "tomorrow"]),
-        &["--from", "tomorrow"],
-    );
-    refuses(
-        &["--scene", "nowhere.toml", "--object", "X"],
-        &["nowhere.toml", "check the path"],
-    );
-    refuses(
-        &["--object", "RCM-1", "--to", "2019-06-16T00:00:00Z"],
-        &[
-            "the built-in scene: ",
-            "outside its ephemeris",
-            "23:36:30",
-            "half of --exposure 0.1",
-        ],
-    );
-    refuses(&["--object", "CASSIOPE"], &["no object called", "RCM-1"]);
-    refuses(
-        &["--scene", "configs/scenes/deep-sky.toml", "--object", "X"],
-        &["deep-sky.toml", "no observer", "[observer]"],
-    );
-    refuses(
-        &[
-            "--scene",
-            "configs/scenes/south-atlantic-anomaly.toml",
-            "--object",
-            "X",
-        ],
-        &["south-atlantic-anomaly.toml: has no objects", "[objects]"],
-    );
+    check_refusals(REFUSED, |args| {
+        let args = args.replace("TUMBLING", "--scene ROCKET --object 99002");
+        let args = args.replace("ROCKET", ROCKET);
+        let (_, said, code) = skyloop(&args.split(' ').collect::<Vec<_>>(), &out);
+        assert!(code != 0 && !out.exists(), "{args}: {said}");
+        said
+    });
 }
 
+/// Sinking by 2 km a second.
 #[test]
 fn an_observer_below_the_ground_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
-    // Sinking by 2 km a second.
-    let path = |t: f64| {
-        let down = nalgebra::Vector3::new(-2.0, 0.0, 0.0);
-        (nalgebra::Vector3::new(6388.0, 0.0, 0.0) + down * t, down)
-    };
-    let text = crate::glints::oem::oem_text("DIVER", mid, path);
-    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write("diver.oem", &text);
-    write("high.oem", &text.replace("DIVER", "HIGH"));
-    write(
-        "scene.toml",
-        "[observer]\norbit = \"diver.oem\"\n[objects]\nfiles = [\"high.oem\"]\n",
-    );
-    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
-    let (scene, out) = (file("scene.toml"), file("out"));
-    let (_, said, code) = skyloop(&[
-        "--scene",
-        &scene,
-        "--object",
-        "HIGH",
-        "--from",
-        "2026-03-01T12:00:00",
-        "--to",
-        "2026-03-01T12:00:08",
-        "--step",
-        "1",
-        "--out",
-        &out,
-    ]);
+    let to = "2026-03-01T12:00:08";
+    let (_, said, code) = on_one_way([6388.0, 0.0, 0.0], [-2.0, 0.0, 0.0], to, folder.path());
     assert_eq!(code, 1, "{said}");
     // X-Val: WGS84: the equator's radius is 6378.137 km.
-    for word in ["DIVER", "below the ground", "2026-03-01T12:00:05"] {
+    for word in ["EYE", "below the ground", "2026-03-01T12:00:05"] {
         assert!(said.contains(word), "{said} has no {word}");
     }
-    assert!(!Path::new(&out).exists());
+    assert!(!folder.path().join("out").exists());
 }

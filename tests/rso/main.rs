@@ -16,6 +16,9 @@ mod twice;
 #[path = "../reference/mod.rs"]
 mod reference;
 
+#[path = "../support/table.rs"]
+mod table;
+
 // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
 const VANGUARD: &str = "VANGUARD 1\n\
     1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\

@@ -1,11 +1,11 @@
 //! Magnitudes that others saw and published, of satellites whose size and material are known: `tests/reference/satellites.csv`.
 
-use crate::facets::{SUN_RADIUS, lossless, one_plate};
+use crate::facets::{SUN_RADIUS, lossless, made, one_plate};
 use crate::reference::{number, rows};
 use nalgebra::{Rotation3, Vector3};
 use skyloop::sky::bodies::AU_M;
 use skyloop::sky::photometry::magnitude;
-use skyloop::sky::shape::{Lobe, Shape, Surface};
+use skyloop::sky::shape::{Lobe, Surface};
 
 #[test]
 fn published_magnitudes_are_met_within_one() {
@@ -15,16 +15,9 @@ fn published_magnitudes_are_met_within_one() {
             reflectance: number(&row, 3),
             ..lossless(1.0, Lobe::Mirror)
         };
-        let sizes: Vec<f64> = row[2]
-            .split(" x ")
-            .map(|size| size.parse().unwrap())
-            .collect();
-        let shape = match (row[1], &sizes[..]) {
-            ("sphere", [diameter_m]) => {
-                let mut shape = Shape::default();
-                shape.sphere(*diameter_m, mirror);
-                shape
-            }
+        let sizes = row[2].split(" x ").map(|size| size.parse().unwrap());
+        let shape = match (row[1], &sizes.collect::<Vec<f64>>()[..]) {
+            ("sphere", [diameter_m]) => made(|shape| shape.sphere(*diameter_m, mirror)),
             ("plate", [width_m, height_m]) => one_plate(width_m * height_m, mirror),
             _ => panic!("{row:?}"),
         };
@@ -35,12 +28,9 @@ fn published_magnitudes_are_met_within_one() {
         let area = shape.reflective_area(&turned(half), &turned(-half), SUN_RADIUS);
         let got = magnitude(area, AU_M, number(&row, 4) * 1e3);
         let published = number(&row, 6);
-        println!("{}: published {published}, here {got:.2}", row[0]);
-        assert!(
-            (got - published).abs() < 1.0,
-            "{}: {got} for {published}",
-            row[0]
-        );
+        let what = format!("{}: published {published}, here {got:.2}", row[0]);
+        println!("{what}");
+        assert!((got - published).abs() < 1.0, "{what}");
         met += 1;
     }
     assert!(met >= 2);

@@ -1,6 +1,6 @@
 //! Sides of cylinders and cones: closed forms, and the bands of light that they mirror.
 
-use crate::facets::{SUN_RADIUS, glossy, lossless, unit};
+use crate::facets::{SUN_RADIUS, glossy, lossless, made, unit};
 use nalgebra::{Unit, Vector3};
 use skyloop::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use std::f64::consts::PI;
@@ -12,9 +12,7 @@ const OPEN: Ends = Ends {
 
 /// The side of a cylinder along +Z, diameter 2 m, length 5 m.
 fn cylinder(surface: Surface) -> Shape {
-    let mut shape = Shape::default();
-    shape.cone(Vector3::z_axis(), [2.0, 2.0], 5.0, OPEN, surface);
-    shape
+    made(|shape| shape.cone(Vector3::z_axis(), [2.0, 2.0], 5.0, OPEN, surface))
 }
 
 fn direction(azimuth_deg: f64, elevation_deg: f64) -> Vector3<f64> {
@@ -29,11 +27,11 @@ fn a_diffuse_cylinder_is_the_closed_form() {
     for (sun_deg, seen_deg, apart_deg) in
         [(0.0, 0.0, 0.0), (20.0, -50.0, 70.0), (-10.0, 5.0, 170.0)]
     {
-        let got = shape.reflective_area(
-            &direction(15.0, sun_deg),
-            &direction(15.0 + apart_deg, seen_deg),
-            SUN_RADIUS,
+        let (sun, seen) = (
+            direction(15.0, sun_deg),
+            direction(15.0 + apart_deg, seen_deg),
         );
+        let got = shape.reflective_area(&sun, &seen, SUN_RADIUS);
         // By hand: r h / pi cos(e_s) cos(e_o) [(pi - d) cos d + sin d] / 2, d the difference of azimuths.
         let d = f64::to_radians(apart_deg);
         let wanted = 5.0 / PI
@@ -58,11 +56,8 @@ fn a_mirror_cylinder_sends_a_band_around_its_axis() {
         };
         assert!(light(-sun_elevation) > 0.0);
         for off in [-1.01, 1.01, 40.0] {
-            assert_eq!(
-                light(-sun_elevation + off * sun_radius_deg),
-                0.0,
-                "{azimuth}"
-            );
+            let beside = light(-sun_elevation + off * sun_radius_deg);
+            assert_eq!(beside, 0.0, "{azimuth}");
         }
         // Across the band: r h cos(e_s) cos(d / 2) / 2, by the area of normals between two azimuths of the mirrored light.
         const STEPS: i32 = 400;
@@ -72,19 +67,14 @@ fn a_mirror_cylinder_sends_a_band_around_its_axis() {
             light(elevation) * elevation.to_radians().cos() * step.to_radians()
         });
         let across: f64 = across.sum();
-        let wanted =
-            5.0 * f64::to_radians(sun_elevation).cos() * (f64::to_radians(azimuth) / 2.0).cos()
-                / 2.0;
-        assert!(
-            (across / wanted - 1.0).abs() < 2e-3,
-            "{azimuth}: {across} {wanted}"
-        );
+        let [elevation, half] = [sun_elevation, azimuth / 2.0].map(f64::to_radians);
+        let wanted = 2.5 * elevation.cos() * half.cos();
+        let is_met = (across / wanted - 1.0).abs() < 2e-3;
+        assert!(is_met, "{azimuth}: {across} {wanted}");
     }
     // Opposite to the Sun's azimuth there is no light but that of grazing normals.
-    assert_eq!(
-        shape.reflective_area(&sun, &direction(0.0, 10.0), SUN_RADIUS),
-        0.0
-    );
+    let opposite = shape.reflective_area(&sun, &direction(0.0, 10.0), SUN_RADIUS);
+    assert_eq!(opposite, 0.0);
 }
 
 /// A ring against as many plates as it takes.
@@ -99,8 +89,7 @@ fn a_cone_is_the_sum_of_its_plates() {
             lossless(1.0, Lobe::Mirror),
         ] {
             let axis = unit(0.2, -0.5, 0.7);
-            let mut ring = Shape::default();
-            ring.cone(axis, [base_m, top_m], length_m, OPEN, surface);
+            let ring = made(|shape| shape.cone(axis, [base_m, top_m], length_m, OPEN, surface));
             let mut plates = Shape::default();
             const PLATES: u32 = 40_000;
             let narrowing = 0.5 * (base_m - top_m);
@@ -113,35 +102,23 @@ fn a_cone_is_the_sum_of_its_plates() {
                 let normal = Unit::new_normalize(out * length_m + axis.into_inner() * narrowing);
                 plates.plate(Plate::new(area_m2, normal), surface);
             }
-            for sun in [
-                unit(1.0, 0.1, 0.0),
-                unit(0.2, -0.5, 0.7),
-                unit(-0.5, 0.3, -0.6),
-            ] {
+            let suns = [[1.0, 0.1, 0.0], [0.2, -0.5, 0.7], [-0.5, 0.3, -0.6]];
+            for sun in suns.map(|[x, y, z]| unit(x, y, z)) {
                 // Towards the mirror direction of one of the normals, and elsewhere.
                 let towards = sun.into_inner() - axis.into_inner() * axis.dot(&sun);
                 let out = towards.try_normalize(1e-9).unwrap_or(across.into_inner());
                 let normal = (out * length_m + axis.into_inner() * narrowing).normalize();
                 let mirrored = normal * (2.0 * normal.dot(&sun)) - sun.into_inner();
-                for seen in [
-                    mirrored,
-                    unit(0.3, 0.3, -0.9).into_inner(),
-                    sun.into_inner(),
-                    -sun.into_inner(),
-                ] {
+                let [aside, back] = [unit(0.3, 0.3, -0.9), -sun].map(Unit::into_inner);
+                for seen in [mirrored, aside, -back, back] {
                     let got = ring.reflective_area(&sun, &seen, SUN_RADIUS);
                     let wanted = plates.reflective_area(&sun, &seen, SUN_RADIUS);
                     // A mirror's disc holds some fifty plates, and its edge falls between two of them.
-                    let share = if surface.lobe == Lobe::Mirror {
-                        2.5e-2
-                    } else {
-                        1e-4
-                    };
-                    let tolerance = share * wanted.max(1e-3);
-                    assert!(
-                        (got - wanted).abs() <= tolerance,
-                        "{base_m}, {top_m}, {surface:?}, {sun:?}, {seen:?}: {got} {wanted}"
-                    );
+                    let is_mirror = surface.lobe == Lobe::Mirror;
+                    let share = if is_mirror { 2.5e-2 } else { 1e-4 };
+                    let is_met = (got - wanted).abs() <= share * wanted.max(1e-3);
+                    let what = format!("{base_m}, {top_m}, {surface:?}, {sun:?}, {seen:?}");
+                    assert!(is_met, "{what}: {got} {wanted}");
                     compared += usize::from(wanted > 0.0);
                 }
             }

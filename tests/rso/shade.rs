@@ -12,10 +12,8 @@ use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
 fn rcm_1(set: &str) -> (Epoch, impl Fn(f64) -> Vector3<f64>) {
     let folder = Folder::Embedded("scenes/rcm-2019-06-15");
     let (file, text) = folder.read(&format!("rcm-1-{set}.oem")).unwrap();
-    let object = skyloop::orbit::parse(&text, &file)
-        .unwrap()
-        .objects
-        .remove(0);
+    let loaded = skyloop::orbit::parse(&text, &file).unwrap();
+    let object = &loaded.objects[0];
     let start = parse_utc("2019-06-15T23:35:30").unwrap();
     let state = object.state(start).unwrap();
     (start, move |s| two_body::propagate_j2(&state, s).position_m)
@@ -48,28 +46,22 @@ const STEP_S: f64 = 0.01;
 fn rcm_1_comes_out_of_the_shadow_smoothly() {
     for set in ["A", "B"] {
         let (epoch, position) = rcm_1(set);
-        let (earth, sun_m) = (
-            Earth::at(epoch),
-            Bodies::at(epoch).unwrap().sun_apparent_m(),
-        );
+        let earth = Earth::at(epoch);
+        let sun_m = Bodies::at(epoch).unwrap().sun_apparent_m();
         let times: Vec<f64> = (0..8000).map(|i| f64::from(i) * STEP_S - 70.0).collect();
-        let parts: Vec<f64> = times
+        let parts = times
             .iter()
-            .map(|s| earth.illumination(position(*s), sun_m))
-            .collect();
+            .map(|s| earth.illumination(position(*s), sun_m));
+        let parts: Vec<f64> = parts.collect();
         assert_eq!((parts[0], parts[7999]), (0.0, 1.0), "set {set}");
 
         let slopes: Vec<f64> = parts.windows(2).map(|p| (p[1] - p[0]) / STEP_S).collect();
         let steepest = slopes.iter().copied().fold(0.0, f64::max);
-        assert!(
-            slopes.iter().all(|slope| *slope >= 0.0),
-            "set {set}: it falls back"
-        );
+        let rises = slopes.iter().all(|slope| *slope >= 0.0);
+        assert!(rises, "set {set}: it falls back");
         // At the contacts the slope begins as the root of time: 0.04 of the steepest in the first step.
-        let kink = slopes
-            .windows(2)
-            .map(|s| (s[1] - s[0]).abs())
-            .fold(0.0, f64::max);
+        let kinks = slopes.windows(2).map(|s| (s[1] - s[0]).abs());
+        let kink = kinks.fold(0.0, f64::max);
         assert!(kink < 0.05 * steepest, "set {set}: {kink} of {steepest}");
 
         // The contacts are where rays to the limb graze the Earth.
@@ -79,12 +71,11 @@ fn rcm_1_comes_out_of_the_shadow_smoothly() {
         let [lowest, _] = limb_rays(&earth, position(full_light), sun_m);
         let [at_start, _] = limb_rays(&earth, position(0.0), sun_m);
         println!(
-            "set {set}: first light {first_light:.2} s, full light {full_light:.2} s after 23:35:30, when the lower limb stands {at_start:.3} km above the Earth's"
+            "set {set}: first light {first_light:.2} s, full light {full_light:.2} s after \
+             23:35:30, when the lower limb stands {at_start:.3} km above the Earth's"
         );
-        assert!(
-            highest.abs() < 0.05 && lowest.abs() < 0.05,
-            "set {set}: {highest} {lowest} km"
-        );
+        let is_near = highest.abs() < 0.05 && lowest.abs() < 0.05;
+        assert!(is_near, "set {set}: {highest} {lowest} km");
         assert!((-40.0..-20.0).contains(&(first_light - full_light)));
     }
 }
