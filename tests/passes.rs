@@ -92,10 +92,8 @@ fn passes_are_those_of_another_programs_brute_force() {
             *worst = worst.max(error);
         }
         // The least angle is flat: its instant is known less well than its value.
-        assert!(
-            (after(pass.nearest.point.epoch) - number(&row, 7)).abs() < 0.1,
-            "{id}"
-        );
+        let off_s = after(pass.nearest.point.epoch) - number(&row, 7);
+        assert!(off_s.abs() < 0.1, "{id}");
         assert!(!pass.begun_before && !pass.goes_on, "{id}");
     }
     println!("s, s, px, deg, km, mag: {worst:?}");
@@ -151,28 +149,68 @@ fn the_one(found: Passes) -> Pass {
     found.passes.into_iter().next().unwrap()
 }
 
+#[track_caller]
 fn close(value: f64, expected: f64, within: f64) {
-    assert!(
-        (value - expected).abs() <= within,
-        "{value}, not {expected}"
-    );
+    let is_close = (value - expected).abs() <= within;
+    assert!(is_close, "{value}, not {expected}");
+}
+
+/// An equinox: the Sun stands in the plane of the equator.
+struct Scene {
+    mid: Epoch,
+    sun: Vector3<f64>,
+    /// Along the equator.
+    across: Vector3<f64>,
+}
+
+fn scene() -> Scene {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let across = Earth::at(mid).pole().cross(&sun).normalize();
+    Scene { mid, sun, across }
+}
+
+impl Scene {
+    fn search(&self, from_s: f64, to_s: f64) -> Search {
+        Search {
+            from: self.mid + Unit::Second * from_s,
+            to: self.mid + Unit::Second * to_s,
+            shortest_s: 0.05,
+        }
+    }
+
+    /// Seconds from the middle.
+    fn after(&self, epoch: Epoch) -> f64 {
+        (epoch - self.mid).to_seconds()
+    }
+
+    /// 8,000 km from the Earth's centre, below the Sun; the camera looks down.
+    fn flight(&self) -> Flight {
+        at_rest(self.sun * 8e6, -self.sun, self.across)
+    }
+}
+
+/// Why an object has no states at some times: of the only one.
+fn unknown(found: &Passes) -> &str {
+    assert_eq!(found.unknown.len(), 1);
+    found.unknown.values().next().unwrap()
 }
 
 #[test]
 fn a_straight_way_through_the_boresight_is_as_by_hand() {
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let across = Earth::at(mid).pole().cross(&sun).normalize();
+    let scene = scene();
     // Before the Earth, Sun behind the camera; 1000 km away, 7 km/s along the columns.
-    let object = straight(mid, sun * 7e6, across * 7e3);
-    let flight = at_rest(sun * 8e6, -sun, across);
-    let search = Search {
-        from: mid - Unit::Second * 60.0,
-        to: mid + Unit::Second * 60.0,
-        shortest_s: 0.05,
+    let passed = |search: &Search| {
+        let object = straight(scene.mid, scene.sun * 7e6, scene.across * 7e3);
+        the_one(found(
+            search,
+            &scene.flight(),
+            vec![object],
+            &Corrections::NONE,
+        ))
     };
-    let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
-    let after = |epoch: Epoch| (epoch - mid).to_seconds();
+    let pass = passed(&scene.search(-60.0, 60.0));
+    let after = |epoch: Epoch| scene.after(epoch);
     // X-Val: by hand: f = 13.8 mm / 26 um = 530.769 px; the image is at 127.5 + 530.769 * 7 t / 1000, so that it is at
     // -0.5 and 255.5 for t = -+128 * 1000 / (530.769 * 7) = -+34.4513 s, and moves 3.71538 px/s.
     close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
@@ -196,13 +234,7 @@ fn a_straight_way_through_the_boresight_is_as_by_hand() {
     assert!(!pass.begun_before && !pass.goes_on);
 
     // A search that begins and ends within the stay says so.
-    let part = Search {
-        from: mid - Unit::Second * 10.0,
-        to: mid + Unit::Second * 12.5,
-        shortest_s: 0.05,
-    };
-    let object = straight(mid, sun * 7e6, across * 7e3);
-    let pass = the_one(found(&part, &flight, vec![object], &Corrections::NONE));
+    let pass = passed(&scene.search(-10.0, 12.5));
     assert!(pass.begun_before && pass.goes_on);
     close(after(pass.entry.point.epoch), -10.0, 1e-9);
     close(after(pass.exit.point.epoch), 12.5, 1e-9);
@@ -210,18 +242,12 @@ fn a_straight_way_through_the_boresight_is_as_by_hand() {
 
 #[test]
 fn what_the_earth_hides_crosses_in_the_dark() {
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let pole = Earth::at(mid).pole();
-    let side = pole.cross(&sun).normalize();
+    let scene = scene();
+    let Scene { mid, sun, across } = scene;
     // Through the Earth's centre, across the line to the Sun: lit, and behind the Earth all the time.
-    let object = straight(mid, side * -9e6, sun * 7e3);
-    let flight = at_rest(side * 8e6, -side, sun);
-    let search = Search {
-        from: mid - Unit::Second * 250.0,
-        to: mid + Unit::Second * 250.0,
-        shortest_s: 0.05,
-    };
+    let object = straight(mid, across * -9e6, sun * 7e3);
+    let flight = at_rest(across * 8e6, -across, sun);
+    let search = scene.search(-250.0, 250.0);
     let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
     assert!(pass.brightest.is_none());
     let hidden: Vec<_> = pass.lit.iter().map(|lit| lit.hidden).collect();
@@ -230,63 +256,46 @@ fn what_the_earth_hides_crosses_in_the_dark() {
 
 #[test]
 fn the_shadow_takes_the_light_where_its_cone_begins() {
-    // The Sun stands in the plane of the equator, whose radius the shadow then has.
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let side = Earth::at(mid).pole().cross(&sun).normalize();
+    // The shadow has the equator's radius.
+    let scene = scene();
+    let Scene { mid, sun, across } = scene;
     // 8000 km behind the Earth's centre, 7 km/s inwards, 6341.2 km from the axis at mid.
-    let object = straight(mid, sun * -8e6 + side * 6.3412e6, side * -7e3);
-    let eye = sun * -2.5e7 + side * 6.3412e6;
-    let flight = at_rest(eye, sun, side);
-    let search = Search {
-        from: mid - Unit::Second * 60.0,
-        to: mid + Unit::Second * 60.0,
-        shortest_s: 0.05,
-    };
+    let object = straight(mid, sun * -8e6 + across * 6.3412e6, across * -7e3);
+    let flight = at_rest(sun * -2.5e7 + across * 6.3412e6, sun, across);
+    let search = scene.search(-60.0, 60.0);
     let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
     let hidden: Vec<_> = pass.lit.iter().map(|lit| lit.hidden).collect();
     assert_eq!(hidden, [None, Some(Hidden::InShadow)]);
     // X-Val: by hand: sin alpha = (695700 - 6378.1) / 149.02e6 = 0.0046257; the umbra's radius at 8000 km is
     // (6378.137 - 8000 sin alpha) / cos alpha = 6341.20 km: reached at mid. 100 m are 0.014 s.
-    close((pass.lit[0].to - mid).to_seconds(), 0.0, 0.03);
+    close(scene.after(pass.lit[0].to), 0.0, 0.03);
     let brightest = pass.brightest.unwrap();
     assert!(brightest.point.epoch < mid && pass.exit.point.band_mag().is_none());
 }
 
 #[test]
 fn an_object_without_a_state_is_told_and_the_others_are_found() {
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let side = Earth::at(mid).pole().cross(&sun).normalize();
-    let mut old = straight(mid - Unit::Day * 1.0, sun * 7e6, side * 7e3);
+    let scene = scene();
+    let object = |mid: Epoch| straight(mid, scene.sun * 7e6, scene.across * 7e3);
+    let mut old = object(scene.mid - Unit::Day * 1.0);
     old.id = "OLD".into();
-    let object = straight(mid, sun * 7e6, side * 7e3);
-    let flight = at_rest(sun * 8e6, -sun, side);
-    let search = Search {
-        from: mid - Unit::Second * 60.0,
-        to: mid + Unit::Second * 60.0,
-        shortest_s: 0.05,
-    };
-    let found = found(&search, &flight, vec![old, object], &Corrections::NONE);
-    let unknown: Vec<&String> = found.unknown.keys().collect();
-    assert_eq!(unknown, ["OLD (LINE)"]);
-    assert!(
-        found
-            .unknown
-            .values()
-            .all(|why| why.contains("outside its ephemeris"))
-    );
+    let objects = vec![old, object(scene.mid)];
+    let search = scene.search(-60.0, 60.0);
+    let found = found(&search, &scene.flight(), objects, &Corrections::NONE);
+    assert!(found.unknown.contains_key("OLD (LINE)"));
+    assert!(unknown(&found).contains("outside its ephemeris"));
     assert_eq!(the_one(found).index, 1);
 }
 
 /// Corners are cut in little time: none that lasts longer than is said is missed, whatever the steps.
 #[test]
 fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let pole = Earth::at(mid).pole();
-    let x = pole.cross(&sun).normalize();
-    let flight = at_rest(sun * 8e6, -sun, x);
+    let scene = scene();
+    let Scene {
+        mid,
+        sun,
+        across: x,
+    } = scene;
     let y = (-sun).cross(&x);
     // X-Val: by hand: a corner of the detector is 128 px from its centre in both axes: 128 / 530.769 * 1000 km = 241.159 km each.
     let corner = 128.0 / 530.769_23 * 1e6;
@@ -298,64 +307,47 @@ fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
         let along = (x - y) / 2f64.sqrt();
         let place = sun * 7e6 + (x + y) * corner - out * depth;
         let object = straight(mid + Unit::Second * at_s, place, along * speed);
-        let search = Search {
-            from: mid - Unit::Second * 60.0,
-            to: mid + Unit::Second * 60.0,
-            shortest_s: 0.05,
-        };
-        let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
-        let length = (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds();
-        close(length, seconds, 2.1e-3);
-        let middle = pass.entry.point.epoch - mid;
-        close(middle.to_seconds() + seconds / 2.0, at_s, 2e-3);
+        let search = scene.search(-60.0, 60.0);
+        let pass = the_one(found(
+            &search,
+            &scene.flight(),
+            vec![object],
+            &Corrections::NONE,
+        ));
+        let [entry, exit] = [pass.entry, pass.exit].map(|edge| scene.after(edge.point.epoch));
+        close(exit - entry, seconds, 2.1e-3);
+        close(entry + seconds / 2.0, at_s, 2e-3);
     }
 }
 
 /// As far as its states go, an object is found: from whenever the search begins.
 #[test]
 fn a_stay_ends_where_states_end() {
-    let mid = utc("2026-03-20T14:46:00Z");
-    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
-    let across = Earth::at(mid).pole().cross(&sun).normalize();
-    let flight = at_rest(sun * 8e6, -sun, across);
-    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes that end or begin within the stay.
-    let known_around = |after_s: f64| {
-        let middle = mid + Unit::Second * after_s;
-        straight(middle, sun * 7e6 + across * 7e3 * after_s, across * 7e3)
+    let scene = scene();
+    let Scene { mid, sun, across } = scene;
+    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes around a time:
+    // they end or begin within the stay.
+    let pass_known_around = |after_s: f64, from_s: f64| {
+        let place = sun * 7e6 + across * 7e3 * after_s;
+        let object = straight(mid + Unit::Second * after_s, place, across * 7e3);
+        let search = scene.search(from_s, 60.0);
+        let found = found(&search, &scene.flight(), vec![object], &Corrections::NONE);
+        assert!(unknown(&found).contains("outside its ephemeris"));
+        the_one(found)
     };
+    let after = |epoch: Epoch| scene.after(epoch);
     for from_s in [-60.0, -57.7, -53.3, -51.0] {
-        let search = Search {
-            from: mid + Unit::Second * from_s,
-            to: mid + Unit::Second * 60.0,
-            shortest_s: 0.05,
-        };
-        let after = |epoch: Epoch| (epoch - mid).to_seconds();
-        let ended = found(
-            &search,
-            &flight,
-            vec![known_around(-283.7)],
-            &Corrections::NONE,
-        );
-        let why: Vec<&String> = ended.unknown.values().collect();
-        assert!(why.len() == 1 && why[0].contains("outside its ephemeris"));
-        let pass = the_one(ended);
-        close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
-        close(after(pass.exit.point.epoch), 16.3, 2.1e-3);
+        let ended = pass_known_around(-283.7, from_s);
+        close(after(ended.entry.point.epoch), -34.4513, 1.1e-3);
+        close(after(ended.exit.point.epoch), 16.3, 2.1e-3);
         // X-Val: by hand: 127.5 + 530.769 * 7 * 16.3 / 1000 px.
-        close(pass.exit.place_px[0], 188.061, 1e-2);
-        assert!(!pass.goes_on && pass.brightest.is_some());
+        close(ended.exit.place_px[0], 188.061, 1e-2);
+        assert!(!ended.goes_on && ended.brightest.is_some());
 
-        let begun = found(
-            &search,
-            &flight,
-            vec![known_around(306.2)],
-            &Corrections::NONE,
-        );
-        assert_eq!(begun.unknown.len(), 1);
-        let pass = the_one(begun);
-        close(after(pass.entry.point.epoch), 6.2, 2.1e-3);
-        close(after(pass.exit.point.epoch), 34.4513, 1.1e-3);
-        assert!(!pass.begun_before);
+        let begun = pass_known_around(306.2, from_s);
+        close(after(begun.entry.point.epoch), 6.2, 2.1e-3);
+        close(after(begun.exit.point.epoch), 34.4513, 1.1e-3);
+        assert!(!begun.begun_before);
     }
 }
 
@@ -391,12 +383,8 @@ fn ten_seconds(object: &Object, mid: Epoch, above_m: f64) -> Passes {
         to: mid + Unit::Second * 5.0,
         shortest_s: 0.05,
     };
-    found(
-        &search,
-        &flight,
-        vec![object.clone()],
-        &Corrections::default(),
-    )
+    let objects = vec![object.clone()];
+    found(&search, &flight, objects, &Corrections::default())
 }
 
 #[test]
@@ -413,8 +401,7 @@ fn an_object_that_decays_within_an_exposure_ends_its_stay_and_not_the_search() {
     for beside_s in [0.02, 0.7, 2.9] {
         let mid = epoch + Unit::Second * (low - beside_s);
         let found = ten_seconds(&object, mid, 1e6);
-        let why: Vec<&String> = found.unknown.values().collect();
-        assert!(why.len() == 1 && why[0].contains("decayed"), "{why:?}");
+        assert!(unknown(&found).contains("decayed"));
         let pass = the_one(found);
         assert!(pass.begun_before && !pass.goes_on);
         close((pass.exit.point.epoch - mid).to_seconds(), beside_s, 2.1e-3);
@@ -447,18 +434,13 @@ fn only_times_with_states_are_searched() {
         let population = population(vec![object.clone()]);
         let steps = AtomicUsize::new(0);
         let tick = |_: f64| _ = steps.fetch_add(1, Relaxed);
-        let found = passes(
-            &search,
-            &flight,
-            &camera(),
-            &population,
-            &Corrections::NONE,
-            tick,
-        );
-        let (found, steps) = (found.unwrap(), steps.into_inner());
-        assert_eq!(found.unknown.len(), 1);
+        let none = &Corrections::NONE;
+        let found = passes(&search, &flight, &camera(), &population, none, tick);
+        assert_eq!(found.unwrap().unknown.len(), 1);
+        let steps = steps.into_inner();
+        let is_searched = steps > 0;
         assert!(
-            steps <= most_steps && (steps > 0) == (most_steps > 0),
+            steps <= most_steps && is_searched == (most_steps > 0),
             "{steps} steps"
         );
     }
@@ -471,17 +453,10 @@ fn what_sgp4_hurls_away_has_no_state() {
     let runaway = elements(0.024_079, 15.186_928_66 * PI / 720.0, -0.021_836);
     for (days, km) in [(177.0, 4.036e6), (140.0, 5.456e5)] {
         let mid = utc("2020-11-18T08:34:00Z") + Unit::Day * days;
-        close(
-            runaway.state(mid).unwrap().position_m.norm() * 1e-3,
-            km,
-            km * 1e-3,
-        );
+        let place_m = runaway.state(mid).unwrap().position_m;
+        close(place_m.norm() * 1e-3, km, km * 1e-3);
         let found = ten_seconds(&runaway, mid, -1e8);
         assert!(found.passes.is_empty());
-        let why: Vec<&String> = found.unknown.values().collect();
-        assert!(
-            why.len() == 1 && why[0].contains("more than 4e6 km or 100 km/s"),
-            "{why:?}"
-        );
+        assert!(unknown(&found).contains("more than 4e6 km or 100 km/s"));
     }
 }
