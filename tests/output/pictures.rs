@@ -1,6 +1,6 @@
 //! PNG frames and the contact sheet, read back.
 
-use crate::synthetic::{Numbers, camera, field, frame, label, rso, star};
+use crate::synthetic::{Numbers, camera, field, flat, frame, label, rso, star};
 use image::{DynamicImage, RgbImage};
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;
@@ -26,17 +26,6 @@ fn sheet_of(camera: &Camera, frames: &[(Vec<ObjectLabel>, Frame)]) -> RgbImage {
     sheet.unwrap().into_rgb8()
 }
 
-fn flat(camera: &Camera) -> Frame {
-    let (width, height) = (camera.detector.width, camera.detector.height);
-    Frame {
-        width,
-        height,
-        digits: vec![100; width * height],
-        expected_e: None,
-        charge_e: None,
-    }
-}
-
 /// Pixels of a colour in the square of `half` around a place of the picture's first panel.
 fn count(sheet: &RgbImage, color: [u8; 3], [x, y]: [f64; 2], half: i32) -> usize {
     let (x, y) = (12 + x.round() as i32, 64 + y.round() as i32);
@@ -57,17 +46,14 @@ fn the_png_holds_the_digits_row_0_first() {
     frame.digits[..2].copy_from_slice(&[0, 65535]);
     let mut writer = Writer::create(dir.path(), 1).unwrap();
     writer.write_frame(&camera, &label, "{}", &frame).unwrap();
-    let DynamicImage::ImageLuma16(picture) =
-        image::open(dir.path().join("frame_00000.png")).unwrap()
-    else {
+    let open = |name: &str| image::open(dir.path().join(name)).unwrap();
+    let DynamicImage::ImageLuma16(picture) = open("frame_00000.png") else {
         panic!("not 16-bit grey");
     };
     assert_eq!((picture.width(), picture.height()), (1280, 1024));
     assert_eq!(picture.as_raw(), &frame.digits);
     // The preview: the same pixels in 8 bits, black at no light and white where they are full.
-    let DynamicImage::ImageLuma8(preview) =
-        image::open(dir.path().join("frame_00000_preview.png")).unwrap()
-    else {
+    let DynamicImage::ImageLuma8(preview) = open("frame_00000_preview.png") else {
         panic!("not 8-bit grey");
     };
     assert_eq!(preview.dimensions(), picture.dimensions());
@@ -86,16 +72,14 @@ fn every_kind_of_object_has_its_ring_and_its_name() {
         // Below the limit: neither ring nor name.
         star("HIP 2".into(), &[], [200.0, 200.0], 100.0),
     ];
-    let sheet = sheet_of(&camera, &[(objects, flat(&camera))]);
+    let sheet = sheet_of(&camera, &[(objects, flat(256, 256))]);
     // Two pixels of the panel a pixel; centres of first pixels coincide.
     let at = |x: f64, y: f64| [2.0 * x + 0.5, 2.0 * y + 0.5];
     assert!(count(&sheet, STAR, at(40.0, 40.0), 9) > 8);
     let whole = count(&sheet, RSO, at(120.0, 60.0), 18);
     let dashed = count(&sheet, HIDDEN, at(60.0, 200.0), 18);
-    assert!(
-        whole > 30 && dashed > 15 && dashed < whole,
-        "{dashed} of {whole}"
-    );
+    let is_dashed = whole > 30 && dashed > 15 && dashed < whole;
+    assert!(is_dashed, "{dashed} of {whole}");
     assert_eq!(count(&sheet, STAR, at(200.0, 200.0), 12), 0);
     // Names on the right: six letters are about 36 px wide.
     assert!(count(&sheet, STAR, at(60.0, 40.0), 18) > 40);
@@ -109,35 +93,22 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
     let (read, gain) = (camera.detector.read_noise_e, camera.detector.gain_e_per_dn);
     // In a pixel; the light of a star lies on about four.
     let noise_e = (label.background_e_px + read * read + gain * gain / 12.0).sqrt();
-    let places: Vec<[f64; 2]> = (0..16)
-        .map(|i| {
-            [
-                20.0 + 50.0 * f64::from(i % 4),
-                20.0 + 50.0 * f64::from(i / 4),
-            ]
-        })
-        .collect();
+    let places = (0..16).map(|i| [i % 4, i / 4].map(|i| 20.0 + 50.0 * f64::from(i)));
+    let places: Vec<[f64; 2]> = places.collect();
     // Not labelled, so that no ring covers what is measured.
-    label.objects = places
-        .iter()
-        .map(|at| star("HIP 1".into(), &[], *at, 10.0 * noise_e))
-        .collect::<Vec<_>>()
-        .into();
+    let stars = places.iter();
+    let stars = stars.map(|at| star("HIP 1".into(), &[], *at, 10.0 * noise_e));
+    label.objects = stars.collect::<Vec<_>>().into();
     let frame = frame(&camera, &label, &mut numbers);
     let sheet = sheet_of(&camera, &[(Vec::new(), frame)]);
-    let grey = |x: f64, y: f64| {
-        f64::from(
-            sheet
-                .get_pixel(12 + (2.0 * x) as u32, 64 + (2.0 * y) as u32)
-                .0[0],
-        )
+    let grey = |off: f64| {
+        let grey = places.iter().map(|at| {
+            let [x, y] = at.map(|x| (2.0 * (x + off)) as u32);
+            f64::from(sheet.get_pixel(12 + x, 64 + y).0[0])
+        });
+        grey.sum::<f64>() / 16.0
     };
-    let stars = places.iter().map(|[x, y]| grey(*x, *y)).sum::<f64>() / 16.0;
-    let sky = places
-        .iter()
-        .map(|[x, y]| grey(x + 20.0, y + 20.0))
-        .sum::<f64>()
-        / 16.0;
+    let (stars, sky) = (grey(0.0), grey(20.0));
     assert!(sky < 70.0 && stars > sky + 30.0, "sky {sky}, stars {stars}");
 }
 
@@ -145,7 +116,7 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
 #[test]
 fn the_legend_fits_on_the_sheet_of_one_small_frame() {
     let camera = camera("fai-nir");
-    let sheet = sheet_of(&camera, &[(Vec::new(), flat(&camera))]);
+    let sheet = sheet_of(&camera, &[(Vec::new(), flat(256, 256))]);
     let paper = *sheet.get_pixel(0, 0);
     let blank = |column: u32| (0..64).all(|row| *sheet.get_pixel(column, row) == paper);
     let text_ends = (0..sheet.width()).rev().find(|column| !blank(*column));
@@ -157,19 +128,17 @@ fn the_legend_fits_on_the_sheet_of_one_small_frame() {
 fn twelve_panels_at_most_and_odd_cameras_too() {
     let mut camera = camera("fai-nir");
     (camera.detector.width, camera.detector.height) = (640, 10);
-    let frames: Vec<_> = (0..30).map(|_| (Vec::new(), flat(&camera))).collect();
+    let frames: Vec<_> = (0..30).map(|_| (Vec::new(), flat(640, 10))).collect();
     let sheet = sheet_of(&camera, &frames);
-    assert_eq!(
-        sheet.dimensions(),
-        (4 * 524 + 12, 3 * (8 + 38 + 12) + 64 + 12)
-    );
+    let size = (4 * 524 + 12, 3 * (8 + 38 + 12) + 64 + 12);
+    assert_eq!(sheet.dimensions(), size);
     for (width, height) in [(1, 1), (1, 2000), (700, 3), (8192, 2)] {
         (camera.detector.width, camera.detector.height) = (width, height);
         let objects = vec![
             rso("A", [0.0, 0.0], 100.0, None),
             star("B".into(), &[], [0.0, 0.0], 1e9),
         ];
-        let sheet = sheet_of(&camera, &[(objects, flat(&camera))]);
+        let sheet = sheet_of(&camera, &[(objects, flat(width, height))]);
         assert!(sheet.width() < 640 && sheet.height() < 700);
     }
 }

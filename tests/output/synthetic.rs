@@ -35,19 +35,25 @@ pub fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::Embedded("cameras")).unwrap()
 }
 
+/// A frame of one digit everywhere.
+pub fn flat(width: usize, height: usize) -> Frame {
+    Frame {
+        width,
+        height,
+        digits: vec![100; width * height],
+        expected_e: None,
+        charge_e: None,
+    }
+}
+
 /// A label without objects for `camera` at an attitude.
 pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
     let pointing = attitude.then(&camera.mounting);
     let matrix = pointing.matrix();
     let [ra_deg, dec_deg, roll_deg] = pointing.ra_dec_roll().map(f64::to_degrees);
     let second = 50 + frame / 2;
-    let time = |ms: u32| {
-        format!(
-            "2019-06-15T23:{:02}:{:02}.{ms:03}Z",
-            35 + second / 60,
-            second % 60
-        )
-    };
+    let (minute, second) = (35 + second / 60, second % 60);
+    let time = |ms: u32| format!("2019-06-15T23:{minute:02}:{second:02}.{ms:03}Z");
     let ms = 500 * (frame % 2);
     Label {
         frame,
@@ -154,14 +160,10 @@ pub fn field(camera: &Camera, stars: usize, numbers: &mut Numbers) -> Vec<Object
             star(format!("HIP {}", 80000 + i), names, at, electrons)
         })
         .collect();
+    let dark = Some("in the Earth's shadow");
     objects.push(rso("RCM-1", [w * 0.3, h * 0.6], 3000.0, None));
     objects.push(rso("RCM-2", [w * 0.33, h * 0.62], 2000.0, None));
-    objects.push(rso(
-        "RCM-3",
-        [w * 0.97, h * 0.1],
-        0.0,
-        Some("in the Earth's shadow"),
-    ));
+    objects.push(rso("RCM-3", [w * 0.97, h * 0.1], 0.0, dark));
     objects
 }
 
