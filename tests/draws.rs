@@ -66,17 +66,15 @@ fn chi_square(counts: &[f64], expected: &[f64]) -> f64 {
         bins[last][0] += count;
         bins[last][1] += expect;
     }
-    if bins.len() > 1 && bins[bins.len() - 1][1] < 5.0 {
+    if bins[bins.len() - 1][1] < 5.0 {
         let [count, expect] = bins.pop().unwrap();
-        let last = bins.len() - 1;
-        bins[last][0] += count;
-        bins[last][1] += expect;
+        let last = bins.last_mut().unwrap();
+        *last = [last[0] + count, last[1] + expect];
     }
     assert!(bins.len() > 1);
-    let sum: f64 = bins
-        .iter()
-        .map(|[count, expect]| (count - expect).powi(2) / expect)
-        .sum();
+    let squares = bins.iter();
+    let squares = squares.map(|[count, expect]| (count - expect).powi(2) / expect);
+    let sum: f64 = squares.sum();
     let freedom = bins.len() as f64 - 1.0;
     (sum - freedom) / (2.0 * freedom).sqrt()
 }
@@ -116,15 +114,11 @@ fn poisson_draws_are_poissons() {
         let theory = Theory::of(mean);
         let mut counts = vec![0.0; theory.probability.len()];
         let mut uniformity = Uniformity::new();
-        let below: Vec<f64> = theory
-            .probability
-            .iter()
-            .scan(0.0, |sum, p| {
-                let below = *sum;
-                *sum += p;
-                Some(below)
-            })
-            .collect();
+        let below = theory.probability.iter().scan(0.0, |sum, p| {
+            *sum += p;
+            Some(*sum - p)
+        });
+        let below: Vec<f64> = below.collect();
         poissons(mean, |pixel, k| {
             let at = k as usize - theory.first;
             counts[at] += 1.0;
@@ -135,10 +129,7 @@ fn poisson_draws_are_poissons() {
         let n = DRAWS as f64;
         let expected: Vec<f64> = theory.probability.iter().map(|p| n * p).collect();
         let chi2 = chi_square(&counts, &expected);
-        assert!(
-            chi2 < 4.0,
-            "mean {mean}: chi-square {chi2:.1} standard deviations"
-        );
+        assert!(chi2 < 4.0, "mean {mean}: {chi2:.1} standard deviations");
         let ks = uniformity.statistic();
         assert!(ks < KOLMOGOROV, "mean {mean}: {ks:.2}");
         if mean < 10.0 {
@@ -155,11 +146,8 @@ fn poisson_draws_are_poissons() {
                     beyond.map(|(_, value)| value).sum()
                 };
                 let (seen, due) = (beyond(&counts), beyond(&expected));
-                let off = (seen - due).abs();
-                assert!(
-                    off < 4.0 * due.sqrt() + 1.0,
-                    "mean {mean}, {sigmas} sigma: {seen} for {due:.1}"
-                );
+                let is_met = (seen - due).abs() < 4.0 * due.sqrt() + 1.0;
+                assert!(is_met, "mean {mean}, {sigmas} sigma: {seen} for {due:.1}");
             }
         }
     }
@@ -191,36 +179,19 @@ fn normal_draws_are_normal() {
         .enumerate()
     {
         for side in beyond {
-            let off = (side[i] - n * p).abs();
-            assert!(
-                off < 4.0 * (n * p).sqrt() + 1.0,
-                "{} sigma: {} for {}",
-                i + 3,
-                side[i],
-                n * p
-            );
+            let (seen, due, sigmas) = (side[i], n * p, i + 3);
+            let is_met = (seen - due).abs() < 4.0 * due.sqrt() + 1.0;
+            assert!(is_met, "{sigmas} sigma: {seen} for {due}");
         }
     }
 }
 
 #[test]
 fn every_level_draws_what_single_pixels_draw() {
+    let (none, endless, most) = (f32::NAN, f32::INFINITY, f32::MAX);
     let means = [
-        0.0,
-        -1.0,
-        f32::NAN,
-        f32::INFINITY,
-        1e-30,
-        0.5,
-        3.0,
-        15.999,
-        16.0,
-        50.0,
-        1e5,
-        1e9,
-        1e30,
-        f32::MAX,
-        f32::NEG_INFINITY,
+        0.0, -1.0, none, endless, 1e-30, 0.5, 3.0, 15.999, 16.0, 50.0, 1e5, 1e9, 1e30, most,
+        -endless,
     ];
     let converter = kernels::Converter {
         per_electron: 0.37,
@@ -245,21 +216,17 @@ fn every_level_draws_what_single_pixels_draw() {
             _ => means[(i * 7) % means.len()],
         };
         let light: Vec<f32> = (first..first + count).map(of).collect();
-        let single: Vec<f32> = (first..)
-            .zip(&light)
-            .map(|(pixel, mean)| poisson(*mean, word(KEY, 5, pixel), switch))
-            .collect();
+        let pixels = (first..).zip(&light);
+        let single = pixels.map(|(pixel, mean)| poisson(*mean, word(KEY, 5, pixel), switch));
+        let single: Vec<f32> = single.collect();
         let sigma = 3.7;
-        let read: Vec<f32> = (first..)
-            .zip(&single)
-            .map(|(pixel, e)| e + sigma * normal(word(KEY, 6, pixel)))
-            .collect();
+        let pixels = (first..).zip(&single);
+        let read = pixels.map(|(pixel, e)| e + sigma * normal(word(KEY, 6, pixel)));
+        let read: Vec<f32> = read.collect();
         let digits: Vec<u16> = read.iter().map(|e| converter.digit(*e)).collect();
         assert!(single.iter().all(|k| *k >= 0.0 && k.is_finite()));
-        for level in [None]
-            .into_iter()
-            .chain(Level::available().into_iter().map(Some))
-        {
+        let levels = Level::available().into_iter().map(Some);
+        for level in levels.chain([None]) {
             let mut pixels = light.clone();
             kernels::shot_noise(level, KEY, 5, first, switch, &mut pixels);
             assert_eq!(pixels, single, "{level:?}");

@@ -135,33 +135,14 @@ fn words_have_places() {
     }
 }
 
+/// 2^20, from where on the expansion draws whatever the switch.
+const TWO_20: f32 = 1_048_576.0;
+
 /// What the expansion draws; the last means have their words near where single precision counts in twos.
 static EXPANDED: LazyLock<Vec<Drawn>> = LazyLock::new(|| {
     Drawn::expanded(&[
-        6.0,
-        6.2,
-        7.7,
-        9.4,
-        12.0,
-        12.3,
-        16.0,
-        16.3,
-        17.5,
-        20.0,
-        23.7,
-        30.0,
-        50.0,
-        77.7,
-        100.0,
-        300.0,
-        1e3,
-        4321.5,
-        1e4,
-        1e5,
-        1e6,
-        1_048_576.0,
-        5e6,
-        1.67e7,
+        6.0, 6.2, 7.7, 9.4, 12.0, 12.3, 16.0, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0,
+        300.0, 1e3, 4321.5, 1e4, 1e5, 1e6, TWO_20, 5e6, 1.67e7,
     ])
 });
 
@@ -174,19 +155,14 @@ fn expanded_at(mean: f32) -> f64 {
 #[test]
 fn draws_are_as_near_poisson_as_the_switch_says() {
     // The expansion is the worst where it begins.
-    for (variation_is, begins, to) in [
-        (1e-4, 12.0, 5e6),
-        (6e-5, 16.0, 1_048_576.0),
-        (5e-4, 6.0, 5e6),
-    ] {
+    let cases = [(1e-4, 12.0, 5e6), (6e-5, 16.0, TWO_20), (5e-4, 6.0, 5e6)];
+    for (variation_is, begins, to) in cases {
         let switch = Switch::within(variation_is);
         let below = f32::from_bits(f32::to_bits(begins) - 1);
         assert!(Drawn::searched(below, switch).variation() < 5e-9);
         let mut worst = 0.0f64;
-        for drawn in EXPANDED
-            .iter()
-            .filter(|of| of.mean >= begins && of.mean <= to)
-        {
+        let range = begins..=to;
+        for drawn in EXPANDED.iter().filter(|of| range.contains(&of.mean)) {
             for i in 0..1000_u32 {
                 let word = i.wrapping_mul(0x9E37_79B1);
                 let expanded = expanded(drawn.mean, normal(word));
@@ -211,17 +187,12 @@ fn expansions_have_poissons_tails() {
             let [words, due] = drawn.tail(sigmas);
             println!("mean {mean}, {sigmas} sigma: {words} for {due:.1}");
             let within = 1.5e-3 + if sigmas > 0.0 { 0.42 } else { 1.2 } / mean;
-            if sigmas > 0.0 || mean >= 30.0 {
-                assert!(
-                    (words - due).abs() < within * due + 1.0,
-                    "{mean}, {sigmas}: {words} for {due}"
-                );
+            let is_met = if sigmas > 0.0 || mean >= 30.0 {
+                (words - due).abs() < within * due + 1.0
             } else {
-                assert!(
-                    words > due - 1.0 && words < 2.0 * due + 1.0,
-                    "{mean}, {sigmas}: {words} for {due}"
-                );
-            }
+                words > due - 1.0 && words < 2.0 * due + 1.0
+            };
+            assert!(is_met, "{mean}, {sigmas}: {words} for {due}");
         }
     }
 }
@@ -230,7 +201,7 @@ fn expansions_have_poissons_tails() {
 #[test]
 fn single_precision_bounds_draws_of_large_means() {
     // Below 2^24 e- (9 sigma above the last mean) each whole number is one of single precision; beyond, draws are multiples of 2, 4, ... e-.
-    for (mean, within) in [(1_048_576.0, 6e-5), (5e6, 1e-4), (1.67e7, 2e-4)] {
+    for (mean, within) in [(TWO_20, 6e-5), (5e6, 1e-4), (1.67e7, 2e-4)] {
         let apart = expanded_at(mean);
         println!("mean {mean}: {apart:.2e}");
         assert!(apart < within, "{mean}: {apart:e}");
@@ -246,10 +217,8 @@ fn single_precision_bounds_draws_of_large_means() {
             let due = m + m.sqrt() * z + 1.0 / 3.0 + z * z / 6.0;
             let off = (f64::from(poisson(mean, word, switch)) - due).abs();
             // The floor, the sum's last digit (a draw may lie beyond the next power of two), and 5e-6 of the root, which is of two factors.
-            assert!(
-                off < 1.0 + spacing + 6e-6 * (m.sqrt() * z).abs(),
-                "{mean}, {word:x}: {off}"
-            );
+            let bound = 1.0 + spacing + 6e-6 * (m.sqrt() * z).abs();
+            assert!(off < bound, "{mean}, {word:x}: {off}");
         }
     }
 }
@@ -257,23 +226,8 @@ fn single_precision_bounds_draws_of_large_means() {
 #[test]
 fn searches_are_exact() {
     // Of all probabilities that are worth a word each is within 2^-32.
-    for mean in [
-        1e-6,
-        0.01,
-        0.3,
-        1.0,
-        4.7,
-        10.0,
-        12.0,
-        15.999,
-        16.0,
-        50.0,
-        1e3,
-        1e4,
-        1e5,
-        1e6,
-        1_048_575.0,
-    ] {
+    let small = [1e-6, 0.01, 0.3, 1.0, 4.7, 10.0, 12.0, 15.999, 16.0, 50.0];
+    for mean in small.into_iter().chain([1e3, 1e4, 1e5, 1e6, TWO_20 - 1.0]) {
         let drawn = Drawn::searched(mean, Switch::within(0.0));
         let exact = drawn.variation();
         println!("mean {mean}: {exact:.2e}");
@@ -283,10 +237,8 @@ fn searches_are_exact() {
         assert!(exact < 1e-6, "{mean}: {exact:e}");
         for sigmas in [-5.0, -4.0, -3.0, 3.0, 4.0, 5.0] {
             let [words, due] = drawn.tail(sigmas);
-            assert!(
-                (words - due).abs() < 64.0,
-                "{mean}, {sigmas}: {words} for {due}"
-            );
+            let is_exact = (words - due).abs() < 64.0;
+            assert!(is_exact, "{mean}, {sigmas}: {words} for {due}");
         }
     }
 }
@@ -306,17 +258,15 @@ fn the_documents_distances_are_these() {
             Ok(mean) => expanded_at(mean),
             Err(_) => {
                 assert_eq!(cells[1], "searched, below 16");
-                let apart = [1.0, 4.7, 12.0, 15.999]
-                    .map(|mean| Drawn::searched(mean, Switch::within(0.0)).variation());
-                apart.into_iter().fold(0.0, f64::max)
+                let means = [1.0, 4.7, 12.0, 15.999].into_iter();
+                let searched = means.map(|mean| Drawn::searched(mean, Switch::within(0.0)));
+                searched.map(|drawn| drawn.variation()).fold(0.0, f64::max)
             }
         };
         assert_eq!(cells[2], format!("{apart:.1e}"), "{mean}");
     }
     // What `reference` draws by.
-    let most = Drawn::searched(1_048_575.0, Switch::within(0.0)).variation();
-    assert!(
-        FRAMES.contains(&format!("are within {most:.1e} up to there")),
-        "{most:e}"
-    );
+    let most = Drawn::searched(TWO_20 - 1.0, Switch::within(0.0)).variation();
+    let told = format!("are within {most:.1e} up to there");
+    assert!(FRAMES.contains(&told), "{told}");
 }
