@@ -35,26 +35,20 @@ struct Case {
 }
 
 const CASES: [Case; 3] = [
-    Case {
-        camera: "rigel-l",
-        full_well_e: None,
-        calls: 11_300,
-        bytes: 6_320_000,
-    },
-    Case {
-        camera: "fai-nir",
-        full_well_e: None,
-        calls: 18_600,
-        bytes: 8_220_000,
-    },
+    case("rigel-l", None, [11_300, 6_320_000]),
+    case("fai-nir", None, [18_600, 8_220_000]),
     // Charge spills along columns: all of it is needed at once.
-    Case {
-        camera: "ccd-transfer",
-        full_well_e: Some(5000.0),
-        calls: 7_150,
-        bytes: 15_110_000,
-    },
+    case("ccd-transfer", Some(5000.0), [7_150, 15_110_000]),
 ];
+
+const fn case(camera: &'static str, full_well_e: Option<f64>, [calls, bytes]: [u64; 2]) -> Case {
+    Case {
+        camera,
+        full_well_e,
+        calls,
+        bytes,
+    }
+}
 
 /// The built-in scene with many objects, and its first vehicle.
 fn before(case: &Case) -> (Emulator, VehicleState) {
