@@ -93,11 +93,8 @@ fn photon_transfer_recovers_gain_and_read_noise() {
         let (mut means, mut variances) = (0.0, 0.0);
         for pair in 0..4 {
             let [a, b] = [0, 1].map(|i| shoot(&mut emulator, sequence + 2 * pair + i).frame.digits);
-            let both = || {
-                a.iter()
-                    .zip(&b)
-                    .map(|(a, b)| (f64::from(*a), f64::from(*b)))
-            };
+            let pairs = a.iter().zip(&b);
+            let both = || pairs.clone().map(|(a, b)| (f64::from(*a), f64::from(*b)));
             means += mean(both().map(|(a, b)| (a + b) / 2.0)) / 4.0;
             variances += mean(both().map(|(a, b)| (a - b) * (a - b) / 2.0)) / 4.0;
         }
@@ -106,20 +103,19 @@ fn photon_transfer_recovers_gain_and_read_noise() {
     let (_, floor) = level(1e-9, 0);
     let read = 2.5 * (floor - 1.0 / 12.0).sqrt();
     assert!((read / 9.0 - 1.0).abs() < 0.02, "read noise {read}");
-    let points: Vec<(f64, f64)> = [0.2, 0.5, 1.0, 2.0, 4.0, 7.0]
-        .into_iter()
-        .zip([100, 200, 300, 400, 500, 600])
-        .map(|(exposure_s, sequence)| level(exposure_s, sequence))
-        .collect();
+    let exposures = [0.2, 0.5, 1.0, 2.0, 4.0, 7.0].into_iter().zip(1..);
+    let points = exposures.map(|(exposure_s, i)| level(exposure_s, 100 * i));
+    let points: Vec<(f64, f64)> = points.collect();
     for (m, v) in &points {
         let gain = m / (v - floor);
         assert!((gain / 2.5 - 1.0).abs() < 0.01, "at {m} DN: {gain}");
     }
     // Linear: a straight line through all of them leaves nothing.
-    let slope = points.iter().map(|(m, v)| m * (v - floor)).sum::<f64>()
-        / points.iter().map(|(m, _)| m * m).sum::<f64>();
-    assert!((1.0 / slope / 2.5 - 1.0).abs() < 0.005, "{}", 1.0 / slope);
-    println!("gain {} (2.5), read noise {read} (9)", 1.0 / slope);
+    let products = points.iter().map(|(m, v)| m * (v - floor));
+    let squares = points.iter().map(|(m, _)| m * m);
+    let gain = squares.sum::<f64>() / products.sum::<f64>();
+    println!("gain {gain} (2.5), read noise {read} (9)");
+    assert!((gain / 2.5 - 1.0).abs() < 0.005, "{gain}");
 }
 
 #[test]
@@ -153,7 +149,8 @@ fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
 #[test]
 fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
     let keys = format!(
-        "{PLAIN}\ndead_px = [[3, 4], [255, 199]]\nstuck_px = [[0, 0], [3, 5]]\nstuck_dn = 12345.0\ndead_fraction = 0.01"
+        "{PLAIN}\ndead_px = [[3, 4], [255, 199]]\nstuck_px = [[0, 0], [3, 5]]\n\
+         stuck_dn = 12345.0\ndead_fraction = 0.01"
     );
     let mut emulator = emulator(&text(false, &keys, ""));
     let shot = shoot(&mut emulator, 3);
@@ -164,11 +161,9 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
         assert!((180..220).contains(&at(x, y)), "{}", at(x, y));
     }
     let pattern = &shot.camera.detector.pattern;
-    let dark: Vec<usize> = (0..51_200)
-        .filter(|i| shot.frame.digits[*i] < 1000)
-        .collect();
-    let dead: Vec<usize> = pattern.dead().iter().map(|i| *i as usize).collect();
-    assert_eq!(dark, dead);
+    let dark = (0..51_200).filter(|i| shot.frame.digits[*i as usize] < 1000);
+    let dead = pattern.dead();
+    assert_eq!(dark.collect::<Vec<u32>>(), dead);
     assert!((400..640).contains(&dead.len()), "{}", dead.len());
     // Every one of them is in the label, and no other.
     let spots = &shot.label.objects.spots;
@@ -192,9 +187,7 @@ fn a_list_that_is_cut_says_so() {
     let shot = shoot(&mut emulator(&text(false, &keys, "")), 3);
     let (pattern, label) = (&shot.camera.detector.pattern, &shot.label);
     // Those that show no light hide that they are hot.
-    let blind = |pixel: &u32| {
-        pattern.dead().binary_search(pixel).is_ok() || pattern.stuck().binary_search(pixel).is_ok()
-    };
+    let blind = |pixel: &u32| pattern.is_blind(*pixel as usize);
     let hot = pattern.hot().iter().filter(|(pixel, _)| !blind(pixel));
     let all = pattern.dead().len() + pattern.stuck().len() + hot.count();
     assert!(all > MOST_SPOTS + 1000, "{all}");
@@ -203,23 +196,15 @@ fn a_list_that_is_cut_says_so() {
     // What is left out are the hot ones that are hardly so: of dead and stuck pixels, far from what they should be, none.
     let spots = &label.objects.spots;
     let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
-    assert_eq!(
-        (named("dead"), named("stuck")),
-        (pattern.dead().len(), pattern.stuck().len())
-    );
-    let least = spots
-        .iter()
-        .map(|spot| spot.snr)
-        .fold(f64::INFINITY, f64::min);
+    let due = (pattern.dead().len(), pattern.stuck().len());
+    assert_eq!((named("dead"), named("stuck")), due);
+    let least = spots.iter().map(|spot| spot.snr);
+    let least = least.fold(f64::INFINITY, f64::min);
     let beyond = label.spots_left_out_snr.unwrap();
-    assert!(
-        0.0 < beyond && beyond <= least && least - beyond < 0.1,
-        "{beyond} {least}"
-    );
-    let written = format!(
-        "\"spots_left_out\":{},\"spots_left_out_snr\":",
-        all - MOST_SPOTS
-    );
+    let is_next = 0.0 < beyond && beyond <= least && least - beyond < 0.1;
+    assert!(is_next, "{beyond} {least}");
+    let left_out = all - MOST_SPOTS;
+    let written = format!("\"spots_left_out\":{left_out},\"spots_left_out_snr\":");
     assert!(shot.json.contains(&written));
 }
 
@@ -261,12 +246,12 @@ fn particles_beyond_the_most_that_are_drawn_are_counted() {
 /// The noise-free frame of stars that spill keeps all the light that fell.
 #[test]
 fn stars_that_spill_keep_their_charge() {
-    let keys = |blooming: &str| {
-        "dark_e_s = 10.0\nread_noise_e = 0.0\nfull_well_e = 8000.0\ngain_e_per_dn = 1.0\noffset_dn = 0.0".to_string()
-            + &format!("\nblooming = {blooming:?}")
-    };
     let charge = |blooming: &str| {
-        let mut emulator = emulator(&text(true, &keys(blooming), ""));
+        let keys = format!(
+            "dark_e_s = 10.0\nread_noise_e = 0.0\nfull_well_e = 8000.0\ngain_e_per_dn = 1.0\n\
+             offset_dn = 0.0\nblooming = {blooming:?}"
+        );
+        let mut emulator = emulator(&text(true, &keys, ""));
         emulator.keep_expected = true;
         emulator.choice.noise = false;
         emulator.camera_mut().exposure_s = 0.05;
@@ -281,13 +266,12 @@ fn stars_that_spill_keep_their_charge() {
     assert!(off.abs() < 1.0, "{off}");
     assert!(spilled.iter().all(|e| *e < 8001.5) && clipped.iter().all(|e| *e <= 8000.0));
     // Charge that comes to a pixel comes along its column.
-    let column =
-        |e: &[f32], x: usize| sum(&e[x..].iter().step_by(256).copied().collect::<Vec<_>>());
     for x in 0..256 {
-        assert!(
-            (column(&spilled, x) - column(&expected, x)).abs() < 0.5,
-            "{x}"
-        );
+        let [spilled, expected] = [&spilled, &expected].map(|e| {
+            let column = e[x..].iter().step_by(256);
+            column.map(|e| f64::from(*e)).sum::<f64>()
+        });
+        assert!((spilled - expected).abs() < 0.5, "{x}");
     }
 }
 
@@ -299,24 +283,20 @@ fn particles(shot: &Shot) -> impl Iterator<Item = &SpotLabel> {
 #[test]
 fn particles_are_in_the_pixels_that_the_label_says() {
     let table = "[radiation]\nflux_cm2_s = 30.0\nthickness_um = 20.0\ndiffusion_um = 8.0";
-    let exposed = emulator(&text(false, PLAIN, table));
-    let mut sheltered = emulator(&text(false, PLAIN, ""));
-    let mut exposed = exposed;
-    exposed.keep_expected = true;
-    sheltered.keep_expected = true;
+    let [mut exposed, mut sheltered] = [table, ""].map(|table| {
+        let mut emulator = emulator(&text(false, PLAIN, table));
+        emulator.keep_expected = true;
+        emulator
+    });
     let mut numbers = Vec::new();
     for sequence in 0..40 {
-        let (with, without) = (
-            shoot(&mut exposed, sequence),
-            shoot(&mut sheltered, sequence),
-        );
-        let charge = |shot: &Shot| shot.frame.charge_e.clone().unwrap();
+        let with = shoot(&mut exposed, sequence);
+        let without = shoot(&mut sheltered, sequence);
+        let charge = |shot: &Shot| shot.frame.charge_e.clone().unwrap().into_iter();
         // The other noise is the same, so that the difference is the particles' charge alone.
-        let mut left: Vec<f64> = charge(&with)
-            .iter()
-            .zip(charge(&without))
-            .map(|(with, without)| f64::from(*with) - f64::from(without))
-            .collect();
+        let both = charge(&with).zip(charge(&without));
+        let left = both.map(|(with, without)| f64::from(with) - f64::from(without));
+        let mut left: Vec<f64> = left.collect();
         for spot in particles(&with) {
             let mut sum = 0.0;
             for [x, y, e] in &spot.pixels {
@@ -333,14 +313,10 @@ fn particles_are_in_the_pixels_that_the_label_says() {
     // 256 x 200 pixels of 26 um: 0.346 cm^2, 10.4 a second.
     let all: f64 = numbers.iter().sum();
     let expected = 40.0 * 30.0 * 0.6656 * 0.52;
-    assert!(
-        (all - expected).abs() < 4.0 * expected.sqrt(),
-        "{all} of {expected}"
-    );
-    assert!(
-        numbers.iter().any(|n| *n != numbers[0]),
-        "the same in every frame"
-    );
+    let is_due = (all - expected).abs() < 4.0 * expected.sqrt();
+    assert!(is_due, "{all} of {expected}");
+    let differ = numbers.iter().any(|n| *n != numbers[0]);
+    assert!(differ, "the same in every frame");
     // The same frame again, and none of it where noise is off.
     assert_eq!(shoot(&mut exposed, 7).frame, shoot(&mut exposed, 7).frame);
     exposed.choice.noise = false;

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use skyloop::camera::Camera;
+use skyloop::label::ObjectLabel;
 
 use super::{emulator, mean, shoot, text};
 
@@ -58,10 +59,8 @@ impl Filter {
         let variance = mean(self.amplitudes.iter().map(|a| (a - centre) * (a - centre)));
         let scatter = (variance * n / (n - 1.0)).sqrt();
         // Curvature and clipped tails bend the mean by some thousandths.
-        assert!(
-            (centre - 1.0).abs() < 5.0 * scatter / n.sqrt() + 0.01,
-            "{centre}"
-        );
+        let bound = 5.0 * scatter / n.sqrt() + 0.01;
+        assert!((centre - 1.0).abs() < bound, "{centre}");
         self.snr * scatter
     }
 }
@@ -80,9 +79,8 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
     let (offset_dn, gain) = (detector.offset_dn, detector.gain_e_per_dn);
     let objects = &still.label.objects;
     let alone = |at: [f64; 2], own: f64| {
-        let near = objects
-            .iter()
-            .filter(|o| (o.x_px - at[0]).hypot(o.y_px - at[1]) < 12.0);
+        let is_near = |o: &&ObjectLabel| (o.x_px - at[0]).hypot(o.y_px - at[1]) < 12.0;
+        let near = objects.iter().filter(is_near);
         near.map(|o| o.electrons).sum::<f64>() - own < 2e-3 * own
     };
     let mut filters = Vec::new();
@@ -112,10 +110,8 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
     println!("{} stars, snr x scatter {all:.4}", ratios.len());
     for (filter, ratio) in filters.iter().zip(&ratios) {
         let what = (filter.snr, filter.hot, filter.blind);
-        assert!(
-            (ratio - 1.0).abs() < 4.5 * error,
-            "{ratio}: snr, hot, blind {what:?}"
-        );
+        let is_met = (ratio - 1.0).abs() < 4.5 * error;
+        assert!(is_met, "{ratio}: snr, hot, blind {what:?}");
     }
     let bound = 4.0 * error / (ratios.len() as f64).sqrt() + 0.005;
     assert!((all - 1.0).abs() < bound, "{all}");
@@ -204,12 +200,9 @@ stuck_dn = 500.0";
             "stuck" => (3600.0 - held).abs() / noise(held),
             _ => (background - 100.0) / noise(background),
         };
-        assert!(
-            (spot.snr / snr - 1.0).abs() < 1e-5,
-            "{}: {} in the label, {snr} by hand",
-            spot.id,
-            spot.snr
-        );
+        let (id, told) = (&spot.id, spot.snr);
+        let is_met = (told / snr - 1.0).abs() < 1e-5;
+        assert!(is_met, "{id}: {told} in the label, {snr} by hand");
         let pixel = index(&spot.pixels[0]);
         lit += u32::from(spot.kind == "defect" && f64::from(expected[pixel]) > background + 20.0);
         hit += u32::from(spot.kind == "defect" && struck[pixel] > 20.0);
