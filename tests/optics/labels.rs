@@ -11,6 +11,13 @@ use skyloop::sky::catalog::Selection;
 use std::str::FromStr;
 use std::sync::Arc;
 
+/// About +Y, deg/s.
+fn turning(deg_s: f64) -> VehicleState {
+    let q = [0.1, 0.2, -0.3, 0.927_361_849_549_570_4];
+    let epoch = Epoch::from_str("2026-02-11T18:22:41 UTC").unwrap();
+    VehicleState::new(1, epoch, q, [0.0, deg_s.to_radians(), 0.0], None).unwrap()
+}
+
 /// An image whose light is off its middle moves the light of a source, and its label with it.
 #[test]
 fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
@@ -31,9 +38,7 @@ fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
     camera.detector.dark_e_s = 0.0;
     let psf = |shape| Psf::new(shape, Variation::default());
     camera.optics.psf = psf(Shape::Gaussian(0.3));
-    let q = [0.1, 0.2, -0.3, 0.927_361_849_549_570_4];
-    let epoch = Epoch::from_str("2026-02-11T18:22:41 UTC").unwrap();
-    let vehicle = VehicleState::new(1, epoch, q, [0.0; 3], None).unwrap();
+    let vehicle = turning(0.0);
     let centred = emulator.shoot(&vehicle, 0).unwrap().label.objects;
     emulator.camera_mut().optics.psf = psf(Shape::Images(Arc::new(images)));
     let shot = emulator.shoot(&vehicle, 0).unwrap();
@@ -74,10 +79,7 @@ fn labels_have_the_centre_of_light_that_is_off_by_place() {
     let camera = emulator.camera_mut();
     camera.optics.psf = Psf::new(Shape::Images(Arc::new(images)), Variation::default());
     camera.exposure_s = 0.5;
-    let q = [0.1, 0.2, -0.3, 0.927_361_849_549_570_4];
-    let epoch = Epoch::from_str("2026-02-11T18:22:41 UTC").unwrap();
-    let rates = [0.0, 30f64.to_radians(), 0.0];
-    let vehicle = VehicleState::new(1, epoch, q, rates, None).unwrap();
+    let vehicle = turning(30.0);
     let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &Choice::default());
     let (mut compared, mut furthest) = (0, 0.0f64);
     for source in scene.unwrap().sources {

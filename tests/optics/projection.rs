@@ -30,9 +30,8 @@ fn distortion_is_that_of_opencv() {
         let miss = (x - number(&row, 9)).hypot(y - number(&row, 10));
         assert!(miss < 1e-6, "{row:?} {miss:e}");
 
-        let back = camera
-            .optics
-            .direction([number(&row, 11), number(&row, 12)]);
+        let pixel = [11, 12].map(|k| number(&row, k));
+        let back = camera.optics.direction(pixel);
         let theirs = Vector3::new(number(&row, 13), number(&row, 14), 1.0).normalize();
         // 1e-6 px of 2,650 px, in rad.
         assert!((back - theirs).norm() < 1e-6 / 2650.0, "{row:?}");
@@ -55,10 +54,9 @@ fn cameras() -> Vec<Camera> {
         let text = text(GAUSSIAN, &format!("[optics.projection]\n{lens}"));
         load(&text.replace("focal_length_mm = 20.0", focal)).unwrap()
     };
-    let mut cameras: Vec<Camera> = LENSES
-        .iter()
-        .map(|lens| shape(lens, "focal_length_mm = 2.0"))
-        .collect();
+    let lenses = LENSES.iter();
+    let cameras = lenses.map(|lens| shape(lens, "focal_length_mm = 2.0"));
+    let mut cameras: Vec<Camera> = cameras.collect();
     // 73 degrees from the boresight at a side's middle, 116 in the corners.
     cameras.push(shape(LENSES[3], "focal_length_mm = 0.63"));
     cameras
@@ -93,9 +91,8 @@ fn the_cone_holds_every_pixel_and_little_more() {
         let widest = |margin_px: f64| {
             let angle = |pixel| {
                 let both = [&camera.optics, &ideal].map(|optics| optics.direction(pixel));
-                both.map(|seen| Vector3::z().angle(&seen))
-                    .into_iter()
-                    .fold(0.0, f64::max)
+                let [a, b] = both.map(|seen| Vector3::z().angle(&seen));
+                a.max(b)
             };
             let edge = camera.detector.edge(margin_px);
             edge.map(angle).fold(0.0, f64::max)
@@ -110,9 +107,8 @@ fn the_cone_holds_every_pixel_and_little_more() {
 #[test]
 fn strength_scales_the_coefficients_and_nothing_is_pinhole() {
     let lens = |strength: &str| {
-        let keys = format!(
-            "[optics.projection]\nmodel = \"brown-conrady\"\nk = [-0.2, 0.04]\np = [1e-3, 2e-3]\n{strength}"
-        );
+        let lens = "model = \"brown-conrady\"\nk = [-0.2, 0.04]\np = [1e-3, 2e-3]";
+        let keys = format!("[optics.projection]\n{lens}\n{strength}");
         load(&text(GAUSSIAN, &keys)).unwrap().optics
     };
     let model = *lens("strength = 0.25").projection.model();
@@ -123,11 +119,8 @@ fn strength_scales_the_coefficients_and_nothing_is_pinhole() {
     assert_eq!(model, expected);
     let at = Vector3::new(0.03, -0.02, 1.0);
     let none = lens("strength = 0.0").project(&at).unwrap();
-    let plain = load(&text(GAUSSIAN, ""))
-        .unwrap()
-        .optics
-        .project(&at)
-        .unwrap();
+    let plain = load(&text(GAUSSIAN, "")).unwrap();
+    let plain = plain.optics.project(&at).unwrap();
     assert_eq!(none, plain);
     let full = lens("");
     assert!((full.project(&at).unwrap()[0] - plain[0]).abs() > 0.005);

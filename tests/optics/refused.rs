@@ -120,15 +120,10 @@ fn each_wrong_key_is_named_with_what_is_allowed() {
     for row in &rows {
         let columns: Vec<&str> = row.split(" | ").collect();
         let keys = columns[1].replace("; ", "\n");
-        let optics = if columns[0] == "optics.psf" {
-            ""
-        } else {
-            GAUSSIAN
-        };
-        refused(
-            &text(optics, &format!("[{}]\n{keys}", columns[0])),
-            &columns[2..],
-        );
+        let has_psf = columns[0] == "optics.psf";
+        let optics = if has_psf { "" } else { GAUSSIAN };
+        let tables = format!("[{}]\n{keys}", columns[0]);
+        refused(&text(optics, &tables), &columns[2..]);
     }
     assert!(rows.len() > 40);
 }
@@ -137,19 +132,20 @@ fn each_wrong_key_is_named_with_what_is_allowed() {
 fn widths_that_no_table_has() {
     // Diffraction wider than the tables.
     let slow = text("", "[optics.psf]\nkind = \"airy\"");
-    refused(
-        &slow.replace("aperture_mm = 10.0", "aperture_mm = 0.05"),
-        &["optics.psf.kind", "at most 20 px", "enlarge the aperture"],
-    );
+    let slow = slow.replace("aperture_mm = 10.0", "aperture_mm = 0.05");
+    let words = ["optics.psf.kind", "at most 20 px", "enlarge the aperture"];
+    refused(&slow, &words);
     // Surplus where the optics' own keys are.
-    refused(
-        &text(&format!("principal_px = [1.0, 2.0, 3.0]\n{GAUSSIAN}"), ""),
-        &["optics.principal_px: must have 2 values, not 3"],
-    );
-    refused(
-        &text(&format!("principal_px = [1.0, 2e6]\n{GAUSSIAN}"), ""),
-        &["optics.principal_px[1] = 2000000"],
-    );
+    for (value, words) in [
+        (
+            "[1.0, 2.0, 3.0]",
+            "optics.principal_px: must have 2 values, not 3",
+        ),
+        ("[1.0, 2e6]", "optics.principal_px[1] = 2000000"),
+    ] {
+        let optics = format!("principal_px = {value}\n{GAUSSIAN}");
+        refused(&text(&optics, ""), &[words]);
+    }
 }
 
 /// The table that lacks a key is the one named, not the one inside it that has a header.
@@ -212,18 +208,11 @@ fn a_misaligned_camera_is_turned_about_its_own_axes() {
     let q = "[mounting]\nq_body_to_camera = [0.0, 0.0, 0.7071067811865476, 0.7071067811865476]";
     let straight = load(q).mounting;
     let turned = load(&format!("{q}\nmisalignment_arcsec = [60.0, 0.0, 0.0]")).mounting;
-    let back = straight.xyzw();
-    let back =
-        skyloop::attitude::Attitude::from_xyzw([-back[0], -back[1], -back[2], back[3]]).unwrap();
-    let between = back.then(&turned);
+    let between = straight.inverse().then(&turned);
     let seen = between.rotate(&nalgebra::Vector3::z());
     // X-Val: 60 arcsec are 2.908882e-4 rad.
-    assert!(
-        (seen.y - 2.908_882e-4).abs() < 1e-9 && seen.x.abs() < 1e-12,
-        "{seen}"
-    );
-    assert_eq!(
-        load("[mounting]\nmisalignment_arcsec = [0.0, 0.0, 0.0]").mounting,
-        load("").mounting
-    );
+    let is_turned = (seen.y - 2.908_882e-4).abs() < 1e-9 && seen.x.abs() < 1e-12;
+    assert!(is_turned, "{seen}");
+    let none = load("[mounting]\nmisalignment_arcsec = [0.0, 0.0, 0.0]").mounting;
+    assert_eq!(none, load("").mounting);
 }
