@@ -1,11 +1,14 @@
 //! The paper's Table 3: a short sequence is rendered, written and told of.
 
+#[path = "support/table.rs"]
+mod refusals;
 #[path = "../examples/table_3/sequence.rs"]
 mod sequence;
 #[path = "../examples/table_3/table.rs"]
 mod table;
 
 use clap::Parser;
+use refusals::check_refusals;
 use serde_json::Value;
 use skyloop::orbit::synth::population;
 use skyloop::orbit::time::parse_utc;
@@ -55,11 +58,9 @@ fn a_short_sequence_is_written_and_stands_beside_the_published_figures() {
     let rows = rows(&printed);
     let [name, images, total, each] = rows[0];
     assert_eq!([name, images], ["skyloop", "2"], "{printed}");
-    let (total, each): (f64, f64) = (total.parse().unwrap(), each.parse().unwrap());
-    assert!(
-        total > 0.0 && (total / 2.0 - each).abs() < 0.006,
-        "{printed}"
-    );
+    let [total, each] = [total, each].map(|s| s.parse::<f64>().unwrap());
+    let is_half = (total / 2.0 - each).abs() < 0.006;
+    assert!(total > 0.0 && is_half, "{printed}");
     // The paper's Table 3.
     let published = [
         ["SBOIS", "200", "67", "0.34"],
@@ -108,14 +109,10 @@ fn objects_of_a_file_take_the_place_of_made_up_ones() {
     let file = file.to_str().unwrap();
     // Without --out the images go to a temporary folder.
     let printed = table_3(&["--images", "1", "--tle", file]).unwrap();
-    assert!(
-        printed.contains(&format!("with 1 object of {file}")),
-        "{printed}"
-    );
-    assert!(
-        printed.contains("written into a temporary folder"),
-        "{printed}"
-    );
+    let told = format!("with 1 object of {file}");
+    for part in [&told, "written into a temporary folder"] {
+        assert!(printed.contains(part), "{printed}");
+    }
 }
 
 #[test]
@@ -124,30 +121,20 @@ fn what_cannot_be_done_is_told_with_its_remedy() {
     let file = out.path().join("a-file");
     std::fs::write(&file, "no orbits").unwrap();
     let file = file.to_str().unwrap();
-    for (args, said) in [
-        (
-            &["--tle", "no-such.tle"][..],
-            &["--tle", "no-such.tle", "check the path"][..],
-        ),
-        (&["--tle", file], &["--tle", file]),
-        (
-            &["--images", "1", "--out", file],
-            &[file, "choose another output folder"],
-        ),
-        (
-            &["--images", "0"],
-            &["--images", "a whole number from 1 to 10000"],
-        ),
-        (
-            &["--images", "-3"],
-            &["--images", "a whole number from 1 to 10000"],
-        ),
-        (&["--frames", "3"], &["--frames", "--help"]),
-        (&["three"], &["three", "--help"]),
-    ] {
-        let error = table_3(args).unwrap_err();
-        for part in said {
-            assert!(error.contains(part), "{args:?}: {error}");
-        }
-    }
+    check_refusals(REFUSED, |args| {
+        let args = args.split(' ').map(|arg| arg.replace("FILE", file));
+        let args: Vec<String> = args.collect();
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        table_3(&args).unwrap_err().replace(file, "FILE")
+    });
 }
+
+const REFUSED: &str = r#"
+--tle no-such.tle | --tle | no-such.tle | check the path
+--tle FILE | --tle | FILE
+--images 1 --out FILE | FILE | choose another output folder
+--images 0 | --images | a whole number from 1 to 10000
+--images -3 | --images | a whole number from 1 to 10000
+--frames 3 | --frames | --help
+three | three | --help
+"#;
