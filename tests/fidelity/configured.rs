@@ -1,25 +1,26 @@
 //! The key `fidelity` of a configuration: a preset, or single knobs of it.
 
+use crate::table::check_refusals;
 use skyloop::config::{Config, OnOverrun, Run};
 use skyloop::fidelity::{Allowed, Fidelity, KNOBS, Orbits, PRESETS};
 use skyloop::load::Folder;
 
+fn parse(text: &str) -> Result<Config, String> {
+    Config::parse("run.toml", text, &Folder::current()).map_err(|error| error.to_string())
+}
+
 fn read(text: &str) -> Result<Fidelity, String> {
-    let config = Config::parse("run.toml", text, &Folder::current());
-    config
-        .map(|config| config.fidelity)
-        .map_err(|error| error.to_string())
+    parse(text).map(|config| config.fidelity)
 }
 
 #[test]
 fn presets_and_single_knobs_are_read() {
     assert_eq!(read("").unwrap(), Fidelity::REALTIME);
     for (name, fidelity) in PRESETS {
-        assert_eq!(read(&format!("fidelity = \"{name}\"")).unwrap(), *fidelity);
-        assert_eq!(
-            read(&format!("fidelity.preset = \"{name}\"")).unwrap(),
-            *fidelity
-        );
+        for key in ["fidelity", "fidelity.preset"] {
+            let text = format!("{key} = \"{name}\"");
+            assert_eq!(read(&text).unwrap(), *fidelity, "{text}");
+        }
     }
     let turned = read("[fidelity]\nwing_e = 1\npreset = \"fast\"\norbits = \"exact\"").unwrap();
     let wanted = Fidelity {
@@ -47,85 +48,39 @@ fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
         };
         assert!(least < most, "{}", knob.name);
         for beyond in [most * 1.01, -1.0, f64::NAN] {
-            let error =
-                read(&format!("[fidelity]\n{} = {beyond:?}", knob.name).replace("NaN", "nan"));
-            let error = error.unwrap_err();
-            let key = format!(
-                "run.toml:2:{}: fidelity.{} = ",
-                knob.name.len() + 4,
-                knob.name
-            );
-            assert!(
-                error.starts_with(&key) && error.contains(&format!(" to {most}")),
-                "{error}"
-            );
+            let (name, value) = (knob.name, format!("{beyond:?}").to_lowercase());
+            let error = read(&format!("[fidelity]\n{name} = {value}")).unwrap_err();
+            let key = format!("run.toml:2:{}: fidelity.{name} = ", name.len() + 4);
+            let is_told = error.starts_with(&key) && error.contains(&format!(" to {most}"));
+            assert!(is_told, "{error}");
         }
     }
 }
 
+const REFUSED: &str = r#"
+fidelity = "best" | fidelity = "best" | one of fast, realtime, reference
+[fidelity]\npreset = "best" | fidelity.preset = "best" | one of fast, realtime, reference
+[fidelity]\nwings_e = 1 | run.toml:2:1: fidelity.wings_e: unknown key `wings_e` | `wing_e`
+[fidelity]\nquality = 9 | unknown key `quality`, known: preset, psf_loss,  | , orbits
+[fidelity]\nwing_e = "much" | run.toml:2:10: fidelity.wing_e = "much":  | must be 0.001 to 1000 e-
+[fidelity]\norbits = "guessed" | fidelity.orbits = "guessed" | one of tracked, exact, scalar
+[fidelity]\norbits = 1 | run.toml:2:10: fidelity.orbits = 1 | one of tracked, exact, scalar
+fidelity = 3 | run.toml:1:12: fidelity: must be one of "fast", "realtime", "reference" or a table of keys | not 3
+[run]\ncoarsen = [] | run.coarsen = [] | at least one
+[run]\ncoarsen = ["faster"] | run.coarsen[0] = "faster" | one of fast, realtime, reference, or a knob
+[run]\ncoarsen = ["fast", "wings_e = 1"] | run.coarsen[1]: unknown knob `wings_e` | `wing_e`
+[run]\ncoarsen = ["psf_loss = 2"] | run.coarsen[0]: psf_loss = 2 | to 0.01
+[run]\ncoarsen = ["wing_e = much"] | run.coarsen[0]: wing_e = "much" | 0.001 to 1000 e-
+[run]\non_overrun = "hurry" | run.on_overrun: must be | coarsen
+"#;
+
 #[test]
 fn what_cannot_be_meant_is_refused() {
-    for (text, words) in [
-        (
-            "fidelity = \"best\"",
-            ["fidelity = \"best\"", "one of fast, realtime, reference"],
-        ),
-        (
-            "[fidelity]\npreset = \"best\"",
-            [
-                "fidelity.preset = \"best\"",
-                "one of fast, realtime, reference",
-            ],
-        ),
-        (
-            "[fidelity]\nwings_e = 1",
-            [
-                "run.toml:2:1: fidelity.wings_e: unknown key `wings_e`",
-                "`wing_e`",
-            ],
-        ),
-        (
-            "[fidelity]\nquality = 9",
-            [
-                "unknown key `quality`, known: preset, psf_loss, ",
-                ", orbits",
-            ],
-        ),
-        (
-            "[fidelity]\nwing_e = \"much\"",
-            [
-                "run.toml:2:10: fidelity.wing_e = \"much\": ",
-                "must be 0.001 to 1000 e-",
-            ],
-        ),
-        (
-            "[fidelity]\norbits = \"guessed\"",
-            [
-                "fidelity.orbits = \"guessed\"",
-                "one of tracked, exact, scalar",
-            ],
-        ),
-        (
-            "[fidelity]\norbits = 1",
-            [
-                "run.toml:2:10: fidelity.orbits = 1",
-                "one of tracked, exact, scalar",
-            ],
-        ),
-        (
-            "fidelity = 3",
-            [
-                "run.toml:1:12: fidelity: must be one of \"fast\", \"realtime\", \"reference\" or a table of keys",
-                "not 3",
-            ],
-        ),
-    ] {
+    check_refusals(REFUSED, |text| {
         let error = read(text).unwrap_err();
-        for word in words {
-            assert!(error.contains(word), "{text}: {error:?} has no {word:?}");
-        }
         assert_eq!(error.lines().count(), 1, "{error}");
-    }
+        error
+    });
 }
 
 /// What the steps of `run.coarsen` come to, one after another.
@@ -139,18 +94,12 @@ fn coarsened(run: &Run, fidelity: Fidelity) -> Vec<Fidelity> {
 
 #[test]
 fn what_is_done_about_late_frames_is_read_in_its_order() {
-    let read = |text: &str| {
-        let config = Config::parse("run.toml", text, &Folder::current());
-        config
-            .map(|config| config.run)
-            .map_err(|error| error.to_string())
-    };
-    let usual = read("").unwrap();
+    let usual = parse("").unwrap().run;
     assert_eq!(usual.on_overrun, OnOverrun::Late);
     assert_eq!(coarsened(&usual, Fidelity::REALTIME), [Fidelity::FAST]);
     let text = "fidelity = \"reference\"\n[run]\non_overrun = \"coarsen\"\n\
                 coarsen = [\"orbits = tracked\", \"realtime\", \"wing_e = 0.5\", \"skip_px=0.1\"]";
-    let run = read(text).unwrap();
+    let run = parse(text).unwrap().run;
     assert_eq!(run.on_overrun, OnOverrun::Coarsen);
     let wing_e = 0.5;
     let wanted = [
@@ -170,38 +119,6 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
         },
     ];
     assert_eq!(coarsened(&run, Fidelity::REFERENCE), wanted);
-    for (value, words) in [
-        ("[]", ["run.coarsen = []", "at least one"]),
-        (
-            "[\"faster\"]",
-            [
-                "run.coarsen[0] = \"faster\"",
-                "one of fast, realtime, reference, or a knob",
-            ],
-        ),
-        (
-            "[\"fast\", \"wings_e = 1\"]",
-            ["run.coarsen[1]: unknown knob `wings_e`", "`wing_e`"],
-        ),
-        (
-            "[\"psf_loss = 2\"]",
-            ["run.coarsen[0]: psf_loss = 2", "to 0.01"],
-        ),
-        (
-            "[\"wing_e = much\"]",
-            ["run.coarsen[0]: wing_e = \"much\"", "0.001 to 1000 e-"],
-        ),
-    ] {
-        let error = read(&format!("[run]\ncoarsen = {value}")).unwrap_err();
-        for word in words {
-            assert!(error.contains(word), "{value}: {error:?} has no {word:?}");
-        }
-    }
-    let error = read("[run]\non_overrun = \"hurry\"").unwrap_err();
-    assert!(
-        error.contains("run.on_overrun: must be") && error.contains("coarsen"),
-        "{error}"
-    );
 }
 
 #[test]
@@ -216,8 +133,6 @@ fn labels_say_what_differs_from_the_nearest_preset() {
     };
     let (preset, knobs) = turned.told();
     assert_eq!((preset, knobs.len()), ("realtime", 1));
-    assert_eq!(
-        (knobs[0].0, knobs[0].1.to_string()),
-        ("wing_e", "0.5".to_string())
-    );
+    let (name, value) = (knobs[0].0, knobs[0].1.to_string());
+    assert_eq!((name, value.as_str()), ("wing_e", "0.5"));
 }

@@ -5,15 +5,18 @@ mod beside;
 mod configured;
 mod measured;
 
+#[path = "../support/fixtures.rs"]
+mod fixtures;
 #[path = "../support/scenes.rs"]
 mod scenes;
+#[path = "../support/table.rs"]
+mod table;
 
+use fixtures::Frames;
 use measured::{CASES, Case, Measure};
 use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
-use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity, KNOBS, Knob, Value};
-use skyloop::flight;
 use skyloop::measure::Bench;
 use skyloop::scene::{Scene, Simulated};
 use std::collections::BTreeMap;
@@ -84,10 +87,10 @@ impl Worst {
     }
 
     /// Adds the errors of a frame in the middle of a scene.
-    fn add(worst: &Mutex<Worst>, name: &str, mut config: Config) {
-        let mission = flight::mission(&config).unwrap();
-        let vehicle = flight::vehicle(&mission, mission.frames / 2).unwrap();
-        let mut emulator = Emulator::new(&mut config);
+    fn add(worst: &Mutex<Worst>, name: &str, config: Config) {
+        let frames = Frames::of(config);
+        let vehicle = frames.vehicle(frames.mission.frames / 2);
+        let mut emulator = frames.emulator;
         for lights in [Lights::Points, Lights::Areas, Lights::All] {
             let choice = lights.choice();
             let mut truth: Option<Scene> = None;

@@ -6,7 +6,7 @@ use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::measure::Bench;
 use skyloop::plan::{Plan, Step};
 use skyloop::scene::{Scene, Source};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// One knob's measurement.
 pub struct Case {
@@ -24,75 +24,65 @@ pub enum Measure {
     Skipped(fn(&Bench<'_>) -> f64),
 }
 
-const fn case(knob: &'static str, lights: Lights, measure: Measure) -> Case {
+const fn case(
+    knob: &'static str,
+    also: &'static [&'static str],
+    lights: Lights,
+    measure: Measure,
+) -> Case {
     Case {
         knob,
-        also: &[],
+        also,
         lights,
         measure,
     }
 }
 
+/// Of images, by the scene of the reference and that with the knob moved.
+const fn points(knob: &'static str, measure: fn(&Scene, &Scene, &Fidelity) -> f64) -> Case {
+    case(knob, &[], Lights::Points, Measure::Scenes(measure))
+}
+
 pub const CASES: &[Case] = &[
+    points("psf_loss", |truth, coarse, _| lost(truth, coarse, |_| 1.0)),
+    points("loss_e", |truth, coarse, _| {
+        lost(truth, coarse, |of| of.clear_e)
+    }),
+    points("wing_e", |truth, coarse, _| {
+        off(truth, coarse, |of, _| of.clear_e)
+    }),
+    points("track_step_sigma", |truth, coarse, _| {
+        off(truth, coarse, |_, highest| 1.0 / highest)
+    }),
+    points("track_e", |truth, coarse, _| {
+        off(truth, coarse, |of, _| of.clear_e)
+    }),
+    points("star_snr", |truth, coarse, _| missing_snr(truth, coarse)),
+    points("orbits", |truth, coarse, _| moved(truth, coarse)),
     case(
-        "psf_loss",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| lost(truth, coarse, |_| 1.0)),
+        "area_e",
+        &["area_part"],
+        Lights::Areas,
+        Measure::Scenes(area_e),
     ),
     case(
-        "loss_e",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| lost(truth, coarse, |source| source.clear_e)),
+        "area_part",
+        &["area_e"],
+        Lights::Areas,
+        Measure::Scenes(area_part),
+    ),
+    case("skip_e", &[], Lights::All, Measure::Skipped(skipped_e)),
+    case(
+        "skip_snr",
+        &["skip_e"],
+        Lights::All,
+        Measure::Scenes(skipped_snr),
     ),
     case(
-        "wing_e",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |source, _| source.clear_e)),
-    ),
-    case(
-        "track_step_sigma",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |_, highest| 1.0 / highest)),
-    ),
-    case(
-        "track_e",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |source, _| source.clear_e)),
-    ),
-    Case {
-        also: &["area_part"],
-        ..case(
-            "area_e",
-            Lights::Areas,
-            Measure::Scenes(|truth, coarse, by| by.area_e * area(truth, coarse, by, false)),
-        )
-    },
-    Case {
-        also: &["area_e"],
-        ..case(
-            "area_part",
-            Lights::Areas,
-            Measure::Scenes(|truth, coarse, by| by.area_part * area(truth, coarse, by, true)),
-        )
-    },
-    case("skip_e", Lights::All, Measure::Skipped(skipped_e)),
-    Case {
-        also: &["skip_e"],
-        ..case("skip_snr", Lights::All, Measure::Scenes(skipped_snr))
-    },
-    case(
-        "star_snr",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| missing_snr(truth, coarse)),
-    ),
-    Case {
-        also: &["skip_e"],
-        ..case("skip_px", Lights::All, Measure::Skipped(skipped_px))
-    },
-    case(
-        "orbits",
-        Lights::Points,
-        Measure::Scenes(|truth, coarse, _| moved(truth, coarse)),
+        "skip_px",
+        &["skip_e"],
+        Lights::All,
+        Measure::Skipped(skipped_px),
     ),
 ];
 
@@ -188,15 +178,22 @@ fn area(truth: &Scene, coarse: &Scene, by: &Fidelity, of_parts: bool) -> f64 {
     most
 }
 
+/// Of pixels where the least electrons decide, e-.
+fn area_e(truth: &Scene, coarse: &Scene, by: &Fidelity) -> f64 {
+    by.area_e * area(truth, coarse, by, false)
+}
+
+/// Of pixels where the part decides.
+fn area_part(truth: &Scene, coarse: &Scene, by: &Fidelity) -> f64 {
+    by.area_part * area(truth, coarse, by, true)
+}
+
 /// The greatest signal-to-noise ratio of an image that `coarse` does not have.
 fn missing_snr(truth: &Scene, coarse: &Scene) -> f64 {
-    let found: HashMap<_, ()> = both(truth, coarse)
-        .map(|[source, _]| (source.body.identity(), ()))
-        .collect();
-    let missing = truth
-        .sources
-        .iter()
-        .filter(|source| !found.contains_key(&source.body.identity()));
+    let found = coarse.sources.iter().map(|source| source.body.identity());
+    let found: HashSet<_> = found.collect();
+    let missing = truth.sources.iter();
+    let missing = missing.filter(|source| !found.contains(&source.body.identity()));
     missing.map(|source| source.clear_snr).fold(0.0, f64::max)
 }
 
@@ -230,9 +227,8 @@ fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
 fn skipped(bench: &Bench<'_>) -> Vec<&'static skyloop::effect::Effect> {
     let emulator = bench.emulator;
     let choice = Choice::default();
-    let scene = emulator
-        .scene(&bench.camera, &bench.vehicle, 0, &choice)
-        .unwrap();
+    let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, &choice);
+    let scene = scene.unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), &choice);
     let is_skipped = |step: &&Step<'_>| matches!(step.verdict, Verdict::Skip { .. });
     let loses = |step: &&Step<'_>| {
