@@ -1,33 +1,52 @@
 //! The planner's promises, on every scene of `configs/scenes/`: what it leaves out lies below what it declares, what it
 //! declares is near the truth, and an effect that is switched off takes its own contribution with it and no more.
 
+use std::path::Path;
+
+use skyloop::attitude::VehicleState;
 use skyloop::config::Config;
 use skyloop::effect::{EFFECTS, Effect, Stage};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
-use skyloop::flight;
 use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
 use skyloop::scene::Simulated;
 
+#[path = "support/fixtures.rs"]
+mod fixtures;
 #[path = "support/scenes.rs"]
 mod scenes;
 
+use fixtures::Frames;
+
 use scenes::scenes;
 
+/// An emulator of a scene, and the vehicle in its first frame and in the middle one.
+fn load(path: &Path) -> (Emulator, [VehicleState; 2]) {
+    let frames = Frames::of(Config::load(path).unwrap());
+    let vehicles = [0, frames.mission.frames / 2].map(|number| frames.vehicle(number));
+    (frames.emulator, vehicles)
+}
+
+/// The scene of that name.
+fn scene(name: &str) -> (Emulator, [VehicleState; 2]) {
+    let path = scenes().into_iter().find(|path| path.ends_with(name));
+    load(&path.unwrap())
+}
+
+fn bench<'a>(emulator: &'a Emulator, vehicle: &VehicleState) -> Bench<'a> {
+    Bench {
+        emulator,
+        camera: emulator.camera(),
+        vehicle: vehicle.clone(),
+    }
+}
+
 /// Calls `check` with the name and a frame of every scene.
-fn each_scene(check: impl Fn(&str, &Bench<'_>)) {
+fn each_scene(mut check: impl FnMut(&str, &Bench<'_>)) {
     for path in scenes() {
-        let name = path.display().to_string();
-        let mut config = Config::load(&path).unwrap();
-        let mission = flight::mission(&config).unwrap();
-        let emulator = Emulator::new(&mut config);
-        let bench = Bench {
-            emulator: &emulator,
-            camera: emulator.camera(),
-            vehicle: flight::vehicle(&mission, mission.frames / 2).unwrap(),
-        };
-        check(&name, &bench);
+        let (emulator, [_, middle]) = load(&path);
+        check(&path.display().to_string(), &bench(&emulator, &middle));
     }
 }
 
@@ -36,6 +55,21 @@ fn quiet() -> Choice {
         noise: false,
         ..Choice::default()
     }
+}
+
+/// Everything, whether it is called for or not.
+fn all(noise: bool) -> Choice {
+    Choice {
+        all: true,
+        noise,
+        ..Choice::default()
+    }
+}
+
+/// The effects with what a plan of `choice` says of them.
+fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectLabel)> {
+    let verdicts = bench.verdicts(choice).unwrap();
+    EFFECTS.iter().zip(verdicts).collect()
 }
 
 fn without(choice: &Choice, effect: &Effect) -> Choice {
@@ -50,10 +84,8 @@ fn charge(bench: &Bench<'_>, choice: &Choice) -> Vec<f32> {
 
 /// Greatest difference of two frames' charge, and the greatest charge.
 fn difference(a: &[f32], b: &[f32]) -> (f64, f64) {
-    let apart = a
-        .iter()
-        .zip(b)
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
+    let pairs = a.iter().zip(b);
+    let apart = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
     let most = a.iter().chain(b).copied().fold(0.0, f32::max);
     (apart.fold(0.0, f64::max), f64::from(most))
 }
@@ -71,43 +103,24 @@ const ROUNDING: f64 = 1e-6;
 #[test]
 fn what_is_skipped_changes_less_than_was_declared() {
     each_scene(|name, bench| {
-        let all = Choice {
-            all: true,
-            ..quiet()
-        };
-        let skipped = bench
-            .verdicts(&quiet())
-            .unwrap()
-            .into_iter()
-            .filter(|verdict| !verdict.run);
-        let declared: f64 = skipped
-            .filter(|verdict| {
-                EFFECTS
-                    .iter()
-                    .any(|e| e.name == verdict.effect && !e.random)
-            })
-            .map(|verdict| verdict.error_e.unwrap())
-            .sum();
-        let (apart, most) = difference(&charge(bench, &quiet()), &charge(bench, &all));
-        assert!(
-            apart <= declared + ROUNDING * most,
-            "{name}: {apart} e- apart, {declared} e- declared"
-        );
+        let skipped = verdicts(bench, &quiet()).into_iter();
+        let skipped = skipped.filter(|(effect, verdict)| !verdict.run && !effect.random);
+        let declared: f64 = skipped.map(|(_, verdict)| verdict.error_e.unwrap()).sum();
+        let (apart, most) = difference(&charge(bench, &quiet()), &charge(bench, &all(false)));
+        let what = format!("{name}: {apart} e- apart, {declared} e- declared");
+        assert!(apart <= declared + ROUNDING * most, "{what}");
     });
 }
 
 #[test]
 fn declared_errors_are_bounds_and_near_the_measured() {
-    let wrong = std::sync::Mutex::new(String::new());
+    let mut wrong = String::new();
     each_scene(|name, bench| {
-        let all = Choice {
-            all: true,
-            ..Choice::default()
-        };
+        let all = all(true);
         // The rms of many large frames takes long, and would be that of small ones.
         let small = bench.camera.detector.pixels() < 100_000;
-        let effects = EFFECTS.iter().zip(bench.verdicts(&all).unwrap());
         let most = f64::from(charge(bench, &quiet()).iter().copied().fold(0.0, f32::max));
+        let effects = verdicts(bench, &all).into_iter();
         for (effect, verdict) in
             effects.filter(|(effect, _)| small || !effect.random || effect.name == "radiation")
         {
@@ -119,43 +132,23 @@ fn declared_errors_are_bounds_and_near_the_measured() {
             let is_near = measured <= 1e-3 || declared <= 10.0 * measured;
             if !(is_bound && is_near) {
                 let effect = effect.name;
-                let line =
-                    format!("{name}, {effect}: measured {measured} e-, declared {declared}\n");
-                wrong.lock().unwrap().push_str(&line);
+                wrong += &format!("{name}, {effect}: {measured} e- of {declared} declared\n");
             }
         }
-    });
-    let wrong = wrong.into_inner().unwrap();
-    assert!(wrong.is_empty(), "{wrong}");
-}
-
-#[test]
-fn declared_displacements_are_bounds_and_near_the_measured() {
-    let wrong = std::sync::Mutex::new(String::new());
-    each_scene(|name, bench| {
-        let all = Choice {
-            all: true,
-            ..quiet()
-        };
-        let shaping = EFFECTS
-            .iter()
-            .zip(bench.verdicts(&all).unwrap())
-            .filter(|(effect, _)| effect.stage == Stage::Images);
-        for (effect, verdict) in shaping {
+        for (effect, verdict) in verdicts(bench, &all).into_iter() {
+            if effect.stage != Stage::Images {
+                continue;
+            }
             let measured = bench.error_px(effect, &all).unwrap();
             let declared = verdict.error_px.unwrap();
             let is_bound = measured <= declared + 1e-6;
             let is_near = measured <= 1e-6 || declared <= 10.0 * measured;
             if !(is_bound && is_near) {
-                let line = format!(
-                    "{name}, {}: measured {measured} px, declared {declared}\n",
-                    effect.name
-                );
-                wrong.lock().unwrap().push_str(&line);
+                let effect = effect.name;
+                wrong += &format!("{name}, {effect}: {measured} px of {declared} declared\n");
             }
         }
     });
-    let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{wrong}");
 }
 
@@ -174,55 +167,41 @@ fn an_effect_takes_nothing_but_its_own_with_it() {
         };
         let noisy: Vec<f32> = charge(bench, &choice);
         let expected = |choice: &Choice| {
-            charge(
-                bench,
-                &Choice {
-                    noise: false,
-                    ..choice.clone()
-                },
-            )
+            let mut quiet = choice.clone();
+            quiet.noise = false;
+            charge(bench, &quiet)
         };
         let with = expected(&choice);
-        for effect in EFFECTS
-            .iter()
-            .filter(|effect| !choice.off.contains(&effect.name))
-        {
+        let effects = EFFECTS.iter();
+        for effect in effects.filter(|effect| !choice.off.contains(&effect.name)) {
+            let what = format!("{name}, {}", effect.name);
             let off = without(&choice, effect);
             let (noisy_without, without) = (charge(bench, &off), expected(&off));
             if effect.random {
                 // What it drew: the same, whatever else there is.
                 let alone = |choice: &Choice| {
-                    let only = Choice {
-                        off: EFFECTS
-                            .iter()
-                            .filter(|other| other.random && other.name != effect.name)
-                            .map(|other| other.name)
-                            .chain(choice.off.iter().copied())
-                            .collect(),
-                        ..Choice::default()
-                    };
+                    let others = EFFECTS.iter();
+                    let others = others.filter(|of| of.random && of.name != effect.name);
+                    let mut only = choice.clone();
+                    only.off.extend(others.map(|other| other.name));
                     charge(bench, &only)
                 };
                 let (drawn, none) = (alone(&choice), alone(&off));
                 for (i, drawn) in drawn.iter().enumerate() {
                     let own = f64::from(*drawn) - f64::from(none[i]);
                     let here = f64::from(noisy[i]) - f64::from(noisy_without[i]);
-                    let rounding = 1e-3 + 3e-7 * f64::from(noisy[i].abs());
+                    let is_same = (own - here).abs() <= 1e-3 + 3e-7 * f64::from(noisy[i].abs());
                     assert!(
-                        (own - here).abs() <= rounding,
-                        "{name}, {}: pixel {i}: {own} e- alone, {here} among others",
-                        effect.name
+                        is_same,
+                        "{what}: pixel {i}: {own} e- alone, {here} among others"
                     );
                 }
             } else {
                 let untouched = (0..with.len()).filter(|i| with[*i] == without[*i]);
                 for i in untouched {
                     let apart = f64::from(noisy[i]) - f64::from(noisy_without[i]);
-                    assert!(
-                        apart.abs() <= 1e-5 + ROUNDING * f64::from(noisy[i].abs()),
-                        "{name}, {}: pixel {i}: {apart} e-",
-                        effect.name
-                    );
+                    let rounding = 1e-5 + ROUNDING * f64::from(noisy[i].abs());
+                    assert!(apart.abs() <= rounding, "{what}: pixel {i}: {apart} e-");
                 }
             }
         }
@@ -233,11 +212,8 @@ fn an_effect_takes_nothing_but_its_own_with_it() {
 fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
     let mut seen = vec![[false; 2]; EFFECTS.len()];
     for path in scenes() {
-        let mut config = Config::load(&path).unwrap();
-        let mission = flight::mission(&config).unwrap();
-        let mut emulator = Emulator::new(&mut config);
-        let vehicle = flight::vehicle(&mission, 0).unwrap();
-        let label = emulator.shoot(&vehicle, 0).unwrap().label;
+        let (mut emulator, [first, _]) = load(&path);
+        let label = emulator.shoot(&first, 0).unwrap().label;
         for (seen, verdict) in seen.iter_mut().zip(&label.effects) {
             seen[usize::from(verdict.run)] = true;
         }
@@ -245,8 +221,9 @@ fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
     for (effect, [skipped, run]) in EFFECTS.iter().zip(seen) {
         assert!(run, "no scene of configs/scenes needs {}", effect.name);
         let always = ["readout", "stars", "shot noise", "read noise"];
+        let is_right = skipped || always.contains(&effect.name);
         assert!(
-            skipped || always.contains(&effect.name),
+            is_right,
             "every scene of configs/scenes needs {}",
             effect.name
         );
@@ -256,44 +233,24 @@ fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
 #[test]
 fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_nothing() {
     each_scene(|name, bench| {
-        let all = Choice {
-            all: true,
-            ..Choice::default()
-        };
-        assert!(
-            bench
-                .verdicts(&all)
-                .unwrap()
-                .iter()
-                .all(|verdict| verdict.run),
-            "{name}"
-        );
-        let drawn = bench.verdicts(&quiet()).unwrap();
-        for (effect, verdict) in EFFECTS.iter().zip(drawn) {
+        for (effect, verdict) in verdicts(bench, &all(true)) {
+            assert!(verdict.run, "{name}, {}", effect.name);
+        }
+        for (effect, verdict) in verdicts(bench, &quiet()) {
             assert!(!(effect.random && verdict.run), "{name}, {}", effect.name);
             assert_eq!(effect.name, verdict.effect);
         }
     });
-    assert_eq!(
-        EFFECTS.last().map(|effect| effect.stage),
-        Some(Stage::Digits)
-    );
+    let last = EFFECTS.last().map(|effect| effect.stage);
+    assert_eq!(last, Some(Stage::Digits));
 }
 
 /// What is not in a frame because nobody wants it there is not in its label, but the plan has it: as if the frame had it, or had noise.
 #[test]
 fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
-    let is_meant = |path: &std::path::PathBuf| path.ends_with("south-atlantic-anomaly.toml");
-    let (path, particles) = (scenes().into_iter().find(is_meant).unwrap(), "radiation");
-    let mut config = Config::load(&path).unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let mut emulator = Emulator::new(&mut config);
-    let vehicle = flight::vehicle(&mission, 0).unwrap();
-    let bench = Bench {
-        emulator: &emulator,
-        camera: emulator.camera(),
-        vehicle: vehicle.clone(),
-    };
+    let particles = "radiation";
+    let (mut emulator, [vehicle, _]) = scene("south-atlantic-anomaly.toml");
+    let bench = bench(&emulator, &vehicle);
     let usual = bench.verdicts(&Choice::default()).unwrap();
     let silent = bench.verdicts(&quiet()).unwrap();
     let errors = |of: &EffectLabel| (of.error_e, of.error_px);
@@ -352,32 +309,20 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
 /// However thinly light is spread, its electrons come whole: a label's signal is in the frame.
 #[test]
 fn light_too_thin_for_any_pixel_is_drawn() {
-    let path = scenes()
-        .into_iter()
-        .find(|path| path.ends_with("fast-slew.toml"));
-    let mut config = Config::load(&path.unwrap()).unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let emulator = Emulator::new(&mut config);
+    let (emulator, [vehicle, _]) = scene("fast-slew.toml");
     let mut camera = (*emulator.camera()).clone();
     camera.optics.transmission *= 1e-6;
-    let bench = Bench {
-        emulator: &emulator,
-        camera: std::sync::Arc::new(camera),
-        vehicle: flight::vehicle(&mission, 0).unwrap(),
-    };
+    let mut bench = bench(&emulator, &vehicle);
+    bench.camera = std::sync::Arc::new(camera);
     let choice = Choice::default();
     let skip_e = emulator.fidelity().skip_e;
     let verdicts = bench.verdicts(&choice).unwrap();
     let stars = verdicts.iter().find(|v| v.effect == "stars").unwrap();
-    assert!(
-        stars.error_e.unwrap() < skip_e,
-        "{} e- a pixel",
-        stars.error_e.unwrap()
-    );
-    let scene = emulator
-        .scene(&bench.camera, &bench.vehicle, 0, &choice)
-        .unwrap();
-    let all: f64 = scene.sources.iter().map(|source| source.electrons).sum();
+    let error_e = stars.error_e.unwrap();
+    assert!(error_e < skip_e, "{error_e} e- a pixel");
+    let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, &choice);
+    let sources = scene.unwrap().sources;
+    let all: f64 = sources.iter().map(|source| source.electrons).sum();
     assert!(all > skip_e && stars.run, "{all} e- in all");
     assert!(stars.why.ends_with("e- in all"), "{}", stars.why);
 }
