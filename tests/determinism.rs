@@ -1,15 +1,17 @@
 //! The same seed and inputs give the same pixels and labels, whatever carries and computes them.
 
+#[path = "support/fixtures.rs"]
+mod fixtures;
+
+use fixtures::Frames;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link::{self, LINKS, Options, Roles};
-use skyloop::load::Folder;
 use skyloop::serve::Server;
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
@@ -23,7 +25,7 @@ type Seen = (Vec<u16>, String);
 /// The built-in scene, turning, with every correction, through `camera`.
 fn config(camera: &str) -> Config {
     let mut config = Config::builtin().unwrap();
-    config.camera = Camera::load(camera, &Folder::current()).unwrap();
+    config.camera = fixtures::camera(camera);
     config.sky.corrections = skyloop::sky::Corrections::default();
     if let Some(sequence) = &mut config.sequence {
         sequence.frames = FRAMES;
@@ -32,37 +34,11 @@ fn config(camera: &str) -> Config {
 }
 
 fn offline(camera: &str) -> Vec<Seen> {
-    let mut config = config(camera);
-    let mission = flight::mission(&config).unwrap();
-    let mut emulator = Emulator::new(&mut config);
-    (0..FRAMES)
-        .map(|number| {
-            let shot = emulator
-                .shoot(&flight::vehicle(&mission, number).unwrap(), 0)
-                .unwrap();
-            (shot.frame.digits, shot.json.to_string())
-        })
+    let mut frames = Frames::of(config(camera));
+    let shots = (0..FRAMES).map(|number| frames.shoot(number));
+    shots
+        .map(|shot| (shot.frame.digits, shot.json.to_string()))
         .collect()
-}
-
-#[test]
-fn one_two_and_four_threads_give_the_same_frames() {
-    for camera in ["fai-nir", "rigel-l", "cmos-rolling"] {
-        let [one, two, four] = [1, 2, 4].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            pool.install(|| {
-                assert_eq!(rayon::current_num_threads(), threads);
-                offline(camera)
-            })
-        });
-        assert!(one == two && one == four, "{camera}");
-        assert!(one[0].0 != one[1].0);
-        // The objects are outside of the narrowest field.
-        assert!(one[0].1.contains("RCM") || camera == "cmos-rolling");
-    }
 }
 
 /// What a flight computer receives over `scheme`, and how often it lost its patience and sent an attitude again.
@@ -85,10 +61,8 @@ fn over(scheme: &str, camera: &str) -> (Vec<Seen>, u64) {
         let report = FlightComputer::new(port, mission).run(|event| {
             match event {
                 Event::Frame { frame, labels, .. } => {
-                    seen.push((
-                        frame.pixels().to_vec(),
-                        labels.unwrap_or_default().to_string(),
-                    ));
+                    let labels = labels.unwrap_or_default().to_string();
+                    seen.push((frame.pixels().to_vec(), labels));
                 }
                 other => println!("{scheme}: {other:?}"),
             }
@@ -105,9 +79,8 @@ fn over(scheme: &str, camera: &str) -> (Vec<Seen>, u64) {
 
 /// A label without the frame's number: of an attitude that came twice there are two frames, which differ in that alone.
 fn without_number(label: &str) -> &str {
-    label
-        .split_once(",\"seed\":")
-        .map_or(label, |(_, rest)| rest)
+    let found = label.split_once(",\"seed\":");
+    found.map_or(label, |(_, rest)| rest)
 }
 
 #[test]
@@ -128,14 +101,9 @@ fn every_link_carries_what_is_rendered_offline() {
                     0 => label,
                     _ => without_number(label),
                 });
-                assert_eq!(
-                    a_label, b_label,
-                    "label of frame {number} of {camera} over {scheme}"
-                );
-                assert!(
-                    a.0 == b.0,
-                    "pixels of frame {number} of {camera} over {scheme}"
-                );
+                let what = format!("frame {number} of {camera} over {scheme}");
+                assert_eq!(a_label, b_label, "label of {what}");
+                assert!(a.0 == b.0, "pixels of {what}");
             }
             assert_eq!(received.len(), expected.len());
         }
