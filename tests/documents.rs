@@ -9,7 +9,6 @@ use skyloop::config::{Clock, Config};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{KNOBS, PRESETS, Value};
-use skyloop::flight;
 use skyloop::link::{self, Options, Roles};
 use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
 use skyloop::serve::Server;
@@ -45,6 +44,11 @@ fn first_column(section: &str) -> Names {
         .collect()
 }
 
+/// A file's name without its ending.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap().to_string_lossy().into_owned()
+}
+
 fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
     names.into_iter().map(str::to_string).collect()
 }
@@ -55,8 +59,12 @@ mod accuracy;
 mod command_line;
 #[path = "../examples/effect_pictures/draw.rs"]
 mod draw;
+#[path = "support/fixtures.rs"]
+mod fixtures;
 #[path = "../examples/effect_pictures/pictures.rs"]
 mod pictures;
+
+use fixtures::{Frames, scene};
 
 #[test]
 fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
@@ -85,7 +93,7 @@ fn every_scene_has_its_section_and_a_picture() {
     let files = files.map(|entry| entry.unwrap().path());
     let scenes: Names = files
         .filter(|path| path.is_dir() || path.extension().is_some_and(|end| end == "toml"))
-        .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
+        .map(|path| stem(&path))
         .collect();
     let sections = page.lines().filter_map(|line| line.strip_prefix("## "));
     assert_eq!(names(sections), scenes);
@@ -100,23 +108,16 @@ fn every_scene_has_its_section_and_a_picture() {
 
 #[test]
 fn the_readme_lists_the_labels_fields() {
-    let mut config = Config::builtin().unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let mut emulator = Emulator::new(&mut config);
-    let shot = emulator
-        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
-        .unwrap();
-    let mut label = shot.label.clone();
-    label
-        .unseen
-        .insert("too faint", vec!["NORAD 5".to_string()]);
+    let first = |config: Config| Frames::of(config).shoot(0);
+    let mut label = first(Config::builtin().unwrap()).label;
+    let too_faint = vec!["NORAD 5".to_string()];
+    label.unseen.insert("too faint", too_faint);
     label.unseen_counts.insert("too faint", 2);
     label.unseen_left_out = Some(1);
     label.overrun = Some("late");
-    let label: serde_json::Value = serde_json::from_str(&label.to_json()).unwrap();
     // A detector with defects, and more particles than are drawn.
-    let mut flawed = Config::defaults().unwrap();
-    flawed.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    let mut flawed = Config::builtin().unwrap();
+    flawed.camera = fixtures::camera("cmos-rolling");
     flawed.camera.radiation = Some(Radiation {
         flux: Flux::Fixed(1e9),
         thickness_um: 1.0,
@@ -124,30 +125,20 @@ fn the_readme_lists_the_labels_fields() {
         diffusion_um: 0.0,
         readout_s: 0.0,
     });
-    let mut flawed = Emulator::new(&mut flawed);
-    let flaws = flawed
-        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
-        .unwrap();
-    let flaws: serde_json::Value = serde_json::from_str(&flaws.json).unwrap();
-    // The Moon.
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/moon-in-field.toml");
-    let mut config = Config::load(&scene).unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let moon = Emulator::new(&mut config)
-        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
-        .unwrap();
-    let moon: serde_json::Value = serde_json::from_str(&moon.json).unwrap();
-    // The Sun.
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/near-sun.toml");
-    let mut config = Config::load(&scene).unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let last = flight::vehicle(&mission, mission.frames - 1).unwrap();
-    let sun = Emulator::new(&mut config).shoot(&last, 0).unwrap();
-    let sun: serde_json::Value = serde_json::from_str(&sun.json).unwrap();
-    let of_frames = [&label, &flaws, &sun].map(|label| label.as_object().unwrap().keys().cloned());
+    let mut near_sun = Frames::of(scene("near-sun.toml"));
+    let last = near_sun.mission.frames - 1;
+    let texts = [
+        label.to_json(),
+        first(flawed).json.to_string(),
+        first(scene("moon-in-field.toml")).json.to_string(),
+        near_sun.shoot(last).json.to_string(),
+    ];
+    let labels = texts.map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    let [label, flaws, moon, sun] = &labels;
+    let of_frames = [label, flaws, sun].map(|label| label.as_object().unwrap().keys().cloned());
     let mut fields: Names = of_frames.into_iter().flatten().collect();
     let of_frame = label["effects"].as_array().unwrap();
-    let objects = [&label, &flaws, &moon].map(|label| label["objects"].as_array().unwrap());
+    let objects = [label, flaws, moon].map(|label| label["objects"].as_array().unwrap());
     for object in of_frame.iter().chain(objects.into_iter().flatten()) {
         fields.extend(object.as_object().unwrap().keys().cloned());
     }
@@ -161,10 +152,8 @@ fn the_readme_lists_the_labels_fields() {
 #[test]
 fn the_readme_lists_the_knobs_and_what_presets_have() {
     let rows = section(README, "### Fidelity").lines();
-    let rows: Vec<Vec<&str>> = rows
-        .filter(|row| row.starts_with("| `"))
-        .map(cells)
-        .collect();
+    let rows = rows.filter(|row| row.starts_with("| `"));
+    let rows: Vec<Vec<&str>> = rows.map(cells).collect();
     assert_eq!(rows.len(), KNOBS.len());
     for (row, knob) in rows.iter().zip(KNOBS) {
         assert_eq!(row[0].trim_matches('`'), knob.name);
@@ -199,34 +188,33 @@ fn the_readmes_commands_exist() {
 /// The keys that a table knows, as the refusal of an unknown one names them.
 fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
     let text = refusal.to_string();
-    let (_, list) = text
-        .split_once(", known: ")
-        .unwrap_or_else(|| panic!("{text}"));
-    let list = list.lines().next().unwrap();
-    list.split(", ")
-        .map(|key| format!("{table}{key}"))
-        .collect()
+    let (_, list) = text.split_once(", known: ").expect(&text);
+    let keys = list.lines().next().unwrap().split(", ");
+    keys.map(|key| format!("{table}{key}")).collect()
+}
+
+/// All keys of a file that `probe` reads: those of its root, and of these tables. `probe` gives the keys of a
+/// text with an unknown one, each after the name of a table.
+fn all_keys(tables: &[&str], probe: impl Fn(&str, &str) -> Names) -> Names {
+    let mut all = probe("no_such_key = 1", "");
+    for table in tables {
+        assert!(all.remove(*table), "{table}");
+        let text = format!("[{table}]\nno_such_key = 1");
+        all.extend(probe(&text, &format!("{table}.")));
+    }
+    all
 }
 
 #[test]
 fn the_default_file_has_every_key_and_no_other() {
     let probe = |text: &str, table: &str| {
-        known(
-            Config::parse("probe", text, &Folder::current()).unwrap_err(),
-            table,
-        )
+        let refused = Config::parse("probe", text, &Folder::current());
+        known(refused.unwrap_err(), table)
     };
-    let mut wanted = probe("no_such_key = 1", "");
     let tables = [
         "fidelity", "effects", "sky", "objects", "observer", "run", "sequence",
     ];
-    for table in tables {
-        assert!(wanted.remove(table), "{table}");
-        wanted.extend(probe(
-            &format!("[{table}]\nno_such_key = 1"),
-            &format!("{table}."),
-        ));
-    }
+    let mut wanted = all_keys(&tables, probe);
     assert!(wanted.remove("heads"));
     wanted.extend(probe("[[heads]]\nno_such_key = 1", "heads."));
     assert!(wanted.contains("run.link") && wanted.contains("sequence.rates_deg_s"));
@@ -250,10 +238,8 @@ fn the_default_file_has_every_key_and_no_other() {
     let attitude = "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
                     attitudes = [{ q = [0.0, 0.0, 0.0, 1.0], no_such_key = 1 }]";
     for key in probe(attitude, "") {
-        assert!(
-            DEFAULT_TOML.contains(&format!(" {key} = ")),
-            "attitudes: {key}"
-        );
+        let is_there = DEFAULT_TOML.contains(&format!(" {key} = "));
+        assert!(is_there, "attitudes: {key}");
     }
 }
 
@@ -305,18 +291,8 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
 #[test]
 fn the_cameras_are_listed_and_sourced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/cameras");
-    let files: Names = std::fs::read_dir(&folder)
-        .unwrap()
-        .map(|entry| {
-            entry
-                .unwrap()
-                .path()
-                .file_stem()
-                .unwrap()
-                .to_string_lossy()
-                .into_owned()
-        })
-        .collect();
+    let files = std::fs::read_dir(&folder).unwrap();
+    let files: Names = files.map(|entry| stem(&entry.unwrap().path())).collect();
     assert_eq!(files, names(CAMERAS.iter().copied()), "built in");
     let listed = first_column(section(README, "## Cameras"));
     for name in CAMERAS {
@@ -326,14 +302,10 @@ fn the_cameras_are_listed_and_sourced() {
         for line in text.lines().filter(|line| {
             line.contains(" = ") && !line.starts_with("name") && !line.starts_with('#')
         }) {
-            let (_, comment) = line
-                .split_once('#')
-                .unwrap_or_else(|| panic!("{name}: {line}"));
+            let comment = line.split_once('#').map_or("", |(_, comment)| comment);
             let sources = ["[T1", "[class", "[assumed", "[section", "[paper", "[fitted"];
-            assert!(
-                sources.iter().any(|source| comment.contains(source)),
-                "{name}: source of {line}"
-            );
+            let is_sourced = sources.iter().any(|source| comment.contains(source));
+            assert!(is_sourced, "{name}: source of {line}");
         }
     }
 }
@@ -347,29 +319,17 @@ fn the_readme_lists_the_cameras_keys() {
         let refused = Camera::load("probe.toml", &Folder::of(&file)).unwrap_err();
         known(refused, table)
     };
-    let mut wanted = probe("no_such_key = 1", "");
-    let tables = [
+    let optics = [
         "optics",
         "optics.psf",
         "optics.projection",
         "optics.vignetting",
         "optics.stray",
-        "detector",
-        "radiation",
-        "timing",
-        "mounting",
     ];
-    for table in tables {
-        assert!(wanted.remove(table), "{table}");
-        wanted.extend(probe(
-            &format!("[{table}]\nno_such_key = 1"),
-            &format!("{table}."),
-        ));
-    }
-    let listed = first_column(section(README, "## Cameras"));
-    let keys = listed
-        .into_iter()
-        .filter(|key| !CAMERAS.contains(&key.as_str()));
+    let others = ["detector", "radiation", "timing", "mounting"];
+    let wanted = all_keys(&[&optics[..], &others].concat(), probe);
+    let listed = first_column(section(README, "## Cameras")).into_iter();
+    let keys = listed.filter(|key| !CAMERAS.contains(&key.as_str()));
     assert_eq!(keys.collect::<Names>(), wanted);
 }
 
@@ -380,10 +340,8 @@ fn the_readme_lists_a_populations_keys() {
         std::fs::write(folder.path().join("people.toml"), population).unwrap();
         let scene = "[objects]\npopulation = \"people.toml\"";
         let folder = Folder::Disk(folder.path().to_path_buf());
-        known(
-            Config::parse("scene.toml", scene, &folder).unwrap_err(),
-            table,
-        )
+        let refused = Config::parse("scene.toml", scene, &folder);
+        known(refused.unwrap_err(), table)
     };
     let mut wanted = probe("no_such_key = 1", "");
     wanted.remove("shapes");
@@ -406,9 +364,8 @@ fn the_readme_lists_a_populations_keys() {
 #[test]
 fn the_architecture_has_every_room_and_dependency() {
     let lib = include_str!("../src/lib.rs");
-    let modules = lib
-        .lines()
-        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+    let lines = lib.lines();
+    let modules = lines.filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
     let rooms = first_column(section(ARCHITECTURE, "## Rooms"));
     for module in modules.chain(["cli", "main"]) {
         assert!(rooms.contains(module), "no room for {module}");
@@ -431,10 +388,8 @@ fn the_architecture_has_every_room_and_dependency() {
         }
     }
     wanted.retain(|name| !name.starts_with("skyloop-"));
-    assert_eq!(
-        first_column(section(ARCHITECTURE, "## Dependencies")),
-        wanted
-    );
+    let listed = first_column(section(ARCHITECTURE, "## Dependencies"));
+    assert_eq!(listed, wanted);
 }
 
 /// The cells of a table's row.
@@ -447,11 +402,8 @@ fn the_readme_says_how_long_each_output_level_takes() {
     let text = section(README, "### Output levels");
     let mut rows = text.lines().skip_while(|row| !row.starts_with("| | `"));
     let links = cells(rows.next().expect("the table's head"));
-    let rows: Vec<Vec<&str>> = rows
-        .skip(1)
-        .take_while(|row| row.starts_with('|'))
-        .map(cells)
-        .collect();
+    let rows = rows.skip(1).take_while(|row| row.starts_with('|'));
+    let rows: Vec<Vec<&str>> = rows.map(cells).collect();
     for (column, link) in links.iter().enumerate().skip(1) {
         let mut config = Config::builtin().unwrap();
         let options = Options {
@@ -462,25 +414,15 @@ fn the_readme_says_how_long_each_output_level_takes() {
         let (wire, _client) = link::loopback(link.trim_matches('`'), &options).unwrap();
         let output = config.run.output;
         let emulator = Emulator::new(&mut config);
-        let server = Server::new(
-            emulator,
-            [(wire, Roles::ALL)],
-            output,
-            Clock::Stepped,
-            &NATIVE,
-        );
+        let links = [(wire, Roles::ALL)];
+        let server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
         let levels = server.levels();
         assert_eq!(levels.lines().count(), rows.len() + 1, "{levels}");
         for (row, line) in rows.iter().zip(levels.lines().skip(1)) {
-            let said = line
-                .trim()
-                .strip_prefix(row[0])
-                .unwrap_or_else(|| panic!("{line}"));
+            let said = line.trim().strip_prefix(row[0]).expect(line);
             let seconds = format!(" octets {:>10} s ", row[column]);
-            assert!(
-                said.contains(&seconds),
-                "{link}: README has {seconds:?}, the program{said}"
-            );
+            let is_said = said.contains(&seconds);
+            assert!(is_said, "{link}: README has {seconds:?}, the program{said}");
         }
     }
 }

@@ -1,11 +1,14 @@
 //! `look_at`: the target lies where the boresight meets the detector, the image stands as the rule for the roll says, and the rates follow.
 
+#[path = "support/fixtures.rs"]
+mod fixtures;
 #[path = "support/table.rs"]
 mod table;
 
+use fixtures::{Frames, unit};
+
 use nalgebra::{Rotation3, Vector3};
 use skyloop::config::{Config, LookAt, Target, Up};
-use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::load::Folder;
@@ -27,11 +30,8 @@ fn label(epoch: &str, state: &str, pointing: &str, frame: u32) -> Label {
     shoot(config.unwrap_or_else(|error| panic!("{error}")), frame)
 }
 
-fn shoot(mut config: Config, frame: u32) -> Label {
-    let mission = flight::mission(&config).unwrap();
-    let vehicle = flight::vehicle(&mission, frame).unwrap();
-    let shot = Emulator::new(&mut config).shoot(&vehicle, 0).unwrap();
-    shot.label.clone()
+fn shoot(config: Config, frame: u32) -> Label {
+    Frames::of(config).shoot(frame).label
 }
 
 fn object<'a>(label: &'a Label, id: &str) -> &'a ObjectLabel {
@@ -141,8 +141,7 @@ fn the_image_stands_as_the_rule_says() {
     let epoch = "2026-03-10T06:00:00Z";
     let [x, y] = [Vector3::x(), Vector3::y()];
     // X-Val: the Sun's RA and Dec on 2026-03-10 at 6 h, Astronomical Almanac's low-precision formulas (0.01 deg), precessed to J2000: 350.174, -4.231 deg.
-    let (ra, dec) = (350.174f64.to_radians(), -4.231f64.to_radians());
-    let sun = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+    let sun = unit(350.174f64.to_radians(), -4.231f64.to_radians());
     for (rule, up, tolerance) in [
         ("north", Vector3::z(), 1e-12),
         ("velocity", y, 1e-12),

@@ -1,11 +1,10 @@
 //! Prices against the processor's time that effects take, wherever the tests run.
 #![cfg(target_os = "linux")]
 
-use std::path::Path;
+#[path = "support/fixtures.rs"]
+mod fixtures;
 
-use skyloop::config::Config;
-use skyloop::engine::Emulator;
-use skyloop::flight;
+use fixtures::Frames;
 use skyloop::measure::Bench;
 
 /// What takes less than this (ms) is below what a clock and its caches can tell.
@@ -19,14 +18,12 @@ const MACHINES: std::ops::Range<f64> = 0.05..4.0;
 
 /// Prices and times of a frame's effects, where these can be told: (name, price / time).
 fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
-    let mut config = Config::load(&folder.join(scene)).unwrap();
-    let mission = flight::mission(&config).unwrap();
-    let emulator = Emulator::new(&mut config);
+    let frames = Frames::of(fixtures::scene(scene));
+    let emulator = &frames.emulator;
     let bench = Bench {
-        emulator: &emulator,
+        emulator,
         camera: emulator.camera(),
-        vehicle: flight::vehicle(&mission, mission.frames / 2).unwrap(),
+        vehicle: frames.vehicle(frames.mission.frames / 2),
     };
     let verdicts = bench.verdicts(&emulator.choice).unwrap().into_iter();
     let costs = bench.costs(&emulator.choice).unwrap().into_iter();
@@ -57,11 +54,9 @@ fn timed_no_price_is_far_from_what_the_others_say() {
         assert!(MACHINES.contains(&median), "{scene}: {median}");
         for (effect, ratio) in ratios {
             let off = ratio / median;
-            println!("{scene}, {effect}: {off:.2} of the others' {median:.2}");
-            assert!(
-                (1.0 / MOST_OFF..=MOST_OFF).contains(&off),
-                "{scene}, {effect}: its price is {off:.2} of what the others' prices say"
-            );
+            let what = format!("{scene}, {effect}: {off:.2} of the others' {median:.2}");
+            println!("{what}");
+            assert!((1.0 / MOST_OFF..=MOST_OFF).contains(&off), "{what}");
             seen.push(effect);
         }
     }

@@ -1,45 +1,31 @@
 //! Frames full of light: a label without objects always says why.
 
+use crate::fixtures::{Frames, camera, cropped, scene, towards};
 use crate::frames::only;
 use skyloop::attitude::VehicleState;
 use skyloop::camera::{Camera, Stray};
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
-use skyloop::load::{CAMERAS, Folder};
+use skyloop::load::CAMERAS;
 use skyloop::sky::bodies::Bodies;
-use std::path::Path;
 
 const EPOCH: &str = "2031-01-27T18:11:12.5 UTC";
-const PIXELS: usize = 64;
 
 /// A frame of a small part of a camera, 150 degrees from the Sun, whose optics scatter this part of its light.
 fn shoot(mut camera: Camera, scatter: f64, off: &[&'static str]) -> Shot {
-    (camera.detector.width, camera.detector.height) = (PIXELS, PIXELS);
-    camera.optics.principal_px = [(PIXELS as f64 - 1.0) / 2.0; 2];
     camera.optics.stray = Stray::new(&[[0.1, scatter], [3.1, scatter]], 0.0);
     let mut config = Config::defaults().unwrap();
-    config.camera = camera;
+    config.camera = cropped(camera, 64);
     let mut emulator = Emulator::new(&mut config);
-    only(
-        &mut emulator,
-        &[
-            "stars",
-            "sunlight",
-            "dark current",
-            "shot noise",
-            "full well",
-            "read noise",
-            "pixel response",
-        ],
-    );
+    let lights = ["stars", "sunlight", "dark current"];
+    let detector = ["shot noise", "full well", "read noise", "pixel response"];
+    only(&mut emulator, &[&lights[..], &detector].concat());
     emulator.choice.off.extend(off);
     let epoch = EPOCH.parse().unwrap();
     let sun = Bodies::at(epoch).unwrap().sun_geocentric_m.normalize();
     let side = sun.cross(&nalgebra::Vector3::z()).normalize();
     let look = side * 0.5 - sun * 0.75_f64.sqrt();
-    let turn = nalgebra::UnitQuaternion::rotation_between(&look, &nalgebra::Vector3::z()).unwrap();
-    let q = [turn.i, turn.j, turn.k, turn.w];
-    let vehicle = VehicleState::new(1, epoch, q, [0.0; 3], None).unwrap();
+    let vehicle = VehicleState::new(1, epoch, towards(&look), [0.0; 3], None).unwrap();
     emulator.shoot(&vehicle, 0).unwrap()
 }
 
@@ -57,41 +43,30 @@ fn check(shot: &Shot, floods: &str, what: &str) {
     let expected = shot.frame.expected_e.as_ref().unwrap();
     let least = f64::from(expected.iter().copied().fold(f32::INFINITY, f32::min));
     let is_full = least >= full_e(&shot.camera);
-    assert_eq!(
-        label.flooded_by,
-        is_full.then_some(floods),
-        "{what}: {least}"
-    );
-    assert_eq!(
-        label.no_objects.is_some(),
-        label.objects.is_empty(),
-        "{what}"
-    );
-    assert_eq!(
-        shot.json.contains("\"no_objects\":\""),
-        label.objects.is_empty()
-    );
+    let flooded_by = is_full.then_some(floods);
+    assert_eq!(label.flooded_by, flooded_by, "{what}: {least}");
+    let is_empty = label.objects.is_empty();
+    assert_eq!(label.no_objects.is_some(), is_empty, "{what}");
+    assert_eq!(shot.json.contains("\"no_objects\":\""), is_empty, "{what}");
     let Some(why) = &label.no_objects else { return };
-    match is_full {
-        true => assert_eq!(*why, format!("every pixel is full: {floods}"), "{what}"),
-        false => assert!(
-            why.contains("signal-to-noise ratio of 1 or more"),
-            "{what}: {why}"
-        ),
-    }
+    let full = format!("every pixel is full: {floods}");
+    let faint = "signal-to-noise ratio of 1 or more";
+    assert_eq!(*why == full, is_full, "{what}: {why}");
+    assert!(is_full || why.contains(faint), "{what}: {why}");
 }
 
 #[test]
 fn a_label_without_objects_says_why_at_every_level_of_light() {
     let (mut blinded, mut seeing) = (0, 0);
     for name in CAMERAS {
-        let camera = || Camera::load(name, &Folder::current()).unwrap();
+        let camera = || camera(name);
         let full_e = full_e(&camera());
         let unit = shoot(camera(), 1e-6, &[]).label.background_e_px;
         let none = shoot(camera(), 0.0, &[]).label.background_e_px;
-        for wells in [
+        let levels = [
             0.5, 0.8, 0.9, 0.97, 1.03, 1.1, 1.27, 1.5, 1.9, 2.1, 3.0, 4.0,
-        ] {
+        ];
+        for wells in levels {
             let scatter = 1e-6 * (wells * full_e - none) / (unit - none);
             let shot = shoot(camera(), scatter, &[]);
             let what = format!("{name} at {wells} full wells");
@@ -108,32 +83,24 @@ fn a_label_without_objects_says_why_at_every_level_of_light() {
 /// Dark charge fills wells too; and where a part of the pixels is full and the rest has no object, the label tells how many are.
 #[test]
 fn dark_charge_and_frames_that_are_full_in_part_are_told() {
-    let mut camera = Camera::load("cots-wide", &Folder::current()).unwrap();
+    let mut camera = camera("cots-wide");
     for wells in [0.9, 1.1] {
         camera.exposure_s = wells * full_e(&camera) / camera.detector.dark_e_s;
         let shot = shoot(camera.clone(), 0.0, &["sunlight"]);
-        check(
-            &shot,
-            "dark current",
-            &format!("dark charge of {wells} full wells"),
-        );
+        let what = format!("dark charge of {wells} full wells");
+        check(&shot, "dark current", &what);
         assert_eq!(shot.label.flooded_by.is_some(), wells > 1.0);
     }
 
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/limb-by-day.toml");
-    let mut config = Config::load(&scene).unwrap();
-    let mission = skyloop::flight::mission(&config).unwrap();
-    let vehicle = skyloop::flight::vehicle(&mission, 0).unwrap();
     for (times, part) in [
         (1.0, "no object in the field has "),
         (3.0, " % of the pixels are full, "),
     ] {
+        let mut config = scene("limb-by-day.toml");
         config.camera.exposure_s *= times;
-        let shot = Emulator::new(&mut config).shoot(&vehicle, 0).unwrap();
+        let shot = Frames::of(config).shoot(0);
         let why = shot.label.no_objects.unwrap();
-        assert!(
-            why.contains(part) && shot.label.flooded_by.is_none(),
-            "{why}"
-        );
+        assert!(why.contains(part), "{why}");
+        assert_eq!(shot.label.flooded_by, None);
     }
 }

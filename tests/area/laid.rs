@@ -1,12 +1,12 @@
 //! Radiances that are known in closed form, laid on the pixels of real cameras.
 
+use crate::fixtures::camera;
 use nalgebra::Vector3;
 use skyloop::attitude::VehicleState;
 use skyloop::camera::{Camera, Vignetting};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity};
-use skyloop::load::Folder;
 use skyloop::scene::{Area, AreaLight, Edge, Full, Kind, Radiance, Simulated, View};
 use std::sync::Arc;
 
@@ -62,10 +62,6 @@ pub fn view(camera: Camera, rates: [f64; 3]) -> View {
     scene.unwrap().view
 }
 
-pub fn camera(name: &str) -> Camera {
-    Camera::load(name, &Folder::current()).unwrap()
-}
-
 pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) -> AreaLight {
     let area = Area {
         kind: &KIND,
@@ -79,11 +75,8 @@ pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated
 pub fn scale_e(view: &View) -> f64 {
     let (camera, seconds) = (&view.camera, view.exposure.duration_s);
     let optics = &camera.optics;
-    LEVEL
-        * camera.detector.quantum_efficiency
-        * optics.transmission
-        * optics.aperture_area_m2()
-        * seconds
+    let passes = camera.detector.quantum_efficiency * optics.transmission;
+    LEVEL * passes * optics.aperture_area_m2() * seconds
 }
 
 fn pixel_e(light: &AreaLight, pixel: usize) -> f64 {
@@ -94,41 +87,15 @@ fn boresight(view: &View) -> Vector3<f64> {
     view.pointing(0.0).matrix().transpose() * Vector3::z()
 }
 
-const SHAPES: Simulated = Simulated {
-    distortion: true,
-    vignetting: true,
-    smear: true,
-    ..NONE
-};
-const NONE: Simulated = Simulated {
-    noise: false,
-    distortion: false,
-    aberration_drift: false,
-    smear: false,
-    rolling: false,
-    vignetting: false,
-    stars: false,
-    rsos: false,
-    planets: false,
-    moon: false,
-    earth: false,
-    limb: false,
-    sunlight: false,
-    moonglow: false,
-    earthshine: false,
-    zodiacal: false,
-    starlight: false,
-    response: false,
-    frame_transfer: false,
-    dark: false,
-    shot: false,
-    radiation: false,
-    full_well: false,
-    dead: false,
-    nonlinearity: false,
-    stuck: false,
-    read: false,
-};
+/// What shapes images.
+fn shapes() -> Simulated {
+    Simulated {
+        distortion: true,
+        vignetting: true,
+        smear: true,
+        ..Simulated::default()
+    }
+}
 
 /// Of a pinhole a pixel takes `cos^3 / f^2` sr; with `cos^4` the law of the thin lens, that and no more.
 #[test]
@@ -144,7 +111,7 @@ fn an_even_sky_gives_each_pixel_its_solid_angle() {
             radius: 4.0,
             slope: 0.0,
         };
-        let light = lit(&view, even, &SHAPES);
+        let light = lit(&view, even, &shapes());
         let f = view.camera.optics.focal_px;
         for (x, y) in [(127, 127), (0, 0), (255, 17), (128, 250), (33, 99)] {
             let off = [x as f64 - 127.5, y as f64 - 127.5];
@@ -171,17 +138,15 @@ fn a_disc_keeps_its_light_and_its_centre() {
         let axis = to_sky * view.camera.optics.direction(at);
         let no_vignetting = Simulated {
             vignetting: false,
-            ..SHAPES
+            ..shapes()
         };
-        let light = lit(
-            &view,
-            Disc {
-                axis,
-                radius,
-                slope: 0.0,
-            },
-            &no_vignetting,
-        );
+        let slope = 0.0;
+        let disc = Disc {
+            axis,
+            radius,
+            slope,
+        };
+        let light = lit(&view, disc, &no_vignetting);
         let expected = scale_e(&view) * 2.0 * std::f64::consts::PI * (1.0 - radius.cos());
         // Edges are straight within a pixel: a disc of r px gets `1 / 12 r^2` too much.
         let radius_px = radius * view.camera.optics.focal_px;
@@ -220,23 +185,20 @@ fn uneven_light_is_what_it_is_in_the_middle_of_pixels() {
         radius: 4.0,
         slope: 300.0,
     };
-    let light = lit(&view, uneven(), &SHAPES);
+    let light = lit(&view, uneven(), &shapes());
     let plane = |x: f64, y: f64| view.camera.optics.direction([x, y]);
     let to_sky = view.pointing(0.0).matrix().transpose();
     let mut worst = 0.0f64;
-    for (x, y) in (0..512)
-        .step_by(37)
-        .flat_map(|x| (0..512).step_by(29).map(move |y| (x, y)))
-    {
+    let columns = (0..512).step_by(37);
+    for (x, y) in columns.flat_map(|x| (0..512).step_by(29).map(move |y| (x, y))) {
         let (fx, fy) = (x as f64, y as f64);
         let across = plane(fx + 0.5, fy) - plane(fx - 0.5, fy);
         let down = plane(fx, fy + 0.5) - plane(fx, fy - 0.5);
         let seen = plane(fx, fy);
         let passes = view.camera.optics.vignetting.transmission(&seen);
-        let expected = scale_e(&view) / LEVEL
-            * uneven().toward(&(to_sky * seen))
-            * across.cross(&down).norm()
-            * passes;
+        let taken = across.cross(&down).norm() * passes;
+        let radiance = uneven().toward(&(to_sky * seen));
+        let expected = scale_e(&view) / LEVEL * radiance * taken;
         let off = (pixel_e(&light, y * 512 + x) / expected - 1.0).abs();
         worst = worst.max(off);
     }
@@ -258,7 +220,7 @@ fn an_edge_is_smeared_evenly() {
         radius: std::f64::consts::FRAC_PI_2,
         slope: 0.0,
     };
-    let light = lit(&view, half, &SHAPES);
+    let light = lit(&view, half, &shapes());
     let level = scale_e(&view) / (f * f);
     for dx in [-14, -8, -3, 0, 5, 9, 14] {
         let x = 127.5 + f64::from(dx) + 0.5;

@@ -1,16 +1,14 @@
 //! The Moon's disc at sizes of hundreds and thousands of pixels: the law of Lommel and Seeliger, pixel by pixel.
 
-use crate::frames::{expected, moments, only};
+use crate::fixtures::{camera, cropped, towards};
+use crate::frames::{all_e, expected, moments, moon, observer, only};
 use nalgebra::Vector3;
-use skyloop::attitude::VehicleState;
-use skyloop::camera::Camera;
+use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
-use skyloop::load::Folder;
-use skyloop::sky::bodies::Bodies;
+use skyloop::sky::Corrections;
 use skyloop::sky::moon::MoonDisc;
 use skyloop::sky::shadow::Earth;
-use skyloop::sky::{Corrections, Observer};
 use std::f64::consts::PI;
 
 /// 6 and 94 deg of phase.
@@ -24,14 +22,7 @@ const ECLIPSE: &str = "2026-03-03T10:27:00 UTC";
 
 /// The Moon from a place, GCRF, m.
 fn disc(epoch: &str, position_m: Vector3<f64>) -> MoonDisc {
-    let epoch = epoch.parse().unwrap();
-    let observer = Observer {
-        epoch,
-        position_m,
-        velocity_m_s: Vector3::zeros(),
-        bodies: Bodies::at(epoch).unwrap(),
-    };
-    MoonDisc::seen_by(&observer, &Corrections::default())
+    MoonDisc::seen_by(&observer(epoch, position_m), &Corrections::default())
 }
 
 /// Exposure time in which no pixel fills, s: labels count what is not full.
@@ -46,9 +37,7 @@ fn shoot_from(
     [motion_px, exposure_s]: [f64; 2],
 ) -> Shot {
     let disc = disc(epoch, place.unwrap_or(Vector3::zeros()));
-    let mut camera = Camera::load("rigel-l", &Folder::current()).unwrap();
-    (camera.detector.width, camera.detector.height) = (pixels, pixels);
-    camera.optics.principal_px = [(pixels as f64 - 1.0) / 2.0; 2];
+    let mut camera = cropped(camera("rigel-l"), pixels);
     camera.optics.focal_px = across_px / (2.0 * disc.angular_radius);
     camera.exposure_s = exposure_s;
     let rate = motion_px / (camera.optics.focal_px * camera.exposure_s);
@@ -56,8 +45,7 @@ fn shoot_from(
     config.camera = camera;
     let mut emulator = Emulator::new(&mut config);
     only(&mut emulator, &["moon", "smear"]);
-    let turn = nalgebra::UnitQuaternion::rotation_between(&disc.direction, &Vector3::z()).unwrap();
-    let q = [turn.i, turn.j, turn.k, turn.w];
+    let q = towards(&disc.direction);
     let orbit = place.map(|position| (position.into(), [0.0; 3]));
     let epoch = epoch.parse().unwrap();
     let vehicle = VehicleState::new(0, epoch, q, [0.0, rate, 0.0], orbit).unwrap();
@@ -66,13 +54,6 @@ fn shoot_from(
 
 fn shoot(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> Shot {
     shoot_from(None, epoch, across_px, pixels, [motion_px, SHORT_S])
-}
-
-/// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs. (1), (2).
-fn all_e(shot: &Shot) -> f64 {
-    let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
-    let camera = &shot.camera;
-    camera.electrons_per_second_at_zero() * 10f64.powf(-0.4 * moon.unwrap().mag) * camera.exposure_s
 }
 
 /// `mu0 / (mu0 + mu)` over its integral, for a place on the disc (radii of it, camera axes).
@@ -90,10 +71,7 @@ fn law(disc: &MoonDisc, to_sun: &Vector3<f64>, [x, y]: [f64; 2]) -> f64 {
 fn worst(shot: &Shot, epoch: &str, across_px: f64) -> (f64, usize) {
     let disc = disc(epoch, Vector3::zeros());
     let q = shot.label.q_icrf_to_body;
-    let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
-        q[3], q[0], q[1], q[2],
-    ));
-    let to_sun = turn * disc.to_sun;
+    let to_sun = Attitude::from_xyzw(q).unwrap().rotate(&disc.to_sun);
     let (pixels, radius) = (shot.camera.detector.width, across_px / 2.0);
     let middle = (pixels as f64 - 1.0) / 2.0;
     let scale_e = all_e(shot) / (radius * radius);
@@ -139,19 +117,13 @@ fn a_large_disc_has_the_light_and_the_centre_of_its_label() {
         for (across_px, pixels) in [(200.0, 260), (480.0, 560)] {
             let shot = shoot(epoch, across_px, pixels, motion_px);
             let (sum, centre) = moments(&shot);
-            let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
-            let moon = moon.unwrap();
+            let moon = moon(&shot);
             let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
-            println!(
-                "{epoch}, {across_px} px, {motion_px} px/s: {} {off}",
-                sum / moon.electrons - 1.0
-            );
-            assert!(
-                (sum / moon.electrons - 1.0).abs() < tolerance,
-                "{across_px}"
-            );
+            let light = sum / moon.electrons - 1.0;
+            let what = format!("{epoch}, {across_px} px, {motion_px} px/s: {light} {off} px");
+            println!("{what}");
+            assert!(light.abs() < tolerance && off < off_px, "{what}");
             assert!((moon.electrons / all_e(&shot) - 1.0).abs() < 1e-6);
-            assert!(off < off_px, "{across_px}, {motion_px}: {off} px");
             // Ten pixels beside the limb, across the motion.
             let row = (pixels as f64 / 2.0 - across_px / 2.0 - 10.0) as usize;
             let e = expected(&shot);
@@ -180,14 +152,14 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
     for (place, epoch) in [(Some(place), FULL), (None, ECLIPSE)] {
         let shot = shoot_from(place, epoch, 480.0, 560, [0.0, SHORT_S]);
         let (sum, centre) = moments(&shot);
-        let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
-        let moon = moon.unwrap();
+        let moon = moon(&shot);
         let part = moon.electrons / all_e(&shot);
         let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
-        println!("{epoch}: {part}, {} {off}", sum / moon.electrons - 1.0);
-        assert!((0.05..0.95).contains(&part), "{epoch}: {part}");
-        assert!((sum / moon.electrons - 1.0).abs() < 2e-3, "{epoch}: {sum}");
-        assert!(off < 0.1, "{epoch}: {off} px");
+        let light = sum / moon.electrons - 1.0;
+        let what = format!("{epoch}: {part}, {light} {off} px");
+        println!("{what}");
+        let is_part = (0.05..0.95).contains(&part);
+        assert!(is_part && light.abs() < 2e-3 && off < 0.1, "{what}");
     }
 }
 
@@ -198,7 +170,6 @@ fn a_moon_that_fills_the_frame_is_in_the_label() {
         let most = (1u32 << shot.camera.detector.bits) - 1;
         let full = shot.frame.digits.iter().all(|dn| u32::from(*dn) == most);
         assert_eq!(full, is_full);
-        let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
-        assert_eq!(moon.unwrap().snr == 0.0, is_full);
+        assert_eq!(moon(&shot).snr == 0.0, is_full);
     }
 }

@@ -1,6 +1,7 @@
 //! Area light with detail that moves: each pixel has the mean of its time.
 
-use super::laid::{LEVEL, camera, lit, scale_e, view};
+use super::fixtures::{camera, cropped};
+use super::laid::{LEVEL, lit, scale_e, view};
 use nalgebra::Vector3;
 use skyloop::scene::{Radiance, Simulated};
 
@@ -21,9 +22,7 @@ impl Radiance for Layer {
 
 #[test]
 fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
-    let mut camera = camera("rigel-l");
-    (camera.detector.width, camera.detector.height) = (192, 192);
-    camera.optics.principal_px = [95.5; 2];
+    let mut camera = cropped(camera("rigel-l"), 192);
     camera.exposure_s = 0.1;
     let pixel = 1.0 / camera.optics.focal_px;
     for (moved_px, width_px) in [(0.9, 4.0), (15.0, 4.0), (90.0, 4.0)] {
@@ -46,9 +45,8 @@ fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
         const STEPS: usize = 500;
         let turned = (0..STEPS).map(|i| {
             let part = (i as f64 + 0.5) / STEPS as f64 - 0.5;
-            view.pointing(part * view.exposure.duration_s)
-                .matrix()
-                .transpose()
+            let pointing = view.pointing(part * view.exposure.duration_s);
+            pointing.matrix().transpose()
         });
         let turned: Vec<_> = turned.collect();
         let mut worst = 0.0f64;

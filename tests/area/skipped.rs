@@ -1,24 +1,15 @@
 //! What of area light is skipped: what a flood of other light hides, and what is lost in noise.
 
+use super::fixtures::{Frames, cropped, scene};
 use super::frames::expected;
 use skyloop::camera::Stray;
-use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;
-use std::path::Path;
 
-fn emulator(scene: &str) -> (Config, Emulator) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
-    let mut config = Config::load(&folder.join(scene)).unwrap();
-    let emulator = Emulator::new(&mut config);
-    (config, emulator)
-}
-
-fn shoot((config, emulator): &mut (Config, Emulator), frame: u32) -> Shot {
-    let mission = skyloop::flight::mission(config).unwrap();
-    let vehicle = skyloop::flight::vehicle(&mission, frame).unwrap();
-    emulator.keep_expected = true;
-    emulator.shoot(&vehicle, 0).unwrap()
+/// A frame with its expected electrons.
+fn shoot(frames: &mut Frames, number: u32) -> Shot {
+    frames.emulator.keep_expected = true;
+    frames.shoot(number)
 }
 
 fn runs(shot: &Shot, name: &str) -> (bool, String) {
@@ -29,24 +20,22 @@ fn runs(shot: &Shot, name: &str) -> (bool, String) {
 
 #[test]
 fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
-    let mut near_sun = emulator("near-sun.toml");
+    let mut near_sun = Frames::of(scene("near-sun.toml"));
     let shot = shoot(&mut near_sun, 7);
     assert_eq!(shot.label.flooded_by, Some("sunlight"));
     assert!(runs(&shot, "sunlight").0);
     for name in ["stars", "zodiacal light", "starlight", "pixel response"] {
         let (run, why) = runs(&shot, name);
-        assert!(
-            !run && why.contains("all pixels are full of other light"),
-            "{name}: {why}"
-        );
+        let is_hidden = why.contains("all pixels are full of other light");
+        assert!(!run && is_hidden, "{name}: {why}");
     }
-    near_sun.1.choice.all = true;
+    near_sun.emulator.choice.all = true;
     let all = shoot(&mut near_sun, 7);
     assert!(runs(&all, "stars").0 && all.frame.digits == shot.frame.digits);
 
     // What alone fills the frame is never skipped for another that does too.
-    let mut twice = emulator("near-sun.toml");
-    twice.1.choice.off = vec!["sunlight"];
+    let mut twice = Frames::of(scene("near-sun.toml"));
+    twice.emulator.choice.off = vec!["sunlight"];
     let without = shoot(&mut twice, 7);
     assert_eq!(without.label.flooded_by, None);
     assert!(runs(&without, "stars").0 && runs(&without, "zodiacal light").0);
@@ -56,23 +45,21 @@ fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
 #[test]
 fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     let veil = |pst: f64| {
-        let (mut config, _) = emulator("deep-sky.toml");
+        let mut config = scene("deep-sky.toml");
+        config.camera = cropped(config.camera, 64);
         let detector = &mut config.camera.detector;
-        (detector.width, detector.height) = (64, 64);
         (detector.read_noise_e, detector.gain_e_per_dn) = (10.0, 1.0);
-        config.camera.optics.principal_px = [31.5; 2];
         config.camera.optics.stray = Stray::new(&[[0.1, pst], [3.1, pst]], 0.0);
-        let changed = Emulator::new(&mut config);
-        let mut emulator = (config, changed);
-        emulator.1.choice.off = vec![
+        let mut frames = Frames::of(config);
+        let lights = [
             "stars",
             "zodiacal light",
             "starlight",
             "moonglow",
             "earthshine",
         ];
-        emulator.1.choice.off.push("dark current");
-        let shot = shoot(&mut emulator, 0);
+        frames.emulator.choice.off = [&lights[..], &["dark current"]].concat();
+        let shot = shoot(&mut frames, 0);
         let e = f64::from(expected(&shot)[0]);
         (runs(&shot, "sunlight"), e)
     };
@@ -83,10 +70,8 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     let at = |wanted: f64| veil(1e-6 * wanted / e);
     let ((run, why), told) = at(of_snr(0.2));
     assert!(run, "{why}");
-    assert!(
-        (told / of_snr(0.2) - 1.0).abs() < 1e-3 && told < 0.05,
-        "{told}"
-    );
+    let is_met = (told / of_snr(0.2) - 1.0).abs() < 1e-3;
+    assert!(is_met && told < 0.05, "{told}");
     let ((run, why), lost) = at(of_snr(0.02));
     assert!(!run && why.contains("within the tolerance"), "{why}");
     assert_eq!(lost, 0.0);
@@ -96,21 +81,17 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
 #[test]
 fn what_full_pixels_lose_is_not_worked_out() {
     let held = |full_well_e: f64, fidelity: Fidelity| {
-        let mut limb = emulator("limb-by-day.toml");
-        limb.0.camera = emulator("deep-sky.toml").0.camera;
-        limb.0.camera.detector.full_well_e = full_well_e;
-        limb.1 = Emulator::new(&mut limb.0);
-        limb.1.choice.noise = false;
-        limb.1.choice.off = vec!["earthshine"];
-        limb.1.set_fidelity(fidelity);
-        let mission = skyloop::flight::mission(&limb.0).unwrap();
-        let vehicle = skyloop::flight::vehicle(&mission, 0).unwrap();
-        let choice = limb.1.choice.clone();
-        let scene = limb
-            .1
-            .scene(&limb.1.camera(), &vehicle, 0, &choice)
-            .unwrap();
-        let asked: usize = scene.areas.iter().map(|area| area.asked.lights).sum();
+        let mut config = scene("limb-by-day.toml");
+        config.camera = scene("deep-sky.toml").camera;
+        config.camera.detector.full_well_e = full_well_e;
+        let mut limb = Frames::of(config);
+        limb.emulator.choice.noise = false;
+        limb.emulator.choice.off = vec!["earthshine"];
+        limb.emulator.set_fidelity(fidelity);
+        let (emulator, vehicle) = (&limb.emulator, limb.vehicle(0));
+        let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &emulator.choice);
+        let areas = scene.unwrap().areas;
+        let asked: usize = areas.iter().map(|area| area.asked.lights).sum();
         let shot = shoot(&mut limb, 0);
         let held = expected(&shot).iter().map(|e| e.min(full_well_e as f32));
         (held.collect::<Vec<f32>>(), asked)

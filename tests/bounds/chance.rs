@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use crate::fixtures::{look_at, unit};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop::attitude::VehicleState;
@@ -278,12 +279,11 @@ fn vehicle(
         1 if orbit => Vector3::from(c.among(&OBJECTS).0).normalize(),
         _ => {
             let [ra, dec] = c.among(&BRIGHT).map(f64::to_radians);
-            Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
+            unit(ra, dec)
         }
     };
     let aside = c.direction() * (c.between(0.0, 0.7) * field_deg.to_radians());
-    let z = (towards + aside).normalize();
-    let q = look_at(z, c.between(0.0, TAU));
+    let q = look_at(towards + aside, c.between(0.0, TAU));
     // Images move by so many pixels in the exposure and the readout.
     let open_s = camera.exposure_s + camera.readout_s();
     let rate = c.or_none(5.0, 1e-4, 60.0) / camera.optics.focal_px / open_s;
@@ -297,15 +297,4 @@ fn vehicle(
         (position.map(|x| x * 1e3), velocity.map(|x| x * 1e3))
     });
     VehicleState::new(sequence, epoch, q, rate.into(), orbit).ok()
-}
-
-/// The attitude that turns +Z to `z`, rolled by `roll` rad.
-fn look_at(z: Vector3<f64>, roll: f64) -> [f64; 4] {
-    let aside = z.cross(&Vector3::new(0.3, -0.5, 0.81)).normalize();
-    let x = aside * roll.cos() + z.cross(&aside) * roll.sin();
-    let matrix =
-        nalgebra::Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
-    let rotation = nalgebra::Rotation3::from_matrix_unchecked(matrix);
-    let q = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
-    [q.i, q.j, q.k, q.w]
 }

@@ -7,22 +7,21 @@ use skyloop::attitude::VehicleState;
 use skyloop::camera::psf::{Shape, Variation};
 use skyloop::camera::{Camera, Model, Projection, Psf, Shutter, Vignetting};
 use skyloop::fidelity::Choice;
-use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
+use super::fixtures::{self, cropped, unit};
 use super::{emulator, epoch, verdicts};
 
 /// X-Val: Sirius, J2000, Hipparcos (ESA 1997): right ascension 101.287 deg, declination -16.716 deg.
 const SIRIUS_DEG: [f64; 2] = [101.287, -16.716];
 
 fn camera() -> Camera {
-    let mut camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
-    (camera.detector.width, camera.detector.height) = (96, 96);
+    let mut camera = cropped(fixtures::camera("cmos-rolling"), 96);
     camera.shutter = Shutter::Global;
     camera.radiation = None;
     let optics = &mut camera.optics;
-    optics.principal_px = [47.5, 47.5];
+
     optics.vignetting = Vignetting::None;
     optics.psf = Psf::new(Shape::Gaussian(0.7), Variation::default());
     // A fifth more at the edge, 46 px from the middle at 2200 px: Sirius stands 9 px further out.
@@ -36,7 +35,7 @@ fn camera() -> Camera {
 /// The attitude that has Sirius at `at` (px) of an ideal lens.
 pub fn towards_sirius(camera: &Camera, at: [f64; 2]) -> [f64; 4] {
     let [ra, dec] = SIRIUS_DEG.map(f64::to_radians);
-    let star = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+    let star = unit(ra, dec);
     let optics = &camera.optics;
     let [x, y] = [0, 1].map(|k| (at[k] - optics.principal_px[k]) / optics.focal_px);
     let seen = Vector3::new(x, y, 1.0);

@@ -3,6 +3,8 @@
 
 mod chance;
 mod entering;
+#[path = "../support/fixtures.rs"]
+mod fixtures;
 #[path = "../support/oem.rs"]
 mod oem;
 #[path = "../support/plain_camera.rs"]
@@ -16,13 +18,12 @@ use std::sync::Arc;
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use skyloop::camera::{Blooming, Camera};
+use skyloop::camera::Blooming;
 use skyloop::config::Config;
 use skyloop::effect::{EFFECTS, Effect, Stage};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
 use skyloop::label::EffectLabel;
-use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
@@ -38,7 +39,7 @@ fn epoch() -> Epoch {
 fn emulator(stars: Selection) -> Emulator {
     let mut config = Config::defaults().unwrap();
     config.sky.selection = stars;
-    config.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    config.camera = fixtures::camera("cmos-rolling");
     let [position, velocity] = [ORBIT.0, ORBIT.1].map(Vector3::from);
     for (i, (place, motion)) in OBJECTS.iter().enumerate() {
         let [place, motion] = [place, motion].map(|v| Vector3::from(*v));

@@ -5,13 +5,9 @@ use std::process::Command;
 
 /// The long options in a help text.
 fn options(help: &str) -> Names {
-    let words = help
-        .lines()
-        .filter(|line| line.trim_start().starts_with('-'))
-        .flat_map(|line| {
-            let usage = line.trim_start().split("  ").next().unwrap_or_default();
-            usage.split([' ', ',', '.']).collect::<Vec<_>>()
-        });
+    let lines = help.lines().map(str::trim_start);
+    let usages = lines.filter_map(|line| line.split("  ").next().filter(|of| of.starts_with('-')));
+    let words = usages.flat_map(|usage| usage.split([' ', ',', '.']));
     names(words.filter(|word| word.starts_with("--")))
 }
 
@@ -45,11 +41,8 @@ fn commands(command: &str) -> Vec<String> {
 fn documented(heading: &str) -> Names {
     let cells = first_column(section(README, heading));
     let option = |cell: &String| cell.split(' ').next().unwrap_or_default().to_string();
-    cells
-        .iter()
-        .map(option)
-        .filter(|name| name.starts_with("--"))
-        .collect()
+    let options = cells.iter().map(option);
+    options.filter(|name| name.starts_with("--")).collect()
 }
 
 #[test]
@@ -59,14 +52,8 @@ fn the_readme_lists_the_command_line() {
     let commands = commands("");
     assert!(commands.len() >= 4, "{commands:?}");
     for command in commands {
-        let options: Names = options(&help(&command))
-            .difference(&global)
-            .cloned()
-            .collect();
-        assert_eq!(
-            documented(&format!("### `skyloop {command}`")),
-            options,
-            "{command}"
-        );
+        let options = &options(&help(&command)) - &global;
+        let listed = documented(&format!("### `skyloop {command}`"));
+        assert_eq!(listed, options, "{command}");
     }
 }

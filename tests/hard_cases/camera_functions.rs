@@ -29,11 +29,8 @@ fn asked(psf: &Psf, bad: f64) -> Vec<f64> {
         psf.circle_px(&fidelity, bad).unwrap_or(0.0),
     ];
     for local in [psf.at([1.0, 2.0], 1.0), psf.at([bad, 2.0], bad)] {
-        answers.extend([
-            local.core_px(),
-            local.reach_px(bad),
-            local.drawn_px(&fidelity, bad),
-        ]);
+        answers.extend([local.core_px(), local.reach_px(bad)]);
+        answers.push(local.drawn_px(&fidelity, bad));
         for at in [[1.2, 1.4], [bad, 1.4]] {
             local.spread(1.0, at, 0..4, 0..4, &mut stamp);
             answers.extend(&stamp.light);
@@ -43,11 +40,22 @@ fn asked(psf: &Psf, bad: f64) -> Vec<f64> {
     answers
 }
 
+const KEY: NoiseKey = NoiseKey {
+    seed: 1,
+    sequence: 2,
+    repeat: 0,
+};
+
+/// A spread that is the same all over the field.
+fn even(shape: Spread) -> Psf {
+    Psf::new(shape, Variation::default())
+}
+
 #[test]
 fn spreads_of_no_width() {
     check(&[
         ("Psf::new, Gaussian", LightOrNone, |bad| {
-            asked(&Psf::new(Spread::Gaussian(bad), Variation::default()), bad)
+            asked(&even(Spread::Gaussian(bad)), bad)
         }),
         ("Psf::new, Moffat and Airy", LightOrNone, |bad| {
             static TABLES: LazyLock<(Arc<Moffat>, Arc<Airy>)> = LazyLock::new(|| {
@@ -56,8 +64,8 @@ fn spreads_of_no_width() {
             });
             let (moffat, airy) = TABLES.clone();
             let shapes = [Spread::Moffat(moffat, bad), Spread::Airy(airy, bad)];
-            let psfs = shapes.map(|shape| Psf::new(shape, Variation::default()));
-            psfs.iter().flat_map(|psf| asked(psf, bad)).collect()
+            let answers = shapes.map(|shape| asked(&even(shape), bad));
+            answers.concat()
         }),
         ("Psf::new, that varies", LightOrNone, |bad| {
             let variation = |by_field, wavelength_exponent, ratio| Variation {
@@ -76,10 +84,7 @@ fn spreads_of_no_width() {
         }),
         ("Moffat::new", LightOrNone, |bad| {
             let moffat = Arc::new(Moffat::new(bad));
-            asked(
-                &Psf::new(Spread::Moffat(moffat, 2.0), Variation::default()),
-                0.5,
-            )
+            asked(&even(Spread::Moffat(moffat, 2.0)), 0.5)
         }),
         ("Airy::new", LightOrNone, |bad| {
             let airies = [
@@ -87,12 +92,8 @@ fn spreads_of_no_width() {
                 Airy::new(0.0, &[(bad, 1.0), (1.0, 1.0)]),
                 Airy::new(0.0, &[(1.0, bad), (1.1, 1.0)]),
             ];
-            let psf = |airy| Psf::new(Spread::Airy(Arc::new(airy), 2.0), Variation::default());
-            airies
-                .map(psf)
-                .iter()
-                .flat_map(|psf| asked(psf, 0.5))
-                .collect()
+            let psfs = airies.map(|airy| even(Spread::Airy(Arc::new(airy), 2.0)));
+            psfs.each_ref().map(|psf| asked(psf, 0.5)).concat()
         }),
         ("Footprint, of any tolerance", Gives::Light, |bad| {
             // A Gaussian that is the same everywhere, and one that goes by the wavelength: drawn in lines, and in squares.
@@ -102,10 +103,8 @@ fn spreads_of_no_width() {
             };
             let mut cameras = [camera(""), camera("")];
             cameras[1].optics.psf = Psf::new(Spread::Gaussian(0.8), varied);
-            let track = Track::still(Place {
-                at: [30.2, 31.4],
-                light: 1.0,
-            });
+            let (at, light) = ([30.2, 31.4], 1.0);
+            let track = Track::still(Place { at, light });
             let set: [fn(&mut Fidelity) -> &mut f64; 3] =
                 [|f| &mut f.psf_loss, |f| &mut f.loss_e, |f| &mut f.wing_e];
             let mut light = Vec::new();
@@ -203,13 +202,14 @@ fn tracks_of_no_step() {
         ("Course.window", Gives::Light, |bad| {
             let low = drawn(|course, _| course.window.low = [bad; 2]);
             let high = drawn(|course, _| course.window.high = [bad; 2]);
-            let both = |course: &mut Course| {
+            let (from, to) = ([-bad; 2], [bad; 2]);
+            let both = drawn(|course, _| {
                 course.window = Window {
-                    low: [-bad; 2],
-                    high: [bad; 2],
+                    low: from,
+                    high: to,
                 }
-            };
-            [low, high, drawn(|course, _| both(course))].concat()
+            });
+            [low, high, both].concat()
         }),
         ("Even", Gives::Light, |bad| {
             let even = |sigma_px, height_e| {
@@ -222,18 +222,18 @@ fn tracks_of_no_step() {
                 sigma_px: 0.7,
                 height_e: 1e3,
             });
-            let with = |set: fn(&mut Fidelity, f64)| {
-                drawn(move |course, fidelity| {
+            let set: [fn(&mut Fidelity) -> &mut f64; 3] = [
+                |f| &mut f.track_step_sigma,
+                |f| &mut f.track_e,
+                |f| &mut f.skip_px,
+            ];
+            let tracks = set.map(|set| {
+                drawn(|course, fidelity| {
                     course.even = even;
-                    set(fidelity, bad);
+                    *set(fidelity) = bad;
                 })
-            };
-            [
-                with(|fidelity, bad| fidelity.track_step_sigma = bad),
-                with(|fidelity, bad| fidelity.track_e = bad),
-                with(|fidelity, bad| fidelity.skip_px = bad),
-            ]
-            .concat()
+            });
+            tracks.concat()
         }),
         ("Rows::in_turn", Gives::Light, |bad| {
             let rows = |exposure_s, readout_s| {
@@ -288,11 +288,6 @@ fn detectors_of_no_numbers() {
         }),
         ("Radiation", Anything, |bad| {
             let detector = camera("").detector;
-            let key = NoiseKey {
-                seed: 1,
-                sequence: 2,
-                repeat: 0,
-            };
             let plain = Radiation {
                 flux: Flux::Fixed(1.0),
                 thickness_um: 10.0,
@@ -311,12 +306,12 @@ fn detectors_of_no_numbers() {
                 *set(&mut spoilt) = bad;
                 spoilt.expected_events(&detector, 1.0, 0.1);
                 spoilt.charge_e(10.0, 0.3);
-                spoilt.events(&detector, 20.0, key);
+                spoilt.events(&detector, 20.0, KEY);
             }
             plain.charge_e(bad, 0.3);
             plain.charge_e(10.0, bad);
             plain.expected_events(&detector, bad, bad);
-            let none = plain.events(&detector, f64::NAN, key);
+            let none = plain.events(&detector, f64::NAN, KEY);
             assert!(none.is_empty());
             Vec::new()
         }),
@@ -334,12 +329,7 @@ fn detectors_of_no_numbers() {
                 shutter.readout_s(64);
                 shutter.period_s(64, bad);
             }
-            let key = NoiseKey {
-                seed: 1,
-                sequence: 2,
-                repeat: 0,
-            };
-            let draw = PixelStream::new(key, 9, 3).poisson(bad);
+            let draw = PixelStream::new(KEY, 9, 3).poisson(bad);
             assert!(draw.is_finite() && draw >= 0.0);
             Vec::new()
         }),
@@ -407,8 +397,8 @@ fn cameras_of_no_numbers() {
                 Images::new(bad, [vec![0.0], vec![0.0]], vec![image()]),
                 Images::new(2.0, [vec![0.0, bad], vec![0.0]], vec![image(), image()]),
             ];
-            let psf = |images| Psf::new(Spread::Images(Arc::new(images)), Variation::default());
-            let psfs = made.into_iter().flatten().map(psf);
+            let psfs = made.into_iter().flatten();
+            let psfs = psfs.map(|images| even(Spread::Images(Arc::new(images))));
             psfs.flat_map(|psf| asked(&psf, bad)).collect()
         }),
     ]);

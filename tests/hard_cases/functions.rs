@@ -10,20 +10,11 @@ use std::time::Duration;
 
 /// No numbers, none at all and less than none, the greatest and the least, and an angle beyond pi.
 pub const EDGES: [f64; 13] = [
-    f64::NAN,
-    f64::INFINITY,
-    f64::NEG_INFINITY,
-    0.0,
-    -0.0,
-    -1.0,
-    4.0,
-    1e300,
-    -1e300,
-    f64::MAX,
-    1e-300,
-    5e-324,
-    -1e-9,
+    NAN, ENDLESS, -ENDLESS, 0.0, -0.0, -1.0, 4.0, 1e300, -1e300, MAX, 1e-300, 5e-324, -1e-9,
 ];
+const NAN: f64 = f64::NAN;
+const ENDLESS: f64 = f64::INFINITY;
+const MAX: f64 = f64::MAX;
 
 /// How long the values of one row may take together: all take milliseconds, of a slow machine's seconds.
 const BOUND: Duration = Duration::from_secs(30);

@@ -42,6 +42,12 @@ fn here_m() -> Vector3<f64> {
     Vector3::new(6.87e6, 1e5, 2e5)
 }
 
+/// Two vectors, with one or the other spoilt.
+fn either_spoilt(a: Vector3<f64>, b: Vector3<f64>, bad: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    let first = spoilt(a, bad).map(|spoilt| (spoilt, b));
+    [first, spoilt(b, bad).map(|spoilt| (a, spoilt))].concat()
+}
+
 /// What an Earth, a Moon or an atmosphere is seen along.
 fn ways() -> [Vector3<f64>; 4] {
     let down = -here_m().normalize();
@@ -61,18 +67,15 @@ fn photometry_of_no_numbers() {
         }),
         ("Sphere::reflective_area", Gives::Light, |bad| {
             let mut areas = vec![Sphere::default().reflective_area(bad)];
-            for [d, r, b, s] in [
-                [bad, 0.2, 0.7, 0.3],
-                [10.0, bad, 0.7, 0.3],
-                [10.0, 0.2, bad, 0.3],
-                [10.0, 0.2, 0.7, bad],
-            ] {
-                let sphere = Sphere {
-                    diameter_m: d,
-                    reflectance: r,
-                    diffuse: b,
-                    specular: s,
-                };
+            let set: [fn(&mut Sphere) -> &mut f64; 4] = [
+                |sphere| &mut sphere.diameter_m,
+                |sphere| &mut sphere.reflectance,
+                |sphere| &mut sphere.diffuse,
+                |sphere| &mut sphere.specular,
+            ];
+            for set in set {
+                let mut sphere = Sphere::default();
+                *set(&mut sphere) = bad;
                 areas.push(sphere.reflective_area(1.0));
             }
             areas
@@ -96,9 +99,7 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
     check(&[
         ("EarthDisc", Gives::Light, |bad| {
             let mut light = Vec::new();
-            let places = spoilt(here_m(), bad).map(|at| (at, sun_m()));
-            let suns = spoilt(sun_m(), bad).map(|sun| (here_m(), sun));
-            for (at, sun) in places.into_iter().chain(suns) {
+            for (at, sun) in either_spoilt(here_m(), sun_m(), bad) {
                 let Some(disc) = EarthDisc::new(at, sun, earth()) else {
                     continue;
                 };
@@ -120,9 +121,7 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
                 light.extend(limb.parts(way));
                 light.extend([limb.radiance(way), limb.ground_share(way)]);
             };
-            let places = spoilt(here_m(), bad).map(|at| (at, sun_m()));
-            let suns = spoilt(sun_m(), bad).map(|sun| (here_m(), sun));
-            for (at, sun) in places.into_iter().chain(suns) {
+            for (at, sun) in either_spoilt(here_m(), sun_m(), bad) {
                 if let Some(limb) = Limb::new(&AIR, at, sun, earth()) {
                     ways().iter().for_each(|way| look(&limb, way));
                     limb.edge();
@@ -153,10 +152,8 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
         }),
         ("MoonDisc", Gives::Light, |bad| {
             let moon_m = Vector3::new(3.8e8, 1e7, 0.0);
-            let moons = spoilt(moon_m, bad).map(|moon_m| (moon_m, sun_m()));
-            let suns = spoilt(sun_m(), bad).map(|sun_m| (moon_m, sun_m));
             let mut light = Vec::new();
-            for (moon_m, sun_m) in moons.into_iter().chain(suns) {
+            for (moon_m, sun_m) in either_spoilt(moon_m, sun_m(), bad) {
                 let disc = MoonDisc::new(moon_m, sun_m);
                 disc.magnitude();
                 light.extend([Vector3::x(), Vector3::y()].map(|at| disc.brightness(&at)));
@@ -216,17 +213,16 @@ fn shapes_and_light_curves_of_no_numbers() {
         ("sky::shape", Gives::Light, |bad| {
             let [sun, seen] = [Vector3::new(0.6, 0.0, 0.8), Vector3::new(0.0, 0.6, 0.8)];
             let mut light = vec![body(bad, PAINT).reflective_area(&sun, &seen, 5e-3)];
-            for k in 0..4 {
-                let mut figures = [0.2, 0.7, 0.3, 0.1];
-                figures[k] = bad;
-                let [reflectance, diffuse, specular, edge] = figures;
-                for lobe in [Lobe::Smooth(edge), Lobe::Mirror] {
-                    let surface = Surface {
-                        reflectance,
-                        diffuse,
-                        specular,
-                        lobe,
-                    };
+            let set: [fn(&mut Surface, f64); 4] = [
+                |surface, bad| surface.reflectance = bad,
+                |surface, bad| surface.diffuse = bad,
+                |surface, bad| surface.specular = bad,
+                |surface, bad| surface.lobe = Lobe::Smooth(bad),
+            ];
+            for set in set {
+                for lobe in [PAINT.lobe, Lobe::Mirror] {
+                    let mut surface = Surface { lobe, ..PAINT };
+                    set(&mut surface, bad);
                     let shape = body(2.0, surface);
                     light.push(shape.reflective_area(&sun, &seen, 5e-3));
                     assert!(shape.detail(5e-3) >= 0.0);
@@ -247,11 +243,8 @@ fn shapes_and_light_curves_of_no_numbers() {
         }),
         ("light_curve::point_from", Anything, |bad| {
             let mut config = Config::defaults().unwrap();
-            let way = |s: f64| {
-                let (r, v) = (Vector3::new(7500.0, 0.0, 0.0), Vector3::new(0.0, 7.3, 0.0));
-                (r + v * s, v)
-            };
-            config.objects = oem("PASSER", noon(), way);
+            let (r, v) = (Vector3::new(7500.0, 0.0, 0.0), Vector3::new(0.0, 7.3, 0.0));
+            config.objects = oem("PASSER", noon(), |s| (r + v * s, v));
             let population: Population = config.take_population();
             let at = |position_m, velocity_m_s, exposure_s: f64| {
                 let state = StateVector {
@@ -319,9 +312,7 @@ fn directions_of_no_place() {
             });
             let bodies = Bodies::at(noon()).unwrap();
             let (v, corrections) = (Vector3::new(0.0, 7.5e3, 0.0), Corrections::default());
-            let places = spoilt(here_m(), bad).map(|r| (r, v));
-            let speeds = spoilt(v, bad).map(|v| (here_m(), v));
-            for (position_m, velocity_m_s) in places.into_iter().chain(speeds) {
+            for (position_m, velocity_m_s) in either_spoilt(here_m(), v, bad) {
                 let observer = Observer {
                     epoch: noon(),
                     position_m,

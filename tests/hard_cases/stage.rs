@@ -8,7 +8,6 @@ use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::frame::{Frame, Memory};
-use skyloop::load::Folder;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
 use skyloop::render::render;
@@ -18,6 +17,7 @@ use std::sync::OnceLock;
 
 use crate::sky::DARK_SKY;
 
+pub use crate::fixtures::unit;
 pub use crate::oem::{falling, oem};
 pub use crate::plain_camera::camera;
 
@@ -70,12 +70,6 @@ pub fn towards(direction: &Vector3<f64>) -> Attitude {
     Attitude::towards(ra, dec, 0.3)
 }
 
-/// Unit vector of right ascension and declination, rad.
-pub fn unit(ra: f64, dec: f64) -> Vector3<f64> {
-    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra.sin_cos(), dec.sin_cos());
-    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
-}
-
 /// The plain camera with as many rows as columns, and these keys.
 pub fn square(side: usize, keys: &str) -> Camera {
     camera(&format!(
@@ -125,7 +119,7 @@ impl Light {
 fn template() -> Candidate {
     static STAR: OnceLock<Candidate> = OnceLock::new();
     let star = || {
-        let camera = Camera::load("all-sky", &Folder::current()).unwrap();
+        let camera = crate::fixtures::camera("all-sky");
         let emulator = starry(camera, Fidelity::REALTIME);
         let vehicle = vehicle(&Attitude::identity(), [0.0; 3]);
         let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &emulator.choice);

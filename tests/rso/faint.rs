@@ -1,14 +1,13 @@
 //! Who is too faint for an image must be so whatever the camera does.
 
+use crate::fixtures::camera;
 use crate::glints::oem;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Fidelity;
-use skyloop::load::Folder;
 use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::sky::photometry::Sphere;
@@ -29,7 +28,7 @@ fn mid() -> Epoch {
 /// Who is listed while the body turns at `rate` (rad/s) around the camera's x axis.
 fn listed(fidelity: Fidelity, rate: f64) -> Vec<String> {
     let mut config = Config::defaults().unwrap();
-    config.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    config.camera = camera("cmos-rolling");
     config.camera.exposure_s = 1e-4;
     config.label_snr = 0.05;
     config.fidelity = fidelity;

@@ -98,21 +98,17 @@ fn the_readme_shows_what_is_drawn() {
 fn it_says_what_labels_say() {
     let builtin = skyloop::config::Config::builtin().unwrap();
     says_what_labels_say(&["--object", "RCM-2"], "RCM-2", builtin);
-    let rocket = Path::new(env!("CARGO_MANIFEST_DIR")).join(ROCKET);
-    let rocket = skyloop::config::Config::load(&rocket).unwrap();
+    let rocket = crate::fixtures::scene("tumbling-rocket-body/scene.toml");
     let args = ["--scene", ROCKET, "--object", "99002"];
     says_what_labels_say(&args, "ROCKET BODY", rocket);
 }
 
-fn says_what_labels_say(args: &[&str], name: &str, mut config: skyloop::config::Config) {
+fn says_what_labels_say(args: &[&str], name: &str, config: skyloop::config::Config) {
     let folder = tempfile::tempdir().unwrap();
     let (_, said, code) = skyloop(args, folder.path());
     assert_eq!(code, 0, "{said}");
     let rows = table(folder.path());
-    let mission = skyloop::flight::mission(&config).unwrap();
-    let mut emulator = skyloop::engine::Emulator::new(&mut config);
-    let vehicle = skyloop::flight::vehicle(&mission, 7).unwrap();
-    let label = emulator.shoot(&vehicle, 0).unwrap().label;
+    let label = crate::fixtures::Frames::of(config).shoot(7).label;
     let is_meant = |object: &&skyloop::label::ObjectLabel| object.names.iter().any(|n| n == name);
     let object = label.objects.iter().find(is_meant).unwrap();
     let rso = object.rso.as_ref().unwrap();

@@ -4,6 +4,8 @@
 mod close;
 mod facets;
 mod faint;
+#[path = "../support/fixtures.rs"]
+mod fixtures;
 mod glints;
 mod lightcurve;
 mod population;

@@ -1,5 +1,6 @@
 //! Population files: who is in them and what they look like, and what is refused, with file, key and value.
 
+use crate::fixtures::{self, Frames};
 use crate::table::check_refusals;
 use crate::{DELTA, VANGUARD};
 use skyloop::config::Config;
@@ -7,7 +8,6 @@ use skyloop::load::Folder;
 use skyloop::load::orbits::several_sets;
 use skyloop::orbit::time::parse_utc;
 use skyloop::sky::population::Look;
-use std::path::Path;
 
 const PLATE: &str = "{ kind = \"plate\", area_m2 = 2.0, normal = [0, 0, 1] }";
 
@@ -256,8 +256,7 @@ fn a_population_that_is_not_there_is_the_scenes_error() {
 #[test]
 fn the_scenes_with_populations_load() {
     for (scene, objects) in [("tumbling-rocket-body", 1), ("geo-belt-stare", 8)] {
-        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
-        let config = Config::load(&scenes.join(scene).join("scene.toml")).unwrap();
+        let config = fixtures::scene(&format!("{scene}/scene.toml"));
         assert_eq!(
             (config.objects.len(), config.looks.len()),
             (objects, objects)
@@ -269,18 +268,15 @@ fn the_scenes_with_populations_load() {
 /// What docs/scenes.md says of geo-belt-stare, by the labels of its first and last frame.
 #[test]
 fn satellites_stand_still_and_the_one_given_up_drifts() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/geo-belt-stare");
-    let mut config = Config::load(&path).unwrap();
-    let mission = skyloop::flight::mission(&config).unwrap();
-    let mut emulator = skyloop::engine::Emulator::new(&mut config);
+    let mut frames = Frames::of(fixtures::scene("geo-belt-stare"));
+    let last = frames.mission.frames - 1;
     let mut places = |number: u32| {
-        let vehicle = skyloop::flight::vehicle(&mission, number).unwrap();
-        let sources = emulator.shoot(&vehicle, 0).unwrap().label.objects.sources;
+        let sources = frames.shoot(number).label.objects.sources;
         let rsos = sources.into_iter().filter(|source| source.kind == "rso");
         let named = rsos.map(|rso| (rso.names[0].clone(), [rso.x_px, rso.y_px]));
         named.collect::<std::collections::BTreeMap<_, _>>()
     };
-    let (first, last) = (places(0), places(mission.frames - 1));
+    let (first, last) = (places(0), places(last));
     assert_eq!((first.len(), last.len()), (8, 8));
     for (name, [x, y]) in first {
         let way = (last[&name][0] - x).hypot(last[&name][1] - y);
