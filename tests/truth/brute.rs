@@ -4,14 +4,13 @@
 use std::str::FromStr;
 
 use hifitime::Epoch;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::Fidelity;
 use skyloop::label::{EffectLabel, Label, ObjectLabel};
-use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::orbit::Object;
 use skyloop::sky::catalog::Selection;
@@ -19,6 +18,7 @@ use skyloop::sky::catalog::Selection;
 #[path = "../support/oem.rs"]
 mod oem;
 
+pub use crate::fixtures::{look_at, unit};
 pub use oem::{falling, oem};
 
 /// Speed of light, km/s (exact).
@@ -38,7 +38,7 @@ pub fn emulator(
     fidelity: Fidelity,
 ) -> Emulator {
     let mut config = Config::defaults().unwrap();
-    config.camera = Camera::load(camera, &Folder::current()).unwrap();
+    config.camera = crate::fixtures::camera(camera);
     config.sky.selection = stars;
     config.objects = objects;
     config.fidelity = fidelity;
@@ -122,16 +122,6 @@ pub fn arriving_e(label: &Label, object: &ObjectLabel, camera: &Camera) -> f64 {
     irradiance * gathered * label.exposure_s
 }
 
-/// The attitude that turns +Z to `direction`, rolled by `roll` rad.
-pub fn look_at(direction: Vector3<f64>, roll: f64) -> [f64; 4] {
-    let z = direction.normalize();
-    let aside = z.cross(&Vector3::new(0.3, -0.5, 0.81)).normalize();
-    let x = aside * roll.cos() + z.cross(&aside) * roll.sin();
-    let matrix = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
-    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    [q.i, q.j, q.k, q.w]
-}
-
 /// `R(q)` written out.
 pub fn matrix([x, y, z, w]: [f64; 4]) -> Matrix3<f64> {
     Matrix3::new(
@@ -157,12 +147,6 @@ pub fn pointing(label: &Label, t: f64) -> Matrix3<f64> {
         Matrix3::identity() - k * angle.sin() + k * k * (1.0 - angle.cos())
     });
     matrix(label.q_body_to_camera) * turn * matrix(label.q_icrf_to_body)
-}
-
-/// Unit vector of a right ascension and a declination (rad).
-pub fn unit(ra: f64, dec: f64) -> Vector3<f64> {
-    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra.sin_cos(), dec.sin_cos());
-    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
 }
 
 /// Unit vector of the label's apparent right ascension and declination.

@@ -1,6 +1,8 @@
 //! The renderer and its labels against each other and against brute force.
 
 mod brute;
+#[path = "../support/fixtures.rs"]
+mod fixtures;
 mod labels;
 mod light;
 mod passing;
