@@ -97,8 +97,8 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
     });
 }
 
-/// What is replaced in the file of `rigel-l`, by what. The last rows of shutters: 1024 rows of 100 us are more
-/// than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
+/// What is replaced in the file of `rigel-l`, by what. The last rows of shutters: 1024 rows of 100
+/// us are more than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
 const CHANGES: &str = r#"
 rate_hz = 10.0 => rate_hz = 15.2 | timing.rate_hz = 15.2 | timing.exposure_s
 [timing] => [timing]\nshutter = "leaf" | timing.shutter = "leaf" | "frame-transfer"

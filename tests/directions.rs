@@ -196,7 +196,8 @@ fn vehicle(
     VehicleState::new(1, seen_by.epoch, q, [0.0; 3], orbit).unwrap()
 }
 
-/// The label's centre of the Moon is where DE440 has it; the centre of its light is elsewhere, on the disc's bright side.
+/// The label's centre of the Moon is where DE440 has it; the centre of its light is elsewhere, on
+/// the disc's bright side.
 #[test]
 fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     let mut camera = camera("rigel-l");

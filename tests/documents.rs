@@ -193,8 +193,8 @@ fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
     keys.map(|key| format!("{table}{key}")).collect()
 }
 
-/// All keys of a file that `probe` reads: those of its root, and of these tables. `probe` gives the keys of a
-/// text with an unknown one, each after the name of a table.
+/// All keys of a file that `probe` reads: those of its root, and of these tables. `probe` gives the
+/// keys of a text with an unknown one, each after the name of a table.
 fn all_keys(tables: &[&str], probe: impl Fn(&str, &str) -> Names) -> Names {
     let mut all = probe("no_such_key = 1", "");
     for table in tables {

@@ -162,7 +162,8 @@ fn the_image_stands_as_the_rule_says() {
     }
 }
 
-/// Keys of a sequence. Of `roll` the name's advice is told; the key that is meant is in no line of the file.
+/// Keys of a sequence. Of `roll` the name's advice is told; the key that is meant is in no line of
+/// the file.
 const REFUSED: &str = r#"
 # none | s.toml:1:1: sequence: no pointing: give one of
 nadir = true\nradec = [0, 0, 0] | sequence.nadir: given beside sequence.radec

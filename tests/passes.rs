@@ -325,8 +325,8 @@ fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
 fn a_stay_ends_where_states_end() {
     let scene = scene();
     let Scene { mid, sun, across } = scene;
-    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes around a time:
-    // they end or begin within the stay.
+    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes around
+    // a time: they end or begin within the stay.
     let pass_known_around = |after_s: f64, from_s: f64| {
         let place = sun * 7e6 + across * 7e3 * after_s;
         let object = straight(mid + Unit::Second * after_s, place, across * 7e3);

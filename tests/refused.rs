@@ -84,8 +84,8 @@ fn numbers_that_no_camera_has() {
     }
 }
 
-/// By 150 deg C dark current doubles 28 times above its reference, to 3.4e8 times as much; 1e9 particles
-/// are those of 0.59 cm^2 in 0.3 s.
+/// By 150 deg C dark current doubles 28 times above its reference, to 3.4e8 times as much; 1e9
+/// particles are those of 0.59 cm^2 in 0.3 s.
 const WORDS_AND_PLACES: &str = r#"
 detector.blooming = "row" | detector.blooming = "row" | must be one of "none", "column"
 radiation.flux_cm2_s = "leo" | radiation.flux_cm2_s = "leo" | a number or "orbit"
@@ -97,8 +97,8 @@ detector.temperature_c = 150.0 | detector.temperature_c = 150 | dark current and
 radiation.flux_cm2_s = 1e9 | radiation.flux_cm2_s = 1000000000 | particles
 "#;
 
-/// Units that are mistaken for others (metres, per cent, Kelvin, milliseconds), figures that leave no room,
-/// and what is no figure at all.
+/// Units that are mistaken for others (metres, per cent, Kelvin, milliseconds), figures that leave
+/// no room, and what is no figure at all.
 const FIGURES: &str = r#"
 optics.focal_length_mm = 0.036 | optics.focal_length_mm = 0.036 | must be 0.5 to 1000000 mm
 detector.pixel_um = 15e-6 | detector.pixel_um = 0.000015 | must be 0.3 to 1000 um

@@ -63,7 +63,8 @@ pub fn moon(shot: &Shot) -> &ObjectLabel {
     objects.find(|object| object.kind == "moon").unwrap()
 }
 
-/// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs. (1), (2).
+/// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs.
+/// (1), (2).
 pub fn all_e(shot: &Shot) -> f64 {
     let camera = &shot.camera;
     let light = 10f64.powf(-0.4 * moon(shot).mag);

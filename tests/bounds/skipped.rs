@@ -44,8 +44,8 @@ struct Case {
     least_e: f64,
 }
 
-/// The effect is skipped, and its bound is more than what is measured without any tolerance (where the
-/// shortest tracks are drawn), but not much more.
+/// The effect is skipped, and its bound is more than what is measured without any tolerance (where
+/// the shortest tracks are drawn), but not much more.
 fn bound_is_near(case: &Case) {
     let emulator = |[skip_e, skip_px]: [Option<f64>; 2]| {
         let mut config = Config::defaults().unwrap();
@@ -84,7 +84,8 @@ fn bound_is_near(case: &Case) {
     assert!((measured..NEAR * measured).contains(&declared), "{what}");
 }
 
-/// A frame of Sirius, near the last rows; of it a pixel gets some 9,000 e-, which f32 round by a thousandth.
+/// A frame of Sirius, near the last rows; of it a pixel gets some 9,000 e-, which f32 round by a
+/// thousandth.
 fn of_a_star(effect: &'static str, timing: &str, px_s: f64, in_orbit: bool) -> Case {
     let camera = camera(timing);
     Case {
@@ -104,8 +105,8 @@ fn of_a_star(effect: &'static str, timing: &str, px_s: f64, in_orbit: bool) -> C
 
 #[test]
 fn the_bounds_of_images_that_move_are_near() {
-    // 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are exposed
-    // up to 25 s early and late.
+    // 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are
+    // exposed up to 25 s early and late.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 526_000.0";
     bound_is_near(&of_a_star("aberration drift", rolling, 0.0, true));
     // Rows together: only the spread along the way is left, and its bend.
@@ -119,9 +120,9 @@ fn the_bounds_of_images_that_move_are_near() {
 #[test]
 fn the_bounds_of_area_light_have_the_solid_angle_of_pixels() {
     for (effect, vignetting, k1) in [
-        // Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less of the sky
-        // there and 15 % less in the corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which
-        // stands for it and is 1 to 3e-6.
+        // Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less
+        // of the sky there and 15 % less in the corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for
+        // `cos^4`, which stands for it and is 1 to 3e-6.
         ("vignetting", Vignetting::Cos4, 14_000.0),
         // Images are 0.4 px further out in the corners: pixels take 2.5 % less of the sky there.
         ("distortion", Vignetting::None, 2_200.0),

@@ -64,7 +64,8 @@ fn the_phase_function_keeps_its_digits_up_to_pi() {
     assert!(sphere.magnitude(PI - 1e-12, 1.5e11, 1e6) > 80.0);
 }
 
-/// A sphere of that diameter, 1,000 km before the camera; labels list it from a signal-to-noise ratio on.
+/// A sphere of that diameter, 1,000 km before the camera; labels list it from a signal-to-noise
+/// ratio on.
 fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> Shot {
     let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
         config.objects = oem("LIGHT", noon(), falling(LOW_KM * 8.0 / 7.0, LOW_KM_S));

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 /// What a frame may cost, s on one core.
 const LIMIT_S: f64 = 0.3;
 
-/// What is set of the plain camera that exposes for a second, where it points (ICRF) and how fast the body
-/// turns (deg/s, x and y).
+/// What is set of the plain camera that exposes for a second, where it points (ICRF) and how fast
+/// the body turns (deg/s, x and y).
 type Corner = (&'static str, &'static [&'static str], [f64; 3], f64);
 
 /// Stars, zodiacal light and the Milky Way; the Moon; the Earth's limb by day.
@@ -45,8 +45,8 @@ const SHIFTED: &str = "timing.rate_hz = 0.5; timing.shutter = \"frame-transfer\"
     timing.row_us = 1.0";
 const STRAY: &str = "optics.stray = { pst = [[1.0, 1e-1], [90.0, 1e-6], [180.0, 1e-9]] }";
 
-/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1, whose frames are made at this limit. Which
-/// are follows from the counted work: a change of prices shows here.
+/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1, whose frames are made at this
+/// limit. Which are follows from the counted work: a change of prices shows here.
 const MADE: &[Corner] = &[
     ("at rest", &[], SKY, 0.0),
     ("a slow turn", &[], SKY, 1.0),

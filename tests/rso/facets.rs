@@ -191,8 +191,8 @@ fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64)
     worst
 }
 
-/// Reference: Eqs. (7) and (8), of a matt sphere and of one that mirrors. The mirror's lobe covers several
-/// facets; beyond 180 deg less its radius parts of it would come from behind the horizon.
+/// Reference: Eqs. (7) and (8), of a matt sphere and of one that mirrors. The mirror's lobe covers
+/// several facets; beyond 180 deg less its radius parts of it would come from behind the horizon.
 #[test]
 fn faceted_spheres_converge_to_the_diffuse_and_the_mirror_one() {
     let (matt, shiny) = (lossless(0.0, Lobe::Mirror), lossless(1.0, glossy(40.0)));

@@ -131,7 +131,8 @@ fn a_spin_shows_the_attitude_of_the_time() {
     assert_eq!(away.mean(&plate, turned), 0.0);
 }
 
-/// Object and observer on circular orbits; what the observer sees of a body, or of the paper's sphere.
+/// Object and observer on circular orbits; what the observer sees of a body, or of the paper's
+/// sphere.
 fn seen(body: Option<Body>, range_km: f64) -> SeenObject {
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
     let velocity = Vector3::new(-4.0, -6.0, 1.0);

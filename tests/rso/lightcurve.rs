@@ -6,7 +6,8 @@ use std::path::Path;
 
 const ROCKET: &str = "configs/scenes/tumbling-rocket-body/scene.toml";
 
-/// Of `lightcurve` with these arguments into a folder: standard output, standard error and the exit code.
+/// Of `lightcurve` with these arguments into a folder: standard output, standard error and the exit
+/// code.
 fn skyloop(args: &[&str], out: &Path) -> (String, String, i32) {
     let output = Command::new(env!("CARGO_BIN_EXE_skyloop"))
         .current_dir(env!("CARGO_MANIFEST_DIR"))
@@ -142,8 +143,8 @@ fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
     assert!(said.contains(&cause), "{said}");
 }
 
-/// In a folder: an observer with a straight way from a place (km, km/s) at noon, and another object on
-/// it, with the arguments from noon to some other time.
+/// In a folder: an observer with a straight way from a place (km, km/s) at noon, and another object
+/// on it, with the arguments from noon to some other time.
 fn on_one_way(place: [f64; 3], way: [f64; 3], to: &str, folder: &Path) -> (String, String, i32) {
     let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
     let [place, way] = [place, way].map(nalgebra::Vector3::from);

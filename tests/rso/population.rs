@@ -193,8 +193,8 @@ fn parts_that_there_cannot_be() {
     );
 }
 
-/// Lines of an entry of `[[objects]]`; `one:` is an object of a file, `thing:` one with a shape, whose
-/// attitude is given.
+/// Lines of an entry of `[[objects]]`; `one:` is an object of a file, `thing:` one with a shape,
+/// whose attitude is given.
 const ENTRIES: &str = r#"
 files = ["none.tle"]\nsphere = {} | .files[0] | none.tle | check the path
 object = "none.oem"\nsphere = {} | .object | none.oem | check the path
