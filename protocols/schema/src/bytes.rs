@@ -1,5 +1,7 @@
 //! The two checksums, bit by bit, and octets as text: nothing here is shared with the codecs.
 
+use crate::text::each;
+
 /// CRC-16/CCITT-FALSE.
 pub fn crc16(octets: &[u8]) -> u16 {
     octets.iter().fold(0xFFFF, |crc, octet| {
@@ -20,16 +22,9 @@ pub fn crc32(octets: &[u8]) -> u32 {
     })
 }
 
-/// Hexadecimal digits, a blank after every `group` octets.
-pub fn hex(octets: &[u8], group: usize) -> String {
-    let groups = octets.chunks(group.max(1));
-    let digits = |octets: &[u8]| {
-        octets
-            .iter()
-            .map(|octet| format!("{octet:02x}"))
-            .collect::<String>()
-    };
-    groups.map(digits).collect::<Vec<_>>().join(" ")
+/// Hexadecimal digits.
+pub fn hex(octets: &[u8]) -> String {
+    each(octets, |octet| format!("{octet:02x}"))
 }
 
 /// Octets from hexadecimal digits; blanks are decoration.
@@ -39,13 +34,11 @@ pub fn hex(octets: &[u8], group: usize) -> String {
 pub fn from_hex(text: &str) -> Result<Vec<u8>, String> {
     let digits: String = text.split_whitespace().collect();
     let wrong = || format!("{text:?} is not hexadecimal octets");
-    let pairs = digits.as_bytes().chunks(2);
-    pairs
-        .map(|pair| match std::str::from_utf8(pair) {
-            Ok(pair) if pair.len() == 2 => u8::from_str_radix(pair, 16).map_err(|_| wrong()),
-            _ => Err(wrong()),
-        })
-        .collect()
+    let octet = |at| {
+        let pair = digits.get(at..at + 2).ok_or_else(wrong)?;
+        u8::from_str_radix(pair, 16).map_err(|_| wrong())
+    };
+    (0..digits.len()).step_by(2).map(octet).collect()
 }
 
 /// Bits put one after the other, the most significant first.

@@ -2,77 +2,63 @@
 
 use crate::NOTE;
 use crate::model::{CanFrame, Receiver, Schema, Signal};
+use crate::text::{each, join};
 
 /// The whole file.
 pub fn write(schema: &Schema) -> String {
+    let version = schema.version;
+    let frames = &schema.can.frames;
     let mut out = format!(
-        "VERSION \"skyloop CAN form, format version {}. {NOTE}\"\n\nNS_ :\n\nBS_:\n\nBU_: Client Emulator\n",
-        schema.version
+        "VERSION \"skyloop CAN form, format version {version}. {NOTE}\"\n\n\
+         NS_ :\n\nBS_:\n\nBU_: Client Emulator\n"
     );
-    for frame in &schema.can.frames {
-        let (from, to) = ends(frame);
-        out += &format!(
-            "\nBO_ {} {}: {} {from}\n",
-            frame.id, frame.name, frame.octets
-        );
-        for (at, signal) in placed(frame) {
-            let most = (1_u64 << signal.bits) - 1;
-            let (sign, range) = if is_float(signal) {
-                ('-', "0|0".to_owned())
-            } else {
-                ('+', format!("0|{most}"))
-            };
-            // Bits of an octet are numbered from its last; a big-endian signal is named by its first.
-            let start = at / 8 * 8 + (7 - at % 8);
-            out += &format!(
-                " SG_ {} : {start}|{}@0{sign} (1,0) [{range}] \"{}\" {to}\n",
-                signal.name, signal.bits, signal.unit
-            );
-        }
-    }
+    out += &each(frames, declaration);
     out += &format!("\nCM_ \"{}\";\n", schema.can.doc);
-    for frame in &schema.can.frames {
-        out += &format!("CM_ BO_ {} \"{}\";\n", frame.id, frame.doc);
-        for (_, signal) in placed(frame) {
-            out += &format!("CM_ SG_ {} {} \"{}\";\n", frame.id, signal.name, signal.doc);
-        }
+    for frame in frames {
+        let id = frame.id;
+        out += &format!("CM_ BO_ {id} \"{}\";\n", frame.doc);
+        out += &each(frame.placed(), |(_, Signal { name, doc, .. })| {
+            format!("CM_ SG_ {id} {name} \"{doc}\";\n")
+        });
     }
-    for frame in &schema.can.frames {
-        for (_, signal) in placed(frame).filter(|(_, signal)| signal.of == "opcode") {
-            let opcodes = schema.messages.iter().flat_map(|message| &message.opcodes);
-            let codes: Vec<String> = opcodes
-                .map(|code| format!("{} \"{}\"", code.code, code.name))
-                .collect();
-            out += &format!("VAL_ {} {} {} ;\n", frame.id, signal.name, codes.join(" "));
-        }
+    let signals = || {
+        let signals = frames
+            .iter()
+            .map(|frame| frame.placed().map(|(_, signal)| (frame.id, signal)));
+        signals.flatten()
+    };
+    for (id, signal) in signals().filter(|(_, signal)| signal.of == "opcode") {
+        let codes = schema
+            .opcodes()
+            .map(|code| format!("{} \"{}\"", code.code, code.name));
+        out += &format!("VAL_ {id} {} {} ;\n", signal.name, join(codes, " "));
     }
-    for frame in &schema.can.frames {
-        for (_, signal) in placed(frame).filter(|(_, signal)| is_float(signal)) {
-            out += &format!("SIG_VALTYPE_ {} {} : 1;\n", frame.id, signal.name);
-        }
+    for (id, signal) in signals().filter(|(_, signal)| signal.is_float()) {
+        out += &format!("SIG_VALTYPE_ {id} {} : 1;\n", signal.name);
     }
     out
 }
 
-/// Sender and receiver.
-fn ends(frame: &CanFrame) -> (&'static str, &'static str) {
-    match frame.to {
+/// A frame and its signals.
+fn declaration(frame: &CanFrame) -> String {
+    let CanFrame {
+        id, name, octets, ..
+    } = frame;
+    let (from, to) = match frame.to {
         Receiver::Emulator => ("Client", "Emulator"),
         Receiver::Client => ("Emulator", "Client"),
-    }
-}
-
-/// Whether it is the upper half of an f64: an f32.
-pub fn is_float(signal: &Signal) -> bool {
-    signal.of.starts_with("high ")
-}
-
-/// The signals with the place of their first bit, without the spare bits.
-pub fn placed(frame: &CanFrame) -> impl Iterator<Item = (usize, &Signal)> {
-    let signals = frame.signals.iter().scan(0, |at, signal| {
-        let place = *at;
-        *at += signal.bits;
-        Some((place, signal))
+    };
+    let signals = each(frame.placed(), |(at, signal)| {
+        let Signal {
+            name, bits, unit, ..
+        } = signal;
+        let (sign, most) = match signal.is_float() {
+            true => ('-', 0),
+            false => ('+', (1_u64 << bits) - 1),
+        };
+        // Bits of an octet are numbered from its last; a big-endian signal is named by its first.
+        let start = at / 8 * 8 + (7 - at % 8);
+        format!(" SG_ {name} : {start}|{bits}@0{sign} (1,0) [0|{most}] \"{unit}\" {to}\n")
     });
-    signals.filter(|(_, signal)| !signal.name.is_empty())
+    format!("\nBO_ {id} {name}: {octets} {from}\n{signals}")
 }

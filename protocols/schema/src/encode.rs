@@ -3,58 +3,37 @@
 use toml::{Table, Value};
 
 use crate::bytes::{Bits, crc16, from_hex};
-use crate::model::{CanFrame, Field, Kind, Message, Number, Receiver, Rest, Schema};
+use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
+use crate::vectors::Mistake;
 
-/// What can be wrong on purpose around a payload.
-#[derive(Debug, Default)]
-pub struct Around {
-    /// Another format version.
-    pub version: Option<u8>,
-    /// Bits of the first octet to flip.
-    pub octet0: u8,
-    /// Other sequence flags.
-    pub flags: Option<u16>,
-    /// Added to the data length.
-    pub extra: i16,
-    /// Another APID.
-    pub apid: Option<u16>,
-    /// Bits of the CRC to flip.
-    pub crc: u16,
-}
-
-/// The payload of a message with these fields; fields that are missing are an error, others may be anything.
+/// The payload of a message with these fields. Fields that are missing are an error, values may be anything.
 ///
 /// # Errors
 /// A field that is missing or of another kind.
 pub fn payload(
     schema: &Schema,
-    message: &Message,
+    message: &Record,
     opcode: Option<&str>,
     fields: &Table,
 ) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
-    let mut list = schema.fields(message);
-    if let Some(name) = opcode {
-        let opcode = message.opcodes.iter().find(|opcode| opcode.name == name);
-        let opcode = opcode.ok_or(format!("{}: no opcode {name}", message.name))?;
-        out.push(opcode.code);
-        list = schema.arguments(opcode);
-    }
+    let (code, list) = schema.payload_fields(message, opcode)?;
+    out.extend(code);
     for field in &list {
         let context = |error: String| format!("{}.{}: {error}", message.name, field.name);
-        match (fields.get(&field.name), &message.optional) {
-            (None, Some(optional)) if field.name == optional.flag => {
-                let present = list
-                    .iter()
-                    .any(|field| field.optional && fields.contains_key(&field.name));
-                out.push(present.into());
-            }
-            (None, _) if field.optional => {}
-            (Some(value), _) => put(schema, field, value, fields, &mut out).map_err(context)?,
-            (None, _) => return Err(context("missing".to_owned())),
+        match fields.get(&field.name) {
+            Some(value) => put(schema, field, value, fields, &mut out).map_err(context)?,
+            None if message.is_flag(field) => out.push(has_optional(&list, fields).into()),
+            None if field.optional => {}
+            None => return Err(context("missing".to_owned())),
         }
     }
     Ok(out)
+}
+
+fn has_optional(list: &[Field], fields: &Table) -> bool {
+    let mut optional = list.iter().filter(|field| field.optional);
+    optional.any(|field| fields.contains_key(&field.name))
 }
 
 fn put(
@@ -65,61 +44,59 @@ fn put(
     out: &mut Vec<u8>,
 ) -> Result<(), String> {
     match &field.kind {
-        Kind::One(number) => number_octets(*number, value, out),
-        Kind::Array(number, _) => numbers(value)?
-            .iter()
-            .try_for_each(|value| number_octets(*number, value, out)),
+        Kind::One(number) => number_octets(*number, value, out)?,
+        Kind::Array(number, _) => {
+            for value in numbers(value)? {
+                number_octets(*number, &value, out)?;
+            }
+        }
         Kind::Ascii(length) => {
-            let mut octets = value.as_str().ok_or("not a text")?.as_bytes().to_vec();
+            let mut octets = text(value)?.as_bytes().to_vec();
             octets.resize(*length, 0);
             out.extend(octets);
-            Ok(())
         }
-        Kind::Struct(name) => Err(format!("{name} has fields of its own")),
-        Kind::Rest(Rest::Pixels) => {
-            out.extend(pack(all, &numbers(value)?)?);
-            Ok(())
-        }
+        Kind::Struct(name) => return Err(format!("{name} has fields of its own")),
+        Kind::Rest(Rest::Pixels) => out.extend(pack(all, value)?),
         Kind::Rest(Rest::Windows) => {
             for window in numbers(value)? {
-                let window = window.as_table().ok_or("a window is a table")?;
                 for key in ["column", "row"] {
-                    number_octets(Number::Unsigned(2), window.get(key).ok_or("no place")?, out)?;
+                    number_octets(Number::Unsigned(2), member(&window, key)?, out)?;
                 }
-                out.extend(pack(
-                    all,
-                    &numbers(window.get("pixels").ok_or("no pixels")?)?,
-                )?);
+                out.extend(pack(all, member(&window, "pixels")?)?);
             }
-            Ok(())
         }
         Kind::Rest(Rest::Records) => {
-            let record = field
-                .record
-                .as_deref()
-                .and_then(|name| schema.structure(name))
-                .ok_or("no record")?;
+            let record = schema.record(field).ok_or("no record")?;
             for fields in numbers(value)? {
                 let fields = fields.as_table().ok_or("a record is a table")?;
                 for field in schema.flat(&record.fields) {
-                    let value = fields
-                        .get(&field.name)
-                        .ok_or(format!("no {}", field.name))?;
+                    let value = fields.get(&field.name);
+                    let value = value.ok_or(format!("no {}", field.name))?;
                     put(schema, &field, value, fields, out)?;
                 }
             }
-            Ok(())
         }
         Kind::Rest(Rest::Octets) if value.is_table() => {
             let (bits, pixels) = compressed(value)?;
             out.extend(crate::rice::encode(&pixels, bits));
-            Ok(())
         }
         Kind::Rest(Rest::Octets | Rest::Utf8) => {
-            out.extend(text_or_hex(value.as_str().ok_or("not a text")?)?);
-            Ok(())
+            let text = text(value)?;
+            match text.strip_prefix("hex:") {
+                Some(digits) => out.extend(from_hex(digits)?),
+                None => out.extend(text.as_bytes()),
+            }
         }
     }
+    Ok(())
+}
+
+fn text(value: &Value) -> Result<&str, String> {
+    value.as_str().ok_or(format!("{value} is no text"))
+}
+
+fn member<'a>(value: &'a Value, key: &str) -> Result<&'a Value, String> {
+    value.get(key).ok_or(format!("{value} has no {key}"))
 }
 
 /// Bits of a pixel and the pixels of `{ bits, rice }`.
@@ -127,24 +104,9 @@ fn put(
 /// # Errors
 /// Anything else.
 pub fn compressed(value: &Value) -> Result<(usize, Vec<u64>), String> {
-    let bits = value
-        .get("bits")
-        .and_then(Value::as_integer)
-        .ok_or("no bits")?;
-    let pixels = numbers(value.get("rice").ok_or("no rice")?)?;
+    let pixels = numbers(member(value, "rice")?)?;
     let pixels: Result<Vec<u64>, String> = pixels.iter().map(unsigned).collect();
-    Ok((bits as usize, pixels?))
-}
-
-/// Text, or octets after `hex:`.
-///
-/// # Errors
-/// Digits that are not hexadecimal.
-pub fn text_or_hex(text: &str) -> Result<Vec<u8>, String> {
-    match text.strip_prefix("hex:") {
-        Some(digits) => from_hex(digits),
-        None => Ok(text.as_bytes().to_vec()),
-    }
+    Ok((unsigned(member(value, "bits")?)? as usize, pixels?))
 }
 
 /// The elements of an array, nested ones in a row; `{ step, modulo, count }` stands for that many multiples.
@@ -152,15 +114,14 @@ pub fn text_or_hex(text: &str) -> Result<Vec<u8>, String> {
 /// # Errors
 /// Anything else.
 pub fn numbers(value: &Value) -> Result<Vec<Value>, String> {
-    if let Some(rule) = value.as_table() {
-        let [step, modulo, count] =
-            ["step", "modulo", "count"].map(|key| rule.get(key).and_then(Value::as_integer));
+    if value.is_table() {
+        let [step, modulo, count] = ["step", "modulo", "count"].map(|key| value.get(key));
+        let [step, modulo, count] = [step, modulo, count].map(|n| n.and_then(Value::as_integer));
         let (Some(step), Some(modulo), Some(count)) = (step, modulo, count) else {
             return Err("neither an array nor step, modulo, count".to_owned());
         };
-        return Ok((0..count)
-            .map(|n| Value::Integer(step * n % modulo))
-            .collect());
+        let multiples = (0..count).map(|n| Value::Integer(step * n % modulo));
+        return Ok(multiples.collect());
     }
     let elements = value.as_array().ok_or("not an array")?;
     let flat = elements.iter().map(|element| match element {
@@ -191,10 +152,9 @@ pub fn unsigned(value: &Value) -> Result<u64, String> {
 /// # Errors
 /// Anything else.
 pub fn float(value: &Value) -> Result<f64, String> {
-    value
-        .as_float()
-        .or(value.as_integer().map(|number| number as f64))
-        .ok_or(format!("{value} is no number"))
+    let integer = value.as_integer().map(|number| number as f64);
+    let number = value.as_float().or(integer);
+    number.ok_or(format!("{value} is no number"))
 }
 
 fn number_octets(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(), String> {
@@ -214,40 +174,37 @@ fn number_octets(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(),
 }
 
 /// Pixels packed as the field `packing` says.
-fn pack(fields: &Table, pixels: &[Value]) -> Result<Vec<u8>, String> {
-    let width = fields
-        .get("packing")
-        .and_then(Value::as_integer)
-        .ok_or("no packing")?;
+fn pack(fields: &Table, pixels: &Value) -> Result<Vec<u8>, String> {
+    let width = unsigned(fields.get("packing").ok_or("no packing")?)?;
     let mut bits = Bits::default();
-    for pixel in pixels {
-        bits.put(unsigned(pixel)?, width as usize);
+    for pixel in numbers(pixels)? {
+        bits.put(unsigned(&pixel)?, width as usize);
     }
     Ok(bits.octets())
 }
 
-/// The packet around a payload.
+/// The packet around a payload, with what is to be `wrong` with it.
 pub fn packet(
     schema: &Schema,
-    message: &Message,
+    message: &Record,
     count: u16,
     time: u64,
     payload: &[u8],
-    around: &Around,
+    wrong: &Mistake,
 ) -> Vec<u8> {
     let kind = u16::from(message.to == Receiver::Emulator) << 12;
-    let first =
-        (kind | 0x0800 | around.apid.unwrap_or(message.apid)) ^ u16::from(around.octet0) << 8;
-    let flags = around.flags.unwrap_or(3) << 14;
-    let length = (payload.len() + 10) as i16 + around.extra;
+    let apid = wrong.apid.unwrap_or(message.apid);
+    let first = (kind | 0x0800 | apid) ^ u16::from(wrong.octet0) << 8;
+    let flags = wrong.flags.unwrap_or(3) << 14;
+    let length = (payload.len() + 10) as i16 + wrong.extra;
     let mut out = Vec::new();
     for field in [first, flags | count, length as u16] {
         out.extend(field.to_be_bytes());
     }
     out.extend(time.to_be_bytes());
-    out.push(around.version.unwrap_or(schema.version));
+    out.push(wrong.version.unwrap_or(schema.version));
     out.extend(payload);
-    out.extend((crc16(&out) ^ around.crc).to_be_bytes());
+    out.extend((crc16(&out) ^ wrong.crc).to_be_bytes());
     out
 }
 
@@ -257,46 +214,32 @@ pub fn packet(
 /// A signal that holds something unknown.
 pub fn can_frames(
     schema: &Schema,
-    groups: &[&str],
+    groups: &[String],
     packet: &[u8],
     fields: &Table,
     counter: u64,
 ) -> Result<Vec<(u16, Vec<u8>)>, String> {
-    let frames = schema
-        .can
-        .frames
-        .iter()
-        .filter(|frame| groups.contains(&frame.group.as_str()));
-    frames
-        .map(|frame| Ok((frame.id, can_data(frame, packet, fields, counter)?)))
-        .collect()
-}
-
-fn can_data(
-    frame: &CanFrame,
-    packet: &[u8],
-    fields: &Table,
-    counter: u64,
-) -> Result<Vec<u8>, String> {
-    let mut bits = Bits::default();
-    for signal in &frame.signals {
-        let value = can_value(&signal.of, packet, fields, counter);
-        bits.put(
-            value.map_err(|error| format!("{}.{}: {error}", frame.name, signal.name))?,
-            signal.bits,
-        );
+    let mut out = Vec::new();
+    let frames = schema.can.frames.iter();
+    for frame in frames.filter(|frame| groups.contains(&frame.group)) {
+        let mut bits = Bits::default();
+        for signal in &frame.signals {
+            let value = can_value(&signal.of, packet, fields, counter);
+            let context = |error: String| format!("{}.{}: {error}", frame.name, signal.name);
+            bits.put(value.map_err(context)?, signal.bits);
+        }
+        out.push((frame.id, bits.octets()));
     }
-    Ok(bits.octets())
+    Ok(out)
 }
 
 /// What a signal holds: see `of` in `packets.toml`.
 fn can_value(of: &str, packet: &[u8], fields: &Table, counter: u64) -> Result<u64, String> {
     let big_endian = |from: usize, to: usize| {
-        let octets = packet.get(from..to).unwrap_or_default();
-        octets
-            .iter()
-            .fold(0, |value, octet| value << 8 | u64::from(*octet))
+        let octets = packet.get(from..to).unwrap_or_default().iter();
+        octets.fold(0, |value, octet| value << 8 | u64::from(*octet))
     };
+    let field = |name: &str| fields.get(name).ok_or(format!("no {name}"));
     let words: Vec<&str> = of.split(' ').collect();
     Ok(match words.as_slice() {
         [""] => 0,
@@ -309,13 +252,10 @@ fn can_value(of: &str, packet: &[u8], fields: &Table, counter: u64) -> Result<u6
         ["crc"] => big_endian(packet.len() - 2, packet.len()),
         ["opcode"] => big_endian(15, 16),
         ["argument"] => big_endian(16, packet.len() - 2),
-        [half @ ("high" | "low"), field, index] => {
-            let numbers = numbers(fields.get(*field).ok_or(format!("no {field}"))?)?;
-            let number = index
-                .parse()
-                .ok()
-                .and_then(|index: usize| numbers.get(index));
-            let number = float(number.ok_or("no such number")?)?;
+        [half @ ("high" | "low"), name, index] => {
+            let index: usize = index.parse().map_err(|_| format!("no index: {index}"))?;
+            let numbers = numbers(field(name)?)?;
+            let number = float(numbers.get(index).ok_or("no such number")?)?;
             let bits = number.to_bits();
             match (*half, number == 0.0) {
                 ("low", _) => bits & 0x1FFF_FFFF,
@@ -328,7 +268,7 @@ fn can_value(of: &str, packet: &[u8], fields: &Table, counter: u64) -> Result<u6
                 }
             }
         }
-        [name] => unsigned(fields.get(*name).ok_or(format!("no {name}"))?)?,
+        [name] => unsigned(field(name)?)?,
         _ => return Err(format!("{of:?} is nothing known")),
     })
 }

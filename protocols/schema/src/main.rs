@@ -13,17 +13,13 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), String> {
-    for output in skyloop_schema::outputs()? {
-        let path = skyloop_schema::protocols().join(&output.path);
-        let named = |error: std::io::Error| format!("{}: {error}", path.display());
-        if std::fs::read_to_string(&path).is_ok_and(|text| text == output.text) {
+    for (path, text) in skyloop_schema::outputs()? {
+        if skyloop_schema::read(&path).is_ok_and(|before| before == text) {
             continue;
         }
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(named)?;
-        }
-        std::fs::write(&path, &output.text).map_err(named)?;
-        println!("{} written", output.path.display());
+        let file = skyloop_schema::protocols().join(&path);
+        std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+        println!("{path} written");
     }
     Ok(())
 }

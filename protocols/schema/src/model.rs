@@ -1,4 +1,4 @@
-//! What `packets.toml` says, as types.
+//! The content of `packets.toml` as types, and the check that its names lead somewhere.
 
 use serde::Deserialize;
 
@@ -10,15 +10,13 @@ pub struct Schema {
     pub version: u8,
     /// Longest packet, octets.
     pub max_packet: usize,
-    /// Named codes.
     pub enums: Vec<Enum>,
     /// Fields that stand together in more than one place, or in a variant of a command.
-    pub structs: Vec<Struct>,
-    /// The packets.
-    pub messages: Vec<Message>,
-    /// The counters of Status, in order.
-    pub counters: Vec<Counter>,
-    /// The CAN form.
+    pub structs: Vec<Record>,
+    /// The kinds of packets.
+    pub messages: Vec<Record>,
+    /// The counters of Status.
+    pub counters: Vec<Field>,
     pub can: Can,
 }
 
@@ -26,66 +24,45 @@ pub struct Schema {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enum {
-    /// Its name.
     pub name: String,
-    /// What the codes say.
     pub doc: String,
-    /// The codes.
     pub values: Vec<Value>,
 }
 
-/// One code.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Value {
-    /// Its name.
     pub name: String,
-    /// The octet.
     pub code: u8,
-    /// What it says.
     pub doc: String,
-    /// Of a reason: where it is counted.
+    /// The counter of a reason.
     pub counter: Option<String>,
 }
 
-/// Fields that stand together.
+/// A kind of packet, or a structure: fields in their order. Structures have no APID.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Struct {
-    /// Its name.
-    pub name: String,
-    /// What it is.
-    pub doc: String,
-    /// Its fields are seen in its crate only.
-    #[serde(default)]
-    pub private: bool,
-    /// There is one whose fields are all 0.
-    #[serde(default)]
-    pub default: bool,
-    /// Some rules between its fields are written by hand.
-    #[serde(default)]
-    pub check: bool,
-    /// The fields, in order.
-    pub fields: Vec<Field>,
-}
-
-/// One kind of packet.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Message {
+pub struct Record {
     /// Its name in the ICD.
     pub name: String,
-    /// Its application process identifier.
-    pub apid: u16,
-    /// Who receives it.
-    pub to: Receiver,
-    /// Whose time its header holds.
-    pub time: String,
     /// Name of its type in Rust and C, if another.
     #[serde(rename = "struct")]
     pub type_name: Option<String>,
-    /// What it is.
     pub doc: String,
+    pub fields: Vec<Field>,
+    #[serde(default)]
+    pub apid: u16,
+    #[serde(default)]
+    pub to: Receiver,
+    /// Whose time its header holds.
+    #[serde(default)]
+    pub time: String,
+    /// Its fields are private to the crate.
+    #[serde(default)]
+    pub private: bool,
+    /// Its type has a default with all fields 0.
+    #[serde(default)]
+    pub default: bool,
     /// Its last field points into the packet.
     #[serde(default)]
     pub borrows: bool,
@@ -104,20 +81,19 @@ pub struct Message {
     pub before: Option<String>,
     /// The ICD's text after the table.
     pub after: Option<String>,
-    /// The fields, in order.
-    pub fields: Vec<Field>,
-    /// What can follow instead, by the first octet.
+    /// The commands of a packet whose first octet selects one.
     #[serde(default)]
     pub opcodes: Vec<Opcode>,
 }
 
-/// Which end receives a packet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+/// The end that receives a packet.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Receiver {
-    /// The emulator: telecommands.
+    /// Telecommands.
     Emulator,
-    /// The flight computer: telemetry.
+    /// Telemetry, to the flight computer.
+    #[default]
     Client,
 }
 
@@ -132,55 +108,43 @@ pub struct Optional {
     /// Their type's name.
     #[serde(rename = "struct")]
     pub type_name: String,
-    /// What they are.
     pub doc: String,
 }
 
-/// One command.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Opcode {
-    /// Its name.
     pub name: String,
     /// First octet of its payload.
     pub code: u8,
     /// The structure that holds its fields.
     #[serde(rename = "struct")]
     pub type_name: Option<String>,
-    /// What it does.
     pub doc: String,
     /// Its fields, if no structure holds them.
     #[serde(default)]
     pub fields: Vec<Field>,
 }
 
-/// One field.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Its name.
     pub name: String,
-    /// Its layout.
     #[serde(rename = "type")]
     pub kind: Kind,
-    /// What it says.
     pub doc: String,
-    /// Its unit.
     #[serde(default)]
     pub unit: String,
-    /// Its codes.
+    /// Name of the enum that holds its codes.
     #[serde(rename = "enum")]
     pub codes: Option<String>,
     /// Its flags, the last bit first.
     #[serde(default)]
     pub bits: Vec<String>,
-    /// Least value.
     pub min: Option<f64>,
-    /// Largest value.
     pub max: Option<f64>,
-    /// What its numbers must be.
     pub rule: Option<Rule>,
-    /// What a number that breaks the rule is called; `BadValue` if nothing else.
+    /// The error for a number that breaks the rule; `BadValue` if none is given.
     pub error: Option<String>,
     /// The ICD's wording of what it allows.
     pub range: Option<String>,
@@ -190,7 +154,7 @@ pub struct Field {
     /// It is there only if the message's flag is 1.
     #[serde(default)]
     pub optional: bool,
-    /// There are as many of it as this field says.
+    /// The field that holds how many of it there are.
     pub counted_by: Option<String>,
     /// The structure of each record.
     pub record: Option<String>,
@@ -206,7 +170,6 @@ pub struct Field {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// Neither NaN nor infinite.
     Finite,
     /// Finite and above 0.
     Positive,
@@ -216,24 +179,21 @@ pub enum Rule {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum Kind {
-    /// One number.
     One(Number),
-    /// So many numbers.
     Array(Number, usize),
     /// Text in so many octets.
     Ascii(usize),
     /// The fields of a structure.
     Struct(String),
-    /// What is left of the packet.
+    /// All octets up to the CRC.
     Rest(Rest),
 }
 
-/// Layout of a number; all are big-endian.
+/// Layout of a number: its octets, big-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Number {
-    /// Unsigned, of so many octets.
     Unsigned(usize),
-    /// IEEE 754, of so many octets.
+    /// IEEE 754.
     Float(usize),
     /// The 8 octets of a time code.
     Time,
@@ -248,9 +208,7 @@ pub enum Rest {
     Windows,
     /// Structures of fixed length.
     Records,
-    /// Octets.
     Octets,
-    /// Text.
     Utf8,
 }
 
@@ -258,118 +216,123 @@ impl TryFrom<String> for Kind {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let (name, length) = match text.strip_suffix(']').and_then(|text| text.split_once('[')) {
-            Some((name, digits)) => {
-                let length = digits.parse::<usize>();
-                (
-                    name,
-                    Some(length.map_err(|error| format!("{text}: {error}"))?),
-                )
-            }
-            None => (text.as_str(), None),
-        };
-        let number = match name {
-            "u8" => Number::Unsigned(1),
-            "u16" => Number::Unsigned(2),
-            "u32" => Number::Unsigned(4),
-            "u64" => Number::Unsigned(8),
-            "f32" => Number::Float(4),
-            "f64" => Number::Float(8),
-            "time" => Number::Time,
-            _ => {
-                return Ok(match (name, length) {
-                    ("ascii", Some(length)) => Self::Ascii(length),
-                    ("pixels", None) => Self::Rest(Rest::Pixels),
-                    ("windows", None) => Self::Rest(Rest::Windows),
-                    ("records", None) => Self::Rest(Rest::Records),
-                    ("octets", None) => Self::Rest(Rest::Octets),
-                    ("utf8", None) => Self::Rest(Rest::Utf8),
-                    (name, None) if name.starts_with(char::is_uppercase) => {
-                        Self::Struct(name.to_owned())
-                    }
-                    _ => return Err(format!("no type is called {text:?}")),
-                });
-            }
-        };
-        Ok(length.map_or(Self::One(number), |length| Self::Array(number, length)))
+        let unknown = || format!("no type is called {text:?}");
+        if let Some((name, length)) = text.strip_suffix(']').and_then(|text| text.split_once('[')) {
+            let length = length.parse().map_err(|_| unknown())?;
+            return match (name, number(name)) {
+                ("ascii", _) => Ok(Self::Ascii(length)),
+                (_, Some(number)) => Ok(Self::Array(number, length)),
+                _ => Err(unknown()),
+            };
+        }
+        Ok(match text.as_str() {
+            "pixels" => Self::Rest(Rest::Pixels),
+            "windows" => Self::Rest(Rest::Windows),
+            "records" => Self::Rest(Rest::Records),
+            "octets" => Self::Rest(Rest::Octets),
+            "utf8" => Self::Rest(Rest::Utf8),
+            name if name.starts_with(char::is_uppercase) => Self::Struct(name.to_owned()),
+            name => Self::One(number(name).ok_or_else(unknown)?),
+        })
     }
 }
 
-impl Number {
-    /// Its octets.
-    pub const fn octets(self) -> usize {
-        match self {
-            Self::Unsigned(octets) | Self::Float(octets) => octets,
-            Self::Time => 8,
-        }
-    }
-
-    /// Its name in Rust and in the ICD.
-    pub fn name(self) -> String {
-        match self {
-            Self::Unsigned(octets) => format!("u{}", 8 * octets),
-            Self::Float(octets) => format!("f{}", 8 * octets),
-            Self::Time => "time code".to_owned(),
-        }
-    }
-}
-
-/// One counter.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Counter {
-    /// Its name.
-    pub name: String,
-    /// What it counts.
-    pub doc: String,
+fn number(name: &str) -> Option<Number> {
+    Some(match name {
+        "u8" => Number::Unsigned(1),
+        "u16" => Number::Unsigned(2),
+        "u32" => Number::Unsigned(4),
+        "u64" => Number::Unsigned(8),
+        "f32" => Number::Float(4),
+        "f64" => Number::Float(8),
+        "time" => Number::Time,
+        _ => return None,
+    })
 }
 
 /// The CAN form.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Can {
-    /// What it is.
     pub doc: String,
-    /// The frames.
     pub frames: Vec<CanFrame>,
 }
 
-/// One frame.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CanFrame {
     /// Its identifier, 11 bits.
     pub id: u16,
-    /// Its name.
     pub name: String,
-    /// Who receives it.
     pub to: Receiver,
     /// Octets of data.
     pub octets: usize,
-    /// What it is.
     pub doc: String,
     /// `attitude`, `state` (of an attitude that has one), `command`, `ack`, `isotp`.
     pub group: String,
-    /// Its signals and gaps, from the first bit on.
+    /// Its signals and spare bits, from the first bit on.
     pub signals: Vec<Signal>,
 }
 
-/// One signal, or spare bits.
+/// One signal, or spare bits, which have no name.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Signal {
-    /// How many bits.
     pub bits: usize,
-    /// Its name; spare bits have none.
     #[serde(default)]
     pub name: String,
-    /// What it holds.
+    /// The value that it holds.
     #[serde(default)]
     pub of: String,
-    /// Its unit.
     #[serde(default)]
     pub unit: String,
-    /// What it says.
     #[serde(default)]
     pub doc: String,
+}
+
+impl Schema {
+    /// Reads `packets.toml`.
+    ///
+    /// # Errors
+    /// The text does not fit the types above, or a name leads nowhere.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let schema: Self =
+            toml::from_str(text).map_err(|error| format!("packets.toml: {error}"))?;
+        schema
+            .check()
+            .map_err(|error| format!("packets.toml: {error}"))?;
+        Ok(schema)
+    }
+
+    /// Every name leads somewhere, every message has an APID, every CAN frame is full.
+    fn check(&self) -> Result<(), String> {
+        let records = self.structs.iter().chain(&self.messages);
+        let lists = records.flat_map(|record| {
+            let opcodes = record.opcodes.iter().map(|opcode| &opcode.fields);
+            opcodes.chain([&record.fields])
+        });
+        for field in lists.flatten() {
+            let names = [&field.codes, &field.record, &field.kind.structure()];
+            let found = [
+                self.codes(field).is_some(),
+                self.record(field).is_some(),
+                self.inner(field).is_some(),
+            ];
+            for (name, found) in names.into_iter().zip(found) {
+                if let Some(name) = name.as_ref().filter(|_| !found) {
+                    return Err(format!("field {} names {name}", field.name));
+                }
+            }
+        }
+        if let Some(message) = self.messages.iter().find(|message| message.apid == 0) {
+            return Err(format!("{} has no APID", message.name));
+        }
+        for frame in &self.can.frames {
+            let bits: usize = frame.signals.iter().map(|signal| signal.bits).sum();
+            if bits != 8 * frame.octets {
+                return Err(format!("{} has {bits} bits of signals", frame.name));
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,8 +1,44 @@
-//! What every output asks of the schema: sizes, wordings, flat lists of fields; and that its names lead somewhere.
+//! Questions of every output to the schema: sizes, wordings, flat lists of fields.
 
 use crate::model::{
-    Counter, Enum, Field, Kind, Message, Number, Opcode, Rest, Rule, Schema, Struct,
+    CanFrame, Enum, Field, Kind, Number, Opcode, Receiver, Record, Rest, Rule, Schema, Signal,
 };
+use crate::text::join;
+
+impl Number {
+    pub const fn octets(self) -> usize {
+        match self {
+            Self::Unsigned(octets) | Self::Float(octets) => octets,
+            Self::Time => 8,
+        }
+    }
+
+    /// Its name in Rust and in the ICD.
+    pub fn name(self) -> String {
+        match self {
+            Self::Unsigned(octets) => format!("u{}", 8 * octets),
+            Self::Float(octets) => format!("f{}", 8 * octets),
+            Self::Time => "time code".to_owned(),
+        }
+    }
+}
+
+impl Kind {
+    /// Name of its structure.
+    pub fn structure(&self) -> Option<String> {
+        match self {
+            Self::Struct(name) => Some(name.clone()),
+            _ => None,
+        }
+    }
+
+    pub const fn is_float(&self) -> bool {
+        matches!(
+            self,
+            Self::One(Number::Float(_)) | Self::Array(Number::Float(_), _)
+        )
+    }
+}
 
 impl Field {
     /// Its octets, if always the same.
@@ -25,47 +61,59 @@ impl Field {
         }
     }
 
-    /// What its limits or codes allow, whatever else does.
+    /// Its flags, each with its bit.
+    pub fn flags(&self) -> impl Iterator<Item = (u8, &String)> {
+        (0..).map(|bit| 1 << bit).zip(&self.bits)
+    }
+
+    /// All flags together.
+    pub fn all_flags(&self) -> u8 {
+        self.flags().map(|(bit, _)| bit).sum()
+    }
+
+    /// The largest number that fits it.
+    pub fn largest(&self) -> f64 {
+        match self.kind {
+            Kind::One(Number::Unsigned(octets)) => 256_f64.powi(octets as i32) - 1.0,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// What its codes, its flags, or `min` and `max` allow.
+    fn bounds(&self, schema: &Schema) -> Option<String> {
+        if let Some(codes) = schema.codes(self) {
+            let codes: Vec<u8> = codes.values.iter().map(|value| value.code).collect();
+            return Some(match codes.as_slice() {
+                [first, _, .., last] if usize::from(last - first) + 1 == codes.len() => {
+                    format!("{first} to {last}")
+                }
+                codes => join(codes, ", "),
+            });
+        }
+        match (self.all_flags(), self.min, self.max) {
+            (0, None, None) => None,
+            (0, min, max) => {
+                let (min, max) = (min.unwrap_or(0.0), max.unwrap_or(self.largest()));
+                Some(format!("{min} to {max}"))
+            }
+            (1, ..) => Some("0, 1".to_owned()),
+            (all, ..) => Some(format!("0 to {all}")),
+        }
+    }
+
+    /// The same as part of a sentence.
     pub fn limits(&self, schema: &Schema) -> Option<String> {
-        let bare = Self {
-            range: None,
-            rule: None,
-            ..self.clone()
-        };
-        let limited = self.min.is_some() || self.max.is_some() || self.codes.is_some();
-        let text = bare.range_text(schema);
-        let text = match text.rsplit_once(", ") {
-            Some((before, last)) => format!("{before} or {last}"),
-            None => text,
-        };
-        (limited || !self.bits.is_empty()).then_some(text)
+        let bounds = self.bounds(schema)?;
+        let last = bounds.rsplit_once(", ");
+        Some(last.map_or(bounds.clone(), |(before, last)| {
+            format!("{before} or {last}")
+        }))
     }
 
     /// What it allows, in the ICD's words.
     pub fn range_text(&self, schema: &Schema) -> String {
         if let Some(range) = &self.range {
             return range.clone();
-        }
-        if let Some(codes) = self.codes.as_deref().and_then(|name| schema.codes(name)) {
-            let codes: Vec<u8> = codes.values.iter().map(|value| value.code).collect();
-            return match codes.as_slice() {
-                [first, .., last]
-                    if codes.len() > 2 && usize::from(last - first) + 1 == codes.len() =>
-                {
-                    format!("{first} to {last}")
-                }
-                _ => codes
-                    .iter()
-                    .map(u8::to_string)
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            };
-        }
-        if !self.bits.is_empty() {
-            return match (1_u32 << self.bits.len()) - 1 {
-                1 => "0, 1".to_owned(),
-                most => format!("0 to {most}"),
-            };
         }
         match (&self.kind, self.rule) {
             (Kind::Rest(Rest::Octets | Rest::Utf8 | Rest::Records), _) => {
@@ -74,141 +122,119 @@ impl Field {
             (Kind::Rest(_) | Kind::Ascii(_), _) => String::new(),
             (_, Some(Rule::Finite)) => "finite".to_owned(),
             (_, Some(Rule::Positive)) => "above 0".to_owned(),
-            (kind, None) => match (self.min, self.max) {
-                (None, None) => "any".to_owned(),
-                (min, max) => {
-                    let largest = match kind {
-                        Kind::One(Number::Unsigned(octets)) => 256_f64.powi(*octets as i32) - 1.0,
-                        _ => f64::INFINITY,
-                    };
-                    format!("{} to {}", min.unwrap_or(0.0), max.unwrap_or(largest))
-                }
-            },
+            (_, None) => self.bounds(schema).unwrap_or("any".to_owned()),
         }
     }
 }
 
-impl Message {
-    /// Name of its type.
+impl Record {
     pub fn type_name(&self) -> &str {
         self.type_name.as_deref().unwrap_or(&self.name)
+    }
+
+    /// Whether this field says if the optional ones are there.
+    pub fn is_flag(&self, field: &Field) -> bool {
+        let optional = self.optional.as_ref();
+        optional.is_some_and(|optional| optional.flag == field.name)
+    }
+}
+
+impl CanFrame {
+    /// The signals with the place of their first bit, without the spare bits.
+    pub fn placed(&self) -> impl Iterator<Item = (usize, &Signal)> {
+        let signals = self.signals.iter().scan(0, |at, signal| {
+            let place = *at;
+            *at += signal.bits;
+            Some((place, signal))
+        });
+        signals.filter(|(_, signal)| !signal.name.is_empty())
+    }
+}
+
+impl Signal {
+    /// Whether it is the upper half of an f64: an f32.
+    pub fn is_float(&self) -> bool {
+        self.of.starts_with("high ")
     }
 }
 
 impl Schema {
-    /// The codes of this name.
-    pub fn codes(&self, name: &str) -> Option<&Enum> {
-        self.enums.iter().find(|codes| codes.name == name)
+    /// The codes of a field.
+    pub fn codes(&self, field: &Field) -> Option<&Enum> {
+        let name = field.codes.as_ref()?;
+        self.enums.iter().find(|codes| codes.name == *name)
     }
 
-    /// The structure of this name.
-    pub fn structure(&self, name: &str) -> Option<&Struct> {
+    /// The records that a field holds.
+    pub fn record(&self, field: &Field) -> Option<&Record> {
+        self.structure(field.record.as_ref()?)
+    }
+
+    /// The structure that a field is.
+    pub fn inner(&self, field: &Field) -> Option<&Record> {
+        self.structure(&field.kind.structure()?)
+    }
+
+    pub fn structure(&self, name: &str) -> Option<&Record> {
         self.structs.iter().find(|structure| structure.name == name)
     }
 
-    /// The message of this name.
-    pub fn message(&self, name: &str) -> Option<&Message> {
-        self.messages.iter().find(|message| message.name == name)
+    /// # Errors
+    /// There is no message of this name.
+    pub fn message(&self, name: &str) -> Result<&Record, String> {
+        let message = self.messages.iter().find(|message| message.name == name);
+        message.ok_or(format!("no message {name}"))
+    }
+
+    /// The messages of one direction.
+    pub fn to(&self, receiver: Receiver) -> impl Iterator<Item = &Record> {
+        let messages = self.messages.iter();
+        messages.filter(move |message| message.to == receiver)
+    }
+
+    pub fn opcodes(&self) -> impl Iterator<Item = &Opcode> {
+        self.messages.iter().flat_map(|message| &message.opcodes)
     }
 
     /// Fields with those of structures in their place.
     pub fn flat(&self, fields: &[Field]) -> Vec<Field> {
-        let inner = |field: &Field| match &field.kind {
-            Kind::Struct(name) => self
-                .structure(name)
-                .map(|structure| self.flat(&structure.fields))
-                .unwrap_or_default(),
-            _ => vec![field.clone()],
+        let inner = |field: &Field| match self.inner(field) {
+            Some(structure) => self.flat(&structure.fields),
+            None => vec![field.clone()],
         };
         fields.iter().flat_map(inner).collect()
     }
 
     /// All fields of a message, counters too; without those of opcodes.
-    pub fn fields(&self, message: &Message) -> Vec<Field> {
+    pub fn fields(&self, message: &Record) -> Vec<Field> {
+        let counters = self.counters.iter().filter(|_| message.counters);
         let mut fields = self.flat(&message.fields);
-        if message.counters {
-            fields.extend(self.counters.iter().map(counter_field));
-        }
+        fields.extend(counters.cloned());
         fields
     }
 
     /// The fields of a command.
     pub fn arguments(&self, opcode: &Opcode) -> Vec<Field> {
-        match opcode
-            .type_name
-            .as_deref()
-            .and_then(|name| self.structure(name))
-        {
+        let structure = opcode.type_name.as_ref();
+        match structure.and_then(|name| self.structure(name)) {
             Some(structure) => self.flat(&structure.fields),
             None => opcode.fields.clone(),
         }
     }
-
-    /// Reads `packets.toml`.
+    /// The opcode of a payload, if it has one, and the fields after it.
     ///
     /// # Errors
-    /// Where the text is not what the types above say, or a name leads nowhere.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let schema: Self =
-            toml::from_str(text).map_err(|error| format!("packets.toml: {error}"))?;
-        schema.check()?;
-        Ok(schema)
-    }
-
-    /// Every name leads somewhere, every CAN frame is full.
-    fn check(&self) -> Result<(), String> {
-        let lists = self.structs.iter().map(|structure| &structure.fields);
-        let lists = lists.chain(self.messages.iter().map(|message| &message.fields));
-        let opcodes = self.messages.iter().flat_map(|message| &message.opcodes);
-        for field in lists.chain(opcodes.map(|opcode| &opcode.fields)).flatten() {
-            let unknown = |name: &str| format!("packets.toml: field {} names {name}", field.name);
-            if let Some(name) = field
-                .codes
-                .as_deref()
-                .filter(|name| self.codes(name).is_none())
-            {
-                return Err(unknown(name));
-            }
-            let structure = match &field.kind {
-                Kind::Struct(name) => Some(name),
-                _ => field.record.as_ref(),
-            };
-            if let Some(name) = structure.filter(|name| self.structure(name).is_none()) {
-                return Err(unknown(name));
-            }
-        }
-        for frame in &self.can.frames {
-            let bits: usize = frame.signals.iter().map(|signal| signal.bits).sum();
-            if bits != 8 * frame.octets {
-                return Err(format!(
-                    "packets.toml: {} has {bits} bits of signals",
-                    frame.name
-                ));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A counter as the field that it is on the wire.
-fn counter_field(counter: &Counter) -> Field {
-    Field {
-        name: counter.name.clone(),
-        kind: Kind::One(Number::Unsigned(4)),
-        doc: counter.doc.clone(),
-        unit: String::new(),
-        codes: None,
-        bits: Vec::new(),
-        min: None,
-        max: None,
-        rule: None,
-        error: None,
-        range: None,
-        parts: Vec::new(),
-        optional: false,
-        counted_by: None,
-        record: None,
-        least: 0,
-        most: 0,
+    /// There is no opcode of this name.
+    pub fn payload_fields(
+        &self,
+        message: &Record,
+        opcode: Option<&str>,
+    ) -> Result<(Option<u8>, Vec<Field>), String> {
+        let Some(name) = opcode else {
+            return Ok((None, self.fields(message)));
+        };
+        let known = message.opcodes.iter().find(|known| known.name == name);
+        let opcode = known.ok_or(format!("{}: no opcode {name}", message.name))?;
+        Ok((Some(opcode.code), self.arguments(opcode)))
     }
 }

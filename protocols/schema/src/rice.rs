@@ -10,40 +10,32 @@ const BLOCK: usize = 16;
 pub fn encode(pixels: &[u64], bits: usize) -> Vec<u8> {
     let most = (1_u64 << bits) - 1;
     let option_bits = if bits <= 8 { 3 } else { 4 };
+    // All ones are no compression, 0 the low-entropy options.
+    let raw = (1 << option_bits) - 1;
     let mut out = Bits::default();
-    for (number, block) in pixels.chunks(BLOCK).enumerate() {
-        let before = number
-            .checked_sub(1)
-            .and_then(|number| pixels.get(number * BLOCK + BLOCK - 1));
+    let mut last: Option<u64> = None;
+    for block in pixels.chunks(BLOCK) {
+        let reference = block.first().filter(|_| last.is_none());
         let mut samples: Vec<u64> = Vec::new();
-        let mut last = before.copied();
         for pixel in block {
             samples.extend(last.map(|last| mapped(last, *pixel, most)));
             last = Some(*pixel);
         }
-        let reference = if number == 0 { block.first() } else { None };
         samples.resize(BLOCK - usize::from(reference.is_some()), 0);
-        let length = |k: usize| {
-            samples
-                .iter()
-                .map(|sample| (sample >> k) as usize + 1 + k)
-                .sum::<usize>()
+        let length = |k: &usize| {
+            let lengths = samples.iter().map(|sample| (sample >> k) as usize + 1 + k);
+            lengths.sum::<usize>()
         };
-        // All ones are no compression, 0 the low-entropy options.
-        let options = (1 << option_bits) - 2;
-        let best = (0..options)
-            .min_by_key(|k| length(*k))
-            .filter(|k| length(*k) < samples.len() * bits);
-        out.put(
-            best.map_or((1 << option_bits) - 1, |k| k as u64 + 1),
-            option_bits,
-        );
-        out.put(
-            reference.copied().unwrap_or_default(),
-            reference.map_or(0, |_| bits),
-        );
-        for sample in samples.iter().filter(|_| best.is_some()) {
-            out.put(1, (sample >> best.unwrap_or_default()) as usize + 1);
+        let best = (0..raw - 1).min_by_key(length);
+        let best = best.filter(|k| length(k) < samples.len() * bits);
+        out.put(best.map_or(raw, |k| k + 1) as u64, option_bits);
+        if let Some(reference) = reference {
+            out.put(*reference, bits);
+        }
+        if let Some(k) = best {
+            for sample in &samples {
+                out.put(1, (sample >> k) as usize + 1);
+            }
         }
         for sample in &samples {
             out.put(*sample, best.unwrap_or(bits));

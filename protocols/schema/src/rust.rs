@@ -1,171 +1,162 @@
 //! The Rust codecs: `protocols/src/generated/`. Rules between fields stay in the modules that re-export these types.
 
 mod messages;
-mod structures;
+mod record;
 
 use crate::NOTE;
+use crate::icd::cell;
 use crate::model::{Receiver, Schema};
+use crate::text::{block, braces, each, indent, join, upper};
 
 /// The files.
-///
-/// # Errors
-/// None yet.
-pub fn files(schema: &Schema) -> Result<Vec<(String, String)>, String> {
-    let file = |name: &str, about: &str, text: String| {
-        (
-            format!("src/generated/{name}.rs"),
-            format!("// {NOTE}\n//! {about}\n\n{text}"),
-        )
-    };
+pub fn files(schema: &Schema) -> Vec<(String, String)> {
     let inside = ["answers", "codes", "commands", "counters", "ends", "frames"];
-    let modules: String = inside
-        .iter()
-        .map(|name| format!("pub mod {name};\n"))
-        .collect();
-    Ok(vec![
-        file(
+    let files = [
+        (
             "mod",
             "What `schema/packets.toml` says: codes, messages, how they are read and written.",
-            modules,
+            each(inside, |name| format!("pub mod {name};\n")),
         ),
-        file(
+        (
             "codes",
             "Numbers with a name: versions, limits, kinds of packets, codes of fields.",
             codes(schema),
         ),
-        file(
+        (
             "counters",
             "The counters of `Status`, in the order of the wire.",
             counters(schema),
         ),
-        file(
+        (
             "commands",
             "What a client sends.",
             messages::commands(schema),
         ),
-        file(
+        (
             "frames",
             "The packets of a frame.",
             messages::frames(schema),
         ),
-        file("ends", "What closes a frame.", messages::ends(schema)),
-        file(
+        ("ends", "What closes a frame.", messages::ends(schema)),
+        (
             "answers",
             "The answers of the emulator, and all of its packets.",
             messages::answers(schema),
         ),
-    ])
+    ];
+    let file = |(name, about, text): (&str, &str, String)| {
+        let path = format!("src/generated/{name}.rs");
+        (path, format!("// {NOTE}\n//! {about}\n\n{text}"))
+    };
+    files.map(file).into()
 }
 
-/// A comment of this depth.
-fn doc(text: &str, depth: usize) -> String {
-    format!("{}/// {text}\n", "    ".repeat(depth))
+/// A doc comment.
+fn doc(text: &str) -> String {
+    format!("/// {text}\n")
 }
 
 fn codes(schema: &Schema) -> String {
+    let Schema {
+        version,
+        max_packet,
+        ..
+    } = schema;
     let mut out = format!(
-        "use crate::wire::wire_enum;\n\n{}pub const VERSION: u8 = {};\n{}pub const MAX_PACKET: usize = {};\n",
-        doc("Version of these formats, in the secondary header.", 0),
-        schema.version,
-        doc(
-            "Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.",
-            0
-        ),
-        schema.max_packet
+        "use crate::wire::wire_enum;\n\n\
+         /// Version of these formats, in the secondary header.\npub const VERSION: u8 = {version};\n\
+         /// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.\n\
+         pub const MAX_PACKET: usize = {max_packet};\n"
     );
     for codes in &schema.enums {
-        let values = codes
-            .values
-            .iter()
-            .map(|value| (value.name.as_str(), value.code, value.doc.clone()));
+        let values = codes.values.iter();
+        let values = values.map(|value| (&value.name, value.code, &value.doc));
         out += &enumeration(&codes.name, &codes.doc, values);
     }
-    let opcodes = schema.messages.iter().flat_map(|message| &message.opcodes);
-    let opcodes = opcodes.map(|opcode| (opcode.name.as_str(), opcode.code, opcode.doc.clone()));
+    let opcodes = schema
+        .opcodes()
+        .map(|opcode| (&opcode.name, opcode.code, &opcode.doc));
     out += &enumeration(
         "Opcode",
         "First payload octet of a `Command` packet.",
         opcodes,
     );
-    out += "\n/// Application process identifiers: one a message kind.\npub mod apid {\n";
-    for message in &schema.messages {
-        let direction = match message.to {
-            Receiver::Emulator => "Towards the emulator",
-            Receiver::Client => "From the emulator",
-        };
-        out += &doc(
-            &format!("{direction}: {}", crate::icd::cell(&message.doc) + "."),
-            1,
-        );
-        out += &format!(
-            "    pub const {}: u16 = {:#05x};\n",
-            crate::c::upper(&message.name),
-            message.apid
-        );
-    }
-    let rows = schema.messages.iter().map(|message| {
-        format!(
-            "        ({}, \"{}\"),\n",
-            crate::c::upper(&message.name),
-            message.name
-        )
-    });
-    let telecommands = schema
-        .messages
-        .iter()
-        .filter(|message| message.to == Receiver::Emulator);
-    let telecommands: Vec<String> = telecommands
-        .map(|message| crate::c::upper(&message.name))
-        .collect();
-    out + &format!(
-        "\n    /// All of them with their names in the ICD.\n    pub const ALL: [(u16, &str); {}] = [\n{}    ];\n\n    /// Whether packets with this APID go towards the emulator (type bit 1).\n    pub const fn is_telecommand(apid: u16) -> bool {{\n        matches!(apid, {})\n    }}\n\n    /// The row of [`ALL`] that holds this APID.\n    pub fn index(apid: u16) -> Option<usize> {{\n        ALL.iter().position(|(known, _)| *known == apid)\n    }}\n}}\n",
-        schema.messages.len(),
-        rows.collect::<String>(),
-        telecommands.join(" | ")
-    )
+    out += "\n/// Application process identifiers: one a message kind.\n";
+    out + &block("pub mod apid", &apids(schema))
 }
 
 fn enumeration<'a>(
     name: &str,
     about: &str,
-    values: impl Iterator<Item = (&'a str, u8, String)>,
+    values: impl Iterator<Item = (&'a String, u8, &'a String)>,
 ) -> String {
-    let values =
-        values.map(|(name, code, about)| doc(&about, 2) + &format!("        {name} = {code},\n"));
+    let values = each(values, |(name, code, about)| {
+        format!("{}{name} = {code},\n", doc(about))
+    });
+    let body = doc(about) + &block(&format!("pub enum {name}: u8"), &values);
+    format!("\n{}", block("wire_enum!", &body))
+}
+
+fn apids(schema: &Schema) -> String {
+    let messages = &schema.messages;
+    let constants = each(messages, |message| {
+        let direction = match message.to {
+            Receiver::Emulator => "Towards the emulator",
+            Receiver::Client => "From the emulator",
+        };
+        let (name, apid) = (upper(&message.name), message.apid);
+        let about = doc(&format!("{direction}: {}.", cell(&message.doc)));
+        format!("{about}pub const {name}: u16 = {apid:#05x};\n")
+    });
+    let rows = each(messages, |message| {
+        format!("({}, \"{}\"),\n", upper(&message.name), message.name)
+    });
+    let telecommands = schema.to(Receiver::Emulator);
+    let telecommands = join(telecommands.map(|message| upper(&message.name)), " | ");
+    let (count, rows) = (messages.len(), indent(&rows, 4));
     format!(
-        "\nwire_enum! {{\n{}    pub enum {name}: u8 {{\n{}    }}\n}}\n",
-        doc(about, 1),
-        values.collect::<String>()
+        "{constants}\n\
+         /// All of them with their names in the ICD.\n\
+         pub const ALL: [(u16, &str); {count}] = [\n{rows}];\n\n\
+         /// Whether packets with this APID go towards the emulator (type bit 1).\n{}\n\
+         /// The row of [`ALL`] that holds this APID.\n{}",
+        block(
+            "pub const fn is_telecommand(apid: u16) -> bool",
+            &format!("matches!(apid, {telecommands})\n")
+        ),
+        block(
+            "pub fn index(apid: u16) -> Option<usize>",
+            "ALL.iter().position(|(known, _)| *known == apid)\n"
+        ),
     )
 }
 
 fn counters(schema: &Schema) -> String {
-    let names = schema
-        .counters
-        .iter()
-        .map(|counter| doc(&counter.doc, 1) + &format!("    {},\n", counter.name));
-    let names: String = names.collect();
-    let reasons = schema
-        .codes("Reason")
-        .map(|codes| codes.values.as_slice())
-        .unwrap_or_default();
+    let names = each(&schema.counters, |counter| {
+        format!("{}{},\n", doc(&counter.doc), counter.name)
+    });
+    let reasons = schema.enums.iter().flat_map(|codes| &codes.values);
     let mut arms: Vec<(&str, Vec<String>)> = Vec::new();
     for value in reasons {
-        let counter = value.counter.as_deref().unwrap_or_default();
+        let Some(counter) = &value.counter else {
+            continue;
+        };
         let reason = format!("Reason::{}", value.name);
-        match arms.iter_mut().find(|(known, _)| *known == counter) {
+        match arms.iter_mut().find(|(known, _)| known == counter) {
             Some((_, reasons)) => reasons.push(reason),
             None => arms.push((counter, vec![reason])),
         }
     }
-    let arms = arms.iter().map(|(counter, reasons)| {
-        format!(
-            "            {} => &mut self.{counter},\n",
-            reasons.join(" | ")
-        )
+    let arms = each(arms, |(counter, reasons)| {
+        format!("{} => &mut self.{counter},\n", reasons.join(" | "))
     });
+    let body =
+        braces("let counter = match reason", &arms) + ";\n*counter = counter.wrapping_add(1);\n";
+    let refuse = doc("Counts one packet refused for this reason.")
+        + &block("pub fn refuse(&mut self, reason: Reason)", &body);
     format!(
-        "use super::codes::Reason;\nuse crate::wire::counters;\n\ncounters! {{\n{names}}}\n\nimpl Counters {{\n    /// Counts one packet refused for this reason.\n    pub fn refuse(&mut self, reason: Reason) {{\n        let counter = match reason {{\n{}        }};\n        *counter = counter.wrapping_add(1);\n    }}\n}}\n",
-        arms.collect::<String>()
+        "use super::codes::Reason;\nuse crate::wire::counters;\n\n{}\n{}",
+        block("counters!", &names),
+        block("impl Counters", &refuse)
     )
 }

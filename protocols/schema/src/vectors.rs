@@ -5,10 +5,11 @@ use toml::{Table, Value};
 
 use crate::NOTE;
 use crate::bytes::{crc32, from_hex, hex};
-use crate::encode::{Around, can_frames, compressed, float, numbers, packet, payload, unsigned};
-use crate::model::{Field, Kind, Message, Number, Rest, Schema};
+use crate::encode::{can_frames, compressed, float, numbers, packet, payload, unsigned};
+use crate::model::{Field, Kind, Number, Rest, Schema};
+use crate::text::{each, join};
 
-#[derive(Debug, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     time: String,
@@ -19,7 +20,7 @@ struct File {
 }
 
 /// A packet's fields.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Sample {
     name: String,
@@ -35,25 +36,37 @@ struct Sample {
     fields: Table,
 }
 
-/// A good packet in another form.
+/// A good packet in another form: on a serial line or as CAN frames.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Reference {
-    name: String,
-    of: String,
+pub struct Reference {
+    pub name: String,
+    pub of: String,
+    /// Groups of its CAN frames.
     #[serde(default)]
     groups: Vec<String>,
+    /// Counter of its CAN frames.
     #[serde(default)]
     counter: u64,
+    #[serde(skip)]
+    pub packet: Vec<u8>,
+    /// On a serial line.
+    #[serde(skip)]
+    pub line: Vec<u8>,
+    /// Identifiers and data of its CAN frames.
+    #[serde(skip)]
+    pub frames: Vec<(u16, Vec<u8>)>,
 }
 
 /// Octets that are refused: a good packet and what is wrong with it.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Mistake {
-    name: String,
-    receiver: String,
-    error: String,
+pub struct Mistake {
+    pub name: String,
+    /// The end that receives them: `emulator` or `client`.
+    pub receiver: String,
+    /// Name of the error.
+    pub error: String,
     like: String,
     #[serde(default)]
     fields: Table,
@@ -67,66 +80,49 @@ struct Mistake {
     cut: usize,
     /// Octets after the payload.
     append: Option<String>,
-    version: Option<u8>,
+    /// Another format version.
+    pub version: Option<u8>,
+    /// Bits of the first octet to flip.
     #[serde(default)]
-    octet0: u8,
-    flags: Option<u16>,
+    pub octet0: u8,
+    /// Other sequence flags.
+    pub flags: Option<u16>,
+    /// Added to the data length.
     #[serde(default)]
-    extra: i16,
-    apid: Option<u16>,
+    pub extra: i16,
+    pub apid: Option<u16>,
+    /// Bits of the CRC to flip.
     #[serde(default)]
-    crc: u16,
+    pub crc: u16,
     /// Only so many octets of the packet.
     keep: Option<usize>,
+    #[serde(skip)]
+    pub octets: Vec<u8>,
 }
 
 /// A packet with its fields.
 #[derive(Debug)]
 pub struct Good {
-    /// What it shows.
     pub name: String,
-    /// The message's name.
     pub message: String,
-    /// The command, if it is one.
     pub opcode: Option<String>,
     /// Sequence count.
     pub count: u16,
-    /// Time code.
     pub time: u64,
-    /// The fields, in order, with what they hold.
+    /// The fields, in order, with their values.
     pub fields: Vec<(Field, Value)>,
     /// The packet.
     pub octets: Vec<u8>,
     table: Table,
 }
 
-/// Octets that are refused.
-#[derive(Debug)]
-pub struct Bad {
-    /// What is wrong.
-    pub name: String,
-    /// Which end receives them: `emulator` or `client`.
-    pub receiver: String,
-    /// The name of the error.
-    pub error: String,
-    /// The octets.
-    pub octets: Vec<u8>,
-}
-
-/// One identifier with its data.
-pub type CanData = (u16, Vec<u8>);
-
 /// All of them.
 #[derive(Debug)]
 pub struct Vectors {
-    /// Packets.
     pub good: Vec<Good>,
-    /// On a serial line: name, packet, frame.
-    pub serial: Vec<(String, Vec<u8>, Vec<u8>)>,
-    /// As CAN frames: name, name of the packet, frames.
-    pub can: Vec<(String, String, Vec<CanData>)>,
-    /// Refused.
-    pub bad: Vec<Bad>,
+    pub serial: Vec<Reference>,
+    pub can: Vec<Reference>,
+    pub bad: Vec<Mistake>,
 }
 
 impl Vectors {
@@ -135,44 +131,23 @@ impl Vectors {
     /// # Errors
     /// What does not fit the schema.
     pub fn parse(schema: &Schema, text: &str) -> Result<Self, String> {
-        let file: File = toml::from_str(text).map_err(|error| format!("vectors.toml: {error}"))?;
-        let mut good: Vec<Good> = Vec::new();
-        for sample in &file.good {
+        let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
+        let (mut good, mut serial, mut can, mut bad) = (vec![], file.serial, file.can, file.bad);
+        for sample in file.good {
+            let name = sample.name.clone();
             let vector = sample.encode(schema, &good, &file.time);
-            good.push(vector.map_err(|error| format!("vectors.toml: {}: {error}", sample.name))?);
+            good.push(vector.map_err(|error| format!("{name}: {error}"))?);
         }
-        let find = |name: &str| {
-            let vector = good.iter().find(|vector| vector.name == name);
-            vector.ok_or(format!("vectors.toml: no vector {name:?}"))
-        };
-        let mut serial = Vec::new();
-        for reference in &file.serial {
-            let packet = find(&reference.of)?.octets.clone();
-            serial.push((reference.name.clone(), packet.clone(), slip(&packet)));
+        for reference in serial.iter_mut().chain(&mut can) {
+            let vector = find(&good, &reference.of)?;
+            reference.packet.clone_from(&vector.octets);
+            reference.line = slip(&vector.octets);
+            let (groups, counter) = (&reference.groups, reference.counter);
+            reference.frames = can_frames(schema, groups, &vector.octets, &vector.table, counter)?;
         }
-        let mut can = Vec::new();
-        for reference in &file.can {
-            let vector = find(&reference.of)?;
-            let groups: Vec<&str> = reference.groups.iter().map(String::as_str).collect();
-            let frames = can_frames(
-                schema,
-                &groups,
-                &vector.octets,
-                &vector.table,
-                reference.counter,
-            )?;
-            can.push((reference.name.clone(), reference.of.clone(), frames));
-        }
-        let mut bad = Vec::new();
-        for mistake in &file.bad {
-            let octets = mistake.encode(schema, find(&mistake.like)?);
-            bad.push(Bad {
-                name: mistake.name.clone(),
-                receiver: mistake.receiver.clone(),
-                error: mistake.error.clone(),
-                octets: octets
-                    .map_err(|error| format!("vectors.toml: {}: {error}", mistake.name))?,
-            });
+        for mistake in &mut bad {
+            let octets = mistake.encode(schema, find(&good, &mistake.like)?);
+            mistake.octets = octets.map_err(|error| format!("{}: {error}", mistake.name))?;
         }
         Ok(Self {
             good,
@@ -190,116 +165,160 @@ impl Vectors {
              # refused. Numbers with 0x are hexadecimal, time is in units of 2^-32 s since 1958-01-01 TAI, bars part\n\
              # primary header, time, version, payload and CRC.\n\n"
         );
-        for vector in &self.good {
-            out += &format!("[{}]\nmessage = {}\n", vector.name, vector.message);
-            out += &format!(
-                "sequence_count = {}\ntime = {:#018x}\n",
-                vector.count, vector.time
-            );
-            if let Some(opcode) = &vector.opcode {
-                out += &format!("opcode = {opcode}\n");
-            }
-            for (name, value) in vector
-                .fields
-                .iter()
-                .flat_map(|(field, value)| shown(field, value))
-            {
-                out += format!("{name} = {value}").trim_end();
-                out.push('\n');
-            }
-            if let Some(records) = vector.records() {
-                out += &format!("records = {}\n", hex(records, 2000));
-            }
-            out += &format!("hex = {}\n\n", spaced(&vector.octets));
+        out += &each(&self.good, Good::text);
+        for Reference {
+            name, packet, line, ..
+        } in &self.serial
+        {
+            let (packet, inner) = (hex(packet), hex(&line[1..line.len() - 1]));
+            out += &format!("[{name}]\npacket = {packet}\nhex = c0 | {inner} | c0\n\n");
         }
-        for (name, packet, frame) in &self.serial {
-            let inner = frame.get(1..frame.len() - 1).unwrap_or_default();
-            out += &format!(
-                "[{name}]\npacket = {}\nhex = c0 | {} | c0\n\n",
-                hex(packet, 2000),
-                hex(inner, 2000)
-            );
+        for Reference {
+            name, of, frames, ..
+        } in &self.can
+        {
+            let frames = each(frames, |(id, data)| {
+                format!("\n    {id:03X}#{}", hex(data).to_uppercase())
+            });
+            out += &format!("[{name}]\nof = {of}\nframes ={frames}\nhex =\n\n");
         }
-        for (name, of, frames) in &self.can {
-            out += &format!("[{name}]\nof = {of}\nframes =");
-            for (id, data) in frames {
-                out += &format!("\n    {id:03X}#{}", hex(data, 64).to_uppercase());
-            }
-            out += "\nhex =\n\n";
-        }
-        for vector in &self.bad {
-            out += &format!(
-                "[{}]\nreceiver = {}\nerror = {}\n",
-                vector.name, vector.receiver, vector.error
-            );
-            out += format!("hex = {}", spaced(&vector.octets)).trim_end();
+        for Mistake {
+            name,
+            receiver,
+            error,
+            octets,
+            ..
+        } in &self.bad
+        {
+            out += &format!("[{name}]\nreceiver = {receiver}\nerror = {error}\n");
+            out += format!("hex = {}", spaced(octets)).trim_end();
             out += "\n\n";
         }
         out
     }
 }
 
+fn find<'a>(good: &'a [Good], name: &str) -> Result<&'a Good, String> {
+    let vector = good.iter().find(|vector| vector.name == name);
+    vector.ok_or(format!("no vector {name:?}"))
+}
+
 impl Good {
-    /// The records at its end.
-    fn records(&self) -> Option<&[u8]> {
-        let (field, _) = self.fields.last()?;
-        let fixed: usize = self
-            .fields
-            .iter()
-            .filter_map(|(field, _)| field.octets())
-            .sum();
-        let rest = self.octets.get(15 + fixed..self.octets.len() - 2);
-        rest.filter(|_| field.kind == Kind::Rest(Rest::Records))
+    /// The octets after the fields of fixed length.
+    pub fn rest(&self) -> &[u8] {
+        let fixed = self.fields.iter().filter_map(|(field, _)| field.octets());
+        let rest = 15 + fixed.sum::<usize>()..self.octets.len() - 2;
+        self.octets.get(rest).unwrap_or_default()
+    }
+
+    fn text(&self) -> String {
+        let Self {
+            name,
+            message,
+            count,
+            time,
+            ..
+        } = self;
+        let mut out = format!("[{name}]\nmessage = {message}\n");
+        out += &format!("sequence_count = {count}\ntime = {time:#018x}\n");
+        if let Some(opcode) = &self.opcode {
+            out += &format!("opcode = {opcode}\n");
+        }
+        for (field, value) in &self.fields {
+            for (name, value) in self.shown(field, value) {
+                out += format!("{name} = {value}").trim_end();
+                out.push('\n');
+            }
+        }
+        out + &format!("hex = {}\n\n", spaced(&self.octets))
+    }
+
+    /// A field as `golden.txt` writes it: names and values.
+    fn shown<'a>(&self, field: &'a Field, value: &Value) -> Vec<(&'a str, String)> {
+        let name = field.name.as_str();
+        let values = numbers(value).unwrap_or_default();
+        match &field.kind {
+            // The header has fields of these names.
+            Kind::One(kind) => match name {
+                "apid" => vec![("answers_apid", number(*kind, value))],
+                "sequence_count" => vec![("answers_sequence_count", number(*kind, value))],
+                name => vec![(name, number(*kind, value))],
+            },
+            Kind::Array(kind, _) => vec![(name, list(*kind, &values))],
+            Kind::Rest(Rest::Pixels) => vec![("pixels", list(Number::Unsigned(2), &values))],
+            Kind::Rest(Rest::Windows) => {
+                let cells = |keys: &[&str]| {
+                    let cells = values.iter().flat_map(|window| {
+                        let cells = keys.iter().filter_map(|key| window.get(key));
+                        cells.flat_map(|cell| numbers(cell).unwrap_or(vec![cell.clone()]))
+                    });
+                    list(Number::Unsigned(2), &cells.collect::<Vec<_>>())
+                };
+                vec![
+                    ("places", cells(&["column", "row"])),
+                    ("pixels", cells(&["pixels"])),
+                ]
+            }
+            Kind::Rest(Rest::Records) => vec![("records", hex(self.rest()))],
+            Kind::Rest(Rest::Octets) if value.is_table() => {
+                let (bits, pixels) = compressed(value).unwrap_or_default();
+                vec![
+                    (name, hex(self.rest())),
+                    ("pixel_bits", bits.to_string()),
+                    ("pixels", join(pixels, " ")),
+                ]
+            }
+            _ => {
+                let text = value.as_str().unwrap_or_default();
+                vec![(name, text.strip_prefix("hex:").unwrap_or(text).to_owned())]
+            }
+        }
     }
 }
 
+fn number(kind: Number, value: &Value) -> String {
+    match kind {
+        Number::Float(_) => format!("{:?}", float(value).unwrap_or(f64::NAN)),
+        Number::Time => format!("{:#018x}", unsigned(value).unwrap_or_default()),
+        Number::Unsigned(_) => unsigned(value).unwrap_or_default().to_string(),
+    }
+}
+
+fn list(kind: Number, values: &[Value]) -> String {
+    join(values.iter().map(|value| number(kind, value)), " ")
+}
+
 impl Sample {
-    fn encode(&self, schema: &Schema, before: &[Good], usual: &str) -> Result<Good, String> {
-        let message = schema
-            .message(&self.message)
-            .ok_or(format!("no message {}", self.message))?;
-        let mut table = Table::new();
-        if let Some(like) = &self.like {
-            let other = before
-                .iter()
-                .find(|vector| vector.name == *like)
-                .ok_or(format!("no vector {like}"))?;
-            table = other.table.clone();
-        }
-        table.extend(self.fields.clone());
+    fn encode(self, schema: &Schema, before: &[Good], usual: &str) -> Result<Good, String> {
+        let message = schema.message(&self.message)?;
+        let mut table = match &self.like {
+            Some(like) => find(before, like)?.table.clone(),
+            None => Table::new(),
+        };
+        table.extend(self.fields);
         if let Some(first) = self.counters_from {
-            for (counter, value) in schema.counters.iter().zip(first..) {
-                table.insert(counter.name.clone(), Value::Integer(value));
-            }
+            let names = schema.counters.iter().map(|counter| counter.name.clone());
+            table.extend(names.zip((first..).map(Value::Integer)));
         }
-        let octets = payload(schema, message, self.opcode.as_deref(), &table)?;
-        let time = unsigned(&Value::String(
-            self.time.clone().unwrap_or(usual.to_owned()),
-        ))?;
-        let fields = listed(schema, message, self.opcode.as_deref());
-        let value = |field: Field| table.get(&field.name).map(|value| (field, value.clone()));
-        let fields: Vec<(Field, Value)> = fields.into_iter().filter_map(value).collect();
-        if let Some(name) = table
-            .keys()
-            .find(|name| fields.iter().all(|(field, _)| field.name != **name))
-        {
+        let (_, list) = schema.payload_fields(message, self.opcode.as_deref())?;
+        let unknown = |name: &&String| list.iter().all(|field| field.name != **name);
+        if let Some(name) = table.keys().find(unknown) {
             return Err(format!("{} has no field {name}", message.name));
         }
+        let time = Value::String(self.time.unwrap_or(usual.to_owned()));
+        let (count, time) = (self.sequence_count, unsigned(&time)?);
+        let octets = payload(schema, message, self.opcode.as_deref(), &table)?;
+        let octets = packet(schema, message, count, time, &octets, &Mistake::default());
+        let value = |field: Field| Some((table.get(&field.name)?.clone(), field));
+        let fields = list.into_iter().filter_map(value);
         Ok(Good {
-            name: self.name.clone(),
-            message: self.message.clone(),
-            opcode: self.opcode.clone(),
-            count: self.sequence_count,
+            name: self.name,
+            message: self.message,
+            opcode: self.opcode,
+            count,
             time,
-            fields,
-            octets: packet(
-                schema,
-                message,
-                self.sequence_count,
-                time,
-                &octets,
-                &Around::default(),
-            ),
+            fields: fields.map(|(value, field)| (field, value)).collect(),
+            octets,
             table,
         })
     }
@@ -307,132 +326,53 @@ impl Sample {
 
 impl Mistake {
     fn encode(&self, schema: &Schema, like: &Good) -> Result<Vec<u8>, String> {
-        let message = schema.message(&like.message).ok_or("no message")?;
+        let message = schema.message(&like.message)?;
         let mut table = like.table.clone();
         table.extend(self.fields.clone());
-        for name in &self.without {
-            table.remove(name);
-        }
+        table.retain(|name, _| self.without.iter().all(|without| without != name));
         let mut octets = match &self.payload {
             Some(digits) => from_hex(digits)?,
             None => payload(schema, message, like.opcode.as_deref(), &table)?,
         };
         octets.truncate(octets.len().saturating_sub(self.cut));
         octets.extend(from_hex(self.append.as_deref().unwrap_or_default())?);
-        let around = Around {
-            version: self.version,
-            octet0: self.octet0,
-            flags: self.flags,
-            extra: self.extra,
-            apid: self.apid,
-            crc: self.crc,
-        };
-        let mut octets = packet(schema, message, like.count, like.time, &octets, &around);
+        let mut octets = packet(schema, message, like.count, like.time, &octets, self);
         octets.truncate(self.keep.unwrap_or(octets.len()));
         Ok(octets)
     }
 }
 
-fn listed(schema: &Schema, message: &Message, opcode: Option<&str>) -> Vec<Field> {
-    let opcode = message
-        .opcodes
-        .iter()
-        .find(|code| Some(code.name.as_str()) == opcode);
-    opcode.map_or_else(|| schema.fields(message), |opcode| schema.arguments(opcode))
-}
-
 /// RFC 1055 around packet and CRC-32.
 fn slip(packet: &[u8]) -> Vec<u8> {
-    let inside = packet.iter().copied().chain(crc32(packet).to_be_bytes());
-    let escaped = inside.flat_map(|octet| match octet {
-        0xC0 => vec![0xDB, 0xDC],
-        0xDB => vec![0xDB, 0xDD],
-        octet => vec![octet],
-    });
-    std::iter::once(0xC0)
-        .chain(escaped)
-        .chain(std::iter::once(0xC0))
-        .collect()
-}
-
-/// A field as `golden.txt` writes it: names and values.
-fn shown(field: &Field, value: &Value) -> Vec<(String, String)> {
-    let number = |kind: &Number, value: &Value| match kind {
-        Number::Float(_) => format!("{:?}", float(value).unwrap_or(f64::NAN)),
-        Number::Time => format!("{:#018x}", unsigned(value).unwrap_or_default()),
-        Number::Unsigned(_) => unsigned(value).unwrap_or_default().to_string(),
-    };
-    let list = |values: &[Value], kind: &Number| {
-        let values = values.iter().map(|value| number(kind, value));
-        values.collect::<Vec<_>>().join(" ")
-    };
-    let values = numbers(value).unwrap_or_default();
-    let named = |name: &str, value: String| vec![(name.to_owned(), value)];
-    match &field.kind {
-        Kind::One(kind) => {
-            // The header has fields of these names.
-            let own = ["apid", "sequence_count"].contains(&field.name.as_str());
-            let name = if own {
-                format!("answers_{}", field.name)
-            } else {
-                field.name.clone()
-            };
-            named(&name, number(kind, value))
-        }
-        Kind::Array(kind, _) => named(&field.name, list(&values, kind)),
-        Kind::Rest(Rest::Pixels) => named("pixels", list(&values, &Number::Unsigned(2))),
-        Kind::Rest(Rest::Windows) => {
-            let inner = |keys: &[&str]| {
-                let windows = values.iter().filter_map(Value::as_table);
-                let cells =
-                    windows.flat_map(|window| keys.iter().filter_map(|key| window.get(*key)));
-                let cells = cells.flat_map(|cell| numbers(cell).unwrap_or(vec![cell.clone()]));
-                list(&cells.collect::<Vec<_>>(), &Number::Unsigned(2))
-            };
-            [
-                named("places", inner(&["column", "row"])),
-                named("pixels", inner(&["pixels"])),
-            ]
-            .concat()
-        }
-        // Records stand in `vectors.toml`, field by field.
-        Kind::Rest(Rest::Records) => Vec::new(),
-        Kind::Rest(Rest::Octets) if value.is_table() => {
-            let (bits, pixels) = compressed(value).unwrap_or_default();
-            let data = hex(&crate::rice::encode(&pixels, bits), 2000);
-            let pixels: Vec<String> = pixels.iter().map(u64::to_string).collect();
-            [
-                named(&field.name, data),
-                named("pixel_bits", bits.to_string()),
-                named("pixels", pixels.join(" ")),
-            ]
-            .concat()
-        }
-        _ => {
-            let text = value.as_str().unwrap_or_default();
-            named(
-                &field.name,
-                text.strip_prefix("hex:").unwrap_or(text).to_owned(),
-            )
+    let mut line = vec![0xC0];
+    for octet in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
+        match octet {
+            0xC0 => line.extend([0xDB, 0xDC]),
+            0xDB => line.extend([0xDB, 0xDD]),
+            octet => line.push(octet),
         }
     }
+    line.push(0xC0);
+    line
 }
 
 /// Primary header, time, version, payload, CRC; the payload in lines of 32 octets.
 fn spaced(octets: &[u8]) -> String {
     if octets.len() < 17 {
-        return hex(octets, 2000);
+        return hex(octets);
     }
+    let groups = |octets: &[u8], group| join(octets.chunks(group).map(hex), " ");
     let (head, payload) = octets.split_at(15);
     let (payload, crc) = payload.split_at(payload.len() - 2);
-    let mut out = format!(
-        "{} | {} | {} |",
-        hex(&head[..6], 2),
-        hex(&head[6..14], 8),
-        hex(&head[14..], 1)
-    );
-    for line in payload.chunks(32) {
-        out += &format!("\n      {}", hex(line, 4));
-    }
-    out + &format!("\n      | {}", hex(crc, 2))
+    let (primary, rest) = head.split_at(6);
+    let (time, version) = rest.split_at(8);
+    let (primary, time) = (groups(primary, 2), hex(time));
+    let payload = each(payload.chunks(32), |line| {
+        format!("\n      {}", groups(line, 4))
+    });
+    format!(
+        "{primary} | {time} | {} |{payload}\n      | {}",
+        hex(version),
+        hex(crc)
+    )
 }

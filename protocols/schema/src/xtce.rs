@@ -1,12 +1,13 @@
 //! The XTCE file (CCSDS 660.1-G, OMG formal/20180204): telemetry and, so that a monitor reads both directions,
-//! telecommands as containers; and telecommands once more as commands that can be sent.
+//! telecommands as containers; and telecommands once more as commands that can be sent. The ground system's
+//! post-processor fills in the sequence count, data length and CRC of commands.
 
 use std::collections::BTreeMap;
 
 use crate::NOTE;
-use crate::model::{Field, Kind, Message, Number, Receiver, Rest, Schema};
-
-mod commands;
+use crate::bytes::hex;
+use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
+use crate::text::{each, indent};
 
 /// Octets before the payload and after it.
 const AROUND: usize = 17;
@@ -22,312 +23,194 @@ const HEADER: [(&str, usize, &str); 7] = [
     ("PKT_LEN", 16, "octets after this field, minus one"),
 ];
 
-/// A document under way: types, parameters and containers.
-#[derive(Default)]
-struct Document {
-    types: BTreeMap<String, String>,
-    parameters: String,
-    containers: String,
-}
+const TIME: &str = "units of 2^-32 s since 1958-01-01 TAI";
 
 /// The whole file.
 pub fn write(schema: &Schema) -> String {
-    let mut document = Document::default();
-    document.header(schema);
-    for message in &schema.messages {
-        document.message(schema, message);
-    }
-    let types: String = document.types.into_values().collect();
-    format!(
-        "<!-- {NOTE} -->\n\
-         <SpaceSystem xmlns=\"http://www.omg.org/spec/XTCE/20180204\" name=\"skyloop\" \
-         shortDescription=\"native packets of skyloop\">\n\
-         \x20 <Header version=\"{}\" validationStatus=\"Working\"/>\n\
-         \x20 <TelemetryMetaData>\n    <ParameterTypeSet>\n{types}    </ParameterTypeSet>\n\
-         \x20   <ParameterSet>\n{}    </ParameterSet>\n\
-         \x20   <ContainerSet>\n{}    </ContainerSet>\n  </TelemetryMetaData>\n{}</SpaceSystem>\n",
-        schema.version,
-        document.parameters,
-        document.containers,
-        commands::write(schema),
-    )
+    let mut head = format!("Header version=\"{}\"", schema.version);
+    head += " validationStatus=\"Working\"";
+    let content = empty(&head) + &telemetry(schema) + &commands(schema);
+    let system = "SpaceSystem xmlns=\"http://www.omg.org/spec/XTCE/20180204\" name=\"skyloop\" \
+                  shortDescription=\"native packets of skyloop\"";
+    format!("<!-- {NOTE} -->\n{}", element(system, &content))
 }
 
-impl Document {
-    fn header(&mut self, schema: &Schema) {
-        let mut entries = Vec::new();
-        for (name, bits, doc) in HEADER {
-            self.types
-                .entry(format!("u{bits}"))
-                .or_insert_with(|| unsigned("Parameter", bits, ""));
-            self.parameter(name, &format!("u{bits}"), doc);
-            entries.push(name.to_owned());
-        }
-        self.types.insert(
-            "time_code".to_owned(),
-            "      <AbsoluteTimeParameterType name=\"time_code\">\n\
-             \x20       <Encoding units=\"seconds\" scale=\"2.3283064365386962890625E-10\">\
-             <IntegerDataEncoding sizeInBits=\"64\" encoding=\"unsigned\"/></Encoding>\n\
-             \x20       <ReferenceTime><Epoch>TAI</Epoch></ReferenceTime>\n\
-             \x20     </AbsoluteTimeParameterType>\n"
-                .to_owned(),
-        );
-        self.types
-            .entry("u8".to_owned())
-            .or_insert_with(|| unsigned("Parameter", 8, ""));
-        self.parameter("TIME", "time_code", "units of 2^-32 s since 1958-01-01 TAI");
-        self.parameter("FORMAT_VERSION", "u8", &format!("{}", schema.version));
-        self.parameter("CRC", "u16", "CRC-16 of all octets before it");
-        entries.extend(["TIME".to_owned(), "FORMAT_VERSION".to_owned()]);
-        self.container("CCSDSPacket", true, None, &[], &entries, "every packet");
-    }
+/// An element: its tag with attributes, and its content.
+fn element(head: &str, inside: &str) -> String {
+    let tag = head.split(' ').next().unwrap_or(head);
+    format!("<{head}>\n{}</{tag}>\n", indent(inside, 2))
+}
 
-    fn message(&mut self, schema: &Schema, message: &Message) {
-        let telecommand = u8::from(message.to == Receiver::Emulator);
-        let own = [
-            ("PKT_APID", message.apid.to_string()),
-            ("TYPE", telecommand.to_string()),
-            ("FORMAT_VERSION", schema.version.to_string()),
-        ];
-        let (name, doc) = (&message.name, &message.doc);
-        let all = schema.fields(message);
-        let (optional, fixed): (Vec<Field>, Vec<Field>) =
-            all.into_iter().partition(|field| field.optional);
-        let mut entries = self.fields(schema, name, &fixed);
-        let last = ["CRC".to_owned()];
-        if let Some(flag) = &message.optional {
-            self.container(name, true, Some("CCSDSPacket"), &own, &entries, doc);
-            let more = self.fields(schema, name, &optional);
-            let flag_name = format!("{name}_{}", flag.flag);
-            for (suffix, value, entries) in [("without", 0, &[][..]), ("with", 1, &more)] {
-                let child = format!("{name}_{suffix}_{}", flag.name);
-                let entries = [entries, &last].concat();
-                self.container(
-                    &child,
-                    false,
-                    Some(name),
-                    &[(&flag_name, value.to_string())],
-                    &entries,
-                    doc,
-                );
-            }
-        } else if message.opcodes.is_empty() {
-            entries.extend(last);
-            self.container(name, false, Some("CCSDSPacket"), &own, &entries, doc);
-        } else {
-            let opcode = format!("{name}_opcode");
-            let codes = message
-                .opcodes
-                .iter()
-                .map(|code| (code.code, code.name.as_str()));
-            self.types.insert(
-                "Opcode".to_owned(),
-                enumerated("Parameter", "Opcode", codes),
-            );
-            self.parameter(&opcode, "Opcode", "which command");
-            self.container(
-                name,
-                true,
-                Some("CCSDSPacket"),
-                &own,
-                std::slice::from_ref(&opcode),
-                doc,
-            );
-            for code in &message.opcodes {
-                let child = format!("{name}_{}", code.name);
-                let mut entries = self.fields(schema, &child, &schema.arguments(code));
-                entries.extend(last.clone());
-                self.container(
-                    &child,
-                    false,
-                    Some(name),
-                    &[(&opcode, code.name.clone())],
-                    &entries,
-                    &code.doc,
-                );
-            }
+/// An element on one line.
+fn line(head: &str, inside: &str) -> String {
+    let tag = head.split(' ').next().unwrap_or(head);
+    format!("<{head}>{inside}</{tag}>\n")
+}
+
+/// An element without content.
+fn empty(head: &str) -> String {
+    format!("<{head}/>\n")
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+/// Parameters or arguments, with their types.
+struct Declared<'a> {
+    schema: &'a Schema,
+    /// `Parameter` or `Argument`.
+    of: &'static str,
+    types: BTreeMap<String, String>,
+    list: String,
+}
+
+impl<'a> Declared<'a> {
+    fn new(schema: &'a Schema, of: &'static str) -> Self {
+        let (types, list) = (BTreeMap::new(), String::new());
+        Self {
+            schema,
+            of,
+            types,
+            list,
         }
     }
 
-    /// Declares the parameters of these fields; their names.
-    fn fields(&mut self, schema: &Schema, owner: &str, fields: &[Field]) -> Vec<String> {
-        let mut names = Vec::new();
-        let fixed: usize = fields.iter().filter_map(Field::octets).sum();
-        for field in fields {
-            let name = format!("{owner}_{}", field.name);
-            let kind = self.type_of(schema, owner, field, fixed);
-            match &field.kind {
-                Kind::Array(..) if field.counted_by.is_none() => {
-                    for part in &field.parts {
-                        let name = format!("{name}_{part}");
-                        self.parameter(&name, &kind, &field.doc);
-                        names.push(name);
-                    }
-                }
-                _ => {
-                    self.parameter(&name, &kind, &field.doc);
-                    names.push(name);
-                }
-            }
-        }
-        names
+    /// Declares one; its entry in a container.
+    fn add(&mut self, name: &str, kind: &str, doc: &str) -> String {
+        let (of, reference, doc) = (self.of, self.of.to_lowercase(), escape(doc));
+        self.list += &empty(&format!(
+            "{of} name=\"{name}\" {reference}TypeRef=\"{kind}\" shortDescription=\"{doc}\""
+        ));
+        empty(&format!("{of}RefEntry {reference}Ref=\"{name}\""))
     }
 
-    /// Declares the type of a field, if it is not yet; its name.
-    fn type_of(&mut self, schema: &Schema, owner: &str, field: &Field, fixed: usize) -> String {
+    /// Declares these fields; their entries.
+    fn fields(&mut self, owner: &str, fields: &[Field]) -> String {
+        let prefix = match self.of {
+            "Parameter" => format!("{owner}_"),
+            _ => String::new(),
+        };
+        let fixed = fields.iter().filter_map(Field::octets).sum();
+        each(fields, |field| {
+            let kind = self.type_of(owner, &prefix, field, fixed);
+            let name = format!("{prefix}{}", field.name);
+            match (&field.kind, &field.counted_by) {
+                (Kind::Array(..), None) => each(&field.parts, |part| {
+                    self.add(&format!("{name}_{part}"), &kind, &field.doc)
+                }),
+                _ => self.add(&name, &kind, &field.doc),
+            }
+        })
+    }
+
+    /// Declares the type of a field behind `fixed` octets of others; its name.
+    fn type_of(&mut self, owner: &str, prefix: &str, field: &Field, fixed: usize) -> String {
+        let own = format!("{owner}_{}_type", field.name);
+        // From PKT_LEN in octets to the bits of the last field.
+        let intercept = 8 * (7 - AROUND as isize - fixed as isize);
         let (name, text) = match (&field.kind, &field.counted_by) {
             (Kind::Array(number, length), Some(count)) => {
-                let name = format!("{owner}_{}_type", field.name);
                 let bits = 8 * number.octets() * length;
-                let text = binary("Parameter", &name, &format!("{owner}_{count}"), bits, 0);
-                (name, text)
+                let text = self.binary(&own, &format!("{prefix}{count}"), bits, 0);
+                (own, text)
             }
             (Kind::Rest(Rest::Utf8), _) => {
-                let name = format!("{owner}_{}_type", field.name);
-                let text = text_type(&name, 8 * field.most, fixed);
-                (name, text)
+                let length = self.dynamic("PKT_LEN", 8, intercept);
+                let variable = format!("Variable maxSizeInBits=\"{}\"", 8 * field.most);
+                let text = element(
+                    "StringDataEncoding encoding=\"UTF-8\"",
+                    &element(&variable, &length),
+                );
+                let text = element(&format!("StringParameterType name=\"{own}\""), &text);
+                (own, text)
             }
             (Kind::Rest(_), _) => {
-                let name = format!("{owner}_{}_type", field.name);
-                let text = binary("Parameter", &name, "PKT_LEN", 8, intercept(fixed));
-                (name, text)
+                let text = self.binary(&own, "PKT_LEN", 8, intercept);
+                (own, text)
             }
-            _ => scalar("Parameter", schema, field),
+            _ => self.scalar(field),
         };
         self.types.entry(name.clone()).or_insert(text);
         name
     }
 
-    fn parameter(&mut self, name: &str, kind: &str, doc: &str) {
-        let doc = escape(doc);
-        self.parameters += &format!(
-            "      <Parameter name=\"{name}\" parameterTypeRef=\"{kind}\" shortDescription=\"{doc}\"/>\n"
-        );
+    /// A length in bits: `slope` times a parameter, plus `intercept`.
+    fn dynamic(&self, reference: &str, slope: usize, intercept: isize) -> String {
+        let (of, attribute) = (self.of, self.of.to_lowercase());
+        let instance = empty(&format!("{of}InstanceRef {attribute}Ref=\"{reference}\""));
+        let adjustment = format!("LinearAdjustment slope=\"{slope}\" intercept=\"{intercept}\"");
+        element("DynamicValue", &(instance + &empty(&adjustment)))
     }
 
-    fn container(
-        &mut self,
-        name: &str,
-        is_abstract: bool,
-        base: Option<&str>,
-        conditions: &[(&str, String)],
-        entries: &[String],
-        doc: &str,
-    ) {
-        let is_abstract = if is_abstract {
-            " abstract=\"true\""
-        } else {
-            ""
+    /// The type of octets of this length.
+    fn binary(&self, name: &str, reference: &str, slope: usize, intercept: isize) -> String {
+        let size = element("SizeInBits", &self.dynamic(reference, slope, intercept));
+        let head = format!("Binary{}Type name=\"{name}\"", self.of);
+        element(&head, &element("BinaryDataEncoding", &size))
+    }
+
+    /// The type of a number, a code or a flag: name and text.
+    fn scalar(&self, field: &Field) -> (String, String) {
+        if let Some(codes) = self.schema.codes(field) {
+            let values = codes.values.iter().map(|value| (value.code, &value.name));
+            return (codes.name.clone(), self.enumerated(&codes.name, values));
+        }
+        let number = match field.kind {
+            Kind::One(number) | Kind::Array(number, _) => number,
+            _ => Number::Unsigned(1),
         };
-        self.containers += &format!(
-            "      <SequenceContainer name=\"{name}\"{is_abstract} shortDescription=\"{}\">\n        <EntryList>\n",
-            escape(doc)
-        );
-        for entry in entries {
-            self.containers +=
-                &format!("          <ParameterRefEntry parameterRef=\"{entry}\"/>\n");
-        }
-        self.containers += "        </EntryList>\n";
-        if let Some(base) = base {
-            self.containers += &format!(
-                "        <BaseContainer containerRef=\"{base}\">\n          <RestrictionCriteria>\n            <ComparisonList>\n"
-            );
-            for (parameter, value) in conditions {
-                self.containers += &format!(
-                    "              <Comparison parameterRef=\"{parameter}\" comparisonOperator=\"==\" value=\"{value}\"/>\n"
-                );
+        match number {
+            Number::Time if self.of == "Argument" => self.unsigned(64, ""),
+            Number::Time => ("time_code".to_owned(), time_code()),
+            Number::Unsigned(octets) => self.unsigned(8 * octets, &field.unit),
+            Number::Float(octets) => {
+                let (of, bits) = (self.of, 8 * octets);
+                let name = with_unit(&format!("f{bits}"), &field.unit);
+                let head = format!("Float{of}Type name=\"{name}\" sizeInBits=\"{bits}\"");
+                let encoding =
+                    format!("<FloatDataEncoding sizeInBits=\"{bits}\" encoding=\"IEEE754_1985\"/>");
+                (name, line(&head, &(units(&field.unit) + &encoding)))
             }
-            self.containers += "            </ComparisonList>\n          </RestrictionCriteria>\n        </BaseContainer>\n";
         }
-        self.containers += "      </SequenceContainer>\n";
+    }
+
+    fn unsigned(&self, bits: usize, unit: &str) -> (String, String) {
+        let (of, name) = (self.of, with_unit(&format!("u{bits}"), unit));
+        let head =
+            format!("Integer{of}Type name=\"{name}\" signed=\"false\" sizeInBits=\"{bits}\"");
+        let encoding =
+            format!("<IntegerDataEncoding sizeInBits=\"{bits}\" encoding=\"unsigned\"/>");
+        (name, line(&head, &(units(unit) + &encoding)))
+    }
+
+    fn enumerated<'n>(&self, name: &str, codes: impl Iterator<Item = (u8, &'n String)>) -> String {
+        let codes = each(codes, |(code, label)| {
+            empty(&format!("Enumeration value=\"{code}\" label=\"{label}\""))
+        });
+        let encoding = empty("IntegerDataEncoding sizeInBits=\"8\" encoding=\"unsigned\"");
+        let head = format!("Enumerated{}Type name=\"{name}\"", self.of);
+        element(&head, &(encoding + &element("EnumerationList", &codes)))
+    }
+
+    /// The set of all types.
+    fn type_set(&mut self) -> String {
+        let types = std::mem::take(&mut self.types);
+        element(
+            &format!("{}TypeSet", self.of),
+            &each(types.into_values(), |text| text),
+        )
     }
 }
 
-/// From PKT_LEN in octets to the bits of the last field, behind `fixed` octets of others.
-fn intercept(fixed: usize) -> isize {
-    8 * (7 - AROUND as isize - fixed as isize)
-}
-
-/// The type of a number, a code or a flag: name and text. `of` is Parameter or Argument.
-fn scalar(of: &str, schema: &Schema, field: &Field) -> (String, String) {
-    if let Some(codes) = field.codes.as_deref().and_then(|name| schema.codes(name)) {
-        let values = codes
-            .values
-            .iter()
-            .map(|value| (value.code, value.name.as_str()));
-        return (codes.name.clone(), enumerated(of, &codes.name, values));
-    }
-    let number = match field.kind {
-        Kind::One(number) | Kind::Array(number, _) => number,
-        _ => Number::Unsigned(1),
-    };
-    match number {
-        Number::Time if of == "Argument" => ("u64".to_owned(), unsigned(of, 64, "")),
-        Number::Time => ("time_code".to_owned(), String::new()),
-        Number::Unsigned(octets) => {
-            let text = unsigned(of, 8 * octets, &field.unit);
-            (named(&format!("u{}", 8 * octets), &field.unit), text)
-        }
-        Number::Float(octets) => {
-            let name = named(&format!("f{}", 8 * octets), &field.unit);
-            let text = format!(
-                "      <Float{of}Type name=\"{name}\" sizeInBits=\"{0}\">{1}<FloatDataEncoding sizeInBits=\"{0}\" \
-                 encoding=\"IEEE754_1985\"/></Float{of}Type>\n",
-                8 * octets,
-                units(&field.unit)
-            );
-            (name, text)
-        }
-    }
-}
-
-fn unsigned(of: &str, bits: usize, unit: &str) -> String {
-    format!(
-        "      <Integer{of}Type name=\"{}\" signed=\"false\" sizeInBits=\"{bits}\">{}\
-         <IntegerDataEncoding sizeInBits=\"{bits}\" encoding=\"unsigned\"/></Integer{of}Type>\n",
-        named(&format!("u{bits}"), unit),
-        units(unit)
-    )
-}
-
-fn enumerated<'a>(of: &str, name: &str, codes: impl Iterator<Item = (u8, &'a str)>) -> String {
-    let codes: String = codes
-        .map(|(code, label)| {
-            format!("          <Enumeration value=\"{code}\" label=\"{label}\"/>\n")
-        })
-        .collect();
-    format!(
-        "      <Enumerated{of}Type name=\"{name}\">\n\
-         \x20       <IntegerDataEncoding sizeInBits=\"8\" encoding=\"unsigned\"/>\n\
-         \x20       <EnumerationList>\n{codes}        </EnumerationList>\n      </Enumerated{of}Type>\n"
-    )
-}
-
-/// Octets whose number of bits is `slope` times a parameter, plus `intercept`.
-fn binary(of: &str, name: &str, reference: &str, slope: usize, intercept: isize) -> String {
-    let instance = if of == "Argument" {
-        "ArgumentInstanceRef argumentRef"
-    } else {
-        "ParameterInstanceRef parameterRef"
-    };
-    format!(
-        "      <Binary{of}Type name=\"{name}\">\n        <BinaryDataEncoding>\n          <SizeInBits>\n\
-         \x20           <DynamicValue>\n              <{instance}=\"{reference}\"/>\n\
-         \x20             <LinearAdjustment slope=\"{slope}\" intercept=\"{intercept}\"/>\n\
-         \x20           </DynamicValue>\n          </SizeInBits>\n        </BinaryDataEncoding>\n      </Binary{of}Type>\n"
-    )
-}
-
-/// UTF-8 up to the CRC.
-fn text_type(name: &str, most_bits: usize, fixed: usize) -> String {
-    format!(
-        "      <StringParameterType name=\"{name}\">\n        <StringDataEncoding encoding=\"UTF-8\">\n\
-         \x20         <Variable maxSizeInBits=\"{most_bits}\">\n            <DynamicValue>\n\
-         \x20             <ParameterInstanceRef parameterRef=\"PKT_LEN\"/>\n\
-         \x20             <LinearAdjustment slope=\"8\" intercept=\"{}\"/>\n\
-         \x20           </DynamicValue>\n          </Variable>\n        </StringDataEncoding>\n      </StringParameterType>\n",
-        intercept(fixed)
-    )
+fn time_code() -> String {
+    let encoding = "<IntegerDataEncoding sizeInBits=\"64\" encoding=\"unsigned\"/>";
+    let head = "Encoding units=\"seconds\" scale=\"2.3283064365386962890625E-10\"";
+    let content = line(head, encoding) + &line("ReferenceTime", "<Epoch>TAI</Epoch>");
+    element("AbsoluteTimeParameterType name=\"time_code\"", &content)
 }
 
 fn units(unit: &str) -> String {
@@ -338,20 +221,176 @@ fn units(unit: &str) -> String {
 }
 
 /// The name of a number's type with its unit in it.
-fn named(kind: &str, unit: &str) -> String {
-    let unit: String = unit
-        .chars()
-        .map(|c| if c.is_alphanumeric() { c } else { '_' })
-        .collect();
+fn with_unit(kind: &str, unit: &str) -> String {
+    let unit = unit.replace(|c: char| !c.is_alphanumeric(), "_");
     match unit.as_str() {
         "" => kind.to_owned(),
         unit => format!("{kind}_{unit}"),
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
+/// All packets as containers.
+fn telemetry(schema: &Schema) -> String {
+    let mut declared = Declared::new(schema, "Parameter");
+    let mut entries = String::new();
+    for (name, bits, doc) in HEADER {
+        let (kind, text) = declared.unsigned(bits, "");
+        entries += &declared.add(name, &kind, doc);
+        declared.types.insert(kind, text);
+    }
+    let (octet, text) = declared.unsigned(8, "");
+    declared.types.insert(octet.clone(), text);
+    declared.types.insert("time_code".to_owned(), time_code());
+    entries += &declared.add("TIME", "time_code", TIME);
+    entries += &declared.add("FORMAT_VERSION", &octet, &schema.version.to_string());
+    let crc = declared.add("CRC", "u16", "CRC-16 of all octets before it");
+    let mut containers = container(
+        "CCSDSPacket",
+        " abstract=\"true\"",
+        "",
+        &entries,
+        "every packet",
+    );
+    for message in &schema.messages {
+        containers += &message_containers(&mut declared, message, &crc);
+    }
+    let content = declared.type_set()
+        + &element("ParameterSet", &declared.list)
+        + &element("ContainerSet", &containers);
+    element("TelemetryMetaData", &content)
+}
+
+/// The containers of a message: one, or an abstract one and those that continue it.
+fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) -> String {
+    let schema = declared.schema;
+    let Record {
+        name, doc, apid, ..
+    } = message;
+    let telecommand = u8::from(message.to == Receiver::Emulator);
+    let own = base(
+        "CCSDSPacket",
+        &[
+            ("PKT_APID", &apid.to_string()),
+            ("TYPE", &telecommand.to_string()),
+            ("FORMAT_VERSION", &schema.version.to_string()),
+        ],
+    );
+    let parent = " abstract=\"true\"";
+    let (optional, fixed): (Vec<Field>, Vec<Field>) = schema
+        .fields(message)
+        .into_iter()
+        .partition(|field| field.optional);
+    let entries = declared.fields(name, &fixed);
+    if let Some(flag) = &message.optional {
+        let more = declared.fields(name, &optional);
+        let flag_name = format!("{name}_{}", flag.flag);
+        let child = |word: &str, value: &str, entries: &str| {
+            let base = base(name, &[(&flag_name, value)]);
+            let child = format!("{name}_{word}_{}", flag.name);
+            container(&child, "", &base, &format!("{entries}{crc}"), doc)
+        };
+        container(name, parent, &own, &entries, doc)
+            + &child("without", "0", "")
+            + &child("with", "1", &more)
+    } else if message.opcodes.is_empty() {
+        container(name, "", &own, &(entries + crc), doc)
+    } else {
+        let opcode = format!("{name}_opcode");
+        let codes = message.opcodes.iter().map(|code| (code.code, &code.name));
+        let text = declared.enumerated("Opcode", codes);
+        declared.types.insert("Opcode".to_owned(), text);
+        let entry = declared.add(&opcode, "Opcode", "which command");
+        container(name, parent, &own, &entry, doc)
+            + &each(&message.opcodes, |code| {
+                let child = format!("{name}_{}", code.name);
+                let entries = declared.fields(&child, &schema.arguments(code)) + crc;
+                let base = base(name, &[(&opcode, &code.name)]);
+                container(&child, "", &base, &entries, &code.doc)
+            })
+    }
+}
+
+fn container(name: &str, attribute: &str, base: &str, entries: &str, doc: &str) -> String {
+    let doc = escape(doc);
+    let head = format!("SequenceContainer name=\"{name}\"{attribute} shortDescription=\"{doc}\"");
+    element(&head, &(element("EntryList", entries) + base))
+}
+
+/// The container that is continued if these parameters have these values.
+fn base(name: &str, conditions: &[(&str, &str)]) -> String {
+    let conditions = each(conditions, |(parameter, value)| {
+        let parameter = format!("Comparison parameterRef=\"{parameter}\"");
+        empty(&format!(
+            "{parameter} comparisonOperator=\"==\" value=\"{value}\""
+        ))
+    });
+    let criteria = element(
+        "RestrictionCriteria",
+        &element("ComparisonList", &conditions),
+    );
+    element(&format!("BaseContainer containerRef=\"{name}\""), &criteria)
+}
+
+/// Telecommands that can be sent.
+fn commands(schema: &Schema) -> String {
+    let mut declared = Declared::new(schema, "Argument");
+    let (time, text) = declared.unsigned(64, "");
+    declared.types.insert(time, text);
+    let mut commands = String::new();
+    for message in schema.to(Receiver::Emulator) {
+        for (word, present) in [("without", 0), ("with", 1)] {
+            let Some(optional) = &message.optional else {
+                continue;
+            };
+            let name = format!("{}_{word}_{}", message.name, optional.name);
+            commands += &command(&mut declared, message, &name, &message.doc, |declared| {
+                let fields = message.fields.iter();
+                each(
+                    fields.filter(|field| present == 1 || !field.optional),
+                    |field| match message.is_flag(field) {
+                        true => fixed(&[present]),
+                        false => declared.fields(&name, std::slice::from_ref(field)),
+                    },
+                )
+            });
+        }
+        for opcode in &message.opcodes {
+            let name = format!("{}_{}", message.name, opcode.name);
+            commands += &command(&mut declared, message, &name, &opcode.doc, |declared| {
+                fixed(&[opcode.code]) + &declared.fields(&name, &schema.arguments(opcode))
+            });
+        }
+    }
+    let content = declared.type_set() + &element("MetaCommandSet", &commands);
+    element("CommandMetaData", &content)
+}
+
+/// Octets that are always the same.
+fn fixed(octets: &[u8]) -> String {
+    let (digits, bits) = (hex(octets).to_uppercase(), 8 * octets.len());
+    empty(&format!(
+        "FixedValueEntry binaryValue=\"{digits}\" sizeInBits=\"{bits}\""
+    ))
+}
+
+/// One command; `payload` declares its arguments and gives the entries of its payload.
+fn command(
+    declared: &mut Declared<'_>,
+    message: &Record,
+    name: &str,
+    doc: &str,
+    payload: impl FnOnce(&mut Declared<'_>) -> String,
+) -> String {
+    let [high, low] = (0x1800 | message.apid).to_be_bytes();
+    let time = declared.add("time", "u64", TIME);
+    let version = fixed(&[declared.schema.version]);
+    let entries = fixed(&[high, low, 0xC0, 0, 0, 0]) + &time + &version + &payload(declared);
+    let arguments = element("ArgumentList", &std::mem::take(&mut declared.list));
+    let container = format!("CommandContainer name=\"{name}_packet\"");
+    let container = element(&container, &element("EntryList", &entries));
+    let head = format!(
+        "MetaCommand name=\"{name}\" shortDescription=\"{}\"",
+        escape(doc)
+    );
+    element(&head, &(arguments + &container))
 }

@@ -1,165 +1,163 @@
 //! The CAN form in C: frames of an attitude and of short packets, both ways.
 
+use super::function;
 use crate::model::{CanFrame, Schema, Signal};
-
-/// Signals of a frame with the place of their first bit.
-fn signals(frame: &CanFrame) -> impl Iterator<Item = (usize, &Signal)> {
-    crate::dbc::placed(frame)
-}
+use crate::text::{block, each, indent, join, upper};
 
 /// Encoder and decoder.
 pub(super) fn write(schema: &Schema) -> String {
+    let frames = &schema.can.frames;
     let group = |names: &[&str]| -> Vec<&CanFrame> {
-        schema
-            .can
-            .frames
-            .iter()
+        let frames = frames.iter();
+        frames
             .filter(|frame| names.contains(&frame.group.as_str()))
             .collect()
     };
-    let attitude = group(&["attitude", "state"]);
-    let mut out = String::from("\n");
-    for frame in &schema.can.frames {
-        out += &format!(
-            "#define SKYLOOP_CAN_{} {:#05x}U /* {} */\n",
-            super::upper(&frame.name),
-            frame.id,
-            frame.doc
-        );
-    }
-    out += &format!("#define SKYLOOP_CAN_ATTITUDE_FRAMES {}U\n", attitude.len());
-    out += &encode_attitude(&attitude);
-    out += &decode_attitude(&attitude);
-    for frame in group(&["command", "ack"]) {
-        out += &short(frame);
-    }
-    out
-}
-
-/// `q_icrf_to_body[0]` from `high q_icrf_to_body 0`.
-fn number(of: &str) -> Option<(&str, String)> {
-    let mut words = of.split(' ');
-    let (half, name, index) = (words.next()?, words.next()?, words.next()?);
-    Some((half, format!("{name}[{index}]")))
-}
-
-fn put(frame: &CanFrame, value: impl Fn(&Signal) -> String, data: &str) -> String {
-    let puts = signals(frame).map(|(at, signal)| {
+    let identifiers = each(frames, |CanFrame { name, id, doc, .. }| {
         format!(
-            "    skyloop_bits_put({data}, {at}U, {}U, {});\n",
-            signal.bits,
-            value(signal)
+            "#define SKYLOOP_CAN_{} {id:#05x}U /* {doc} */\n",
+            upper(name)
         )
     });
-    puts.collect()
-}
-
-fn encode_attitude(frames: &[&CanFrame]) -> String {
-    let mut arrays: Vec<(&str, usize, bool)> = Vec::new();
-    for frame in frames {
-        for (_, signal) in signals(frame).filter(|(_, signal)| signal.of.starts_with("high ")) {
-            let name = signal.of.split(' ').nth(1).unwrap_or_default();
-            match arrays.iter_mut().find(|(known, _, _)| *known == name) {
-                Some((_, length, _)) => *length += 1,
-                None => arrays.push((name, 1, frame.group == "state")),
-            }
-        }
-    }
-    let mut carries = String::new();
-    for (name, length, in_state) in arrays {
-        let condition = if in_state { "(!in->has_state) || " } else { "" };
-        carries += &format!(
-            "    for (size_t n = 0U; n < {length}U; n++) {{\n        carried = carried && ({condition}skyloop_can_carries(in->{name}[n]));\n    }}\n"
-        );
-    }
-    let mut body = String::new();
-    for frame in frames {
-        let value = |signal: &Signal| match signal.of.as_str() {
-            "counter" => "counter".to_owned(),
-            "has_state" => "in->has_state ? 1U : 0U".to_owned(),
-            "sequence" => "in->sequence".to_owned(),
-            "time.seconds" => "header->time >> 32".to_owned(),
-            "time.fraction_high" => "header->time >> 3".to_owned(),
-            "time.fraction_low" => "header->time".to_owned(),
-            "header.sequence_count" => "header->sequence_count".to_owned(),
-            "crc" => "crc".to_owned(),
-            of => number(of).map_or(String::new(), |(half, name)| {
-                format!("skyloop_can_{half}(in->{name})")
-            }),
-        };
-        let text = format!(
-            "    frame = &frames[used];\n    frame->id = {:#05x}U;\n    frame->length = {}U;\n    (void)memset(frame->data, 0, sizeof frame->data);\n{}    used++;\n",
-            frame.id,
-            frame.octets,
-            put(frame, value, "frame->data")
-        );
-        body += &match frame.group.as_str() {
-            "state" => {
-                let inside: String = text.lines().map(|line| format!("    {line}\n")).collect();
-                format!("    if (in->has_state) {{\n{inside}    }}\n")
-            }
-            _ => text,
-        };
-    }
+    let attitude = group(&["attitude", "state"]);
     format!(
-        "\n/* An attitude as frames, in the order in which they are sent; `counter` is the attitude's number, modulo 8. */\nstatic inline skyloop_error_t skyloop_can_encode_attitude(const skyloop_header_t *header, const skyloop_attitude_t *in,\n                                                          uint8_t counter, skyloop_can_frame_t frames[SKYLOOP_CAN_ATTITUDE_FRAMES],\n                                                          size_t *count)\n{{\n    uint8_t packet[SKYLOOP_MAX_PACKET];\n    size_t length = 0U;\n    bool carried = true;\n{carries}    if (!carried) {{\n        return SKYLOOP_NOT_REPRESENTABLE;\n    }}\n    skyloop_uplink_t whole;\n    (void)memset(&whole, 0, sizeof whole);\n    whole.header = *header;\n    whole.header.apid = SKYLOOP_APID_ATTITUDE;\n    whole.as.attitude = *in;\n    const skyloop_error_t error = skyloop_encode_uplink(&whole, packet, sizeof packet, &length);\n    if (error != SKYLOOP_OK) {{\n        return error;\n    }}\n    const uint16_t crc = (uint16_t)(((uint32_t)packet[length - 2U] << 8) | packet[length - 1U]);\n    size_t used = 0U;\n    skyloop_can_frame_t *frame;\n{body}    *count = used;\n    return SKYLOOP_OK;\n}}\n"
+        "\n{identifiers}#define SKYLOOP_CAN_ATTITUDE_FRAMES {}U\n{}{}{}",
+        attitude.len(),
+        encode_attitude(&attitude),
+        decode_attitude(&attitude),
+        each(group(&["command", "ack"]), short),
     )
 }
 
-fn decode_attitude(frames: &[&CanFrame]) -> String {
-    let first = frames.first().map_or(0, |frame| frame.id);
-    let (mut whole, mut state) = (0_u32, 0_u32);
-    let (mut counters, mut body) = (Vec::new(), String::new());
-    for (at, frame) in frames.iter().enumerate() {
-        whole |= 1 << at;
-        let in_state = frame.group == "state";
-        if in_state {
-            state |= 1 << at;
+/// `("high", "q_icrf_to_body", "0")` from `high q_icrf_to_body 0`.
+fn number(of: &str) -> Option<(&str, &str, &str)> {
+    let (half, rest) = of.split_once(' ')?;
+    let (name, index) = rest.split_once(' ')?;
+    Some((half, name, index))
+}
+
+/// Identifier, length and signals of `frame`.
+fn fill(frame: &CanFrame, id: &str, value: impl Fn(&str) -> String) -> String {
+    let puts = each(frame.placed(), |(at, Signal { bits, of, .. })| {
+        format!(
+            "skyloop_bits_put(frame->data, {at}U, {bits}U, {});\n",
+            value(of)
+        )
+    });
+    let octets = frame.octets;
+    format!(
+        "frame->id = {id};\nframe->length = {octets}U;\n(void)memset(frame->data, 0, sizeof frame->data);\n{puts}"
+    )
+}
+
+/// What a signal of an attitude holds.
+fn attitude_value(of: &str) -> String {
+    match of {
+        "has_state" => "in->has_state ? 1U : 0U".to_owned(),
+        "sequence" => "in->sequence".to_owned(),
+        "time.seconds" => "header->time >> 32".to_owned(),
+        "time.fraction_high" => "header->time >> 3".to_owned(),
+        "time.fraction_low" => "header->time".to_owned(),
+        "header.sequence_count" => "header->sequence_count".to_owned(),
+        of => number(of).map_or(of.to_owned(), |(half, name, index)| {
+            format!("skyloop_can_{half}(in->{name}[{index}])")
+        }),
+    }
+}
+
+fn encode_attitude(frames: &[&CanFrame]) -> String {
+    let mut arrays: Vec<(&str, usize, &str)> = Vec::new();
+    for frame in frames {
+        let condition = if frame.group == "state" {
+            "(!in->has_state) || "
+        } else {
+            ""
+        };
+        for (_, signal) in frame.placed().filter(|(_, signal)| signal.is_float()) {
+            let name = number(&signal.of).map_or("", |(_, name, _)| name);
+            match arrays.iter_mut().find(|(known, ..)| *known == name) {
+                Some((_, length, _)) => *length += 1,
+                None => arrays.push((name, 1, condition)),
+            }
         }
-        let mut text = String::new();
-        let mut high = None;
-        for (place, signal) in signals(frame) {
-            let get = format!(
-                "skyloop_bits_get(in->data[{at}], {place}U, {}U)",
-                signal.bits
-            );
-            text += &match signal.of.as_str() {
-                "counter" => {
-                    counters.push(format!("{place}U"));
+    }
+    let carries = each(arrays, |(name, length, condition)| {
+        let carries = format!("{condition}skyloop_can_carries(in->{name}[n])");
+        super::count_to(length, &format!("carried = carried && ({carries});\n"))
+    });
+    let fills = each(frames, |frame| {
+        let fill = fill(frame, &format!("{:#05x}U", frame.id), attitude_value);
+        let text = format!("frame = &frames[used];\n{fill}used++;\n");
+        match frame.group.as_str() {
+            "state" => block("if (in->has_state)", &text),
+            _ => text,
+        }
+    });
+    let body = "uint8_t packet[SKYLOOP_MAX_PACKET];\nsize_t length = 0U;\nbool carried = true;\n"
+        .to_owned()
+        + &carries
+        + &block("if (!carried)", "return SKYLOOP_NOT_REPRESENTABLE;\n")
+        + "skyloop_uplink_t whole;\n(void)memset(&whole, 0, sizeof whole);\nwhole.header = *header;\n\
+           whole.header.apid = SKYLOOP_APID_ATTITUDE;\nwhole.as.attitude = *in;\n\
+           const skyloop_error_t error = skyloop_encode_uplink(&whole, packet, sizeof packet, &length);\n"
+        + &block("if (error != SKYLOOP_OK)", "return error;\n")
+        + "const uint16_t crc = (uint16_t)(((uint32_t)packet[length - 2U] << 8) | packet[length - 1U]);\n\
+           size_t used = 0U;\nskyloop_can_frame_t *frame;\n"
+        + &fills
+        + "*count = used;\nreturn SKYLOOP_OK;\n";
+    let signature = "skyloop_error_t skyloop_can_encode_attitude(const skyloop_header_t *header, const skyloop_attitude_t *in,
+                                                          uint8_t counter, skyloop_can_frame_t frames[SKYLOOP_CAN_ATTITUDE_FRAMES],
+                                                          size_t *count)";
+    format!(
+        "\n/* An attitude as frames, in the order in which they are sent; `counter` is the attitude's number, modulo 8. */\n{}",
+        function(signature, &body)
+    )
+}
+
+/// The statements that take frame `at` of an attitude apart.
+fn take_apart((at, frame): (usize, &&CanFrame)) -> String {
+    let mut high = None;
+    let text = each(frame.placed(), |(place, Signal { bits, of, .. })| {
+        let get = format!("skyloop_bits_get(in->data[{at}], {place}U, {bits}U)");
+        match of.as_str() {
+            "sequence" => format!("attitude->sequence = (uint32_t){get};\n"),
+            "time.seconds" => format!("header->time |= {get} << 32;\n"),
+            "time.fraction_high" => format!("header->time |= {get} << 3;\n"),
+            "time.fraction_low" => format!("header->time |= {get};\n"),
+            "header.sequence_count" => format!("header->sequence_count = (uint16_t){get};\n"),
+            "has_state" => format!("attitude->has_state = {get} != 0U;\n"),
+            "crc" => format!("const uint16_t crc = (uint16_t){get};\n"),
+            of => match (number(of), high.take()) {
+                (Some(("high", ..)), _) => {
+                    high = Some(get);
                     String::new()
                 }
-                "sequence" => format!("    attitude->sequence = (uint32_t){get};\n"),
-                "time.seconds" => format!("    header->time |= {get} << 32;\n"),
-                "time.fraction_high" => format!("    header->time |= {get} << 3;\n"),
-                "time.fraction_low" => format!("    header->time |= {get};\n"),
-                "header.sequence_count" => {
-                    format!("    header->sequence_count = (uint16_t){get};\n")
+                (Some((_, name, index)), Some(high)) => {
+                    format!("attitude->{name}[{index}] =\n    skyloop_can_join({high}, {get});\n")
                 }
-                "has_state" => format!("    attitude->has_state = {get} != 0U;\n"),
-                "crc" => format!("    const uint16_t crc = (uint16_t){get};\n"),
-                of => match (number(of), high.take()) {
-                    (Some(("high", _)), _) => {
-                        high = Some(get);
-                        String::new()
-                    }
-                    (Some((_, name)), Some(high)) => {
-                        format!(
-                            "    attitude->{name} =\n        skyloop_can_join({high}, {get});\n"
-                        )
-                    }
-                    _ => String::new(),
-                },
-            };
+                _ => String::new(),
+            },
         }
-        body += &match in_state {
-            true => {
-                let inside: String = text.lines().map(|line| format!("    {line}\n")).collect();
-                format!("    if (attitude->has_state) {{\n{inside}    }}\n")
-            }
-            false => text,
-        };
+    });
+    match frame.group.as_str() {
+        "state" => block("if (attitude->has_state)", &text),
+        _ => text,
     }
+}
+
+fn decode_attitude(frames: &[&CanFrame]) -> String {
+    let body = indent(&each(frames.iter().enumerate(), take_apart), 4);
+    let first = frames.first().map_or(0, |frame| frame.id);
     let last = frames.len().saturating_sub(1);
+    let bits = |group: &str| {
+        let frames = frames.iter().enumerate();
+        let of_group = frames.filter(|(_, frame)| frame.group == group);
+        of_group.map(|(at, _)| 1_u32 << at).sum::<u32>()
+    };
+    let (without, whole) = (bits("attitude"), bits("attitude") | bits("state"));
+    let signals = frames.iter().flat_map(|frame| frame.placed());
+    let counters = signals.filter(|(_, signal)| signal.of == "counter");
+    let counters = join(counters.map(|(place, _)| format!("{place}U")), ", ");
     format!(
         r"
 /* An attitude under way. Begin with all zeros. */
@@ -218,57 +216,80 @@ static inline skyloop_error_t skyloop_can_decode_attitude(skyloop_can_attitude_t
     *complete = is_whole;
     return is_whole ? skyloop_can_finish(in, out) : SKYLOOP_INCOMPLETE;
 }}
-",
-        counters = counters.join(", "),
-        without = whole & !state,
+"
     )
 }
 
-/// A packet that is one frame.
+/// Both functions of a packet that is one frame: a short command or an Ack.
 fn short(frame: &CanFrame) -> String {
-    let id = super::upper(&frame.name);
-    let (name, link, take, member) = match frame.group.as_str() {
-        "command" => ("command", "uplink", "COMMAND", "command"),
-        _ => ("ack", "downlink", "ACK", "ack"),
+    let is_command = frame.group == "command";
+    let (packet, link, is_short) = match is_command {
+        true => (
+            "command",
+            "uplink",
+            "const uint8_t opcode = in->as.command.opcode;\n\
+             const bool is_short = skyloop_can_is_short(opcode);\n",
+        ),
+        false => ("ack", "downlink", "const bool is_short = true;\n"),
     };
-    let value = |signal: &Signal| match signal.of.as_str() {
-        "opcode" => format!("in->as.{member}.opcode"),
+    let (id, apid) = (upper(&frame.name), upper(packet));
+    let fill = fill(frame, &format!("SKYLOOP_CAN_{id}"), |of| match of {
         "header.sequence_count" => "in->header.sequence_count".to_owned(),
-        "argument" => format!(
-            "(in->as.{member}.opcode == SKYLOOP_OPCODE_CREDIT) ? in->as.{member}.as.credit.packets : 0U"
-        ),
-        of => format!("in->as.{member}.{of}"),
-    };
-    let gets: String = signals(frame)
-        .map(|(at, signal)| {
-            let get = format!("skyloop_bits_get(frame->data, {at}U, {}U)", signal.bits);
-            match signal.of.as_str() {
-                "opcode" => format!("    out->as.{member}.opcode = (uint8_t){get};\n"),
-                "header.sequence_count" => format!("    out->header.sequence_count = (uint16_t)({get} & 0x3FFFU);\n"),
-                "argument" => format!("    if (out->as.{member}.opcode == SKYLOOP_OPCODE_CREDIT) {{\n        out->as.{member}.as.credit.packets = (uint32_t){get};\n    }}\n"),
-                of => format!("    out->as.{member}.{of} = (uint16_t){get};\n"),
-            }
-        })
-        .collect();
-    let (accepts, known) = match name {
-        "command" => (
-            "    const uint8_t opcode = in->as.command.opcode;\n    const bool is_short = skyloop_can_is_short(opcode);\n".to_owned(),
-            format!("    if (!skyloop_can_is_short(out->as.{member}.opcode)) {{\n        return SKYLOOP_UNKNOWN_OPCODE;\n    }}\n"),
-        ),
-        _ => ("    const bool is_short = true;\n".to_owned(), String::new()),
-    };
-    let helper = match name {
-        "command" => {
-            "\nstatic inline bool skyloop_can_is_short(uint8_t opcode)\n{\n    return (opcode >= SKYLOOP_OPCODE_SINGLE_SHOT) && (opcode <= SKYLOOP_OPCODE_CREDIT);\n}\n"
+        "argument" => {
+            let is_credit = "(in->as.command.opcode == SKYLOOP_OPCODE_CREDIT)";
+            format!("{is_credit} ? in->as.command.as.credit.packets : 0U")
         }
-        _ => "",
-    };
+        of => format!("in->as.{packet}.{of}"),
+    });
+    let take = each(frame.placed(), |(at, Signal { bits, of, .. })| {
+        let get = format!("skyloop_bits_get(frame->data, {at}U, {bits}U)");
+        match of.as_str() {
+            "opcode" => format!("out->as.command.opcode = (uint8_t){get};\n"),
+            "header.sequence_count" => {
+                format!("out->header.sequence_count = (uint16_t)({get} & 0x3FFFU);\n")
+            }
+            "argument" => block(
+                "if (out->as.command.opcode == SKYLOOP_OPCODE_CREDIT)",
+                &format!("out->as.command.as.credit.packets = (uint32_t){get};\n"),
+            ),
+            of => format!("out->as.{packet}.{of} = (uint16_t){get};\n"),
+        }
+    });
+    let encode = is_short.to_owned()
+        + &block(
+            &format!("if ((in->header.apid != SKYLOOP_APID_{apid}) || !is_short)"),
+            "return SKYLOOP_NOT_REPRESENTABLE;\n",
+        )
+        + &fill
+        + "return SKYLOOP_OK;\n";
+    let octets = frame.octets;
+    let mut decode = block(
+        &format!("if ((frame->id != SKYLOOP_CAN_{id}) || (frame->length != {octets}U))"),
+        "return SKYLOOP_BAD_LENGTH;\n",
+    );
+    decode += &format!(
+        "(void)memset(out, 0, sizeof *out);\nout->header.apid = SKYLOOP_APID_{apid};\n{take}"
+    );
+    let mut helper = String::new();
+    if is_command {
+        decode += &block(
+            "if (!skyloop_can_is_short(out->as.command.opcode))",
+            "return SKYLOOP_UNKNOWN_OPCODE;\n",
+        );
+        let is_short =
+            "return (opcode >= SKYLOOP_OPCODE_SINGLE_SHOT) && (opcode <= SKYLOOP_OPCODE_CREDIT);\n";
+        helper = "\n".to_owned() + &function("bool skyloop_can_is_short(uint8_t opcode)", is_short);
+    }
+    let error = "skyloop_error_t skyloop_can";
+    let to_frame = format!("const skyloop_{link}_t *in, skyloop_can_frame_t *frame");
+    let from_frame = format!("const skyloop_can_frame_t *frame, skyloop_{link}_t *out");
     format!(
-        "{helper}\n/* {} */\nstatic inline skyloop_error_t skyloop_can_encode_{name}(const skyloop_{link}_t *in, skyloop_can_frame_t *frame)\n{{\n{accepts}    if ((in->header.apid != SKYLOOP_APID_{take}) || !is_short) {{\n        return SKYLOOP_NOT_REPRESENTABLE;\n    }}\n    frame->id = SKYLOOP_CAN_{id};\n    frame->length = {}U;\n    (void)memset(frame->data, 0, sizeof frame->data);\n{}    return SKYLOOP_OK;\n}}\n\n\
-         static inline skyloop_error_t skyloop_can_decode_{name}(const skyloop_can_frame_t *frame, skyloop_{link}_t *out)\n{{\n    if ((frame->id != SKYLOOP_CAN_{id}) || (frame->length != {}U)) {{\n        return SKYLOOP_BAD_LENGTH;\n    }}\n    (void)memset(out, 0, sizeof *out);\n    out->header.apid = SKYLOOP_APID_{take};\n{gets}{known}    return SKYLOOP_OK;\n}}\n",
+        "{helper}\n/* {} */\n{}\n{}",
         frame.doc,
-        frame.octets,
-        put(frame, value, "frame->data"),
-        frame.octets,
+        function(&format!("{error}_encode_{packet}({to_frame})"), &encode),
+        function(
+            &format!("{error}_decode_{packet}({from_frame})"),
+            &(decode + "return SKYLOOP_OK;\n")
+        ),
     )
 }

@@ -1,311 +1,262 @@
 //! Readers, writers and ranges of the C header.
 
-use super::{directions, snake, upper};
-use crate::model::{Field, Kind, Message, Number, Receiver, Rest, Rule, Schema};
+use super::{DIRECTIONS, case, count_to, function, switch};
+use crate::model::{Field, Kind, Number, Opcode, Receiver, Record, Rest, Rule, Schema};
+use crate::text::{block, each, join, snake, upper};
 
 /// Which APIDs there are.
 pub(super) fn known(schema: &Schema) -> String {
-    let list = |receivers: &[Receiver]| {
-        let messages = schema
-            .messages
-            .iter()
-            .filter(|message| receivers.contains(&message.to));
+    let test = |name: &str, messages: &mut dyn Iterator<Item = &Record>| {
         let terms =
             messages.map(|message| format!("(apid == SKYLOOP_APID_{})", upper(&message.name)));
-        terms.collect::<Vec<_>>().join(" ||\n           ")
+        let body = format!("return {};\n", join(terms, " ||\n       "));
+        function(&format!("bool skyloop_is_{name}(uint16_t apid)"), &body)
     };
+    let emulator = schema.to(Receiver::Emulator);
     format!(
-        "\n/* Whether packets with this APID go towards the emulator. */\nstatic inline bool skyloop_is_telecommand(uint16_t apid)\n{{\n    return {};\n}}\n\nstatic inline bool skyloop_is_known(uint16_t apid)\n{{\n    return {};\n}}\n\n",
-        list(&[Receiver::Emulator]),
-        list(&[Receiver::Emulator, Receiver::Client])
+        "\n/* Whether packets with this APID go towards the emulator. */\n{}\n{}\n",
+        test("telecommand", &mut schema.to(Receiver::Emulator)),
+        test("known", &mut emulator.chain(schema.to(Receiver::Client)))
     )
 }
 
 /// Every reader, writer and range, and the functions of the two directions.
 pub(super) fn write(schema: &Schema) -> String {
-    let mut out = String::from(
-        "\n/* ---- codecs ------------------------------------------------------------------------------------------------------ */\n",
-    );
-    for structure in &schema.structs {
-        out += &functions(
-            &structure.name,
-            &structure.fields,
-            None,
-            &[],
-            structure.check,
-            false,
-        );
-    }
-    for message in &schema.messages {
-        if message.opcodes.is_empty() {
-            let counters: Vec<&str> = match message.counters {
-                true => schema
-                    .counters
-                    .iter()
-                    .map(|counter| counter.name.as_str())
-                    .collect(),
-                false => Vec::new(),
-            };
-            let flag = message
-                .optional
-                .as_ref()
-                .map(|optional| (optional.flag.as_str(), optional.name.as_str()));
-            out += &functions(
-                message.type_name(),
-                &message.fields,
-                flag,
-                &counters,
-                message.check,
-                message.encode_check,
-            );
-        } else {
-            out += &commands(schema, message);
-        }
-    }
-    for (name, messages) in directions(schema) {
-        out += &direction(name, &messages);
-    }
-    out
-}
-
-/// Reader, writer and ranges of one structure.
-fn functions(
-    name: &str,
-    fields: &[Field],
-    flag: Option<(&str, &str)>,
-    counters: &[&str],
-    check: bool,
-    encode_check: bool,
-) -> String {
-    let name = snake(name);
-    let (mut read, mut write, mut ranges) = (String::new(), String::new(), String::new());
-    if encode_check {
-        write += &format!(
-            "    if (skyloop_valid_{name}(in) != SKYLOOP_OK) {{\n        writer->error = SKYLOOP_INCONSISTENT;\n        return;\n    }}\n"
-        );
-    }
-    if flag.is_some() {
-        read += "    const skyloop_reader_t begin = *reader;\n    (void)memset(out, 0, sizeof *out);\n    *reader = begin;\n";
-        read = "    (void)memset(out, 0, sizeof *out);\n".to_owned();
-    }
-    for field in fields {
-        let is_flag = flag.filter(|(flag, _)| *flag == field.name);
-        let (mut one_read, mut one_write, mut one_range) = match is_flag {
-            Some((_, optional)) => flag_field(optional),
-            None => (read_field(field), write_field(field), range(field)),
-        };
-        if let (true, Some((_, optional))) = (field.optional, flag) {
-            let inside = |text: &str| {
-                text.lines()
-                    .map(|line| format!("    {line}\n"))
-                    .collect::<String>()
-            };
-            let around = |of: &str, text: &str| match text {
-                "" => String::new(),
-                text => format!("    if ({of}->has_{optional}) {{\n{}    }}\n", inside(text)),
-            };
-            one_read = around("out", &one_read);
-            one_write = around("in", &one_write);
-            one_range = around("in", &one_range);
-        }
-        read += &one_read;
-        write += &one_write;
-        ranges += &one_range;
-    }
-    for counter in counters {
-        read += &format!("    out->{counter} = skyloop_read_u32(reader);\n");
-        write += &format!("    skyloop_write_u32(writer, in->{counter});\n");
-    }
-    let last = if check {
-        format!("skyloop_check_{name}(in)")
-    } else {
-        "SKYLOOP_OK".to_owned()
-    };
-    let unused = if ranges.is_empty() && !check {
-        "    (void)in;\n"
-    } else {
-        ""
-    };
+    let records = schema.structs.iter().chain(&schema.messages);
+    let records = each(records, |record| match record.opcodes.is_empty() {
+        true => functions(schema, record),
+        false => commands(record),
+    });
+    let directions = each(DIRECTIONS, |(name, receiver)| {
+        let messages: Vec<&Record> = schema.to(receiver).collect();
+        decoder(name, &messages) + &encoder(name, &messages)
+    });
     format!(
-        "\nstatic inline skyloop_error_t skyloop_valid_{name}(const skyloop_{name}_t *in)\n{{\n{unused}{ranges}    return {last};\n}}\n\n\
-         static inline void skyloop_read_{name}(skyloop_reader_t *reader, skyloop_{name}_t *out)\n{{\n{read}}}\n\n\
-         static inline void skyloop_write_{name}(skyloop_writer_t *writer, const skyloop_{name}_t *in)\n{{\n{write}}}\n"
+        "\n/* ---- codecs ------------------------------------------------------------------------------------------------------ */\n\
+         {records}{directions}"
     )
 }
 
-fn flag_field(optional: &str) -> (String, String, String) {
-    (
-        format!(
-            "    const uint8_t flags = skyloop_read_u8(reader);\n    if (flags > 1U) {{\n        skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n    }}\n    out->has_{optional} = (flags == 1U);\n"
-        ),
-        format!("    skyloop_write_u8(writer, in->has_{optional} ? 1U : 0U);\n"),
-        String::new(),
-    )
+/// The three functions of a record with these bodies.
+fn three(record: &Record, valid: &str, read: &str, write: &str) -> String {
+    let name = snake(record.type_name());
+    let kind = format!("skyloop_{name}_t");
+    let valid = function(
+        &format!("skyloop_error_t skyloop_valid_{name}(const {kind} *in)"),
+        valid,
+    );
+    let read = function(
+        &format!("void skyloop_read_{name}(skyloop_reader_t *reader, {kind} *out)"),
+        read,
+    );
+    let write = function(
+        &format!("void skyloop_write_{name}(skyloop_writer_t *writer, const {kind} *in)"),
+        write,
+    );
+    format!("\n{valid}\n{read}\n{write}")
 }
 
-/// `u8` of a number: the end of a function's name.
-fn suffix(number: Number) -> &'static str {
-    match number {
-        Number::Unsigned(1) => "u8",
-        Number::Unsigned(2) => "u16",
-        Number::Unsigned(4) => "u32",
-        Number::Unsigned(_) | Number::Time => "u64",
-        Number::Float(4) => "f32",
-        Number::Float(_) => "f64",
+/// Reader, writer and ranges of one record.
+fn functions(schema: &Schema, record: &Record) -> String {
+    let name = snake(record.type_name());
+    let (mut read, mut write, mut valid) = (String::new(), String::new(), String::new());
+    if record.encode_check {
+        write += &block(
+            &format!("if (skyloop_valid_{name}(in) != SKYLOOP_OK)"),
+            "writer->error = SKYLOOP_INCONSISTENT;\nreturn;\n",
+        );
     }
+    let optional = record
+        .optional
+        .as_ref()
+        .map_or("", |optional| &optional.name);
+    if record.optional.is_some() {
+        read += "(void)memset(out, 0, sizeof *out);\n";
+    }
+    for field in &record.fields {
+        if record.is_flag(field) {
+            read += "const uint8_t flags = skyloop_read_u8(reader);\n";
+            read += &fail_if("flags > 1U");
+            read += &format!("out->has_{optional} = (flags == 1U);\n");
+            write += &format!("skyloop_write_u8(writer, in->has_{optional} ? 1U : 0U);\n");
+            continue;
+        }
+        let around = |of: &str, text: String| match (field.optional, text.as_str()) {
+            (false, _) | (_, "") => text,
+            (true, text) => block(&format!("if ({of}->has_{optional})"), text),
+        };
+        read += &around("out", read_field(field));
+        write += &around("in", write_field(field));
+        valid += &around("in", range(field));
+    }
+    for counter in schema.counters.iter().filter(|_| record.counters) {
+        read += &read_field(counter);
+        write += &write_field(counter);
+    }
+    let last = match record.check {
+        true => format!("return skyloop_check_{name}(in);\n"),
+        false => "return SKYLOOP_OK;\n".to_owned(),
+    };
+    if valid.is_empty() && !record.check {
+        valid += "(void)in;\n";
+    }
+    three(record, &(valid + &last), &read, &write)
+}
+
+/// Fails a reader.
+fn fail_if(condition: &str) -> String {
+    block(
+        &format!("if ({condition})"),
+        "skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n",
+    )
+}
+
+/// The end of a number's functions' names.
+fn suffix(number: Number) -> String {
+    match number {
+        Number::Time => "u64".to_owned(),
+        number => number.name(),
+    }
+}
+
+/// The loops over all numbers of an array of varying length, while `end` has no error.
+fn counted(field: &Field, end: &str, of: &str, length: usize, body: &str) -> String {
+    let count = field.counted_by.as_deref().unwrap_or_default();
+    let inner = block(&format!("for (size_t k = 0U; k < {length}U; k++)"), body);
+    let goes_on = format!("({end}->error == SKYLOOP_OK) && (n < {of}->{count})");
+    block(&format!("for (size_t n = 0U; {goes_on}; n++)"), &inner)
 }
 
 fn read_field(field: &Field) -> String {
-    let name = &field.name;
-    let fail = "        skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n    }\n";
-    match &field.kind {
+    let Field { name, most, .. } = field;
+    match (&field.kind, &field.counted_by) {
         _ if !field.bits.is_empty() => {
-            let most = (1_u32 << field.bits.len()) - 1;
-            let mut out = format!(
-                "    const uint8_t {name} = skyloop_read_u8(reader);\n    if ({name} > {most}U) {{\n{fail}"
-            );
-            for (bit, flag) in field.bits.iter().enumerate() {
-                out += &format!("    out->{flag} = ({name} & {}U) != 0U;\n", 1 << bit);
-            }
-            out
+            let fail = fail_if(&format!("{name} > {}U", field.all_flags()));
+            let flags = each(field.flags(), |(bit, flag)| {
+                format!("out->{flag} = ({name} & {bit}U) != 0U;\n")
+            });
+            format!("const uint8_t {name} = skyloop_read_u8(reader);\n{fail}{flags}")
         }
-        Kind::One(number) => {
-            let mut out = format!(
-                "    out->{name} = skyloop_read_{}(reader);\n",
+        (Kind::One(number), _) => {
+            let read = format!("out->{name} = skyloop_read_{}(reader);\n", suffix(*number));
+            let codes = field.codes.iter();
+            read + &each(codes, |codes| {
+                fail_if(&format!("!skyloop_is_{}(out->{name})", snake(codes)))
+            })
+        }
+        (Kind::Array(number, length), None) => count_to(
+            *length,
+            &format!(
+                "out->{name}[n] = skyloop_read_{}(reader);\n",
+                suffix(*number)
+            ),
+        ),
+        (Kind::Array(number, length), Some(count)) => {
+            let read = format!(
+                "out->{name}[n][k] = skyloop_read_{}(reader);\n",
                 suffix(*number)
             );
-            if let Some(codes) = &field.codes {
-                out += &format!(
-                    "    if (!skyloop_is_{}(out->{name})) {{\n{fail}",
-                    snake(codes)
-                );
-            }
-            out
+            fail_if(&format!("out->{count} > {most}U"))
+                + &counted(field, "reader", "out", *length, &read)
         }
-        Kind::Array(number, length) => {
-            let read = format!("skyloop_read_{}(reader)", suffix(*number));
-            match &field.counted_by {
-                None => format!(
-                    "    for (size_t n = 0U; n < {length}U; n++) {{\n        out->{name}[n] = {read};\n    }}\n"
-                ),
-                Some(count) => format!(
-                    "    if (out->{count} > {most}U) {{\n{fail}    for (size_t n = 0U; (reader->error == SKYLOOP_OK) && (n < out->{count}); n++) {{\n        for (size_t k = 0U; k < {length}U; k++) {{\n            out->{name}[n][k] = {read};\n        }}\n    }}\n",
-                    most = field.most
-                ),
-            }
+        (Kind::Ascii(length), _) => {
+            format!("skyloop_read_octets(reader, out->{name}, {length}U);\n")
         }
-        Kind::Ascii(length) => {
-            format!("    skyloop_read_octets(reader, out->{name}, {length}U);\n")
-        }
-        Kind::Struct(kind) => format!("    skyloop_read_{}(reader, &out->{name});\n", snake(kind)),
-        Kind::Rest(_) => {
-            format!("    out->{name} = skyloop_read_rest(reader, &out->{name}_length);\n")
+        (Kind::Struct(kind), _) => format!("skyloop_read_{}(reader, &out->{name});\n", snake(kind)),
+        (Kind::Rest(_), _) => {
+            format!("out->{name} = skyloop_read_rest(reader, &out->{name}_length);\n")
         }
     }
 }
 
 fn write_field(field: &Field) -> String {
-    let name = &field.name;
-    match &field.kind {
+    let Field { name, most, .. } = field;
+    match (&field.kind, &field.counted_by) {
         _ if !field.bits.is_empty() => {
-            let bits = field
-                .bits
-                .iter()
-                .enumerate()
-                .map(|(bit, flag)| format!("(in->{flag} ? {}U : 0U)", 1 << bit));
-            format!(
-                "    skyloop_write_u8(writer, (uint8_t)({}));\n",
-                bits.collect::<Vec<_>>().join(" | ")
-            )
+            let bits = field.flags();
+            let bits = join(
+                bits.map(|(bit, flag)| format!("(in->{flag} ? {bit}U : 0U)")),
+                " | ",
+            );
+            format!("skyloop_write_u8(writer, (uint8_t)({bits}));\n")
         }
-        Kind::One(number) => format!(
-            "    skyloop_write_{}(writer, in->{name});\n",
-            suffix(*number)
+        (Kind::One(number), _) => {
+            format!("skyloop_write_{}(writer, in->{name});\n", suffix(*number))
+        }
+        (Kind::Array(number, length), None) => count_to(
+            *length,
+            &format!(
+                "skyloop_write_{}(writer, in->{name}[n]);\n",
+                suffix(*number)
+            ),
         ),
-        Kind::Array(number, length) => {
-            let write = format!("skyloop_write_{}", suffix(*number));
-            match &field.counted_by {
-                None => format!(
-                    "    for (size_t n = 0U; n < {length}U; n++) {{\n        {write}(writer, in->{name}[n]);\n    }}\n"
-                ),
-                Some(count) => format!(
-                    "    if (in->{count} > {most}U) {{\n        writer->error = SKYLOOP_TOO_LONG;\n    }}\n    for (size_t n = 0U; (writer->error == SKYLOOP_OK) && (n < in->{count}); n++) {{\n        for (size_t k = 0U; k < {length}U; k++) {{\n            {write}(writer, in->{name}[n][k]);\n        }}\n    }}\n",
-                    most = field.most
-                ),
-            }
+        (Kind::Array(number, length), Some(count)) => {
+            let write = format!(
+                "skyloop_write_{}(writer, in->{name}[n][k]);\n",
+                suffix(*number)
+            );
+            let too_long = "writer->error = SKYLOOP_TOO_LONG;\n";
+            block(&format!("if (in->{count} > {most}U)"), too_long)
+                + &counted(field, "writer", "in", *length, &write)
         }
-        Kind::Ascii(length) => {
-            format!("    skyloop_write_octets(writer, in->{name}, {length}U);\n")
+        (Kind::Ascii(length), _) => {
+            format!("skyloop_write_octets(writer, in->{name}, {length}U);\n")
         }
-        Kind::Struct(kind) => format!("    skyloop_write_{}(writer, &in->{name});\n", snake(kind)),
-        Kind::Rest(_) => {
-            format!("    skyloop_write_octets(writer, in->{name}, in->{name}_length);\n")
+        (Kind::Struct(kind), _) => format!("skyloop_write_{}(writer, &in->{name});\n", snake(kind)),
+        (Kind::Rest(_), _) => {
+            format!("skyloop_write_octets(writer, in->{name}, in->{name}_length);\n")
         }
     }
 }
 
 /// What a field allows, as statements that return what is wrong.
 fn range(field: &Field) -> String {
-    let name = &field.name;
+    let Field {
+        name, least, most, ..
+    } = field;
     let error = match field.error.as_deref() {
         Some("NotFinite") => "SKYLOOP_NOT_FINITE",
         _ => "SKYLOOP_BAD_VALUE",
     };
     let refuse =
-        |condition: String| format!("    if ({condition}) {{\n        return {error};\n    }}\n");
+        |condition: String| block(&format!("if ({condition})"), &format!("return {error};\n"));
     let mut out = String::new();
-    let (is_float, largest) = match &field.kind {
-        Kind::One(Number::Float(_)) => (true, f64::INFINITY),
-        Kind::One(Number::Unsigned(octets)) => (false, 256_f64.powi(*octets as i32) - 1.0),
-        _ => (false, f64::INFINITY),
-    };
-    let literal = |limit: f64| {
-        if is_float {
-            format!("{limit:?}")
-        } else {
-            format!("{limit}U")
-        }
-    };
-    match (field.min, field.max) {
+    if field.kind.is_float() {
         // Written so that a NaN is refused.
-        (min, max) if is_float && (min.is_some() || max.is_some()) => {
-            let low = min.map(|min| format!("(in->{name} >= {})", literal(min)));
-            let high = max.map(|max| format!("(in->{name} <= {})", literal(max)));
-            let terms: Vec<String> = low.into_iter().chain(high).collect();
-            out += &refuse(format!("!({})", terms.join(" && ")));
+        let low = field.min.map(|min| format!("(in->{name} >= {min:?})"));
+        let high = field.max.map(|max| format!("(in->{name} <= {max:?})"));
+        let terms = join(low.into_iter().chain(high), " && ");
+        if !terms.is_empty() {
+            out += &refuse(format!("!({terms})"));
         }
-        (min, max) => {
-            if let Some(min) = min.filter(|min| *min > 0.0) {
-                out += &refuse(format!("in->{name} < {}", literal(min)));
-            }
-            if let Some(max) = max.filter(|max| *max < largest) {
-                out += &refuse(format!("in->{name} > {}", literal(max)));
-            }
-        }
+    } else {
+        let min = field.min.filter(|min| *min > 0.0);
+        out += &each(min, |min| refuse(format!("in->{name} < {min}U")));
+        let max = field.max.filter(|max| *max < field.largest());
+        out += &each(max, |max| refuse(format!("in->{name} > {max}U")));
     }
-    let test = match field.rule {
-        Some(Rule::Finite) => "skyloop_is_finite",
-        Some(Rule::Positive) => "skyloop_is_positive",
-        None => "",
-    };
-    match &field.kind {
-        Kind::Array(_, length) if !test.is_empty() => {
-            let inner = refuse(format!("!{test}(in->{name}[n])"));
-            let inner: String = inner.lines().map(|line| format!("    {line}\n")).collect();
-            out += &format!("    for (size_t n = 0U; n < {length}U; n++) {{\n{inner}    }}\n");
+    let test = field.rule.map(|rule| match rule {
+        Rule::Finite => "skyloop_is_finite",
+        Rule::Positive => "skyloop_is_positive",
+    });
+    match (&field.kind, test) {
+        (Kind::Array(_, length), Some(test)) => {
+            out += &count_to(*length, &refuse(format!("!{test}(in->{name}[n])")));
         }
-        Kind::One(_) if !test.is_empty() => out += &refuse(format!("!{test}(in->{name})")),
-        Kind::Struct(kind) => {
-            out += &format!(
-                "    const skyloop_error_t {name} = skyloop_valid_{}(&in->{name});\n    if ({name} != SKYLOOP_OK) {{\n        return {name};\n    }}\n",
-                snake(kind)
+        (Kind::One(_), Some(test)) => out += &refuse(format!("!{test}(in->{name})")),
+        (Kind::Struct(kind), _) => {
+            let valid = format!("skyloop_valid_{}(&in->{name})", snake(kind));
+            out += &format!("const skyloop_error_t {name} = {valid};\n");
+            out += &block(
+                &format!("if ({name} != SKYLOOP_OK)"),
+                &format!("return {name};\n"),
             );
         }
-        Kind::Rest(rest @ (Rest::Octets | Rest::Utf8)) => {
-            if field.least > 0 {
-                out += &refuse(format!("in->{name}_length < {}U", field.least));
+        (Kind::Rest(rest @ (Rest::Octets | Rest::Utf8)), _) => {
+            if *least > 0 {
+                out += &refuse(format!("in->{name}_length < {least}U"));
             }
-            out += &refuse(format!("in->{name}_length > {}U", field.most));
+            out += &refuse(format!("in->{name}_length > {most}U"));
             if *rest == Rest::Utf8 {
                 out += &refuse(format!("!skyloop_is_utf8(in->{name}, in->{name}_length)"));
             }
@@ -316,68 +267,113 @@ fn range(field: &Field) -> String {
 }
 
 /// A message whose first octet says what follows.
-fn commands(schema: &Schema, message: &Message) -> String {
-    let name = snake(message.type_name());
+fn commands(message: &Record) -> String {
     let (mut valid, mut read, mut write) = (String::new(), String::new(), String::new());
     for opcode in &message.opcodes {
-        let case = format!("    case SKYLOOP_OPCODE_{}:\n", upper(&opcode.name));
-        let own = snake(&opcode.name);
-        let (mut v, mut r, mut w) = (String::new(), String::new(), String::new());
-        match &opcode.type_name {
-            Some(kind) => {
-                let kind = snake(kind);
-                v = format!("        error = skyloop_valid_{kind}(&in->as.{own});\n");
-                r = format!("        skyloop_read_{kind}(reader, &out->as.{own});\n");
-                w = format!("        skyloop_write_{kind}(writer, &in->as.{own});\n");
-            }
-            None => {
-                for field in &opcode.fields {
-                    let moved = |text: String, of: &str| {
-                        let text = text.replace(&format!("{of}->"), &format!("{of}->as.{own}."));
-                        text.lines()
-                            .map(|line| format!("    {line}\n"))
-                            .collect::<String>()
-                    };
-                    r += &moved(read_field(field), "out");
-                    w += &moved(write_field(field), "in");
-                    v += &moved(range(field), "in");
-                }
-            }
+        let label = format!("case SKYLOOP_OPCODE_{}", upper(&opcode.name));
+        let [own_valid, own_read, own_write] = command(opcode);
+        if !own_valid.is_empty() {
+            valid += &case(&label, &own_valid);
         }
-        if !v.is_empty() {
-            valid += &format!("{case}{v}        break;\n");
-        }
-        read += &format!("{case}{r}        break;\n");
-        write += &format!("{case}{w}        break;\n");
+        read += &case(&label, &own_read);
+        write += &case(&label, &own_write);
     }
-    let _ = schema;
-    format!(
-        "\nstatic inline skyloop_error_t skyloop_valid_{name}(const skyloop_{name}_t *in)\n{{\n    skyloop_error_t error = SKYLOOP_OK;\n    switch (in->opcode) {{\n{valid}    default:\n        break;\n    }}\n    return error;\n}}\n\n\
-         static inline void skyloop_read_{name}(skyloop_reader_t *reader, skyloop_{name}_t *out)\n{{\n    out->opcode = skyloop_read_u8(reader);\n    switch (out->opcode) {{\n{read}    default:\n        skyloop_fail(reader, SKYLOOP_UNKNOWN_OPCODE);\n        break;\n    }}\n}}\n\n\
-         static inline void skyloop_write_{name}(skyloop_writer_t *writer, const skyloop_{name}_t *in)\n{{\n    skyloop_write_u8(writer, in->opcode);\n    switch (in->opcode) {{\n{write}    default:\n        writer->error = SKYLOOP_UNKNOWN_OPCODE;\n        break;\n    }}\n}}\n"
+    let read_error = "skyloop_fail(reader, SKYLOOP_UNKNOWN_OPCODE);\n";
+    let write_error = "writer->error = SKYLOOP_UNKNOWN_OPCODE;\n";
+    three(
+        message,
+        &format!(
+            "skyloop_error_t error = SKYLOOP_OK;\n{}return error;\n",
+            switch("in->opcode", &valid, "")
+        ),
+        &format!(
+            "out->opcode = skyloop_read_u8(reader);\n{}",
+            switch("out->opcode", &read, read_error)
+        ),
+        &format!(
+            "skyloop_write_u8(writer, in->opcode);\n{}",
+            switch("in->opcode", &write, write_error)
+        ),
     )
 }
 
-/// Decoder and encoder of all packets of one direction.
-fn direction(name: &str, messages: &[&Message]) -> String {
-    let cases = |inside: &dyn Fn(&str) -> String| {
-        let case = |message: &&Message| {
-            let inside = inside(&snake(message.type_name()));
-            format!(
-                "    case SKYLOOP_APID_{}:\n{inside}        break;\n",
-                upper(&message.name)
-            )
-        };
-        messages.iter().map(case).collect::<String>()
+/// How a command's fields are checked, read and written.
+fn command(opcode: &Opcode) -> [String; 3] {
+    let own = snake(&opcode.name);
+    if let Some(kind) = &opcode.type_name {
+        let kind = snake(kind);
+        return [
+            format!("error = skyloop_valid_{kind}(&in->as.{own});\n"),
+            format!("skyloop_read_{kind}(reader, &out->as.{own});\n"),
+            format!("skyloop_write_{kind}(writer, &in->as.{own});\n"),
+        ];
+    }
+    let moved = |text: fn(&Field) -> String, of: &str| {
+        let (from, to) = (format!("{of}->"), format!("{of}->as.{own}."));
+        each(&opcode.fields, text).replace(&from, &to)
     };
-    let read = cases(&|kind| {
+    [
+        moved(range, "in"),
+        moved(read_field, "out"),
+        moved(write_field, "in"),
+    ]
+}
+
+/// One case a message; `inside` gives its statements.
+fn cases(messages: &[&Record], inside: fn(&str) -> String) -> String {
+    each(messages, |message| {
+        let label = format!("case SKYLOOP_APID_{}", upper(&message.name));
+        case(&label, &inside(&snake(message.type_name())))
+    })
+}
+
+/// Decoder of all packets of one direction.
+fn decoder(name: &str, messages: &[&Record]) -> String {
+    let cases = cases(messages, |kind| {
+        let valid = format!("error = skyloop_valid_{kind}(&out->as.{kind});\n");
         format!(
-            "        skyloop_read_{kind}(&reader, &out->as.{kind});\n        error = skyloop_read_end(&reader);\n        if (error == SKYLOOP_OK) {{\n            error = skyloop_valid_{kind}(&out->as.{kind});\n        }}\n"
+            "skyloop_read_{kind}(&reader, &out->as.{kind});\nerror = skyloop_read_end(&reader);\n{}",
+            block("if (error == SKYLOOP_OK)", &valid)
         )
     });
-    let write = cases(&|kind| format!("        skyloop_write_{kind}(&writer, &in->as.{kind});\n"));
+    let body = "skyloop_reader_t reader;\n\
+                skyloop_error_t error = skyloop_open(packet, length, &out->header, &reader);\n"
+        .to_owned()
+        + &block("if (error != SKYLOOP_OK)", "return error;\n")
+        + &switch(
+            "out->header.apid",
+            &cases,
+            "error = SKYLOOP_UNKNOWN_APID;\n",
+        )
+        + "return error;\n";
+    let signature = format!(
+        "skyloop_error_t skyloop_decode_{name}(const uint8_t *packet, size_t length, skyloop_{name}_t *out)"
+    );
     format!(
-        "\n/* Reads exactly one packet. */\nstatic inline skyloop_error_t skyloop_decode_{name}(const uint8_t *packet, size_t length, skyloop_{name}_t *out)\n{{\n    skyloop_reader_t reader;\n    skyloop_error_t error = skyloop_open(packet, length, &out->header, &reader);\n    if (error != SKYLOOP_OK) {{\n        return error;\n    }}\n    switch (out->header.apid) {{\n{read}    default:\n        error = SKYLOOP_UNKNOWN_APID;\n        break;\n    }}\n    return error;\n}}\n\n\
-         /* Lays out one packet; `*length` is its length. Values are judged where they are received. */\nstatic inline skyloop_error_t skyloop_encode_{name}(const skyloop_{name}_t *in, uint8_t *packet, size_t capacity, size_t *length)\n{{\n    skyloop_writer_t writer = {{packet, capacity, 0U, SKYLOOP_OK}};\n    skyloop_begin(&writer, &in->header);\n    switch (in->header.apid) {{\n{write}    default:\n        writer.error = SKYLOOP_UNKNOWN_APID;\n        break;\n    }}\n    return skyloop_close(&writer, length);\n}}\n"
+        "\n/* Reads exactly one packet. */\n{}",
+        function(&signature, &body)
+    )
+}
+
+/// Encoder of all packets of one direction.
+fn encoder(name: &str, messages: &[&Record]) -> String {
+    let cases = cases(messages, |kind| {
+        format!("skyloop_write_{kind}(&writer, &in->as.{kind});\n")
+    });
+    let body = "skyloop_writer_t writer = {packet, capacity, 0U, SKYLOOP_OK};\n\
+                skyloop_begin(&writer, &in->header);\n"
+        .to_owned()
+        + &switch(
+            "in->header.apid",
+            &cases,
+            "writer.error = SKYLOOP_UNKNOWN_APID;\n",
+        )
+        + "return skyloop_close(&writer, length);\n";
+    let signature = format!(
+        "skyloop_error_t skyloop_encode_{name}(const skyloop_{name}_t *in, uint8_t *packet, size_t capacity, size_t *length)"
+    );
+    format!(
+        "\n/* Lays out one packet; `*length` is its length. Values are judged where they are received. */\n{}",
+        function(&signature, &body)
     )
 }

@@ -1,0 +1,324 @@
+//! One message or structure in Rust: its declaration, its reader, its writer, and what its fields allow one by one.
+
+use super::doc;
+use crate::model::{Field, Kind, Number, Record, Rest, Rule, Schema};
+use crate::text::{block, braces, each, join};
+
+impl Record {
+    /// Everything of it.
+    pub(super) fn rust(&self, schema: &Schema) -> String {
+        let name = self.type_name();
+        let mut out = self.declaration(schema, name, &self.doc, &self.members());
+        if let Some(optional) = &self.optional {
+            let fields = self.fields.iter().filter(|field| field.optional);
+            let members = each(fields, |field| self.member(field));
+            out += &self.declaration(schema, &optional.type_name, &optional.doc, &members);
+        }
+        let (generics, lifetime) = if self.borrows {
+            ("<'a>", "'a")
+        } else {
+            ("", "'_")
+        };
+        let read = format!(
+            "pub(crate) fn read(reader: &mut Reader<{lifetime}>) -> Result<Self, DecodeError>"
+        );
+        let write =
+            "pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>";
+        let mut body = block(&read, &self.read(schema)) + "\n" + &block(write, &self.write());
+        let ranges = each(&self.fields, |field| self.range(schema, field));
+        let (about, check) = match self.check {
+            true => (
+                "What the fields allow, each by itself.",
+                "pub(crate) fn check_fields",
+            ),
+            false => (
+                "Refuses values that the fields do not allow. What was decoded has passed this.",
+                "pub fn check",
+            ),
+        };
+        if !self.check || !ranges.is_empty() {
+            let check = format!("{check}(&self) -> Result<(), DecodeError>");
+            body += &format!("\n{}{}", doc(about), block(&check, &(ranges + "Ok(())\n")));
+        }
+        out + "\n" + &block(&format!("impl{generics} {name}{generics}"), &body)
+    }
+
+    /// Octets of its fields that are always the same.
+    pub(super) fn length(&self, schema: &Schema) -> String {
+        let octets = schema.flat(&self.fields);
+        let octets: usize = octets.iter().filter_map(Field::octets).sum();
+        let lifetime = if self.borrows { "<'_>" } else { "" };
+        let body = doc("Octets of its fields, the rest of variable length aside.")
+            + &format!("pub const FIELDS_LENGTH: usize = {octets};\n");
+        format!(
+            "\n{}",
+            block(&format!("impl {}{lifetime}", self.type_name()), &body)
+        )
+    }
+
+    fn declaration(&self, schema: &Schema, name: &str, about: &str, members: &str) -> String {
+        let flat = schema.flat(&self.fields);
+        let has_float = flat.iter().any(|field| field.kind.is_float());
+        let eq = if has_float { "" } else { ", Eq" };
+        let default = if self.default { ", Default" } else { "" };
+        let lifetime = if self.borrows { "<'a>" } else { "" };
+        let derive = format!("#[derive(Debug, Clone, Copy{default}, PartialEq{eq})]\n");
+        let body = block(&format!("pub struct {name}{lifetime}"), members);
+        format!("\n{}{derive}{body}", doc(about))
+    }
+
+    /// The members of its type.
+    fn members(&self) -> String {
+        let own = |field: &&Field| !field.optional && !self.is_flag(field);
+        let mut out = each(self.fields.iter().filter(own), |field| self.member(field));
+        if let Some(inner) = &self.optional {
+            let (name, kind) = (&inner.name, &inner.type_name);
+            out += &format!("{}pub {name}: Option<{kind}>,\n", doc(&inner.doc));
+        }
+        if self.counters {
+            out += &doc("Counts since the emulator started.");
+            out += "pub counters: Counters,\n";
+        }
+        out
+    }
+
+    fn member(&self, field: &Field) -> String {
+        let Field { name, unit, .. } = field;
+        let mut about = field.doc.clone();
+        if !unit.is_empty() {
+            about += &format!(" Unit: {unit}.");
+        }
+        let about = doc(&about);
+        let seen = if self.private { "pub(crate)" } else { "pub" };
+        match field.bits.is_empty() {
+            true => format!("{about}{seen} {name}: {},\n", rust_type(field)),
+            false => each(&field.bits, |bit| format!("{about}{seen} {bit}: bool,\n")),
+        }
+    }
+
+    fn read(&self, schema: &Schema) -> String {
+        let owner = self.type_name();
+        let (mut out, mut names, mut inner) = (String::new(), String::new(), String::new());
+        for field in &self.fields {
+            let (name, value) = (&field.name, read_value(schema, owner, field));
+            if field.optional {
+                inner += &format!("{name}: {value},\n");
+                continue;
+            }
+            out += &match (&field.kind, &field.counted_by) {
+                (Kind::Array(number, length), Some(count)) => {
+                    let (most, read) = (field.most, read_number(*number));
+                    let head = "for number in listed.ok_or(DecodeError::BadValue { field, rule })?.iter_mut().flatten()";
+                    format!(
+                        "let mut {name} = [[0; {length}]; {most}];\n\
+                         let listed = {name}.get_mut(..usize::from({count}));\n\
+                         let rule = \"must be {most} or fewer\";\n\
+                         let field = \"{owner}.{count}\";\n{}",
+                        block(head, &format!("*number = {read};\n"))
+                    )
+                }
+                _ => format!("let {name} = {value};\n"),
+            };
+            names += &match (self.is_flag(field), field.bits.is_empty()) {
+                (true, _) => String::new(),
+                (_, true) => format!("{name},\n"),
+                (_, false) => each(field.flags(), |(bit, flag)| {
+                    format!("{flag}: {name} & {bit} != 0,\n")
+                }),
+            };
+        }
+        if let Some(optional) = &self.optional {
+            let (flag, name) = (&optional.flag, &optional.name);
+            let some = braces(&format!("1 => Some({}", optional.type_name), &inner);
+            let arms = format!("{some}),\n_ => None,\n");
+            out += &format!(
+                "{};\n",
+                braces(&format!("let {name} = match {flag}"), &arms)
+            );
+            names += &format!("{name},\n");
+        }
+        if self.counters {
+            out += "let mut counters = Counters::default();\n";
+            out += &block(
+                "for counter in counters.iter_mut()",
+                "*counter = reader.u32()?;\n",
+            );
+            names += "counters,\n";
+        }
+        format!("{out}{})\n", braces("Ok(Self", &names))
+    }
+
+    fn write(&self) -> String {
+        let optional = self.optional.as_ref().map_or("", |optional| &optional.name);
+        let mut out = String::new();
+        if self.encode_check {
+            out += "self.check_layout()?;\n";
+        }
+        let mut inner = String::new();
+        for field in &self.fields {
+            let name = &field.name;
+            if field.optional {
+                inner += &write_value(field, &format!("{optional}.{name}"));
+                continue;
+            }
+            out += &match (&field.kind, &field.counted_by) {
+                _ if self.is_flag(field) => {
+                    format!("writer.u8(self.{optional}.is_some().into())?;\n")
+                }
+                _ if !field.bits.is_empty() => {
+                    let bits = field.bits.iter().enumerate().map(|(bit, flag)| match bit {
+                        0 => format!("u8::from(self.{flag})"),
+                        bit => format!("u8::from(self.{flag}) << {bit}"),
+                    });
+                    format!("writer.u8({})?;\n", join(bits, " | "))
+                }
+                (Kind::Array(number, _), Some(count)) => block(
+                    &format!(
+                        "for number in self.{name}.iter().take(self.{count}.into()).flatten()"
+                    ),
+                    &format!("writer.{}(*number)?;\n", number.name()),
+                ),
+                _ => write_value(field, &format!("self.{name}")),
+            };
+        }
+        if self.optional.is_some() {
+            out += &block(
+                &format!("if let Some({optional}) = &self.{optional}"),
+                &inner,
+            );
+        }
+        if self.counters {
+            out += &block(
+                "for (_, value) in self.counters.iter()",
+                "writer.u32(value)?;\n",
+            );
+        }
+        out + "Ok(())\n"
+    }
+
+    /// Statements that refuse what a field does not allow.
+    fn range(&self, schema: &Schema, field: &Field) -> String {
+        match &self.optional {
+            _ if field.counted_by.is_some() => String::new(),
+            Some(optional) if field.optional => {
+                let name = &optional.name;
+                let inner = field_range(schema, self.type_name(), field, &format!("{name}."));
+                block(&format!("if let Some({name}) = &self.{name}"), &inner)
+            }
+            _ => field_range(schema, self.type_name(), field, "self."),
+        }
+    }
+}
+
+/// Statements that refuse what a field does not allow; `of` stands before its name.
+pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str) -> String {
+    let name = format!("\"{owner}.{}\"", field.name);
+    let place = format!("{of}{}", field.name);
+    let mut out = String::new();
+    // Codes are checked as they are read, counts with what they count.
+    let limited = field.min.is_some() || field.max.is_some();
+    if let Some(text) = field.limits(schema).filter(|_| limited && field.most == 0) {
+        let number = |limit: Option<f64>| match (limit, field.kind.is_float()) {
+            (Some(limit), true) => format!("{limit:?}"),
+            (Some(limit), false) => format!("{limit}"),
+            (None, _) => String::new(),
+        };
+        let equals = if field.max.is_some() { "=" } else { "" };
+        let range = format!("({}..{equals}{})", number(field.min), number(field.max));
+        // What stands behind a reference is one already.
+        let borrowed = match of {
+            "*" => field.name.clone(),
+            _ => format!("&{place}"),
+        };
+        out += &format!("rule({range}.contains({borrowed}), {name}, \"must be {text}\")?;\n");
+    }
+    out += &match (field.rule, field.error.as_deref()) {
+        (Some(Rule::Positive), _) => {
+            // What the emulator accepts of it.
+            let range = field.range.as_deref().unwrap_or("finite and above 0");
+            let text = format!("must be {range} {}", field.unit);
+            format!("positive({name}, {place}, {:?})?;\n", text.trim_end())
+        }
+        (Some(Rule::Finite), Some("NotFinite")) => format!("finite({name}, &{place})?;\n"),
+        (Some(Rule::Finite), _) => {
+            format!("rule({place}.is_finite(), {name}, \"must be finite\")?;\n")
+        }
+        (None, _) => String::new(),
+    };
+    match &field.kind {
+        Kind::Struct(_) => out + &format!("{place}.check()?;\n"),
+        Kind::Rest(Rest::Octets) => {
+            let Field { least, most, .. } = field;
+            let holds = format!("({least}..={most}).contains(&{place}.len())");
+            out + &format!("rule({holds}, {name}, \"must be {least} to {most} octets\")?;\n")
+        }
+        _ => out,
+    }
+}
+
+/// The expression that reads a field.
+pub(super) fn read_value(schema: &Schema, owner: &str, field: &Field) -> String {
+    let name = format!("\"{owner}.{}\"", field.name);
+    let limits = field.limits(schema).unwrap_or_default();
+    match (&field.kind, &field.codes) {
+        (_, Some(codes)) => {
+            format!("reader.code({codes}::from_code, {name}, \"must be {limits}\")?")
+        }
+        _ if !field.bits.is_empty() => {
+            format!(
+                "reader.flags({}, {name}, \"must be {limits}\")?",
+                field.all_flags()
+            )
+        }
+        (Kind::One(number), _) => read_number(*number),
+        (Kind::Array(number, _), _) => format!("reader.{}s()?", number.name()),
+        (Kind::Ascii(_), _) => "reader.array()?".to_owned(),
+        (Kind::Struct(kind), _) => format!("{kind}::read(reader)?"),
+        (Kind::Rest(Rest::Utf8), _) => {
+            let most = field.most;
+            format!("reader.text({most}, {name}, \"must be {most} octets or fewer\")?")
+        }
+        (Kind::Rest(_), _) => "reader.rest()".to_owned(),
+    }
+}
+
+fn read_number(number: Number) -> String {
+    match number {
+        Number::Time => "reader.time()?".to_owned(),
+        number => format!("reader.{}()?", number.name()),
+    }
+}
+
+/// The type of a member.
+pub(super) fn rust_type(field: &Field) -> String {
+    let number = |number: &Number| match number {
+        Number::Time => "WireTime".to_owned(),
+        number => number.name(),
+    };
+    match (&field.kind, &field.counted_by) {
+        (Kind::One(kind), _) => field.codes.clone().unwrap_or(number(kind)),
+        (Kind::Array(kind, length), None) => format!("[{}; {length}]", number(kind)),
+        (Kind::Array(kind, length), Some(_)) => {
+            format!("[[{}; {length}]; {}]", number(kind), field.most)
+        }
+        (Kind::Ascii(length), _) => format!("[u8; {length}]"),
+        (Kind::Struct(kind), _) => kind.clone(),
+        (Kind::Rest(Rest::Utf8), _) => "&'a str".to_owned(),
+        (Kind::Rest(_), _) => "&'a [u8]".to_owned(),
+    }
+}
+
+/// The statement that writes a field.
+pub(super) fn write_value(field: &Field, place: &str) -> String {
+    let call = match &field.kind {
+        _ if field.codes.is_some() => format!("writer.u8({place}.code())"),
+        Kind::One(Number::Time) => format!("writer.u64({}.0)", place.trim_start_matches('*')),
+        Kind::One(number) => format!("writer.{}({place})", number.name()),
+        Kind::Array(number, _) => format!("writer.{}s(&{place})", number.name()),
+        Kind::Ascii(_) => format!("writer.bytes(&{place})"),
+        Kind::Struct(_) => format!("{place}.write(writer)"),
+        Kind::Rest(Rest::Utf8) => format!("writer.bytes({place}.as_bytes())"),
+        Kind::Rest(_) => format!("writer.bytes({place})"),
+    };
+    call + "?;\n"
+}
