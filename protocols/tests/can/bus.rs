@@ -1,38 +1,16 @@
 //! Two nodes, packets, and a channel between them that may lose, repeat and swap frames.
 
+use crate::common::Random;
 use skyloop_protocols::can::{Busy, CanFrame, Counts, Lane, Node, Parameters, Side};
-use skyloop_protocols::{Attitude, Command, MAX_PACKET, OrbitState, Reply, WireTime};
+use skyloop_protocols::{Ack, Attitude, Command, MAX_PACKET, OrbitState, Reply, WireTime, apid};
 use std::collections::VecDeque;
-
-/// splitmix64: the same numbers in every run.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
-    }
-
-    pub fn below(&mut self, limit: u64) -> u64 {
-        self.next() % limit
-    }
-
-    /// One time in `n`; never for 0.
-    pub fn one_in(&mut self, n: u64) -> bool {
-        n > 0 && self.below(n) == 0
-    }
-}
 
 /// What a channel does to one frame in so many; 0: nothing.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Damage {
-    pub drop: u64,
-    pub repeat: u64,
-    pub swap: u64,
-    pub corrupt: u64,
+    pub drop: usize,
+    pub repeat: usize,
+    pub swap: usize,
 }
 
 /// Two nodes and what they have still to send and have received: `[Emulator, Client]`.
@@ -43,17 +21,14 @@ pub struct Bus {
     pub now_us: u64,
     pub frames: u64,
     pub random: Random,
-    pub damage: Damage,
+    damage: Damage,
     held: [Option<CanFrame>; 2],
 }
 
 impl Bus {
-    pub fn new(parameters: [Parameters; 2], damage: Damage, seed: u64) -> Self {
+    pub fn new(parameters: Parameters, damage: Damage, seed: u64) -> Self {
         Self {
-            nodes: [
-                Node::with(Side::Emulator, parameters[0]),
-                Node::with(Side::Client, parameters[1]),
-            ],
+            nodes: [Side::Emulator, Side::Client].map(|side| Node::with(side, parameters)),
             queues: Default::default(),
             received: Default::default(),
             now_us: 0,
@@ -65,12 +40,7 @@ impl Bus {
     }
 
     pub fn perfect(fd: bool) -> Self {
-        let parameters = if fd {
-            Parameters::FD
-        } else {
-            Parameters::CLASSIC
-        };
-        Self::new([parameters; 2], Damage::default(), 1)
+        Self::new(parameters(fd), Damage::default(), 1)
     }
 
     /// Queues a packet at an end, by its lane.
@@ -103,20 +73,11 @@ impl Bus {
         }
     }
 
-    fn transmit(&mut self, from: usize, mut frame: CanFrame) {
+    fn transmit(&mut self, from: usize, frame: CanFrame) {
         let to = 1 - from;
-        let Damage {
-            drop,
-            repeat,
-            swap,
-            corrupt,
-        } = self.damage;
+        let Damage { drop, repeat, swap } = self.damage;
         if self.random.one_in(drop) {
             return;
-        }
-        if self.random.one_in(corrupt) && frame.len > 0 {
-            let at = self.random.below(frame.len.into()) as usize;
-            frame.data[at] ^= 1 << self.random.below(8);
         }
         if self.held[to].is_none() && self.random.one_in(swap) {
             self.held[to] = Some(frame);
@@ -152,11 +113,8 @@ impl Bus {
             if !self.step() {
                 let wake = self.nodes.iter().filter_map(Node::wake_at).min();
                 let Some(wake) = wake else { break };
-                assert!(
-                    wake > self.now_us,
-                    "due at {wake} but silent at {}",
-                    self.now_us
-                );
+                let now = self.now_us;
+                assert!(wake > now, "due at {wake} but silent at {now}");
                 self.now_us = wake;
             }
         }
@@ -164,6 +122,15 @@ impl Bus {
             assert!(queues.iter().all(VecDeque::is_empty));
             assert!(node.is_idle(Lane::Plain) && node.is_idle(Lane::Long));
         }
+    }
+}
+
+/// The settings of both ends.
+pub fn parameters(fd: bool) -> Parameters {
+    if fd {
+        Parameters::FD
+    } else {
+        Parameters::CLASSIC
     }
 }
 
@@ -179,27 +146,26 @@ pub fn attitude(sequence: u32, state: bool) -> Vec<u8> {
             velocity_m_s: [5_544.406_469, -3_022.740_43, -4_386.550_226 - x],
         }),
     });
-    command_packet(
-        &command,
-        sequence as u16,
-        0x7397_DF7B_1234_5677 + u64::from(sequence),
-    )
+    let time = 0x7397_DF7B_1234_5677 + u64::from(sequence);
+    command_packet(&command, sequence as u16, time)
 }
 
 pub fn command_packet(command: &Command, count: u16, time: u64) -> Vec<u8> {
     let mut buffer = [0; MAX_PACKET];
-    let length = command
-        .encode(count, WireTime(time), &mut buffer)
-        .expect("encodes");
-    buffer[..length].to_vec()
+    let length = command.encode(count, WireTime(time), &mut buffer);
+    buffer[..length.expect("encodes")].to_vec()
 }
 
-pub fn reply_packet(reply: &Reply<'_>, count: u16, time: u64) -> Vec<u8> {
+/// An answer to the `Command` of this sequence count.
+pub fn ack_packet(sequence_count: u16, count: u16, time: u64) -> Vec<u8> {
+    let apid = apid::COMMAND;
     let mut buffer = [0; MAX_PACKET];
-    let length = reply
-        .encode(count, WireTime(time), &mut buffer)
-        .expect("encodes");
-    buffer[..length].to_vec()
+    let length = Reply::Ack(Ack {
+        apid,
+        sequence_count,
+    })
+    .encode(count, WireTime(time), &mut buffer);
+    buffer[..length.expect("encodes")].to_vec()
 }
 
 /// Octets that are no packet of any kind, marked by their length and a number.

@@ -1,9 +1,10 @@
 //! The CAN form: its frames bit by bit, and which packets go that way.
 
 use crate::bus::{Bus, attitude, command_packet};
+use crate::isotp::counted;
 use proptest::prelude::*;
 use skyloop_protocols::can::form::{Frames, join, split};
-use skyloop_protocols::can::{CanFrame, Counts, Lane, Node, Side};
+use skyloop_protocols::can::{CanFrame, Lane, Node, Side};
 use skyloop_protocols::{Attitude, Command, OrbitState};
 
 const EXAMPLE: Attitude = Attitude {
@@ -21,6 +22,10 @@ fn frames_of(packet: &[u8], counter: u8) -> Vec<CanFrame> {
     let all = std::iter::from_fn(|| frames.next(false)).collect();
     assert!(frames.is_done());
     all
+}
+
+fn ids(frames: &[CanFrame]) -> impl Iterator<Item = u32> {
+    frames.iter().map(|frame| frame.id)
 }
 
 fn word(frame: &CanFrame) -> u64 {
@@ -50,43 +55,20 @@ fn an_attitude_bit_by_bit() {
         0xc5891466dce39b4d,
     ];
     let frames = frames_of(&packet, 5);
-    assert_eq!(
-        frames.iter().map(|frame| frame.id).collect::<Vec<_>>(),
-        (0x100..=0x10F).collect::<Vec<_>>()
-    );
-    assert_eq!(
-        frames.iter().take(15).map(word).collect::<Vec<_>>(),
-        expected
-    );
+    assert!(ids(&frames).eq(0x100..=0x10F));
+    let words: Vec<u64> = frames.iter().map(word).collect();
+    assert_eq!(words[..15], expected);
     let crc = u16::from_be_bytes(*packet.last_chunk().expect("a CRC"));
-    assert_eq!(
-        word(&frames[15]),
-        0xA000_0014_0000_0000 | u64::from(crc) << 16
-    );
+    assert_eq!(words[15], 0xA000_0014_0000_0000 | u64::from(crc) << 16);
 
-    let without = command_packet(
-        &Command::Attitude(Attitude {
-            state: None,
-            ..EXAMPLE
-        }),
-        5,
-        0,
-    );
-    let ids: Vec<u32> = frames_of(&without, 13)
-        .iter()
-        .map(|frame| frame.id)
-        .collect();
-    assert_eq!(
-        ids,
-        [
-            0x100, 0x101, 0x102, 0x103, 0x104, 0x105, 0x106, 0x107, 0x108, 0x10F
-        ]
-    );
-    assert_eq!(
-        word(&frames_of(&without, 13)[0]) >> 60,
-        0xA,
-        "counter 13 modulo 8, no state"
-    );
+    let without = Command::Attitude(Attitude {
+        state: None,
+        ..EXAMPLE
+    });
+    let frames = frames_of(&command_packet(&without, 5, 0), 13);
+    assert!(ids(&frames).eq((0x100..=0x108).chain([0x10F])));
+    let head = word(&frames[0]) >> 60;
+    assert_eq!(head, 0xA, "counter 13 modulo 8, no state");
 }
 
 #[test]
@@ -110,67 +92,52 @@ fn frames_of_an_attitude_follow_each_other() {
         // Amid the attitude the emulator begins a message and asks for flow control.
         let first = CanFrame::new(0x220, false, &[0x10, 20, 0, 0, 0, 0, 0, 0]).expect("valid");
         node.receive(&first, 0);
-        let ids: Vec<u32> = std::iter::from_fn(|| node.next_frame(0))
-            .map(|frame| frame.id)
-            .collect();
-        assert_eq!(
-            ids,
-            [
-                0x108, 0x109, 0x10A, 0x10B, 0x10C, 0x10D, 0x10E, 0x10F, 0x120
-            ]
-        );
+        let rest: Vec<CanFrame> = std::iter::from_fn(|| node.next_frame(0)).collect();
+        assert!(ids(&rest).eq((0x108..=0x10F).chain([0x120])));
         // So that a plain packet has gone last.
-        node.send(&command_packet(&Command::Ping, 0, 0), 0)
-            .expect("idle");
+        let ping = command_packet(&Command::Ping, 0, 0);
+        node.send(&ping, 0).expect("idle");
         assert!(node.next_frame(0).is_some());
     }
 }
 
 #[test]
 fn short_commands_bit_by_bit() {
-    let frames = |command| frames_of(&command_packet(&command, 0x1234, 99), 0);
-    let credit = frames(Command::Credit {
-        packets: 0x0102_0304,
-    });
-    assert_eq!(
-        (credit[0].id, credit[0].payload()),
-        (0x110, &[7, 0x12, 0x34, 1, 2, 3, 4][..])
-    );
-    let ping = frames(Command::Ping);
-    assert_eq!(
-        (ping.len(), ping[0].payload()),
-        (1, &[6, 0x12, 0x34, 0, 0, 0, 0][..])
-    );
+    let packets = 0x0102_0304;
+    for (command, data) in [
+        (Command::Credit { packets }, [7, 0x12, 0x34, 1, 2, 3, 4]),
+        (Command::Ping, [6, 0x12, 0x34, 0, 0, 0, 0]),
+    ] {
+        let frames = frames_of(&command_packet(&command, 0x1234, 99), 0);
+        let found = (frames.len(), frames[0].id, frames[0].payload());
+        assert_eq!(found, (1, 0x110, &data[..]), "{command:?}");
+    }
 }
 
 #[test]
 fn other_packets_go_whole() {
     let node = Node::new(Side::Client, false);
     let packet = |command: &Command| command_packet(command, 0, 0);
-    let rate = |rate| {
-        Command::Attitude(Attitude {
-            rates_rad_s: [rate, 0.0, 0.0],
+    let lane_of_rate = |rate| {
+        let rates_rad_s = [rate, 0.0, 0.0];
+        node.lane(&packet(&Command::Attitude(Attitude {
+            rates_rad_s,
             ..EXAMPLE
-        })
+        })))
     };
     for plain in [0.0, -0.0, 1.2e-38, 3.4e38, -1.0, f64::INFINITY] {
-        assert_eq!(node.lane(&packet(&rate(plain))), Lane::Plain, "{plain}");
+        assert_eq!(lane_of_rate(plain), Lane::Plain, "{plain}");
     }
     for whole in [1.1e-38, 5e-324, 3.5e38, f64::MAX, f64::NAN] {
-        assert_eq!(node.lane(&packet(&rate(whole))), Lane::Long, "{whole}");
+        assert_eq!(lane_of_rate(whole), Lane::Long, "{whole}");
     }
-    assert_eq!(
-        node.lane(&packet(&Command::Exposure { seconds: 1.0 })),
-        Lane::Long
-    );
+    // The other end is to see the damage.
     let mut damaged = packet(&Command::Ping);
     damaged[7] ^= 1;
-    assert_eq!(
-        node.lane(&damaged),
-        Lane::Long,
-        "the other end is to see the damage"
-    );
-    assert_eq!(node.lane(&[]), Lane::Long);
+    let exposure = packet(&Command::Exposure { seconds: 1.0 });
+    for packet in [damaged, exposure, vec![]] {
+        assert_eq!(node.lane(&packet), Lane::Long, "{packet:02x?}");
+    }
 }
 
 #[test]
@@ -194,151 +161,114 @@ fn packets_of_one_kind_keep_their_order() {
     }
 }
 
-/// Frames of two attitudes, the second with position: 10 and 16 frames.
-fn two() -> (Vec<CanFrame>, Vec<CanFrame>, Vec<u8>) {
-    let second = attitude(2, true);
-    (
-        frames_of(&attitude(1, false), 0),
-        frames_of(&second, 1),
-        second,
-    )
-}
-
-fn receive(node: &mut Node, frames: &[CanFrame]) -> Vec<Vec<u8>> {
-    let packets = frames
-        .iter()
-        .filter_map(|frame| node.receive(frame, 0).map(<[u8]>::to_vec));
-    packets.collect()
+/// The packets that these frames give at the emulator; attitudes that were never whole, and frames passed over.
+fn receive(frames: &[CanFrame]) -> (Vec<Vec<u8>>, u32, u32) {
+    let mut node = Node::new(Side::Emulator, false);
+    let packet = |frame| node.receive(frame, 0).map(<[u8]>::to_vec);
+    let packets = frames.iter().filter_map(packet).collect();
+    let counts = node.counts();
+    (packets, counts.incomplete, counts.ignored)
 }
 
 #[test]
 fn an_attitude_is_latched_whole_or_counted_once() {
-    let (first, second, packet) = two();
-    let incomplete = |counts: Counts| (counts.incomplete, counts.ignored);
-    for lost in 0..first.len() {
-        let mut node = Node::new(Side::Emulator, false);
-        let mut frames = first.clone();
-        frames.remove(lost);
-        frames.extend_from_slice(&second);
-        assert_eq!(
-            receive(&mut node, &frames),
-            [&packet[..]],
-            "frame {lost} lost"
-        );
-        let (counted, ignored) = incomplete(node.counts());
+    // 10 frames, and 16 with position.
+    let packet = attitude(2, true);
+    let (first, second) = (frames_of(&attitude(1, false), 0), frames_of(&packet, 1));
+    for at in 0..first.len() {
+        let mut lost = [&first[..], &second].concat();
+        lost.remove(at);
         // Without its first frame the others are strays: the first of them counts, the rest are passed over.
+        let ignored = if at == 0 { 8 } else { 0 };
         assert_eq!(
-            (counted, ignored),
-            (1, if lost == 0 { 8 } else { 0 }),
-            "frame {lost} lost"
+            receive(&lost),
+            (vec![packet.clone()], 1, ignored),
+            "frame {at} lost"
         );
-    }
-    for damaged in 0..first.len() {
-        let mut node = Node::new(Side::Emulator, false);
-        let mut frames = first.clone();
-        frames[damaged].data[3] ^= 1;
-        frames.extend_from_slice(&second);
-        let received = receive(&mut node, &frames);
-        let spare = damaged == first.len() - 1 && received.len() == 2;
-        assert!(
-            received.last() == Some(&packet) && (received.len() == 1 || spare),
-            "frame {damaged}"
-        );
-    }
-    for repeated in 0..first.len() {
-        let mut node = Node::new(Side::Emulator, false);
-        let mut frames = first.clone();
-        frames.insert(repeated, first[repeated]);
+
+        let mut damaged = [&first[..], &second].concat();
+        damaged[at].data[3] ^= 1;
+        let (received, ..) = receive(&damaged);
+        // The last one has spare bits there.
+        let most = if at == first.len() - 1 { 2 } else { 1 };
+        assert_eq!(received.last(), Some(&packet), "frame {at} damaged");
+        assert!(received.len() <= most, "frame {at} damaged");
+
+        let mut repeated = first.clone();
+        repeated.insert(at, first[at]);
         assert_eq!(
-            receive(&mut node, &frames).len(),
-            1,
-            "frame {repeated} twice"
+            receive(&repeated),
+            (vec![attitude(1, false)], 0, 1),
+            "frame {at} twice"
         );
-        assert_eq!(incomplete(node.counts()), (0, 1));
     }
     // The same attitude twice, a frame of the one among those of the other: all octets are right, and so is the CRC.
-    let (zeros, ones) = (frames_of(&packet, 0), frames_of(&packet, 1));
-    for strange in 0..zeros.len() {
-        let mut node = Node::new(Side::Emulator, false);
+    let zeros = frames_of(&packet, 0);
+    for at in 0..zeros.len() {
         let mut frames = zeros.clone();
-        frames[strange] = ones[strange];
-        assert!(receive(&mut node, &frames).is_empty(), "frame {strange}");
-        assert!(node.counts().incomplete >= 1, "frame {strange}");
+        frames[at] = second[at];
+        let (received, incomplete, _) = receive(&frames);
+        assert!(
+            received.is_empty() && incomplete >= 1,
+            "frame {at} of another"
+        );
     }
     // Other order between the first and the last does no harm.
-    let mut node = Node::new(Side::Emulator, false);
     let mut frames = second.clone();
     frames[1..15].reverse();
-    assert_eq!(receive(&mut node, &frames), [&packet[..]]);
-    // A position that the first frame does not announce is not taken, nor one that is missing.
-    let mut node = Node::new(Side::Emulator, false);
+    assert_eq!(receive(&frames), (vec![packet.clone()], 0, 0));
+    // A position that the first frame does not announce is not taken.
     let mut frames = second.clone();
     frames[0].data[0] &= !0x10;
-    assert!(receive(&mut node, &frames).is_empty());
-    assert_eq!(node.counts().incomplete, 1);
+    assert_eq!(receive(&frames), (vec![], 1, 0));
 }
 
 #[test]
 fn an_attitude_that_stops_is_given_up_in_time() {
-    let (first, ..) = two();
+    let frames = frames_of(&attitude(1, false), 0);
     let mut node = Node::new(Side::Emulator, false);
-    receive(&mut node, &first[..9]);
+    for frame in &frames[..9] {
+        assert!(node.receive(frame, 0).is_none());
+    }
     assert_eq!(node.wake_at(), Some(1_000_000));
-    assert!(node.receive(&first[9], 1_000_000).is_none());
-    assert_eq!(
-        node.counts(),
-        Counts {
-            timeouts: 1,
-            incomplete: 1,
-            ignored: 1,
-            ..Counts::default()
-        }
-    );
+    assert!(node.receive(&frames[9], 1_000_000).is_none());
+    let counts = counted(node.counts());
+    assert_eq!(counts, "timeouts: 1, incomplete: 1, ignored: 1");
 }
 
 #[test]
 fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
-    let mut node = Node::new(Side::Emulator, true);
-    for (id, octets) in [
-        (0x100, 7),
-        (0x10F, 12),
-        (0x110, 8),
-        (0x110, 6),
-        (0x111, 8),
-        (0x210, 4),
-        (0x0FF, 8),
-    ] {
-        let frame = CanFrame::new(id, octets > 8, &vec![0; octets]).expect("valid");
-        assert_eq!(node.receive(&frame, 0), None);
-    }
-    assert_eq!(
-        node.counts(),
-        Counts {
-            malformed: 4,
-            ignored: 3,
-            ..Counts::default()
-        }
-    );
-    // Remote frames: on our identifiers nobody answers them. A 29-bit identifier is another, whatever its number.
-    let asks = |id, extended| CanFrame {
+    let data = |id, octets| CanFrame::new(id, octets > 8, &vec![0; octets]).expect("valid");
+    let remote = |id, extended| CanFrame {
         extended,
         remote: true,
-        ..CanFrame::new(id, false, &[]).expect("valid")
+        ..data(id, 0)
     };
-    for (id, extended) in [
-        (0x100, false),
-        (0x110, false),
-        (0x120, false),
-        (0x110, true),
-        (0x7FF, false),
+    let (malformed, ignored) = ("malformed: 1", "ignored: 1");
+    for (frame, expected) in [
+        (data(0x100, 7), malformed),
+        (data(0x10F, 12), malformed),
+        (data(0x110, 8), malformed),
+        (data(0x110, 6), malformed),
+        (data(0x111, 8), ignored),
+        (data(0x210, 4), ignored),
+        (data(0x0FF, 8), ignored),
+        // On our identifiers nobody answers remote frames. A 29-bit identifier is another, whatever its number.
+        (remote(0x100, false), malformed),
+        (remote(0x110, false), malformed),
+        (remote(0x120, false), malformed),
+        (remote(0x110, true), ignored),
+        (remote(0x7FF, false), ignored),
     ] {
-        assert_eq!(node.receive(&asks(id, extended), 0), None);
+        let mut node = Node::new(Side::Emulator, true);
+        assert_eq!(node.receive(&frame, 0), None, "{frame:?}");
+        assert_eq!(counted(node.counts()), expected, "{frame:?}");
     }
-    assert_eq!((node.counts().malformed, node.counts().ignored), (7, 5));
     // Any opcode gives a packet: the emulator says what is wrong with it.
+    let mut node = Node::new(Side::Emulator, true);
     let unknown = CanFrame::new(0x110, false, &[0xEE, 0, 1, 0, 0, 0, 0]).expect("valid");
-    let packet = node.receive(&unknown, 0).expect("a packet").to_vec();
-    assert!(Command::decode(&packet).is_err());
+    let packet = node.receive(&unknown, 0).expect("a packet");
+    assert!(Command::decode(packet).is_err());
 }
 
 proptest! {

@@ -1,6 +1,6 @@
 //! One frame: what is valid, and its time on the bus.
 
-use crate::bus::Random;
+use crate::common::Random;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::frame::{LENGTHS, WireBits, dlc, padded_length};
 
@@ -10,6 +10,20 @@ fn classic(octets: usize) -> CanFrame {
 
 fn fd(octets: usize) -> CanFrame {
     CanFrame::new(0x123, true, &vec![0; octets]).expect("valid")
+}
+
+fn extended(frame: CanFrame) -> CanFrame {
+    CanFrame {
+        extended: true,
+        ..frame
+    }
+}
+
+fn remote(frame: CanFrame) -> CanFrame {
+    CanFrame {
+        remote: true,
+        ..frame
+    }
 }
 
 #[test]
@@ -27,47 +41,35 @@ fn lengths_have_their_codes() {
 
 #[test]
 fn only_frames_that_a_bus_carries_are_valid() {
-    assert!(CanFrame::new(0x800, false, &[]).is_none());
-    assert!(CanFrame::new(0x7FF, false, &[0; 9]).is_none());
-    assert!(CanFrame::new(0x7FF, true, &[0; 9]).is_none(), "no code");
-    assert!(CanFrame::new(0x7FF, true, &[0; 65]).is_none());
+    for (id, fd, octets, valid) in [
+        (0x7FF, false, 8, true),
+        (0x800, false, 0, false),
+        (0x7FF, false, 9, false),
+        (0x7FF, true, 9, false), // no code
+        (0x7FF, true, 65, false),
+    ] {
+        let frame = CanFrame::new(id, fd, &vec![0; octets]);
+        assert_eq!(frame.is_some(), valid, "{id:#x}, {octets} octets");
+    }
     let base = classic(8);
-    assert!(base.is_valid());
-    assert!(
-        CanFrame {
-            id: 0x1FFF_FFFF,
-            extended: true,
-            ..base
-        }
-        .is_valid()
-    );
-    assert!(
-        !CanFrame {
-            id: 0x2000_0000,
-            extended: true,
-            ..base
-        }
-        .is_valid()
-    );
-    assert!(!CanFrame { brs: true, ..base }.is_valid(), "classic");
-    assert!(
-        !CanFrame {
-            remote: true,
-            ..fd(8)
-        }
-        .is_valid(),
-        "FD"
-    );
-    assert!(!CanFrame { len: 200, ..base }.is_valid());
-    assert_eq!(CanFrame { len: 200, ..base }.payload().len(), 64, "bounded");
-    assert!(
-        CanFrame {
-            remote: true,
-            ..base
-        }
-        .payload()
-        .is_empty()
-    );
+    let with_id = |id| CanFrame { id, ..classic(8) };
+    let long = CanFrame { len: 200, ..base };
+    for (what, frame, valid) in [
+        ("classic", base, true),
+        ("29 bits", extended(with_id(0x1FFF_FFFF)), true),
+        ("30 bits", extended(with_id(0x2000_0000)), false),
+        ("two rates, classic", CanFrame { brs: true, ..base }, false),
+        ("remote, FD", remote(fd(8)), false),
+        ("200 octets", long, false),
+    ] {
+        assert_eq!(frame.is_valid(), valid, "{what}");
+    }
+    assert_eq!(long.payload().len(), 64, "bounded");
+    assert!(remote(base).payload().is_empty());
+}
+
+fn bits(nominal: u32, data: u32) -> WireBits {
+    WireBits { nominal, data }
 }
 
 /// X-Val: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis", Real-Time Systems 35
@@ -76,41 +78,23 @@ fn only_frames_that_a_bus_carries_are_valid() {
 fn classic_frames_are_as_long_as_the_analysis_says() {
     for octets in 0..=8 {
         let base = classic(octets);
-        let extended = CanFrame {
-            extended: true,
-            ..base
-        };
+        let extended = extended(base);
         let s = octets as u32;
-        assert_eq!(
-            base.bits(),
-            WireBits {
-                nominal: 47 + 8 * s,
-                data: 0
-            }
-        );
+        assert_eq!(base.bits(), bits(47 + 8 * s, 0));
         assert_eq!(base.worst_bits().nominal, 55 + 10 * s);
         assert_eq!(extended.bits().nominal, 67 + 8 * s);
         assert_eq!(extended.worst_bits().nominal, 80 + 10 * s);
     }
+    let base = classic(8);
     // 135 bits at 500 kbit/s.
-    assert_eq!(classic(8).worst_bits().duration_ns(500_000, 0), 270_000);
+    assert_eq!(base.worst_bits().duration_ns(500_000, 0), 270_000);
+    let error = CanFrame {
+        error: true,
+        ..base
+    };
     assert_eq!(
-        CanFrame {
-            remote: true,
-            ..classic(8)
-        }
-        .bits()
-        .nominal,
-        47
-    );
-    assert_eq!(
-        CanFrame {
-            error: true,
-            ..classic(8)
-        }
-        .worst_bits()
-        .nominal,
-        23
+        (remote(base).bits().nominal, error.worst_bits().nominal),
+        (47, 23)
     );
 }
 
@@ -119,61 +103,26 @@ fn classic_frames_are_as_long_as_the_analysis_says() {
 /// Data: ESI 1, DLC 4, data 512, stuff count 4, CRC 21, fixed stuff bits 7, CRC delimiter 1.
 #[test]
 fn fd_frames_have_two_rates() {
-    assert_eq!(
-        fd(64).bits(),
-        WireBits {
-            nominal: 29,
-            data: 550
-        }
-    );
-    assert_eq!(
-        fd(16).bits(),
-        WireBits {
-            nominal: 29,
-            data: 5 + 128 + 4 + 17 + 6 + 1
-        }
-    );
-    let slow = CanFrame {
-        brs: false,
-        ..fd(64)
-    };
-    assert_eq!(
-        slow.bits(),
-        WireBits {
-            nominal: 579,
-            data: 0
-        }
-    );
-    let extended = CanFrame {
-        extended: true,
-        ..fd(64)
-    };
-    assert_eq!(
-        extended.bits(),
-        WireBits {
-            nominal: 48,
-            data: 550
-        }
-    );
-    // (17 + 5 + 512 - 1) / 4 = 133 stuff bits at most, 4 of them at the nominal rate.
-    assert_eq!(
-        fd(64).worst_bits(),
-        WireBits {
-            nominal: 33,
-            data: 679
-        }
-    );
-    assert_eq!(slow.worst_bits().nominal, 579 + 133);
-    let worst = WireBits {
-        nominal: 48 + 8,
-        data: 550 + 130,
-    };
-    assert_eq!(extended.worst_bits(), worst, "(36 + 5 + 512 - 1) / 4 = 138");
-    assert_eq!(
-        fd(64).worst_bits().duration_ns(500_000, 8_000_000),
-        66_000 + 84_875
-    );
-    assert!(fd(64).bits().duration_ns(0, 0) > 0, "no division by zero");
+    let full = fd(64);
+    let slow = CanFrame { brs: false, ..full };
+    assert_eq!(fd(16).bits(), bits(29, 5 + 128 + 4 + 17 + 6 + 1));
+    for (what, frame, least, worst) in [
+        // (17 + 5 + 512 - 1) / 4 = 133 stuff bits at most, 4 of them at the nominal rate.
+        ("two rates", full, bits(29, 550), bits(33, 679)),
+        ("one rate", slow, bits(579, 0), bits(579 + 133, 0)),
+        // (36 + 5 + 512 - 1) / 4 = 138.
+        (
+            "29 bits",
+            extended(full),
+            bits(48, 550),
+            bits(48 + 8, 550 + 130),
+        ),
+    ] {
+        assert_eq!((frame.bits(), frame.worst_bits()), (least, worst), "{what}");
+    }
+    let worst = full.worst_bits().duration_ns(500_000, 8_000_000);
+    assert_eq!(worst, 66_000 + 84_875);
+    assert!(full.bits().duration_ns(0, 0) > 0, "no division by zero");
 }
 
 /// Bits that stuff worst, stuffed one by one: five equal ones, then four and four in turn. Other ones stay below.

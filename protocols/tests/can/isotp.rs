@@ -1,20 +1,79 @@
 //! ISO-TP where all goes well: published exchanges, all lengths, what is a protocol data unit.
 
+use crate::common::hex;
 use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
 use skyloop_protocols::can::isotp::{Pdu, separation_us};
-use skyloop_protocols::can::{CanFrame, Counts, Node, Parameters, Side};
+use skyloop_protocols::can::{Busy, CanFrame, Counts, Lane, Node, Parameters, Side};
 
-pub fn hex(text: &str) -> Vec<u8> {
-    let digits = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).expect(text);
-    (0..text.len()).step_by(2).map(digits).collect()
+fn frame(id: u32, data: &[u8]) -> CanFrame {
+    CanFrame::new(id, data.len() > 8, data).expect("valid")
 }
 
-pub fn from_emulator(data: &[u8]) -> CanFrame {
-    CanFrame::new(FROM_EMULATOR, data.len() > 8, data).expect("valid")
+fn digits(octets: &[u8]) -> String {
+    octets.iter().map(|octet| format!("{octet:02x}")).collect()
 }
 
-pub fn to_emulator(data: &[u8]) -> CanFrame {
-    CanFrame::new(TO_EMULATOR, data.len() > 8, data).expect("valid")
+/// The counts that are not 0, as `incomplete: 1, ignored: 2`.
+pub fn counted(counts: Counts) -> String {
+    let text = format!("{counts:?}");
+    let fields = text
+        .trim_start_matches("Counts { ")
+        .trim_end_matches(" }")
+        .split(", ");
+    fields
+        .filter(|field| !field.ends_with(": 0"))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+/// Plays a script to an end; what it has counted then. Its steps:
+///
+/// - `@1000`: the time from here on, µs
+/// - `<data`: a frame from the other end arrives; `=data` after it: it completes this message
+/// - `+20`: a message of 20 octets is to be sent; `?20`: and is not accepted yet
+/// - `>data`: the next frame; `>`: there is none
+/// - `~1000`: it wants to be woken then; `~`: never
+pub fn play(side: Side, script: &str) -> String {
+    let mut node = Node::new(side, false);
+    let (receives, sends) = match side {
+        Side::Emulator => (TO_EMULATOR, FROM_EMULATOR),
+        Side::Client => (FROM_EMULATOR, TO_EMULATOR),
+    };
+    let (mut now, mut received) = (0, None);
+    for step in script.split_whitespace() {
+        let rest = &step[1..];
+        let number = || rest.parse().expect(step);
+        if !step.starts_with('=') {
+            assert_eq!(received, None, "before {step} of {script}");
+        }
+        match &step[..1] {
+            "@" => now = number(),
+            "<" => received = node.receive(&frame(receives, &hex(rest)), now).map(digits),
+            "=" => assert_eq!(received.take().as_deref(), Some(rest), "{script}"),
+            "+" => assert_eq!(node.send(&message(number() as usize), now), Ok(())),
+            "?" => {
+                let sent = node.send(&message(number() as usize), now);
+                assert_eq!(sent, Err(Busy(Lane::Long)), "{script}");
+            }
+            ">" => {
+                let next = node.next_frame(now);
+                let data = next
+                    .as_ref()
+                    .map_or(String::new(), |frame| digits(frame.payload()));
+                assert_eq!(data, rest, "{script}");
+                assert!(next.is_none_or(|frame| frame.id == sends), "{script}");
+            }
+            "~" => {
+                let wake = node
+                    .wake_at()
+                    .map_or(String::new(), |wake| wake.to_string());
+                assert_eq!(wake, rest, "{script}");
+            }
+            _ => panic!("no step {step}"),
+        }
+    }
+    assert_eq!(received, None, "after {script}");
+    counted(node.counts())
 }
 
 /// All frames of a message from the emulator to a client, and the client's, as `A` and `B` and hexadecimal digits.
@@ -23,26 +82,17 @@ fn exchange(message: &[u8], parameters: Parameters) -> Vec<String> {
     let mut client = Node::with(Side::Client, parameters);
     let (mut lines, mut received) = (Vec::new(), None);
     emulator.send(message, 0).expect("idle");
-    let text = |frame: &CanFrame| {
-        frame
-            .payload()
-            .iter()
-            .map(|octet| format!("{octet:02x}"))
-            .collect::<String>()
-    };
     loop {
         let before = lines.len();
         while let Some(frame) = emulator.next_frame(0) {
-            assert_eq!(
-                (frame.id, frame.fd, frame.brs),
-                (FROM_EMULATOR, parameters.fd, parameters.fd)
-            );
-            lines.push(format!("A {}", text(&frame)));
+            let fd = parameters.fd;
+            assert_eq!((frame.id, frame.fd, frame.brs), (FROM_EMULATOR, fd, fd));
+            lines.push(format!("A {}", digits(frame.payload())));
             received = client.receive(&frame, 0).map(<[u8]>::to_vec).or(received);
         }
         while let Some(frame) = client.next_frame(0) {
             assert_eq!(frame.id, TO_EMULATOR);
-            lines.push(format!("B {}", text(&frame)));
+            lines.push(format!("B {}", digits(frame.payload())));
             assert!(emulator.receive(&frame, 0).is_none());
         }
         if lines.len() == before {
@@ -90,63 +140,46 @@ fn exchanges_as_another_implementation_has_them() {
         ..fd
     };
     let in_a_frame = "030a11181f262d343b424950575e656c737a81888f969da4abb2b9c0c7ced5dce3eaf1f8ff060d141b222930373e454c535a61686f767d848b9299a0a7ae";
-    let exchanges: [(usize, Parameters, &[&str]); 9] = [
-        (7, classic, &["A 07030a11181f262d"]),
-        (8, classic, &["A 1008030a11181f26", "B 300000", "A 212d34"]),
+    let exchanges = [
+        (7, classic, "A 07030a11181f262d".to_owned()),
+        (
+            8,
+            classic,
+            "A 1008030a11181f26|B 300000|A 212d34".to_owned(),
+        ),
         (
             20,
             blocks,
-            &[
-                "A 1014030a11181f26",
-                "B 300200",
-                "A 212d343b42495057",
-                "A 225e656c737a8188",
-            ],
+            "A 1014030a11181f26|B 300200|A 212d343b42495057|A 225e656c737a8188".to_owned(),
         ),
         (
             20,
             padded,
-            &[
-                "A 1014030a11181f26",
-                "B 300000cccccccccc",
-                "A 212d343b42495057",
-                "A 225e656c737a8188",
-            ],
+            "A 1014030a11181f26|B 300000cccccccccc|A 212d343b42495057|A 225e656c737a8188"
+                .to_owned(),
         ),
-        (8, fd, &["A 0008030a11181f262d34cccc"]),
-        (62, fd, &[&format!("A 003e{in_a_frame}")]),
-        (
-            63,
-            fd,
-            &[&format!("A 103f{in_a_frame}"), "B 300000", "A 21b5"],
-        ),
+        (8, fd, "A 0008030a11181f262d34cccc".to_owned()),
+        (62, fd, format!("A 003e{in_a_frame}")),
+        (63, fd, format!("A 103f{in_a_frame}|B 300000|A 21b5")),
         (
             150,
             fd,
-            &[
-                &format!("A 1096{in_a_frame}"),
-                "B 300000",
-                "A 21b5bcc3cad1d8dfe6edf4fb020910171e252c333a41484f565d646b727980878e959ca3aab1b8bfc6cdd4dbe2e9f0f7fe050c131a21282f363d444b52596067",
-                "A 226e757c838a91989fa6adb4bbc2c9d0d7dee5ecf3fa01080f16cccccccccccc",
-            ],
+            format!(
+                "A 1096{in_a_frame}|B 300000|\
+                 A 21b5bcc3cad1d8dfe6edf4fb020910171e252c333a41484f565d646b727980878e959ca3aab1b8bfc6cdd4dbe2e9f0f7fe050c131a21282f363d444b52596067|\
+                 A 226e757c838a91989fa6adb4bbc2c9d0d7dee5ecf3fa01080f16cccccccccccc"
+            ),
         ),
         (
             30,
             short_fd,
-            &[
-                "A 101e030a11181f262d343b424950575e",
-                "B 300000",
-                "A 21656c737a81888f969da4abb2b9c0c7",
-                "A 22ce",
-            ],
+            "A 101e030a11181f262d343b424950575e|B 300000|A 21656c737a81888f969da4abb2b9c0c7|A 22ce"
+                .to_owned(),
         ),
     ];
     for (length, parameters, expected) in exchanges {
-        assert_eq!(
-            exchange(&message(length), parameters),
-            expected,
-            "{length} octets"
-        );
+        let found = exchange(&message(length), parameters);
+        assert_eq!(found.join("|"), expected, "{length} octets");
     }
 }
 
@@ -230,16 +263,8 @@ fn data_that_is_no_pdu_is_counted() {
         "3000",
     ] {
         assert_eq!(Pdu::parse(&hex(data)), None, "{data}");
-        let mut node = Node::new(Side::Emulator, false);
-        assert_eq!(node.receive(&to_emulator(&hex(data)), 0), None);
-        assert_eq!(
-            node.counts(),
-            Counts {
-                malformed: 1,
-                ..Counts::default()
-            },
-            "{data}"
-        );
+        let counts = play(Side::Emulator, &format!("<{data}"));
+        assert_eq!(counts, "malformed: 1", "{data}");
     }
     let long = Pdu::First {
         length: 4096,

@@ -1,6 +1,6 @@
 //! Lines of text: those of the adapters' manuals, and what comes back.
 
-use crate::bus::Random;
+use crate::common::Random;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use skyloop_protocols::can::CanFrame;
@@ -27,82 +27,81 @@ fn frame(id: u32, data: &[u8]) -> CanFrame {
     CanFrame::new(id, false, data).expect("valid")
 }
 
+fn received(frame: CanFrame) -> Line {
+    Line::Frame {
+        frame,
+        time_ms: None,
+    }
+}
+
+/// Refuses a line that is not read or written so.
+fn check(written: &str, line: Line) {
+    assert_eq!(decode(written.as_bytes()), [Ok(line)], "{written:?}");
+    assert_eq!(text(&line), written);
+}
+
 /// X-Val: LAWICEL's CAN232 manual, version 3.0: `t10021133`, `T0000010021133`, `V1013`, `NA123`, time stamps up to EA5F; the
 /// other lines follow its grammar.
 #[test]
 fn lines_of_the_lawicel_manual() {
-    let received = |frame| Line::Frame {
-        frame,
-        time_ms: None,
-    };
-    let extended = |frame| CanFrame {
-        extended: true,
-        ..frame
-    };
-    let remote = |frame: CanFrame| CanFrame {
+    let two = frame(0x100, &[0x11, 0x33]);
+    let asked = CanFrame {
         remote: true,
         len: 2,
-        ..frame
+        ..frame(0x100, &[])
     };
-    let lines = [
-        ("t10021133\r", received(frame(0x100, &[0x11, 0x33]))),
-        (
-            "T0000010021133\r",
-            received(extended(frame(0x100, &[0x11, 0x33]))),
-        ),
-        ("r1002\r", received(remote(frame(0x100, &[])))),
-        (
-            "R000001002\r",
-            received(extended(remote(frame(0x100, &[])))),
-        ),
-        ("t0200\r", received(frame(0x20, &[]))),
-        ("S8\r", Line::Command(Command::BitRate(8))),
-        ("O\r", Line::Command(Command::Open)),
-        ("L\r", Line::Command(Command::Listen)),
-        ("C\r", Line::Command(Command::Close)),
-        ("F\r", Line::Command(Command::Status)),
-        ("F01\r", Line::Answer(Answer::Status(1))),
-        ("V\r", Line::Command(Command::Version)),
-        ("V1013\r", Line::Answer(Answer::Version(*b"1013"))),
-        ("N\r", Line::Command(Command::Serial)),
-        ("NA123\r", Line::Answer(Answer::Serial(*b"A123"))),
-        ("Z0\r", Line::Command(Command::TimeStamps(false))),
-        ("Z1\r", Line::Command(Command::TimeStamps(true))),
-        // X-Val: Linux, drivers/net/can/slcan/slcan-core.c, the examples of slcan_bump_state and slcan_bump_err.
-        (
-            "sb256256\r",
-            Line::Answer(Answer::State {
-                state: State::BusOff,
-                receive_errors: 256,
-                transmit_errors: 256,
-            }),
-        ),
-        (
-            "sa057033\r",
-            Line::Answer(Answer::State {
-                state: State::Active,
-                receive_errors: 57,
-                transmit_errors: 33,
-            }),
-        ),
-        ("e1a\r", Line::Answer(Answer::Errors(*b"a\0\0\0\0\0\0\0"))),
-        ("e3bcO\r", Line::Answer(Answer::Errors(*b"bcO\0\0\0\0\0"))),
-        ("\r", Line::Answer(Answer::Done)),
-        ("z\r", Line::Answer(Answer::Sent { extended: false })),
-        ("Z\r", Line::Answer(Answer::Sent { extended: true })),
-        ("\x07", Line::Answer(Answer::Refused)),
-    ];
-    for (written, line) in lines {
-        assert_eq!(decode(written.as_bytes()), [Ok(line)], "{written:?}");
-        assert_eq!(text(&line), written);
-    }
+    let extended = |frame| {
+        received(CanFrame {
+            extended: true,
+            ..frame
+        })
+    };
+    check("t10021133\r", received(two));
+    check("T0000010021133\r", extended(two));
+    check("r1002\r", received(asked));
+    check("R000001002\r", extended(asked));
+    check("t0200\r", received(frame(0x20, &[])));
     // With time stamps on: 59,999 ms is the last before 0.
     let stamped = Line::Frame {
-        frame: frame(0x100, &[0x11, 0x33]),
+        frame: two,
         time_ms: Some(59_999),
     };
-    assert_eq!(decode(b"t10021133EA5F\r"), [Ok(stamped)]);
-    assert_eq!(text(&stamped), "t10021133EA5F\r");
+    check("t10021133EA5F\r", stamped);
+    for (written, command) in [
+        ("S8\r", Command::BitRate(8)),
+        ("Y5\r", Command::DataRate(5)),
+        ("O\r", Command::Open),
+        ("L\r", Command::Listen),
+        ("C\r", Command::Close),
+        ("F\r", Command::Status),
+        ("V\r", Command::Version),
+        ("N\r", Command::Serial),
+        ("Z0\r", Command::TimeStamps(false)),
+        ("Z1\r", Command::TimeStamps(true)),
+    ] {
+        check(written, Line::Command(command));
+    }
+    let state = |state, receive_errors, transmit_errors| Answer::State {
+        state,
+        receive_errors,
+        transmit_errors,
+    };
+    for (written, answer) in [
+        ("F01\r", Answer::Status(1)),
+        ("V1013\r", Answer::Version(*b"1013")),
+        ("NA123\r", Answer::Serial(*b"A123")),
+        // X-Val: Linux, drivers/net/can/slcan/slcan-core.c, the examples of slcan_bump_state and slcan_bump_err.
+        ("sb256256\r", state(State::BusOff, 256, 256)),
+        ("sa057033\r", state(State::Active, 57, 33)),
+        ("e1a\r", Answer::Errors(*b"a\0\0\0\0\0\0\0")),
+        ("e3bcO\r", Answer::Errors(*b"bcO\0\0\0\0\0")),
+        ("\r", Answer::Done),
+        ("z\r", Answer::Sent { extended: false }),
+        ("Z\r", Answer::Sent { extended: true }),
+        ("\x07", Answer::Refused),
+    ] {
+        check(written, Line::Answer(answer));
+    }
 }
 
 /// X-Val: the FD lines of the CANable 2.0 firmware's README.
@@ -111,72 +110,37 @@ fn lines_of_canable_2() {
     let twelve = CanFrame::new(0x7FF, true, &[0xAB; 12]).expect("valid");
     let data = "AB".repeat(12);
     for (first, brs) in [("d", false), ("b", true)] {
-        let line = Line::Frame {
-            frame: CanFrame { brs, ..twelve },
-            time_ms: None,
-        };
-        assert_eq!(
-            decode(format!("{first}7ff9{data}\r").as_bytes()),
-            [Ok(line)]
-        );
-        assert_eq!(text(&line), format!("{first}7FF9{data}\r"));
+        let line = received(CanFrame { brs, ..twelve });
+        check(&format!("{first}7FF9{data}\r"), line);
+        let small = format!("{first}7ff9{data}\r");
+        assert_eq!(decode(small.as_bytes()), [Ok(line)], "small letters");
     }
-    assert_eq!(decode(b"Y5\r"), [Ok(Line::Command(Command::DataRate(5)))]);
 }
 
 #[test]
 fn what_is_no_line_is_named() {
-    let malformed = |text: &[u8]| {
-        let first = text[0];
-        assert_eq!(
-            decode(text),
-            [Err(LineError::Malformed { first })],
-            "{text:?}"
-        );
-    };
-    for text in [
-        "t1002113\r",
-        "t10021133EA5F0\r",
-        "t1009112233445566778899\r",
-        "t80021133\r",
-        "t100211334\r",
-        "t1002113G\r",
-        "T2000000021133\r",
-        "S9\r",
-        "S\r",
-        "S10\r",
-        "Y3\r",
-        "O1\r",
-        "Z2\r",
-        "F1\r",
-        "zz\r",
-        "r100211\r",
-        "d1001\r",
-        "t1\r",
-        "t\r",
-    ] {
-        malformed(text.as_bytes());
+    let malformed = "t1002113 t10021133EA5F0 t1009112233445566778899 t80021133 t100211334 t1002113G \
+                     T2000000021133 S9 S S10 Y3 O1 Z2 F1 zz r100211 d1001 t1 t";
+    for text in malformed.split(' ') {
+        let first = text.as_bytes()[0];
+        let found = decode(format!("{text}\r").as_bytes());
+        assert_eq!(found, [Err(LineError::Malformed { first })], "{text}");
     }
-    malformed(b"t1002\x07");
+    let first = b't';
+    assert_eq!(decode(b"t1002\x07"), [Err(LineError::Malformed { first })]);
+    let first = 0xC0;
+    assert_eq!(decode(b"\xC0abc\r"), [Err(LineError::Unknown { first })]);
+    let long = [&[b'T'; MAX_LINE + 1], &b"\rO\r"[..]].concat();
+    let open = Ok(Line::Command(Command::Open));
     assert_eq!(
-        decode(b"\xC0abc\r"),
-        [Err(LineError::Unknown { first: 0xC0 })]
-    );
-    let mut long = vec![b'T'; MAX_LINE + 1];
-    long.push(b'\r');
-    assert_eq!(decode(&long), [Err(LineError::TooLong)]);
-    long.extend_from_slice(b"O\r");
-    assert_eq!(
-        decode(&long)[1],
-        Ok(Line::Command(Command::Open)),
+        decode(&long),
+        [Err(LineError::TooLong), open],
         "in step again"
     );
     assert_eq!(decode(b"O\r\nC\r\n").len(), 2, "line feeds are passed over");
     let mut decoder = Decoder::default();
-    assert!(
-        (0..1_000_000).all(|_| decoder.push(b'x').is_none()),
-        "bounded"
-    );
+    let bounded = (0..1_000_000).all(|_| decoder.push(b'x').is_none());
+    assert!(bounded);
 }
 
 #[test]
@@ -212,30 +176,20 @@ fn an_adapter_answers() {
         ("t100211330001\r", "\x07"), // only received frames have a time
     ];
     for (command, answer) in answers {
-        assert_eq!(
-            say(&mut adapter, command),
-            (answer.into(), vec![]),
-            "{command:?}"
-        );
+        let found = say(&mut adapter, command);
+        assert_eq!(found, (answer.into(), vec![]), "{command:?}");
     }
-    assert_eq!(
-        (adapter.bit_rate(), adapter.data_rate()),
-        (Some(500_000), Some(8_000_000))
-    );
-    assert_eq!(
-        say(&mut adapter, "t10021133\r"),
-        ("z\r".into(), vec![frame(0x100, &[0x11, 0x33])])
-    );
+    assert_eq!(adapter.bit_rate(), Some(500_000));
+    assert_eq!(adapter.data_rate(), Some(8_000_000));
+    let sent = vec![frame(0x100, &[0x11, 0x33])];
+    assert_eq!(say(&mut adapter, "t10021133\r"), ("z\r".into(), sent));
     assert_eq!(say(&mut adapter, "T0000010021133\r").0, "Z\r");
     let mut heard = Vec::new();
     adapter.deliver(&frame(0x7FF, &[1]), 60_001, &mut |octet| heard.push(octet));
     assert_eq!(heard, b"t7FF1010001\r");
-    assert_eq!(say(&mut adapter, "C\rL\r"), ("\r\r".into(), vec![]));
-    assert_eq!(
-        say(&mut adapter, "t10021133\r"),
-        ("\x07".into(), vec![]),
-        "listens only"
-    );
+    // Closed, and open again to listen only.
+    let answers = say(&mut adapter, "C\rL\rt10021133\r");
+    assert_eq!(answers, ("\r\r\x07".into(), vec![]));
 }
 
 fn any_frame() -> impl Strategy<Value = CanFrame> {

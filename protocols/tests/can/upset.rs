@@ -1,312 +1,144 @@
 //! ISO-TP where it does not go well: frames out of place, too long messages, slow and silent ends.
 
 use crate::bus::octets;
-use crate::isotp::{from_emulator, hex, message, to_emulator};
-use skyloop_protocols::can::{Busy, CanFrame, Counts, Lane, Node, Side};
+use crate::common::hex;
+use crate::isotp::{counted, play};
+use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
+use skyloop_protocols::can::{CanFrame, Node, Side};
 
-/// A client that has the first frame of 20 octets and has asked for the rest.
-fn receiving() -> Node {
-    let mut client = Node::new(Side::Client, false);
-    assert!(
-        client
-            .receive(&from_emulator(&hex("1014030a11181f26")), 0)
-            .is_none()
-    );
-    let flow = client.next_frame(0).expect("flow control");
-    assert_eq!(flow.payload(), hex("300000"));
-    client
-}
+/// A client has the first frame of 20 octets and has asked for the rest, which is these two.
+const RECEIVING: &str = "<1014030a11181f26 >300000";
+const SECOND: &str = "212d343b42495057";
+const THIRD: &str = "225e656c737a8188";
+const MESSAGE: &str = "030a11181f262d343b424950575e656c737a8188";
 
 /// ISO 15765-2, table of unexpected PDUs, at a receiver.
 #[test]
 fn unexpected_frames_at_a_receiver() {
-    let incomplete = Counts {
-        incomplete: 1,
-        ..Counts::default()
-    };
-    let ignored = Counts {
-        ignored: 1,
-        ..Counts::default()
-    };
-
-    let mut client = receiving();
-    assert_eq!(
-        client.receive(&from_emulator(&hex("03aabbcc")), 1),
-        Some(&hex("aabbcc")[..]),
-        "a single frame begins anew"
-    );
-    assert_eq!(client.counts(), incomplete);
-
-    let mut client = receiving();
-    assert!(
-        client
-            .receive(&from_emulator(&hex("1008aabbccddeeff")), 1)
-            .is_none(),
-        "so does a first frame"
-    );
-    assert_eq!(client.counts(), incomplete);
-    assert_eq!(
-        client.next_frame(1).expect("asks again").payload(),
-        hex("300000")
-    );
-    assert_eq!(
-        client.receive(&from_emulator(&hex("210102")), 1),
-        Some(&hex("aabbccddeeff0102")[..])
-    );
-
-    let mut client = receiving();
-    assert!(
-        client.receive(&from_emulator(&hex("300000")), 1).is_none(),
-        "flow control for nothing"
-    );
-    assert_eq!(client.counts(), ignored);
-    assert!(
-        client.receive(&from_emulator(&hex("50")), 1).is_none(),
-        "unknown type"
-    );
-    assert!(
-        client
-            .receive(&from_emulator(&hex("212d343b")), 1)
-            .is_none(),
-        "too short for one that is not the last"
-    );
-    assert_eq!(
-        client.counts(),
-        Counts {
-            ignored: 2,
-            malformed: 1,
-            ..ignored
-        }
-    );
-    assert!(
-        client
-            .receive(&from_emulator(&hex("212d343b42495057")), 1)
-            .is_none()
-    );
-    assert_eq!(
-        client.receive(&from_emulator(&hex("225e656c737a8188")), 1),
-        Some(&message(20)[..]),
-        "none of it harmed"
-    );
-
-    let mut client = receiving();
-    assert!(
-        client
-            .receive(&from_emulator(&hex("222d343b42495057")), 1)
-            .is_none(),
-        "wrong number"
-    );
-    assert_eq!(
-        client.counts(),
-        Counts {
-            sequence_errors: 1,
-            ..incomplete
-        }
-    );
-    assert!(
-        client
-            .receive(&from_emulator(&hex("212d343b42495057")), 1)
-            .is_none(),
-        "too late"
-    );
-    assert_eq!(
-        client.counts(),
-        Counts {
-            sequence_errors: 1,
-            ignored: 1,
-            ..incomplete
-        }
-    );
-
-    let mut client = receiving();
-    let (second, longer) = (hex("212d343b42495057"), hex("225e656c737a8188ffffffff"));
-    assert!(client.receive(&from_emulator(&second), 1).is_none());
-    assert!(
-        client.receive(&from_emulator(&longer), 1).is_none(),
-        "longer than the first frame"
-    );
-    assert_eq!(client.counts(), ignored);
-    assert!(
-        client.receive(&from_emulator(&second), 1).is_none(),
-        "a repeated one"
-    );
-    assert_eq!(client.counts().sequence_errors, 1);
-
-    let mut client = Node::new(Side::Client, false);
-    assert!(
-        client
-            .receive(&from_emulator(&hex("1014030a11181f26")), 0)
-            .is_none()
-    );
-    assert!(
-        client
-            .receive(&from_emulator(&hex("03aabbcc")), 0)
-            .is_some()
-    );
-    assert_eq!(
-        client.next_frame(0),
-        None,
-        "asks for nothing more of a message that is given up"
-    );
-
+    for (what, script, counts) in [
+        (
+            "a single frame begins anew",
+            format!("{RECEIVING} @1 <03aabbcc =aabbcc"),
+            "incomplete: 1",
+        ),
+        (
+            "so does a first frame",
+            format!("{RECEIVING} @1 <1008aabbccddeeff >300000 <210102 =aabbccddeeff0102"),
+            "incomplete: 1",
+        ),
+        (
+            "flow control for nothing, an unknown type, a frame too short: no harm",
+            format!("{RECEIVING} @1 <300000 <50 <212d343b <{SECOND} <{THIRD} ={MESSAGE}"),
+            "malformed: 1, ignored: 2",
+        ),
+        (
+            "a wrong number, and the right one too late",
+            format!("{RECEIVING} @1 <222d343b42495057 <{SECOND}"),
+            "sequence_errors: 1, incomplete: 1, ignored: 1",
+        ),
+        (
+            "longer than the first frame",
+            format!("{RECEIVING} @1 <{SECOND} <{THIRD}ffffffff <{THIRD} ={MESSAGE}"),
+            "ignored: 1",
+        ),
+        (
+            "a repeated one",
+            format!("{RECEIVING} @1 <{SECOND} <{SECOND}"),
+            "sequence_errors: 1, incomplete: 1",
+        ),
+        (
+            "asks for nothing more of a message that is given up",
+            "<1014030a11181f26 <03aabbcc =aabbcc >".to_owned(),
+            "incomplete: 1",
+        ),
+        ("nothing begun", format!("<{SECOND}"), "ignored: 1"),
+    ] {
+        assert_eq!(play(Side::Client, &script), counts, "{what}");
+    }
     let mut idle = Node::new(Side::Client, false);
-    assert!(
-        idle.receive(&from_emulator(&hex("212d343b42495057")), 0)
-            .is_none(),
-        "nothing begun"
-    );
-    assert_eq!(idle.counts(), ignored);
-    assert!(
-        idle.receive(&to_emulator(&hex("03aabbcc")), 0).is_none(),
-        "its own direction"
-    );
-    let foreign = CanFrame {
-        extended: true,
-        ..from_emulator(&hex("03aabbcc"))
-    };
-    assert!(idle.receive(&foreign, 0).is_none());
-    assert_eq!(idle.counts().ignored, 3);
+    for (id, extended) in [(TO_EMULATOR, false), (FROM_EMULATOR, true)] {
+        let frame = CanFrame::new(id, false, &hex("03aabbcc")).expect("valid");
+        let foreign = CanFrame { extended, ..frame };
+        assert!(idle.receive(&foreign, 0).is_none());
+    }
+    assert_eq!(counted(idle.counts()), "ignored: 2");
 }
 
 /// X-Val: Linux `isotp_rcv_ff`: a message that is too long is answered with overflow.
 #[test]
 fn a_message_longer_than_a_packet_is_refused() {
     for head in ["1579112233445566", "1fff112233445566", "1000ffffffff1122"] {
-        let mut client = Node::new(Side::Client, false);
-        assert!(client.receive(&from_emulator(&hex(head)), 0).is_none());
-        assert_eq!(
-            client.next_frame(0).expect("an answer").payload(),
-            hex("320000")
-        );
-        assert_eq!(client.wake_at(), None, "waits for nothing");
-        assert_eq!(
-            client.counts(),
-            Counts {
-                oversize: 1,
-                ..Counts::default()
-            }
-        );
+        let counts = play(Side::Client, &format!("<{head} >320000 ~"));
+        assert_eq!(counts, "oversize: 1", "{head}");
     }
-    let mut client = Node::new(Side::Client, false);
-    client.receive(&from_emulator(&hex("1578112233445566")), 0);
-    assert_eq!(
-        client.next_frame(0).expect("an answer").payload(),
-        hex("300000"),
-        "1400 are not too many"
-    );
+    // 1400 are not too many.
+    assert_eq!(play(Side::Client, "<1578112233445566 >300000"), "");
 }
 
-/// An emulator that has sent the first frame of 20 octets.
-fn sending() -> Node {
-    let mut emulator = Node::new(Side::Emulator, false);
-    emulator.send(&message(20), 0).expect("idle");
-    assert_eq!(
-        emulator.next_frame(0).expect("first frame").payload(),
-        hex("1014030a11181f26")
-    );
-    assert_eq!(emulator.next_frame(0), None, "waits for flow control");
-    emulator
-}
+/// An emulator has sent the first frame of 20 octets and waits for flow control.
+const SENDING: &str = "+20 >1014030a11181f26 >";
 
 #[test]
 fn a_sender_does_as_it_is_told() {
-    // Block size 1, 5 ms apart.
-    let mut emulator = sending();
-    emulator.receive(&to_emulator(&hex("300105")), 100);
-    assert_eq!(
-        emulator.next_frame(100).expect("at once").payload(),
-        hex("212d343b42495057")
-    );
-    assert_eq!(emulator.next_frame(1_000_099), None, "waits again");
-    emulator.receive(&to_emulator(&hex("300000")), 1_000_099);
-    assert_eq!(
-        emulator.next_frame(1_000_099).expect("the last").payload(),
-        hex("225e656c737a8188")
-    );
-    assert!(emulator.is_idle(Lane::Long));
-
-    // 900 us apart.
-    let mut emulator = sending();
-    emulator.receive(&to_emulator(&hex("3000f9")), 100);
-    assert!(emulator.next_frame(100).is_some());
-    assert_eq!(
-        (emulator.next_frame(999), emulator.wake_at()),
-        (None, Some(1000))
-    );
-    assert!(emulator.next_frame(1000).is_some());
-
-    // Overflow, an invalid status: given up.
-    for flow in ["320000", "330000"] {
-        let mut emulator = sending();
-        emulator.receive(&to_emulator(&hex(flow)), 100);
-        assert_eq!((emulator.next_frame(100), emulator.wake_at()), (None, None));
-        assert_eq!(
-            emulator.counts(),
-            Counts {
-                unsent: 1,
-                ..Counts::default()
-            }
+    let waits = "<310000 ".repeat(10);
+    let mut impatient = SENDING.to_owned();
+    for wait in 1..=10 {
+        impatient += &format!(
+            " @{} <310000 ~{}",
+            wait * 900_000,
+            wait * 900_000 + 1_000_000
         );
     }
-
-    // Wait: so often and no more.
-    let mut emulator = sending();
-    for wait in 1..=10 {
-        emulator.receive(&to_emulator(&hex("310000")), wait * 900_000);
-        assert_eq!(emulator.wake_at(), Some(wait * 900_000 + 1_000_000));
+    for (what, script, counts) in [
+        (
+            "block size 1, 5 ms apart",
+            format!("{SENDING} @100 <300105 >{SECOND} @1000099 > <300000 >{THIRD} ~"),
+            "",
+        ),
+        (
+            "900 us apart",
+            format!("{SENDING} @100 <3000f9 >{SECOND} @999 > ~1000 @1000 >{THIRD} ~"),
+            "",
+        ),
+        (
+            "overflow",
+            format!("{SENDING} @100 <320000 > ~"),
+            "unsent: 1",
+        ),
+        (
+            "an invalid status",
+            format!("{SENDING} @100 <330000 > ~"),
+            "unsent: 1",
+        ),
+        (
+            "wait so often and no more; then flow control that none awaits",
+            format!("{impatient} @9900000 <310000 ~ <300000"),
+            "unsent: 1, ignored: 1",
+        ),
+        (
+            "wait as often again after the next block",
+            format!("{SENDING} {waits} <300100 >{SECOND} {waits} <300000 >{THIRD} ~"),
+            "",
+        ),
+    ] {
+        assert_eq!(play(Side::Emulator, &script), counts, "{what}");
     }
-    emulator.receive(&to_emulator(&hex("310000")), 9_900_000);
-    assert_eq!((emulator.wake_at(), emulator.counts().unsent), (None, 1));
-
-    // As often again after the next block.
-    let mut patient = sending();
-    for flow in ["310000"; 10].iter().chain(&["300100"]) {
-        patient.receive(&to_emulator(&hex(flow)), 0);
-    }
-    assert!(patient.next_frame(0).is_some());
-    for flow in ["310000"; 10].iter().chain(&["300000"]) {
-        patient.receive(&to_emulator(&hex(flow)), 0);
-    }
-    assert!(patient.next_frame(0).is_some() && patient.is_idle(Lane::Long));
-
-    // Flow control when none is awaited.
-    emulator.receive(&to_emulator(&hex("300000")), 9_900_000);
-    assert_eq!(emulator.counts().ignored, 1);
 }
 
 #[test]
 fn silence_ends_in_time() {
-    let mut emulator = sending();
-    assert_eq!(emulator.wake_at(), Some(1_000_000), "N_Bs");
-    assert_eq!(emulator.send(&message(30), 999_999), Err(Busy(Lane::Long)));
-    assert_eq!(emulator.next_frame(1_000_000), None);
+    let sender = format!("{SENDING} ~1000000 @999999 ?30 @1000000 > +30");
     assert_eq!(
-        emulator.counts(),
-        Counts {
-            timeouts: 1,
-            unsent: 1,
-            ..Counts::default()
-        }
+        play(Side::Emulator, &sender),
+        "timeouts: 1, unsent: 1",
+        "N_Bs"
     );
-    assert_eq!(emulator.send(&message(30), 1_000_000), Ok(()));
-
-    let mut client = receiving();
-    assert_eq!(client.wake_at(), Some(1_000_000), "N_Cr");
-    client.receive(&from_emulator(&hex("212d343b42495057")), 999_999);
-    assert_eq!(client.wake_at(), Some(1_999_999));
+    let receiver = format!("{RECEIVING} ~1000000 @999999 <{SECOND} ~1999999 @1999999 <{THIRD}");
+    let counts = "timeouts: 1, incomplete: 1, ignored: 1";
     assert_eq!(
-        client.receive(&from_emulator(&hex("225e656c737a8188")), 1_999_999),
-        None,
-        "too late by nothing"
-    );
-    assert_eq!(
-        client.counts(),
-        Counts {
-            timeouts: 1,
-            incomplete: 1,
-            ignored: 1,
-            ..Counts::default()
-        }
+        play(Side::Client, &receiver),
+        counts,
+        "N_Cr: too late by nothing"
     );
 }
 
