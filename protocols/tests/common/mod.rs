@@ -1,8 +1,8 @@
-//! Reads `vectors/golden.txt`.
+//! `vectors/golden.txt`, hexadecimal digits, random numbers.
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use std::collections::BTreeMap;
-use std::str::FromStr;
+use std::fmt::Debug;
 
 /// One entry of the file: its name, its bytes, its fields as text.
 pub struct Vector {
@@ -25,16 +25,7 @@ impl Vector {
         value.unwrap_or_else(|| panic!("golden.txt [{}]: no field {key}", self.name))
     }
 
-    pub fn float(&self, key: &str) -> f64 {
-        parse(self.text(key))
-    }
-
-    pub fn floats<const N: usize>(&self, key: &str) -> [f64; N] {
-        let numbers: Vec<f64> = self.text(key).split_whitespace().map(parse).collect();
-        numbers.try_into().expect(key)
-    }
-
-    pub fn integer<T: TryFrom<u64, Error: std::fmt::Debug>>(&self, key: &str) -> T {
+    pub fn integer<T: TryFrom<u64, Error: Debug>>(&self, key: &str) -> T {
         T::try_from(number(self.text(key))).expect(key)
     }
 
@@ -43,73 +34,66 @@ impl Vector {
     }
 }
 
-pub fn parse<T: FromStr<Err: std::fmt::Debug>>(text: &str) -> T {
-    text.parse().expect(text)
-}
-
 fn number(text: &str) -> u64 {
     match text.strip_prefix("0x") {
         Some(digits) => u64::from_str_radix(digits, 16).expect(text),
-        None => parse(text),
+        None => text.parse().expect(text),
     }
 }
 
 /// Octets from hexadecimal digits; blanks and bars are decoration.
 pub fn hex(text: &str) -> Vec<u8> {
-    let digits: String = text
-        .chars()
-        .filter(|c| !c.is_whitespace() && *c != '|')
-        .collect();
-    assert!(
-        digits.len().is_multiple_of(2),
-        "odd number of hexadecimal digits in {text}"
-    );
-    (0..digits.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).expect(text))
-        .collect()
+    let digits = text.replace(|c: char| c.is_whitespace() || c == '|', "");
+    let octet = |at| u8::from_str_radix(&digits[at..at + 2], 16).expect(text);
+    (0..digits.len()).step_by(2).map(octet).collect()
 }
 
 /// All entries of the file.
 pub fn golden() -> Vec<Vector> {
-    let text = include_str!("../../vectors/golden.txt");
-    let mut vectors: Vec<Vector> = Vec::new();
-    let mut key = String::new();
-    for line in text
-        .lines()
-        .filter(|line| !line.is_empty() && !line.starts_with('#'))
-    {
-        if let Some(name) = line
-            .strip_prefix('[')
-            .and_then(|line| line.strip_suffix(']'))
+    let entries = include_str!("../../vectors/golden.txt")
+        .split("\n[")
+        .skip(1);
+    let entry = |text: &str| {
+        let (name, lines) = text.split_once("]\n").expect(text);
+        let mut fields = BTreeMap::new();
+        // A field goes on in lines that begin with a blank.
+        for line in lines
+            .replace("\n ", " ")
+            .lines()
+            .filter(|line| !line.is_empty())
         {
-            vectors.push(Vector {
-                name: name.into(),
-                bytes: Vec::new(),
-                fields: BTreeMap::new(),
-            });
-            continue;
+            let (key, value) = line.split_once('=').expect(line);
+            let before = fields.insert(key.trim().to_owned(), value.trim().to_owned());
+            assert!(before.is_none(), "golden.txt [{name}]: {key} twice");
         }
-        let vector = vectors.last_mut().expect("a [name] first");
-        if line.starts_with(' ') {
-            vector
-                .fields
-                .get_mut(&key)
-                .expect("a field first")
-                .push_str(line);
-        } else {
-            let (name, value) = line.split_once('=').expect(line);
-            key = name.trim().into();
-            let before = vector.fields.insert(key.clone(), value.trim().into());
-            assert!(
-                before.is_none(),
-                "golden.txt [{}]: {key} twice",
-                vector.name
-            );
+        let (name, bytes) = (name.to_owned(), hex(&fields["hex"]));
+        Vector {
+            name,
+            bytes,
+            fields,
         }
+    };
+    entries.map(entry).collect()
+}
+
+/// splitmix64: the same numbers in every run.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
     }
-    for vector in &mut vectors {
-        vector.bytes = hex(vector.text("hex"));
+
+    pub fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit.max(1) as u64) as usize
     }
-    vectors
+
+    /// One time in `n`; never for 0.
+    pub fn one_in(&mut self, n: usize) -> bool {
+        n > 0 && self.below(n) == 0
+    }
 }

@@ -1,6 +1,7 @@
 //! CAN: plain frames, a node that hears anything at any time, two nodes with a bad channel between them.
 
-use crate::harness::{Random, Seen, Target};
+use crate::common::{Random, hex};
+use crate::harness::{Seen, Target};
 use crate::octets::{decode, golden};
 use skyloop_protocols::can::form::Frames;
 use skyloop_protocols::can::frame::padded_length;
@@ -131,8 +132,7 @@ pub const RECEIVER: Target = Target {
             "300000cccccccccc",
         ];
         let record = |text: &str| {
-            let digits = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).expect("digits");
-            let data: Vec<u8> = (0..text.len()).step_by(2).map(digits).collect();
+            let data = hex(text);
             [vec![data.len() as u8 % 16 * 4, 0], data].concat()
         };
         let mut seeds: Vec<Vec<u8>> = frames

@@ -1,7 +1,7 @@
 //! Inputs, what they do that is new, and the bounds that they must keep.
 
+use crate::common::Random;
 use std::collections::HashSet;
-use std::fmt::Write as _;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -52,29 +52,10 @@ impl Seen {
     }
 }
 
-/// splitmix64.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ z >> 31
-    }
-
-    pub fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit.max(1) as u64) as usize
-    }
-}
-
-impl Random {
-    /// Small ones are as likely as great ones: below `2^bits`.
-    fn size(&mut self, bits: usize) -> usize {
-        let limit = 1 << self.below(bits);
-        self.below(limit)
-    }
+/// A random size below `2^bits`: small ones are as likely as great ones.
+fn size(random: &mut Random, bits: usize) -> usize {
+    let limit = 1 << random.below(bits);
+    random.below(limit)
 }
 
 /// Prints the input if its run panics.
@@ -83,10 +64,7 @@ struct Witness<'a>(&'a str, &'a [u8]);
 impl Drop for Witness<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            let digits = self.1.iter().fold(String::new(), |mut text, octet| {
-                let _ = write!(text, "{octet:02x}");
-                text
-            });
+            let digits: String = self.1.iter().map(|octet| format!("{octet:02x}")).collect();
             eprintln!("{}: this input fails: {digits}", self.0);
         }
     }
@@ -160,7 +138,7 @@ fn feed(target: &Target, input: &[u8], seen: &mut Seen) -> bool {
 fn make(input: &mut Vec<u8>, pool: &[Vec<u8>], random: &mut Random) {
     input.clear();
     if random.below(8) == 0 {
-        let length = random.size(11);
+        let length = size(random, 11);
         input.extend((0..length).map(|_| random.next() as u8));
         return;
     }
@@ -176,7 +154,7 @@ fn mutate(input: &mut Vec<u8>, pool: &[Vec<u8>], random: &mut Random) {
         0, 1, 2, 7, 8, 0x0D, 0x0F, 0x10, 0x20, 0x30, 0x7F, 0x80, 0xC0, 0xDB, 0xFE, 0xFF,
     ];
     let at = random.below(input.len());
-    let end = (at + 1 + random.size(8)).min(input.len());
+    let end = (at + 1 + size(random, 8)).min(input.len());
     let Some(octet) = input.get_mut(at) else {
         input.push(random.next() as u8);
         return;

@@ -12,6 +12,8 @@
 //! new there.
 
 mod bus;
+#[path = "../common/mod.rs"]
+mod common;
 mod harness;
 mod octets;
 

@@ -1,20 +1,16 @@
 //! Decoders of octets: serial lines, packets, text, compressed pixels.
 
+use crate::common;
 use crate::harness::{Seen, Target};
 use skyloop_protocols::can::adapter::Adapter;
 use skyloop_protocols::can::slcan::{self, Line};
 use skyloop_protocols::packet::{identify, reseal};
 use skyloop_protocols::{Command, MAX_PACKET, Reply, rice, slip};
 
-#[path = "../common/mod.rs"]
-mod common;
-
 /// All golden vectors, as packets.
 pub fn golden() -> Vec<Vec<u8>> {
-    common::golden()
-        .into_iter()
-        .map(|vector| vector.bytes)
-        .collect()
+    let vectors = common::golden().into_iter();
+    vectors.map(|vector| vector.bytes).collect()
 }
 
 pub const SLIP: Target = Target {
@@ -222,6 +218,8 @@ pub const RICE: Target = Target {
         let mut pixels = vec![0; count];
         match rice::decode(data, bits, &mut pixels) {
             Ok(()) => {
+                let max = u16::MAX >> (16 - bits);
+                assert!(pixels.iter().all(|pixel| *pixel <= max));
                 seen.note((
                     "decoded",
                     bits,
