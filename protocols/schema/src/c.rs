@@ -5,8 +5,8 @@ mod codecs;
 pub mod vectors;
 
 use crate::NOTE;
-use crate::model::{Enum, Field, Kind, Number, Optional, Receiver, Record, Schema};
-use crate::text::{block, each, indent, join, snake, upper};
+use crate::model::{Enum, Field, Kind, Number, Receiver, Record, Schema};
+use crate::text::{block, braces, each, indent, join, snake, upper};
 
 /// The whole header.
 ///
@@ -14,11 +14,7 @@ use crate::text::{block, each, indent, join, snake, upper};
 /// A part in `c/` that cannot be read.
 pub fn header(schema: &Schema) -> Result<String, String> {
     let part = |name: &str| crate::read(format!("schema/c/{name}.h"));
-    let Schema {
-        version,
-        max_packet,
-        ..
-    } = schema;
+    let (version, max_packet) = (schema.version, schema.max_packet);
     let mut out = format!(
         "/* {NOTE}\n *\n * The native packets of skyloop, format version {version}: docs/icd.md describes every octet. C99, no allocation, no state.\n\
          \x20*\n * Towards the emulator: skyloop_encode_uplink, skyloop_decode_uplink; from it: skyloop_decode_downlink,\n\
@@ -29,17 +25,10 @@ pub fn header(schema: &Schema) -> Result<String, String> {
          #define SKYLOOP_MAX_PAYLOAD (SKYLOOP_MAX_PACKET - SKYLOOP_HEADER_LENGTH - 2U)\n\n"
     );
     out += "/* Kinds of packets. */\n";
-    out += &each(
-        &schema.messages,
-        |Record {
-             name, apid, doc, ..
-         }| {
-            format!(
-                "#define SKYLOOP_APID_{} 0x{apid:03X}U /* {doc} */\n",
-                upper(name)
-            )
-        },
-    );
+    out += &each(&schema.messages, |message| {
+        let (name, apid, doc) = (upper(&message.name), message.apid, &message.doc);
+        format!("#define SKYLOOP_APID_{name} 0x{apid:03X}U /* {doc} */\n")
+    });
     out += &format!("\n{}", part("base")?);
     out += "\n/* ---- codes ------------------------------------------------------------------------------------------------------- */\n";
     out += &each(&schema.enums, enumeration);
@@ -52,10 +41,8 @@ pub fn header(schema: &Schema) -> Result<String, String> {
         out += &type_text(structure, &members(&structure.fields));
         let fields = schema.flat(&structure.fields);
         if let Some(length) = fields.iter().map(Field::octets).sum::<Option<usize>>() {
-            out += &format!(
-                "#define SKYLOOP_{}_LENGTH {length}U\n",
-                upper(&structure.name)
-            );
+            let name = upper(&structure.name);
+            out += &format!("#define SKYLOOP_{name}_LENGTH {length}U\n");
         }
     }
     for message in &schema.messages {
@@ -79,25 +66,20 @@ const DIRECTIONS: [(&str, Receiver); 2] = [
 ];
 
 fn code(prefix: &str, name: &str, code: u8, doc: &str) -> String {
-    format!(
-        "#define SKYLOOP_{prefix}_{} {code}U /* {doc} */\n",
-        upper(name)
-    )
+    let name = upper(name);
+    format!("#define SKYLOOP_{prefix}_{name} {code}U /* {doc} */\n")
 }
 
 fn enumeration(codes: &Enum) -> String {
-    let prefix = upper(&codes.name);
+    let (prefix, doc) = (upper(&codes.name), &codes.doc);
     let defines = each(&codes.values, |value| {
         code(&prefix, &value.name, value.code, &value.doc)
     });
-    let known = codes.values.iter();
-    let known = known.map(|value| format!("(code == SKYLOOP_{prefix}_{})", upper(&value.name)));
-    let known = join(known, " ||\n       ");
-    let is_known = function(
-        &format!("bool skyloop_is_{}(uint8_t code)", snake(&codes.name)),
-        &format!("return {known};\n"),
-    );
-    format!("\n/* {} */\n{defines}\n{is_known}", codes.doc)
+    let names = codes.values.iter().map(|value| upper(&value.name));
+    let known = names.map(|name| format!("(code == SKYLOOP_{prefix}_{name})"));
+    let known = format!("return {};\n", join(known, " ||\n       "));
+    let signature = format!("bool skyloop_is_{}(uint8_t code)", snake(&codes.name));
+    format!("\n/* {doc} */\n{defines}\n{}", function(&signature, &known))
 }
 
 /// A function; its body without indentation.
@@ -112,6 +94,10 @@ fn switch(on: &str, cases: &str, default: &str) -> String {
 
 fn case(label: &str, body: &str) -> String {
     format!("{label}:\n{}    break;\n", indent(body, 4))
+}
+
+fn when(condition: &str, body: &str) -> String {
+    block(&format!("if ({condition})"), body)
 }
 
 /// The loop that gives `n` each value below `length`.
@@ -139,31 +125,26 @@ fn member(kind: &str, name: &str, doc: &str) -> String {
     format!("{kind}{blank}{name}; /* {doc} */\n")
 }
 
-fn members(fields: &[Field]) -> String {
+fn members<'a>(fields: impl IntoIterator<Item = &'a Field>) -> String {
     each(fields, |field| {
-        let Field {
-            name, unit, most, ..
-        } = field;
+        let (name, most) = (field.name.as_str(), field.most);
         let mut doc = field.doc.trim_end_matches('.').to_owned();
-        if !unit.is_empty() {
-            doc += &format!(" [{unit}]");
+        if !field.unit.is_empty() {
+            doc += &format!(" [{}]", field.unit);
         }
+        let array = |number: &Number, size: String| {
+            member(&number_type(*number), &format!("{name}{size}"), &doc)
+        };
         match (&field.kind, &field.counted_by) {
             _ if !field.bits.is_empty() => each(&field.bits, |bit| member("bool", bit, &doc)),
-            (Kind::One(number), _) => member(&number_type(*number), name, &doc),
-            (Kind::Array(number, length), None) => {
-                member(&number_type(*number), &format!("{name}[{length}]"), &doc)
-            }
-            (Kind::Array(number, length), Some(_)) => member(
-                &number_type(*number),
-                &format!("{name}[{most}][{length}]"),
-                &doc,
-            ),
-            (Kind::Ascii(length), _) => member("uint8_t", &format!("{name}[{length}]"), &doc),
+            (Kind::One(number), _) => array(number, String::new()),
+            (Kind::Array(number, length), None) => array(number, format!("[{length}]")),
+            (Kind::Array(number, length), Some(_)) => array(number, format!("[{most}][{length}]")),
+            (Kind::Ascii(length), _) => array(&Number::Unsigned(1), format!("[{length}]")),
             (Kind::Struct(kind), _) => member(&type_name(kind), name, &doc),
             (Kind::Rest(_), _) => {
-                member("const uint8_t *", name, &doc)
-                    + &member("size_t", &format!("{name}_length"), "its octets")
+                let length = format!("{name}_length");
+                member("const uint8_t *", name, &doc) + &member("size_t", &length, "its octets")
             }
         }
     })
@@ -176,34 +157,19 @@ fn message_members(schema: &Schema, message: &Record) -> String {
             match &opcode.type_name {
                 Some(kind) => format!("{} {name};\n", type_name(kind)),
                 None if opcode.fields.is_empty() => String::new(),
-                None => format!(
-                    "struct {{\n{}}} {name};\n",
-                    indent(&members(&opcode.fields), 4)
-                ),
+                None => format!("{} {name};\n", braces("struct", &members(&opcode.fields))),
             }
         });
-        let union = format!("union {{\n{}}}", indent(&union, 4));
+        let doc = "by opcode; those that are not here have no argument";
         return member("uint8_t", "opcode", "SKYLOOP_OPCODE_...")
-            + &member(
-                &union,
-                "as",
-                "by opcode; those that are not here have no argument",
-            );
+            + &member(&braces("union", &union), "as", doc);
     }
-    let (optional, fixed): (Vec<Field>, Vec<Field>) = message
-        .fields
-        .iter()
-        .cloned()
-        .partition(|field| field.optional);
-    let own = fixed.into_iter().filter(|field| !message.is_flag(field));
-    let mut out = members(&own.collect::<Vec<_>>());
-    if let Some(Optional { name, .. }) = &message.optional {
-        out += &member(
-            "bool",
-            &format!("has_{name}"),
-            "whether the members below hold anything",
-        );
-        out += &members(&optional);
+    let own = |field: &&Field| !field.optional && !message.is_flag(field);
+    let mut out = members(message.fields.iter().filter(own));
+    if let Some(optional) = &message.optional {
+        let name = format!("has_{}", optional.name);
+        out += &member("bool", &name, "whether the members below hold anything");
+        out += &members(message.fields.iter().filter(|field| field.optional));
     }
     if message.counters {
         out += &members(&schema.counters);
@@ -214,25 +180,27 @@ fn message_members(schema: &Schema, message: &Record) -> String {
 fn type_text(record: &Record, members: &str) -> String {
     let (doc, name) = (&record.doc, type_name(record.type_name()));
     format!(
-        "\n/* {doc} */\ntypedef struct {{\n{}}} {name};\n",
-        indent(members, 4)
+        "\n/* {doc} */\n{} {name};\n",
+        braces("typedef struct", members)
     )
 }
 
 /// The type of any packet of one direction.
 fn link(schema: &Schema, (name, receiver): (&str, Receiver)) -> String {
-    let end = if receiver == Receiver::Emulator {
-        "towards"
-    } else {
-        "from"
+    let end = match receiver {
+        Receiver::Emulator => "towards",
+        Receiver::Client => "from",
     };
     let union = each(schema.to(receiver), |message| {
         let name = message.type_name();
         format!("{} {};\n", type_name(name), snake(name))
     });
+    let members = format!(
+        "skyloop_header_t header;\n{} as;\n",
+        braces("union", &union)
+    );
+    let link = braces("typedef struct", &members);
     format!(
-        "\n/* Any packet {end} the emulator; header.apid says which. */\ntypedef struct {{\n    skyloop_header_t header;\n\
-         {}}} skyloop_{name}_t;\n",
-        indent(&format!("union {{\n{}}} as;\n", indent(&union, 4)), 4)
+        "\n/* Any packet {end} the emulator; header.apid says which. */\n{link} skyloop_{name}_t;\n"
     )
 }

@@ -51,6 +51,10 @@ pub fn files(schema: &Schema) -> Vec<(String, String)> {
     files.map(file).into()
 }
 
+/// The head of every writer.
+const WRITE: &str =
+    "pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>";
+
 /// A doc comment.
 fn doc(text: &str) -> String {
     format!("/// {text}\n")

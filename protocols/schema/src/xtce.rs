@@ -23,6 +23,7 @@ const HEADER: [(&str, usize, &str); 7] = [
     ("PKT_LEN", 16, "octets after this field, minus one"),
 ];
 
+const ABSTRACT: &str = " abstract=\"true\"";
 const TIME: &str = "units of 2^-32 s since 1958-01-01 TAI";
 
 /// The whole file.
@@ -70,12 +71,11 @@ struct Declared<'a> {
 
 impl<'a> Declared<'a> {
     fn new(schema: &'a Schema, of: &'static str) -> Self {
-        let (types, list) = (BTreeMap::new(), String::new());
         Self {
             schema,
             of,
-            types,
-            list,
+            types: BTreeMap::new(),
+            list: String::new(),
         }
     }
 
@@ -112,27 +112,29 @@ impl<'a> Declared<'a> {
         let own = format!("{owner}_{}_type", field.name);
         // From PKT_LEN in octets to the bits of the last field.
         let intercept = 8 * (7 - AROUND as isize - fixed as isize);
-        let (name, text) = match (&field.kind, &field.counted_by) {
+        let (text, name) = match (&field.kind, &field.counted_by) {
             (Kind::Array(number, length), Some(count)) => {
-                let bits = 8 * number.octets() * length;
-                let text = self.binary(&own, &format!("{prefix}{count}"), bits, 0);
-                (own, text)
+                let length =
+                    self.dynamic(&format!("{prefix}{count}"), 8 * number.octets() * length, 0);
+                (self.binary(&own, &length), own)
             }
             (Kind::Rest(Rest::Utf8), _) => {
-                let length = self.dynamic("PKT_LEN", 8, intercept);
-                let variable = format!("Variable maxSizeInBits=\"{}\"", 8 * field.most);
-                let text = element(
-                    "StringDataEncoding encoding=\"UTF-8\"",
-                    &element(&variable, &length),
-                );
-                let text = element(&format!("StringParameterType name=\"{own}\""), &text);
-                (own, text)
+                let most = format!("Variable maxSizeInBits=\"{}\"", 8 * field.most);
+                let length = element(&most, &self.dynamic("PKT_LEN", 8, intercept));
+                let encoding = element("StringDataEncoding encoding=\"UTF-8\"", &length);
+                (
+                    element(&format!("StringParameterType name=\"{own}\""), &encoding),
+                    own,
+                )
             }
-            (Kind::Rest(_), _) => {
-                let text = self.binary(&own, "PKT_LEN", 8, intercept);
-                (own, text)
+            (Kind::Rest(_), _) => (
+                self.binary(&own, &self.dynamic("PKT_LEN", 8, intercept)),
+                own,
+            ),
+            _ => {
+                let (name, text) = self.scalar(field);
+                (text, name)
             }
-            _ => self.scalar(field),
         };
         self.types.entry(name.clone()).or_insert(text);
         name
@@ -147,10 +149,9 @@ impl<'a> Declared<'a> {
     }
 
     /// The type of octets of this length.
-    fn binary(&self, name: &str, reference: &str, slope: usize, intercept: isize) -> String {
-        let size = element("SizeInBits", &self.dynamic(reference, slope, intercept));
-        let head = format!("Binary{}Type name=\"{name}\"", self.of);
-        element(&head, &element("BinaryDataEncoding", &size))
+    fn binary(&self, name: &str, length: &str) -> String {
+        let encoding = element("BinaryDataEncoding", &element("SizeInBits", length));
+        element(&format!("Binary{}Type name=\"{name}\"", self.of), &encoding)
     }
 
     /// The type of a number, a code or a flag: name and text.
@@ -198,11 +199,8 @@ impl<'a> Declared<'a> {
 
     /// The set of all types.
     fn type_set(&mut self) -> String {
-        let types = std::mem::take(&mut self.types);
-        element(
-            &format!("{}TypeSet", self.of),
-            &each(types.into_values(), |text| text),
-        )
+        let types: String = std::mem::take(&mut self.types).into_values().collect();
+        element(&format!("{}TypeSet", self.of), &types)
     }
 }
 
@@ -244,13 +242,7 @@ fn telemetry(schema: &Schema) -> String {
     entries += &declared.add("TIME", "time_code", TIME);
     entries += &declared.add("FORMAT_VERSION", &octet, &schema.version.to_string());
     let crc = declared.add("CRC", "u16", "CRC-16 of all octets before it");
-    let mut containers = container(
-        "CCSDSPacket",
-        " abstract=\"true\"",
-        "",
-        &entries,
-        "every packet",
-    );
+    let mut containers = container("CCSDSPacket", ABSTRACT, "", &entries, "every packet");
     for message in &schema.messages {
         containers += &message_containers(&mut declared, message, &crc);
     }
@@ -263,23 +255,21 @@ fn telemetry(schema: &Schema) -> String {
 /// The containers of a message: one, or an abstract one and those that continue it.
 fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) -> String {
     let schema = declared.schema;
-    let Record {
-        name, doc, apid, ..
-    } = message;
+    let (name, doc) = (&message.name, &message.doc);
     let telecommand = u8::from(message.to == Receiver::Emulator);
-    let own = base(
-        "CCSDSPacket",
-        &[
-            ("PKT_APID", &apid.to_string()),
-            ("TYPE", &telecommand.to_string()),
-            ("FORMAT_VERSION", &schema.version.to_string()),
-        ],
-    );
-    let parent = " abstract=\"true\"";
-    let (optional, fixed): (Vec<Field>, Vec<Field>) = schema
-        .fields(message)
-        .into_iter()
-        .partition(|field| field.optional);
+    let [apid, kind, version] = [
+        message.apid.to_string(),
+        telecommand.to_string(),
+        schema.version.to_string(),
+    ];
+    let own = [
+        ("PKT_APID", &*apid),
+        ("TYPE", &kind),
+        ("FORMAT_VERSION", &version),
+    ];
+    let own = base("CCSDSPacket", &own);
+    let mut fixed = schema.fields(message);
+    let optional: Vec<Field> = fixed.extract_if(.., |field| field.optional).collect();
     let entries = declared.fields(name, &fixed);
     if let Some(flag) = &message.optional {
         let more = declared.fields(name, &optional);
@@ -289,7 +279,7 @@ fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) 
             let child = format!("{name}_{word}_{}", flag.name);
             container(&child, "", &base, &format!("{entries}{crc}"), doc)
         };
-        container(name, parent, &own, &entries, doc)
+        container(name, ABSTRACT, &own, &entries, doc)
             + &child("without", "0", "")
             + &child("with", "1", &more)
     } else if message.opcodes.is_empty() {
@@ -300,7 +290,7 @@ fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) 
         let text = declared.enumerated("Opcode", codes);
         declared.types.insert("Opcode".to_owned(), text);
         let entry = declared.add(&opcode, "Opcode", "which command");
-        container(name, parent, &own, &entry, doc)
+        container(name, ABSTRACT, &own, &entry, doc)
             + &each(&message.opcodes, |code| {
                 let child = format!("{name}_{}", code.name);
                 let entries = declared.fields(&child, &schema.arguments(code)) + crc;
@@ -319,15 +309,11 @@ fn container(name: &str, attribute: &str, base: &str, entries: &str, doc: &str) 
 /// The container that is continued if these parameters have these values.
 fn base(name: &str, conditions: &[(&str, &str)]) -> String {
     let conditions = each(conditions, |(parameter, value)| {
-        let parameter = format!("Comparison parameterRef=\"{parameter}\"");
-        empty(&format!(
-            "{parameter} comparisonOperator=\"==\" value=\"{value}\""
-        ))
+        let reference = format!("parameterRef=\"{parameter}\" comparisonOperator=\"==\"");
+        empty(&format!("Comparison {reference} value=\"{value}\""))
     });
-    let criteria = element(
-        "RestrictionCriteria",
-        &element("ComparisonList", &conditions),
-    );
+    let list = element("ComparisonList", &conditions);
+    let criteria = element("RestrictionCriteria", &list);
     element(&format!("BaseContainer containerRef=\"{name}\""), &criteria)
 }
 
@@ -343,15 +329,13 @@ fn commands(schema: &Schema) -> String {
                 continue;
             };
             let name = format!("{}_{word}_{}", message.name, optional.name);
+            let fields = message.fields.iter();
+            let fields = fields.filter(|field| present == 1 || !field.optional);
             commands += &command(&mut declared, message, &name, &message.doc, |declared| {
-                let fields = message.fields.iter();
-                each(
-                    fields.filter(|field| present == 1 || !field.optional),
-                    |field| match message.is_flag(field) {
-                        true => fixed(&[present]),
-                        false => declared.fields(&name, std::slice::from_ref(field)),
-                    },
-                )
+                each(fields, |field| match message.is_flag(field) {
+                    true => fixed(&[present]),
+                    false => declared.fields(&name, std::slice::from_ref(field)),
+                })
             });
         }
         for opcode in &message.opcodes {
@@ -368,9 +352,8 @@ fn commands(schema: &Schema) -> String {
 /// Octets that are always the same.
 fn fixed(octets: &[u8]) -> String {
     let (digits, bits) = (hex(octets).to_uppercase(), 8 * octets.len());
-    empty(&format!(
-        "FixedValueEntry binaryValue=\"{digits}\" sizeInBits=\"{bits}\""
-    ))
+    let value = format!("binaryValue=\"{digits}\" sizeInBits=\"{bits}\"");
+    empty(&format!("FixedValueEntry {value}"))
 }
 
 /// One command; `payload` declares its arguments and gives the entries of its payload.
@@ -388,9 +371,7 @@ fn command(
     let arguments = element("ArgumentList", &std::mem::take(&mut declared.list));
     let container = format!("CommandContainer name=\"{name}_packet\"");
     let container = element(&container, &element("EntryList", &entries));
-    let head = format!(
-        "MetaCommand name=\"{name}\" shortDescription=\"{}\"",
-        escape(doc)
-    );
+    let doc = escape(doc);
+    let head = format!("MetaCommand name=\"{name}\" shortDescription=\"{doc}\"");
     element(&head, &(arguments + &container))
 }

@@ -1,32 +1,25 @@
 //! The CAN form in C: frames of an attitude and of short packets, both ways.
 
-use super::function;
+use super::{count_to, function, when};
 use crate::model::{CanFrame, Schema, Signal};
-use crate::text::{block, each, indent, join, upper};
+use crate::text::{each, indent, join, upper};
 
 /// Encoder and decoder.
 pub(super) fn write(schema: &Schema) -> String {
     let frames = &schema.can.frames;
-    let group = |names: &[&str]| -> Vec<&CanFrame> {
+    let group = |names: [&'static str; 2]| {
         let frames = frames.iter();
-        frames
-            .filter(|frame| names.contains(&frame.group.as_str()))
-            .collect()
+        frames.filter(move |frame| names.contains(&frame.group.as_str()))
     };
-    let identifiers = each(frames, |CanFrame { name, id, doc, .. }| {
-        format!(
-            "#define SKYLOOP_CAN_{} {id:#05x}U /* {doc} */\n",
-            upper(name)
-        )
+    let identifiers = each(frames, |frame| {
+        let (name, id, doc) = (upper(&frame.name), frame.id, &frame.doc);
+        format!("#define SKYLOOP_CAN_{name} {id:#05x}U /* {doc} */\n")
     });
-    let attitude = group(&["attitude", "state"]);
-    format!(
-        "\n{identifiers}#define SKYLOOP_CAN_ATTITUDE_FRAMES {}U\n{}{}{}",
-        attitude.len(),
-        encode_attitude(&attitude),
-        decode_attitude(&attitude),
-        each(group(&["command", "ack"]), short),
-    )
+    let attitude: Vec<&CanFrame> = group(["attitude", "state"]).collect();
+    let count = attitude.len();
+    let (encode, decode) = (encode_attitude(&attitude), decode_attitude(&attitude));
+    let short = each(group(["command", "ack"]), short);
+    format!("\n{identifiers}#define SKYLOOP_CAN_ATTITUDE_FRAMES {count}U\n{encode}{decode}{short}")
 }
 
 /// `("high", "q_icrf_to_body", "0")` from `high q_icrf_to_body 0`.
@@ -39,10 +32,8 @@ fn number(of: &str) -> Option<(&str, &str, &str)> {
 /// Identifier, length and signals of `frame`.
 fn fill(frame: &CanFrame, id: &str, value: impl Fn(&str) -> String) -> String {
     let puts = each(frame.placed(), |(at, Signal { bits, of, .. })| {
-        format!(
-            "skyloop_bits_put(frame->data, {at}U, {bits}U, {});\n",
-            value(of)
-        )
+        let value = value(of);
+        format!("skyloop_bits_put(frame->data, {at}U, {bits}U, {value});\n")
     });
     let octets = frame.octets;
     format!(
@@ -83,24 +74,24 @@ fn encode_attitude(frames: &[&CanFrame]) -> String {
     }
     let carries = each(arrays, |(name, length, condition)| {
         let carries = format!("{condition}skyloop_can_carries(in->{name}[n])");
-        super::count_to(length, &format!("carried = carried && ({carries});\n"))
+        count_to(length, &format!("carried = carried && ({carries});\n"))
     });
     let fills = each(frames, |frame| {
         let fill = fill(frame, &format!("{:#05x}U", frame.id), attitude_value);
         let text = format!("frame = &frames[used];\n{fill}used++;\n");
         match frame.group.as_str() {
-            "state" => block("if (in->has_state)", &text),
+            "state" => when("in->has_state", &text),
             _ => text,
         }
     });
     let body = "uint8_t packet[SKYLOOP_MAX_PACKET];\nsize_t length = 0U;\nbool carried = true;\n"
         .to_owned()
         + &carries
-        + &block("if (!carried)", "return SKYLOOP_NOT_REPRESENTABLE;\n")
+        + &when("!carried", "return SKYLOOP_NOT_REPRESENTABLE;\n")
         + "skyloop_uplink_t whole;\n(void)memset(&whole, 0, sizeof whole);\nwhole.header = *header;\n\
            whole.header.apid = SKYLOOP_APID_ATTITUDE;\nwhole.as.attitude = *in;\n\
            const skyloop_error_t error = skyloop_encode_uplink(&whole, packet, sizeof packet, &length);\n"
-        + &block("if (error != SKYLOOP_OK)", "return error;\n")
+        + &when("error != SKYLOOP_OK", "return error;\n")
         + "const uint16_t crc = (uint16_t)(((uint32_t)packet[length - 2U] << 8) | packet[length - 1U]);\n\
            size_t used = 0U;\nskyloop_can_frame_t *frame;\n"
         + &fills
@@ -140,7 +131,7 @@ fn take_apart((at, frame): (usize, &&CanFrame)) -> String {
         }
     });
     match frame.group.as_str() {
-        "state" => block("if (attitude->has_state)", &text),
+        "state" => when("attitude->has_state", &text),
         _ => text,
     }
 }
@@ -248,48 +239,36 @@ fn short(frame: &CanFrame) -> String {
             "header.sequence_count" => {
                 format!("out->header.sequence_count = (uint16_t)({get} & 0x3FFFU);\n")
             }
-            "argument" => block(
-                "if (out->as.command.opcode == SKYLOOP_OPCODE_CREDIT)",
+            "argument" => when(
+                "out->as.command.opcode == SKYLOOP_OPCODE_CREDIT",
                 &format!("out->as.command.as.credit.packets = (uint32_t){get};\n"),
             ),
             of => format!("out->as.{packet}.{of} = (uint16_t){get};\n"),
         }
     });
-    let encode = is_short.to_owned()
-        + &block(
-            &format!("if ((in->header.apid != SKYLOOP_APID_{apid}) || !is_short)"),
-            "return SKYLOOP_NOT_REPRESENTABLE;\n",
-        )
-        + &fill
-        + "return SKYLOOP_OK;\n";
+    let is_other = format!("(in->header.apid != SKYLOOP_APID_{apid}) || !is_short");
+    let refuse = when(&is_other, "return SKYLOOP_NOT_REPRESENTABLE;\n");
+    let encode = format!("{is_short}{refuse}{fill}return SKYLOOP_OK;\n");
     let octets = frame.octets;
-    let mut decode = block(
-        &format!("if ((frame->id != SKYLOOP_CAN_{id}) || (frame->length != {octets}U))"),
-        "return SKYLOOP_BAD_LENGTH;\n",
-    );
-    decode += &format!(
-        "(void)memset(out, 0, sizeof *out);\nout->header.apid = SKYLOOP_APID_{apid};\n{take}"
-    );
+    let is_other = format!("(frame->id != SKYLOOP_CAN_{id}) || (frame->length != {octets}U)");
+    let mut decode = when(&is_other, "return SKYLOOP_BAD_LENGTH;\n");
+    decode += "(void)memset(out, 0, sizeof *out);\n";
+    decode += &format!("out->header.apid = SKYLOOP_APID_{apid};\n{take}");
     let mut helper = String::new();
     if is_command {
-        decode += &block(
-            "if (!skyloop_can_is_short(out->as.command.opcode))",
-            "return SKYLOOP_UNKNOWN_OPCODE;\n",
-        );
+        let is_long = "!skyloop_can_is_short(out->as.command.opcode)";
+        decode += &when(is_long, "return SKYLOOP_UNKNOWN_OPCODE;\n");
         let is_short =
             "return (opcode >= SKYLOOP_OPCODE_SINGLE_SHOT) && (opcode <= SKYLOOP_OPCODE_CREDIT);\n";
         helper = "\n".to_owned() + &function("bool skyloop_can_is_short(uint8_t opcode)", is_short);
     }
-    let error = "skyloop_error_t skyloop_can";
-    let to_frame = format!("const skyloop_{link}_t *in, skyloop_can_frame_t *frame");
-    let from_frame = format!("const skyloop_can_frame_t *frame, skyloop_{link}_t *out");
-    format!(
-        "{helper}\n/* {} */\n{}\n{}",
-        frame.doc,
-        function(&format!("{error}_encode_{packet}({to_frame})"), &encode),
-        function(
-            &format!("{error}_decode_{packet}({from_frame})"),
-            &(decode + "return SKYLOOP_OK;\n")
-        ),
-    )
+    decode += "return SKYLOOP_OK;\n";
+    let to_frame = format!(
+        "skyloop_error_t skyloop_can_encode_{packet}(const skyloop_{link}_t *in, skyloop_can_frame_t *frame)"
+    );
+    let from_frame = format!(
+        "skyloop_error_t skyloop_can_decode_{packet}(const skyloop_can_frame_t *frame, skyloop_{link}_t *out)"
+    );
+    let (encode, decode) = (function(&to_frame, &encode), function(&from_frame, &decode));
+    format!("{helper}\n/* {} */\n{encode}\n{decode}", frame.doc)
 }

@@ -1,22 +1,22 @@
 //! Readers, writers and ranges of the C header.
 
-use super::{DIRECTIONS, case, count_to, function, switch};
+use super::{DIRECTIONS, case, count_to, function, switch, when};
 use crate::model::{Field, Kind, Number, Opcode, Receiver, Record, Rest, Rule, Schema};
 use crate::text::{block, each, join, snake, upper};
 
 /// Which APIDs there are.
 pub(super) fn known(schema: &Schema) -> String {
-    let test = |name: &str, messages: &mut dyn Iterator<Item = &Record>| {
-        let terms =
-            messages.map(|message| format!("(apid == SKYLOOP_APID_{})", upper(&message.name)));
+    let test = |name: &str, receivers: &[Receiver]| {
+        let messages = receivers.iter().flat_map(|receiver| schema.to(*receiver));
+        let apids = messages.map(|message| upper(&message.name));
+        let terms = apids.map(|apid| format!("(apid == SKYLOOP_APID_{apid})"));
         let body = format!("return {};\n", join(terms, " ||\n       "));
         function(&format!("bool skyloop_is_{name}(uint16_t apid)"), &body)
     };
-    let emulator = schema.to(Receiver::Emulator);
+    let telecommand = test("telecommand", &[Receiver::Emulator]);
+    let known = test("known", &[Receiver::Emulator, Receiver::Client]);
     format!(
-        "\n/* Whether packets with this APID go towards the emulator. */\n{}\n{}\n",
-        test("telecommand", &mut schema.to(Receiver::Emulator)),
-        test("known", &mut emulator.chain(schema.to(Receiver::Client)))
+        "\n/* Whether packets with this APID go towards the emulator. */\n{telecommand}\n{known}\n"
     )
 }
 
@@ -41,19 +41,13 @@ pub(super) fn write(schema: &Schema) -> String {
 fn three(record: &Record, valid: &str, read: &str, write: &str) -> String {
     let name = snake(record.type_name());
     let kind = format!("skyloop_{name}_t");
-    let valid = function(
-        &format!("skyloop_error_t skyloop_valid_{name}(const {kind} *in)"),
-        valid,
-    );
-    let read = function(
-        &format!("void skyloop_read_{name}(skyloop_reader_t *reader, {kind} *out)"),
-        read,
-    );
-    let write = function(
-        &format!("void skyloop_write_{name}(skyloop_writer_t *writer, const {kind} *in)"),
-        write,
-    );
-    format!("\n{valid}\n{read}\n{write}")
+    let check = format!("skyloop_error_t skyloop_valid_{name}(const {kind} *in)");
+    let decode = format!("void skyloop_read_{name}(skyloop_reader_t *reader, {kind} *out)");
+    let encode = format!("void skyloop_write_{name}(skyloop_writer_t *writer, const {kind} *in)");
+    let bodies = [(check, valid), (decode, read), (encode, write)];
+    each(bodies, |(signature, body)| {
+        format!("\n{}", function(&signature, body))
+    })
 }
 
 /// Reader, writer and ranges of one record.
@@ -61,37 +55,38 @@ fn functions(schema: &Schema, record: &Record) -> String {
     let name = snake(record.type_name());
     let (mut read, mut write, mut valid) = (String::new(), String::new(), String::new());
     if record.encode_check {
-        write += &block(
-            &format!("if (skyloop_valid_{name}(in) != SKYLOOP_OK)"),
+        let is_wrong = format!("skyloop_valid_{name}(in) != SKYLOOP_OK");
+        write += &when(
+            &is_wrong,
             "writer->error = SKYLOOP_INCONSISTENT;\nreturn;\n",
         );
     }
-    let optional = record
-        .optional
-        .as_ref()
-        .map_or("", |optional| &optional.name);
-    if record.optional.is_some() {
+    let mut has = String::new();
+    if let Some(optional) = &record.optional {
+        has = format!("has_{}", optional.name);
         read += "(void)memset(out, 0, sizeof *out);\n";
     }
     for field in &record.fields {
         if record.is_flag(field) {
             read += "const uint8_t flags = skyloop_read_u8(reader);\n";
             read += &fail_if("flags > 1U");
-            read += &format!("out->has_{optional} = (flags == 1U);\n");
-            write += &format!("skyloop_write_u8(writer, in->has_{optional} ? 1U : 0U);\n");
+            read += &format!("out->{has} = (flags == 1U);\n");
+            write += &format!("skyloop_write_u8(writer, in->{has} ? 1U : 0U);\n");
             continue;
         }
         let around = |of: &str, text: String| match (field.optional, text.as_str()) {
             (false, _) | (_, "") => text,
-            (true, text) => block(&format!("if ({of}->has_{optional})"), text),
+            (true, text) => when(&format!("{of}->{has}"), text),
         };
-        read += &around("out", read_field(field));
-        write += &around("in", write_field(field));
+        let [own_read, own_write] = codec(field);
+        read += &around("out", own_read);
+        write += &around("in", own_write);
         valid += &around("in", range(field));
     }
     for counter in schema.counters.iter().filter(|_| record.counters) {
-        read += &read_field(counter);
-        write += &write_field(counter);
+        let [own_read, own_write] = codec(counter);
+        read += &own_read;
+        write += &own_write;
     }
     let last = match record.check {
         true => format!("return skyloop_check_{name}(in);\n"),
@@ -105,10 +100,7 @@ fn functions(schema: &Schema, record: &Record) -> String {
 
 /// Fails a reader.
 fn fail_if(condition: &str) -> String {
-    block(
-        &format!("if ({condition})"),
-        "skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n",
-    )
+    when(condition, "skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n")
 }
 
 /// The end of a number's functions' names.
@@ -127,99 +119,78 @@ fn counted(field: &Field, end: &str, of: &str, length: usize, body: &str) -> Str
     block(&format!("for (size_t n = 0U; {goes_on}; n++)"), &inner)
 }
 
-fn read_field(field: &Field) -> String {
-    let Field { name, most, .. } = field;
+/// The statements that read a field, and those that write it.
+fn codec(field: &Field) -> [String; 2] {
+    let (name, most) = (&field.name, field.most);
     match (&field.kind, &field.counted_by) {
         _ if !field.bits.is_empty() => {
             let fail = fail_if(&format!("{name} > {}U", field.all_flags()));
             let flags = each(field.flags(), |(bit, flag)| {
                 format!("out->{flag} = ({name} & {bit}U) != 0U;\n")
             });
-            format!("const uint8_t {name} = skyloop_read_u8(reader);\n{fail}{flags}")
+            let bits = field
+                .flags()
+                .map(|(bit, flag)| format!("(in->{flag} ? {bit}U : 0U)"));
+            let bits = join(bits, " | ");
+            [
+                format!("const uint8_t {name} = skyloop_read_u8(reader);\n{fail}{flags}"),
+                format!("skyloop_write_u8(writer, (uint8_t)({bits}));\n"),
+            ]
         }
         (Kind::One(number), _) => {
-            let read = format!("out->{name} = skyloop_read_{}(reader);\n", suffix(*number));
-            let codes = field.codes.iter();
-            read + &each(codes, |codes| {
+            let number = suffix(*number);
+            let known = each(&field.codes, |codes| {
                 fail_if(&format!("!skyloop_is_{}(out->{name})", snake(codes)))
-            })
+            });
+            [
+                format!("out->{name} = skyloop_read_{number}(reader);\n{known}"),
+                format!("skyloop_write_{number}(writer, in->{name});\n"),
+            ]
         }
-        (Kind::Array(number, length), None) => count_to(
-            *length,
-            &format!(
-                "out->{name}[n] = skyloop_read_{}(reader);\n",
-                suffix(*number)
-            ),
-        ),
+        (Kind::Array(number, length), None) => {
+            let number = suffix(*number);
+            let read = format!("out->{name}[n] = skyloop_read_{number}(reader);\n");
+            let write = format!("skyloop_write_{number}(writer, in->{name}[n]);\n");
+            [read, write].map(|body| count_to(*length, &body))
+        }
         (Kind::Array(number, length), Some(count)) => {
-            let read = format!(
-                "out->{name}[n][k] = skyloop_read_{}(reader);\n",
-                suffix(*number)
-            );
-            fail_if(&format!("out->{count} > {most}U"))
-                + &counted(field, "reader", "out", *length, &read)
-        }
-        (Kind::Ascii(length), _) => {
-            format!("skyloop_read_octets(reader, out->{name}, {length}U);\n")
-        }
-        (Kind::Struct(kind), _) => format!("skyloop_read_{}(reader, &out->{name});\n", snake(kind)),
-        (Kind::Rest(_), _) => {
-            format!("out->{name} = skyloop_read_rest(reader, &out->{name}_length);\n")
-        }
-    }
-}
-
-fn write_field(field: &Field) -> String {
-    let Field { name, most, .. } = field;
-    match (&field.kind, &field.counted_by) {
-        _ if !field.bits.is_empty() => {
-            let bits = field.flags();
-            let bits = join(
-                bits.map(|(bit, flag)| format!("(in->{flag} ? {bit}U : 0U)")),
-                " | ",
-            );
-            format!("skyloop_write_u8(writer, (uint8_t)({bits}));\n")
-        }
-        (Kind::One(number), _) => {
-            format!("skyloop_write_{}(writer, in->{name});\n", suffix(*number))
-        }
-        (Kind::Array(number, length), None) => count_to(
-            *length,
-            &format!(
-                "skyloop_write_{}(writer, in->{name}[n]);\n",
-                suffix(*number)
-            ),
-        ),
-        (Kind::Array(number, length), Some(count)) => {
-            let write = format!(
-                "skyloop_write_{}(writer, in->{name}[n][k]);\n",
-                suffix(*number)
-            );
+            let number = suffix(*number);
+            let read = format!("out->{name}[n][k] = skyloop_read_{number}(reader);\n");
+            let write = format!("skyloop_write_{number}(writer, in->{name}[n][k]);\n");
             let too_long = "writer->error = SKYLOOP_TOO_LONG;\n";
-            block(&format!("if (in->{count} > {most}U)"), too_long)
-                + &counted(field, "writer", "in", *length, &write)
+            [
+                fail_if(&format!("out->{count} > {most}U"))
+                    + &counted(field, "reader", "out", *length, &read),
+                when(&format!("in->{count} > {most}U"), too_long)
+                    + &counted(field, "writer", "in", *length, &write),
+            ]
         }
-        (Kind::Ascii(length), _) => {
-            format!("skyloop_write_octets(writer, in->{name}, {length}U);\n")
+        (Kind::Ascii(length), _) => [
+            format!("skyloop_read_octets(reader, out->{name}, {length}U);\n"),
+            format!("skyloop_write_octets(writer, in->{name}, {length}U);\n"),
+        ],
+        (Kind::Struct(kind), _) => {
+            let kind = snake(kind);
+            [
+                format!("skyloop_read_{kind}(reader, &out->{name});\n"),
+                format!("skyloop_write_{kind}(writer, &in->{name});\n"),
+            ]
         }
-        (Kind::Struct(kind), _) => format!("skyloop_write_{}(writer, &in->{name});\n", snake(kind)),
-        (Kind::Rest(_), _) => {
-            format!("skyloop_write_octets(writer, in->{name}, in->{name}_length);\n")
-        }
+        (Kind::Rest(_), _) => [
+            format!("out->{name} = skyloop_read_rest(reader, &out->{name}_length);\n"),
+            format!("skyloop_write_octets(writer, in->{name}, in->{name}_length);\n"),
+        ],
     }
 }
 
 /// What a field allows, as statements that return what is wrong.
 fn range(field: &Field) -> String {
-    let Field {
-        name, least, most, ..
-    } = field;
+    let (name, least, most) = (&field.name, field.least, field.most);
     let error = match field.error.as_deref() {
         Some("NotFinite") => "SKYLOOP_NOT_FINITE",
         _ => "SKYLOOP_BAD_VALUE",
     };
-    let refuse =
-        |condition: String| block(&format!("if ({condition})"), &format!("return {error};\n"));
+    let refuse = |condition: String| when(&condition, &format!("return {error};\n"));
     let mut out = String::new();
     if field.kind.is_float() {
         // Written so that a NaN is refused.
@@ -247,13 +218,13 @@ fn range(field: &Field) -> String {
         (Kind::Struct(kind), _) => {
             let valid = format!("skyloop_valid_{}(&in->{name})", snake(kind));
             out += &format!("const skyloop_error_t {name} = {valid};\n");
-            out += &block(
-                &format!("if ({name} != SKYLOOP_OK)"),
+            out += &when(
+                &format!("{name} != SKYLOOP_OK"),
                 &format!("return {name};\n"),
             );
         }
         (Kind::Rest(rest @ (Rest::Octets | Rest::Utf8)), _) => {
-            if *least > 0 {
+            if least > 0 {
                 out += &refuse(format!("in->{name}_length < {least}U"));
             }
             out += &refuse(format!("in->{name}_length > {most}U"));
@@ -278,22 +249,17 @@ fn commands(message: &Record) -> String {
         read += &case(&label, &own_read);
         write += &case(&label, &own_write);
     }
-    let read_error = "skyloop_fail(reader, SKYLOOP_UNKNOWN_OPCODE);\n";
-    let write_error = "writer->error = SKYLOOP_UNKNOWN_OPCODE;\n";
+    let unknown = "SKYLOOP_UNKNOWN_OPCODE";
+    let read_error = format!("skyloop_fail(reader, {unknown});\n");
+    let write_error = format!("writer->error = {unknown};\n");
+    let valid = switch("in->opcode", &valid, "");
+    let read = switch("out->opcode", &read, &read_error);
+    let write = switch("in->opcode", &write, &write_error);
     three(
         message,
-        &format!(
-            "skyloop_error_t error = SKYLOOP_OK;\n{}return error;\n",
-            switch("in->opcode", &valid, "")
-        ),
-        &format!(
-            "out->opcode = skyloop_read_u8(reader);\n{}",
-            switch("out->opcode", &read, read_error)
-        ),
-        &format!(
-            "skyloop_write_u8(writer, in->opcode);\n{}",
-            switch("in->opcode", &write, write_error)
-        ),
+        &format!("skyloop_error_t error = SKYLOOP_OK;\n{valid}return error;\n"),
+        &format!("out->opcode = skyloop_read_u8(reader);\n{read}"),
+        &format!("skyloop_write_u8(writer, in->opcode);\n{write}"),
     )
 }
 
@@ -312,11 +278,11 @@ fn command(opcode: &Opcode) -> [String; 3] {
         let (from, to) = (format!("{of}->"), format!("{of}->as.{own}."));
         each(&opcode.fields, text).replace(&from, &to)
     };
-    [
-        moved(range, "in"),
-        moved(read_field, "out"),
-        moved(write_field, "in"),
-    ]
+    let [read, write]: [fn(&Field) -> String; 2] = [
+        |field| codec(field)[0].clone(),
+        |field| codec(field)[1].clone(),
+    ];
+    [moved(range, "in"), moved(read, "out"), moved(write, "in")]
 }
 
 /// One case a message; `inside` gives its statements.
@@ -331,21 +297,18 @@ fn cases(messages: &[&Record], inside: fn(&str) -> String) -> String {
 fn decoder(name: &str, messages: &[&Record]) -> String {
     let cases = cases(messages, |kind| {
         let valid = format!("error = skyloop_valid_{kind}(&out->as.{kind});\n");
-        format!(
-            "skyloop_read_{kind}(&reader, &out->as.{kind});\nerror = skyloop_read_end(&reader);\n{}",
-            block("if (error == SKYLOOP_OK)", &valid)
-        )
+        let valid = when("error == SKYLOOP_OK", &valid);
+        let read = format!("skyloop_read_{kind}(&reader, &out->as.{kind});\n");
+        format!("{read}error = skyloop_read_end(&reader);\n{valid}")
     });
-    let body = "skyloop_reader_t reader;\n\
-                skyloop_error_t error = skyloop_open(packet, length, &out->header, &reader);\n"
-        .to_owned()
-        + &block("if (error != SKYLOOP_OK)", "return error;\n")
-        + &switch(
-            "out->header.apid",
-            &cases,
-            "error = SKYLOOP_UNKNOWN_APID;\n",
-        )
-        + "return error;\n";
+    let open = when("error != SKYLOOP_OK", "return error;\n");
+    let unknown = "error = SKYLOOP_UNKNOWN_APID;\n";
+    let switch = switch("out->header.apid", &cases, unknown);
+    let body = format!(
+        "skyloop_reader_t reader;\n\
+         skyloop_error_t error = skyloop_open(packet, length, &out->header, &reader);\n\
+         {open}{switch}return error;\n"
+    );
     let signature = format!(
         "skyloop_error_t skyloop_decode_{name}(const uint8_t *packet, size_t length, skyloop_{name}_t *out)"
     );
@@ -360,20 +323,18 @@ fn encoder(name: &str, messages: &[&Record]) -> String {
     let cases = cases(messages, |kind| {
         format!("skyloop_write_{kind}(&writer, &in->as.{kind});\n")
     });
-    let body = "skyloop_writer_t writer = {packet, capacity, 0U, SKYLOOP_OK};\n\
-                skyloop_begin(&writer, &in->header);\n"
-        .to_owned()
-        + &switch(
-            "in->header.apid",
-            &cases,
-            "writer.error = SKYLOOP_UNKNOWN_APID;\n",
-        )
-        + "return skyloop_close(&writer, length);\n";
+    let unknown = "writer.error = SKYLOOP_UNKNOWN_APID;\n";
+    let switch = switch("in->header.apid", &cases, unknown);
+    let body = format!(
+        "skyloop_writer_t writer = {{packet, capacity, 0U, SKYLOOP_OK}};\n\
+         skyloop_begin(&writer, &in->header);\n\
+         {switch}return skyloop_close(&writer, length);\n"
+    );
     let signature = format!(
         "skyloop_error_t skyloop_encode_{name}(const skyloop_{name}_t *in, uint8_t *packet, size_t capacity, size_t *length)"
     );
+    let function = function(&signature, &body);
     format!(
-        "\n/* Lays out one packet; `*length` is its length. Values are judged where they are received. */\n{}",
-        function(&signature, &body)
+        "\n/* Lays out one packet; `*length` is its length. Values are judged where they are received. */\n{function}"
     )
 }

@@ -1,7 +1,7 @@
 //! The messages in Rust: commands, the packets of a frame, answers; and the two enums over them.
 
-use super::doc;
 use super::record::{field_range, read_value, rust_type, write_value};
+use super::{WRITE, doc};
 use crate::model::{Field, Opcode, Receiver, Record, Schema};
 use crate::text::{block, braces, each, join, upper};
 
@@ -138,10 +138,9 @@ fn command(schema: &Schema) -> String {
     }
     let read = "let opcode = reader.u8()?;\n\
                 let known = Opcode::from_code(opcode).ok_or(DecodeError::UnknownOpcode { opcode })?;\n";
-    let write = block(
-        "if let Some(opcode) = self.opcode()",
-        "writer.u8(opcode.code())?;\n",
-    );
+    let has_opcode = "if let Some(opcode) = self.opcode()";
+    let mut write = block(has_opcode, "writer.u8(opcode.code())?;\n");
+    write += &block("match self", &arms.writes);
     let methods = [
         (
             "/// The APID of its packet.\npub const fn apid(&self) -> u16",
@@ -161,18 +160,12 @@ fn command(schema: &Schema) -> String {
             "pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError>",
             format!("{read}{})\n", braces("Ok(match known", &arms.reads)),
         ),
-        (
-            WRITE,
-            write + &block("match self", &arms.writes) + "Ok(())\n",
-        ),
+        (WRITE, write + "Ok(())\n"),
     ];
     "\n/// Everything that a flight computer can say. The header's time of all but `Attitude` is the time of sending.\n"
         .to_owned()
         + &enumeration("Command", "", &arms.variants, methods)
 }
-
-const WRITE: &str =
-    "pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>";
 
 /// An enum with its methods.
 fn enumeration<const N: usize>(

@@ -1,6 +1,6 @@
 //! One message or structure in Rust: its declaration, its reader, its writer, and what its fields allow one by one.
 
-use super::doc;
+use super::{WRITE, doc};
 use crate::model::{Field, Kind, Number, Record, Rest, Rule, Schema};
 use crate::text::{block, braces, each, join};
 
@@ -14,31 +14,24 @@ impl Record {
             let members = each(fields, |field| self.member(field));
             out += &self.declaration(schema, &optional.type_name, &optional.doc, &members);
         }
-        let (generics, lifetime) = if self.borrows {
-            ("<'a>", "'a")
-        } else {
-            ("", "'_")
+        let (generics, reader) = match self.borrows {
+            true => ("<'a>", "Reader<'a>"),
+            false => ("", "Reader<'_>"),
         };
-        let read = format!(
-            "pub(crate) fn read(reader: &mut Reader<{lifetime}>) -> Result<Self, DecodeError>"
-        );
-        let write =
-            "pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>";
-        let mut body = block(&read, &self.read(schema)) + "\n" + &block(write, &self.write());
+        let read = format!("fn read(reader: &mut {reader}) -> Result<Self, DecodeError>");
+        let read = block(&format!("pub(crate) {read}"), &self.read(schema));
+        let mut body = read + "\n" + &block(WRITE, &self.write());
         let ranges = each(&self.fields, |field| self.range(schema, field));
-        let (about, check) = match self.check {
-            true => (
-                "What the fields allow, each by itself.",
-                "pub(crate) fn check_fields",
-            ),
-            false => (
-                "Refuses values that the fields do not allow. What was decoded has passed this.",
-                "pub fn check",
-            ),
-        };
         if !self.check || !ranges.is_empty() {
-            let check = format!("{check}(&self) -> Result<(), DecodeError>");
-            body += &format!("\n{}{}", doc(about), block(&check, &(ranges + "Ok(())\n")));
+            let check = match self.check {
+                true => "/// What the fields allow, each by itself.\npub(crate) fn check_fields",
+                false => {
+                    "/// Refuses values that the fields do not allow. What was decoded has passed this.\n\
+                     pub fn check"
+                }
+            };
+            let check = format!("\n{check}(&self) -> Result<(), DecodeError>");
+            body += &block(&check, &(ranges + "Ok(())\n"));
         }
         out + "\n" + &block(&format!("impl{generics} {name}{generics}"), &body)
     }
@@ -48,12 +41,11 @@ impl Record {
         let octets = schema.flat(&self.fields);
         let octets: usize = octets.iter().filter_map(Field::octets).sum();
         let lifetime = if self.borrows { "<'_>" } else { "" };
-        let body = doc("Octets of its fields, the rest of variable length aside.")
-            + &format!("pub const FIELDS_LENGTH: usize = {octets};\n");
-        format!(
-            "\n{}",
-            block(&format!("impl {}{lifetime}", self.type_name()), &body)
-        )
+        let body = format!(
+            "/// Octets of its fields, the rest of variable length aside.\n\
+             pub const FIELDS_LENGTH: usize = {octets};\n"
+        );
+        block(&format!("\nimpl {}{lifetime}", self.type_name()), &body)
     }
 
     fn declaration(&self, schema: &Schema, name: &str, about: &str, members: &str) -> String {
@@ -83,7 +75,7 @@ impl Record {
     }
 
     fn member(&self, field: &Field) -> String {
-        let Field { name, unit, .. } = field;
+        let (name, unit) = (&field.name, &field.unit);
         let mut about = field.doc.clone();
         if !unit.is_empty() {
             about += &format!(" Unit: {unit}.");
