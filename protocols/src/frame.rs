@@ -5,8 +5,10 @@ pub use crate::generated::codes::{AttitudeSource, Overrun, Packing, SyncState};
 pub use crate::generated::ends::{FrameEnd, Timing};
 pub use crate::generated::frames::{FrameHeader, LabelPart, PixelBlock};
 use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel};
-use crate::packet::{CRC_LENGTH, HEADER_LENGTH};
-use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};
+use crate::packet::same_length;
+use crate::pixels::{
+    self, LABEL_TEXT_PER_PART, is_cut_right, is_padded, packed_length, pixels_per_block, unpack,
+};
 use crate::rice;
 use crate::rules::rule;
 
@@ -122,16 +124,12 @@ impl PixelBlock<'_> {
     #[must_use]
     pub fn place(&self, frame: &mut [u16]) -> bool {
         let (first, count) = (self.first_pixel as usize, usize::from(self.count));
-        let Some(pixels) = frame
-            .get_mut(first..)
-            .and_then(|rest| rest.get_mut(..count))
-        else {
+        let rest = frame.get_mut(first..).unwrap_or_default();
+        let Some(pixels) = rest.get_mut(..count) else {
             return false;
         };
-        if self.data.len() != packed_length(self.packing, count) {
-            return false;
-        }
-        unpack(self.packing, self.data, pixels) == count
+        self.data.len() == packed_length(self.packing, count)
+            && unpack(self.packing, self.data, pixels) == count
     }
 
     /// Refuses pixels that are not as many as `count` says, or not where `index` says. Every decoded block has passed this.
@@ -178,10 +176,7 @@ impl LabelPart<'_> {
     }
 
     const fn is_cut_right(&self) -> bool {
-        let last = self.part as u32 + 1 == self.parts as u32;
-        self.part < self.parts
-            && !self.text.is_empty()
-            && (last || self.text.len() == LABEL_TEXT_PER_PART)
+        is_cut_right(self.part, self.parts, self.text.len(), LABEL_TEXT_PER_PART)
     }
 
     /// Refuses a text that is not cut as its numbers say. Every decoded part has passed this.
@@ -207,31 +202,4 @@ impl LabelPart<'_> {
 /// Refuses digital numbers that their packing cannot hold.
 pub(crate) fn fits_packing(bits: u8, packing: Packing) -> Result<(), DecodeError> {
     rule(bits <= packing.code(), "bits", "must fit the packing")
-}
-
-/// Refuses a rest of a packet that is not as long as its other fields say.
-pub(crate) fn same_length(
-    what: &'static str,
-    fields: usize,
-    found: usize,
-    expected: usize,
-) -> Result<(), DecodeError> {
-    let whole = |rest| HEADER_LENGTH + fields + rest + CRC_LENGTH;
-    if found == expected {
-        Ok(())
-    } else {
-        Err(DecodeError::BadLength {
-            what,
-            found: whole(found),
-            expected: whole(expected),
-        })
-    }
-}
-
-/// Whether the bits after an odd last pixel of 12 bits are 0.
-pub(crate) fn is_padded(packing: Packing, count: usize, data: &[u8]) -> bool {
-    match (packing, count % 2, data.last()) {
-        (Packing::Bits12, 1, Some(last)) => last & 0xF == 0,
-        _ => true,
-    }
 }

@@ -16,11 +16,10 @@ use crate::time::WireTime;
 use crate::wire::{Reader, Writer};
 
 pub use crate::generated::codes::{MAX_PACKET, VERSION, apid};
+pub use crate::wire::CRC_LENGTH;
 
 /// Octets before the payload: primary header, time, version.
 pub const HEADER_LENGTH: usize = 15;
-/// Octets after the payload.
-pub const CRC_LENGTH: usize = 2;
 /// Longest payload in octets.
 pub const MAX_PAYLOAD: usize = MAX_PACKET - HEADER_LENGTH - CRC_LENGTH;
 /// Sequence counts are taken modulo this: 14 bits.
@@ -75,9 +74,7 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Reader<'_>), DecodeError> {
     if found > MAX_PACKET {
         return Err(length(MAX_PACKET));
     }
-    let (before, crc) = bytes
-        .split_last_chunk::<CRC_LENGTH>()
-        .ok_or(length(CRC_LENGTH))?;
+    let (before, crc) = bytes.split_last_chunk().ok_or(length(CRC_LENGTH))?;
     let mut reader = Reader::new(before, 0, "packet");
     let identification = reader.u16()?;
     let sequence = reader.u16()?;
@@ -118,6 +115,25 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Reader<'_>), DecodeError> {
     Ok((header, reader.named(apid::ALL[row].1)))
 }
 
+/// Refuses a rest of a packet that is not as long as its other fields say.
+pub(crate) fn same_length(
+    what: &'static str,
+    fields: usize,
+    found: usize,
+    expected: usize,
+) -> Result<(), DecodeError> {
+    let whole = |rest| HEADER_LENGTH + fields + rest + CRC_LENGTH;
+    if found == expected {
+        Ok(())
+    } else {
+        Err(DecodeError::BadLength {
+            what,
+            found: whole(found),
+            expected: whole(expected),
+        })
+    }
+}
+
 fn version(field: &'static str, found: u8, expected: u8) -> Result<(), DecodeError> {
     if found == expected {
         Ok(())
@@ -140,10 +156,9 @@ pub(crate) fn write(
     buffer: &mut [u8],
     payload: impl FnOnce(&mut Writer<'_>) -> Result<(), EncodeError>,
 ) -> Result<usize, EncodeError> {
-    let direction = if apid::is_telecommand(apid) {
-        TYPE_TELECOMMAND
-    } else {
-        0
+    let direction = match apid::is_telecommand(apid) {
+        true => TYPE_TELECOMMAND,
+        false => 0,
     };
     let mut writer = Writer::new(buffer, MAX_PACKET);
     writer.u16(direction | SECONDARY_HEADER_FLAG | apid)?;

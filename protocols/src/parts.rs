@@ -1,9 +1,10 @@
 //! Parts of a frame for narrow lines: windows, objects as numbers, compressed pixels.
 
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Packing, is_padded, same_length};
 pub use crate::generated::frames::{CompressedBlock, ObjectPart, ObjectRecord, WindowBlock};
-use crate::pixels::{OBJECT_LENGTH, OBJECTS_PER_PART, packed_length, windows_per_block};
+use crate::packet::same_length;
+pub use crate::pixels::window_length;
+use crate::pixels::{OBJECT_LENGTH, OBJECTS_PER_PART, is_cut_right, is_padded, windows_per_block};
 use crate::rules::rule;
 use crate::wire::{Reader, Writer};
 
@@ -19,11 +20,6 @@ pub struct Window<'a> {
     pub row: u16,
     /// Its packed pixels.
     pub data: &'a [u8],
-}
-
-/// Octets of one window: its place and its pixels.
-pub const fn window_length(packing: Packing, size: u8) -> usize {
-    4 + packed_length(packing, size as usize * size as usize)
 }
 
 impl<'a> WindowBlock<'a> {
@@ -59,9 +55,10 @@ impl<'a> WindowBlock<'a> {
         )?;
         let length = count * window_length(self.packing, self.size);
         same_length("Windows", Self::FIELDS_LENGTH, self.data.len(), length)?;
+        let size = self.size.into();
         rule(
             self.windows()
-                .all(|window| is_padded(self.packing, self.size.into(), window.data)),
+                .all(|window| is_padded(self.packing, size, window.data)),
             "Windows.data",
             "must end with four zero bits after an odd last pixel",
         )
@@ -100,20 +97,16 @@ impl ObjectRecord {
 impl<'a> ObjectPart<'a> {
     /// Its objects, in order.
     pub fn objects(&self) -> impl Iterator<Item = ObjectRecord> + use<'a> {
-        let (records, _) = self.data.as_chunks::<OBJECT_LENGTH>();
-        records
-            .iter()
-            .filter_map(|octets| ObjectRecord::from_octets(octets).ok())
+        let (records, _) = self.data.as_chunks();
+        let objects = records.iter().map(ObjectRecord::from_octets);
+        objects.filter_map(Result::ok)
     }
 
     const fn is_cut_right(&self) -> bool {
-        let last = self.part as u32 + 1 == self.parts as u32;
-        let full = self.data.len() == OBJECTS_PER_PART * OBJECT_LENGTH;
-        self.part < self.parts
-            && !self.data.is_empty()
+        let full = OBJECTS_PER_PART * OBJECT_LENGTH;
+        is_cut_right(self.part, self.parts, self.data.len(), full)
+            && self.data.len() <= full
             && self.data.len().is_multiple_of(OBJECT_LENGTH)
-            && self.data.len() <= OBJECTS_PER_PART * OBJECT_LENGTH
-            && (last || full)
     }
 
     /// Refuses records that are not cut as their numbers say, or hold unknown codes. Every decoded part has passed this.
@@ -124,10 +117,9 @@ impl<'a> ObjectPart<'a> {
             "Objects.part",
             "must be below parts, with 25 records unless it is the last",
         )?;
-        let (records, _) = self.data.as_chunks::<OBJECT_LENGTH>();
-        records
-            .iter()
-            .try_for_each(|octets| ObjectRecord::from_octets(octets).map(drop))
+        let (records, _) = self.data.as_chunks();
+        let mut objects = records.iter().map(ObjectRecord::from_octets);
+        objects.try_for_each(|object| object.map(drop))
     }
 
     pub(crate) fn check_layout(&self) -> Result<(), EncodeError> {

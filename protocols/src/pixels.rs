@@ -4,12 +4,11 @@
 //! holds [`LABEL_TEXT_PER_PART`] octets. Pixels run row by row from pixel (0, 0).
 
 use crate::error::EncodeError;
-use crate::frame::Packing;
+use crate::generated::codes::Packing;
 use crate::generated::frames::{
     CompressedBlock, LabelPart, ObjectPart, ObjectRecord, PixelBlock, WindowBlock,
 };
 use crate::packet::MAX_PAYLOAD;
-use crate::parts::window_length;
 
 /// Octets of label text in every part but the last.
 pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LabelPart::FIELDS_LENGTH;
@@ -40,6 +39,11 @@ pub const fn packed_length(packing: Packing, count: usize) -> usize {
     }
 }
 
+/// Octets of one window: its place and its pixels.
+pub const fn window_length(packing: Packing, size: u8) -> usize {
+    4 + packed_length(packing, size as usize * size as usize)
+}
+
 /// Windows of `size` columns and rows that fit one `Windows` packet; 0 for those beyond
 /// [`MAX_WINDOW`](crate::output::MAX_WINDOW).
 pub const fn windows_per_block(packing: Packing, size: u8) -> usize {
@@ -58,11 +62,9 @@ pub const fn blocks_in_frame(pixels: u32, packing: Packing) -> u32 {
 
 /// Parts of a label text with `octets` octets; `None` if there are more than the field can count.
 pub const fn label_parts(octets: u32) -> Option<u16> {
-    let parts = octets.div_ceil(LABEL_TEXT_PER_PART as u32);
-    if parts <= u16::MAX as u32 {
-        Some(parts as u16)
-    } else {
-        None
+    match octets.div_ceil(LABEL_TEXT_PER_PART as u32) {
+        parts @ 0..=0xFFFF => Some(parts as u16),
+        _ => None,
     }
 }
 
@@ -81,14 +83,12 @@ pub struct BlockSlice<'a> {
 pub fn blocks(pixels: &[u16], packing: Packing) -> impl ExactSizeIterator<Item = BlockSlice<'_>> {
     let size = pixels_per_block(packing);
     // Width and height are 16-bit numbers: places fit 32 bits.
-    pixels
-        .chunks(size)
-        .enumerate()
-        .map(move |(index, pixels)| BlockSlice {
-            index: index as u32,
-            first_pixel: (index * size) as u32,
-            pixels,
-        })
+    let blocks = pixels.chunks(size).enumerate();
+    blocks.map(move |(index, pixels)| BlockSlice {
+        index: index as u32,
+        first_pixel: (index * size) as u32,
+        pixels,
+    })
 }
 
 /// Splits a frame's label text into the texts of its parts, in part order.
@@ -162,18 +162,27 @@ fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
     }
     let whole = 2 * pairs.len().min(triples.len());
     // An odd last pixel stands in the two octets after the last triple, or at the head of the next triple.
-    let rest = triples
-        .get(pairs.len())
-        .map_or(tail, |triple| triple.as_slice());
-    match (
-        last.first_mut(),
-        rest.first_chunk(),
-        pairs.len() <= triples.len(),
-    ) {
-        (Some(pixel), Some(octets), true) => {
+    let rest = triples.get(pairs.len()).map_or(tail, |triple| triple);
+    let is_reached = pairs.len() <= triples.len();
+    match (last.first_mut(), rest.first_chunk()) {
+        (Some(pixel), Some(octets)) if is_reached => {
             *pixel = u16::from_be_bytes(*octets) >> 4;
             whole + 1
         }
         _ => whole,
     }
+}
+
+/// Whether the bits after an odd last pixel of 12 bits are 0.
+pub(crate) fn is_padded(packing: Packing, count: usize, data: &[u8]) -> bool {
+    match (packing, count % 2, data.last()) {
+        (Packing::Bits12, 1, Some(last)) => last & 0xF == 0,
+        _ => true,
+    }
+}
+
+/// Whether part `part` of `parts` is full, unless it is the last.
+pub(crate) const fn is_cut_right(part: u16, parts: u16, length: usize, full: usize) -> bool {
+    let last = part as u32 + 1 == parts as u32;
+    part < parts && length > 0 && (last || length == full)
 }

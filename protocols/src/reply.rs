@@ -1,8 +1,7 @@
 //! What the emulator answers: the packets of a frame, status, acknowledgements.
 
 use crate::credit::PAID;
-use crate::error::Reason;
-use crate::error::{DecodeError, EncodeError};
+use crate::error::{DecodeError, EncodeError, Reason};
 use crate::frame::fits_packing;
 pub use crate::frame::{
     AttitudeSource, FrameEnd, FrameHeader, LabelPart, Overrun, Packing, PixelBlock, SyncState,
@@ -50,15 +49,11 @@ impl<'a> Nack<'a> {
     }
 
     pub(crate) fn check_layout(&self) -> Result<(), EncodeError> {
-        let (found, limit) = (self.detail.len(), MAX_DETAIL);
-        if found > limit {
-            return Err(EncodeError::TooLong {
-                what: "Nack.detail",
-                found,
-                limit,
-            });
+        let (what, found, limit) = ("Nack.detail", self.detail.len(), MAX_DETAIL);
+        match found <= limit {
+            true => Ok(()),
+            false => Err(EncodeError::TooLong { what, found, limit }),
         }
-        Ok(())
     }
 }
 

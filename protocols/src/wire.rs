@@ -1,6 +1,7 @@
 //! Bounded big-endian reading and writing: the only places that touch octets by position.
 
 use crate::error::{DecodeError, EncodeError};
+use crate::rules;
 use crate::time::WireTime;
 
 /// An enum with one code on the wire per variant, the list of them all, and their names.
@@ -58,6 +59,9 @@ macro_rules! counters {
 }
 pub(crate) use counters;
 
+/// Octets after the payload.
+pub const CRC_LENGTH: usize = 2;
+
 /// Reads fields from `bytes`, which end before the CRC; positions count from the packet's first octet.
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
@@ -77,11 +81,8 @@ impl<'a> Reader<'a> {
 
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
         let end = self.at + N;
-        let field = self
-            .bytes
-            .get(self.at..)
-            .and_then(|rest| rest.first_chunk());
-        let field = field.ok_or(self.length(end))?;
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let field = rest.first_chunk().ok_or(self.length(end))?;
         self.at = end;
         Ok(*field)
     }
@@ -132,7 +133,7 @@ impl<'a> Reader<'a> {
         rule: &'static str,
     ) -> Result<u8, DecodeError> {
         let flags = self.u8()?;
-        crate::rules::rule(flags <= most, field, rule)?;
+        rules::rule(flags <= most, field, rule)?;
         Ok(flags)
     }
 
@@ -144,7 +145,7 @@ impl<'a> Reader<'a> {
         rule: &'static str,
     ) -> Result<&'a str, DecodeError> {
         let octets = self.rest();
-        crate::rules::rule(octets.len() <= most, field, rule)?;
+        rules::rule(octets.len() <= most, field, rule)?;
         core::str::from_utf8(octets).map_err(|_| DecodeError::BadValue {
             field,
             rule: "must be UTF-8",
@@ -168,16 +169,14 @@ impl<'a> Reader<'a> {
 
     /// Refuses octets that no field has claimed.
     pub fn finish(self) -> Result<(), DecodeError> {
-        if self.at == self.bytes.len() {
-            Ok(())
-        } else {
-            Err(self.length(self.at))
+        match self.at == self.bytes.len() {
+            true => Ok(()),
+            false => Err(self.length(self.at)),
         }
     }
 
     /// Both lengths as those of the whole packet, its CRC included.
     fn length(&self, end: usize) -> DecodeError {
-        use crate::packet::CRC_LENGTH;
         let (found, expected) = (self.bytes.len() + CRC_LENGTH, end + CRC_LENGTH);
         DecodeError::BadLength {
             what: self.what,
@@ -204,20 +203,14 @@ impl<'b> Writer<'b> {
     }
 
     pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), EncodeError> {
-        let end = self.at.saturating_add(bytes.len());
-        if end > self.limit {
-            return Err(EncodeError::TooLong {
-                what: "packet",
-                found: end,
-                limit: self.limit,
-            });
+        let (end, limit) = (self.at.saturating_add(bytes.len()), self.limit);
+        if end > limit {
+            let (what, found) = ("packet", end);
+            return Err(EncodeError::TooLong { what, found, limit });
         }
-        let available = self.buffer.len();
+        let (needed, available) = (end, self.buffer.len());
         let field = self.buffer.get_mut(self.at..end);
-        let field = field.ok_or(EncodeError::BufferTooSmall {
-            needed: end,
-            available,
-        })?;
+        let field = field.ok_or(EncodeError::BufferTooSmall { needed, available })?;
         field.copy_from_slice(bytes);
         self.at = end;
         Ok(())

@@ -1,15 +1,15 @@
 //! Packets put together again from the plain frames of the [CAN form](crate::can::form).
 
+use crate::can::counts::{Counts, Side, count};
 use crate::can::form::{
     ATTITUDE_BEGIN, ATTITUDE_END, END, FRAMES, LONGEST, SHORT_ACK, SHORT_COMMAND, has_state,
     rebuild,
 };
 use crate::can::frame::CanFrame;
-use crate::can::node::{Counts, Side};
-use crate::can::sender::count;
 use crate::command::Opcode;
 use crate::packet::{self, apid};
 use crate::time::WireTime;
+use crate::wire::Writer;
 
 /// Whether this side receives plain frames with this identifier.
 pub(crate) const fn is_plain(side: Side, id: u32) -> bool {
@@ -73,12 +73,9 @@ impl Collector {
         now_us: u64,
         counts: &mut Counts,
     ) -> Option<&[u8]> {
-        let mut octets = [0; 8];
         let data = frame.payload();
-        for (to, from) in octets.iter_mut().zip(data) {
-            *to = *from;
-        }
-        let word = u64::from_be_bytes(octets);
+        let octet = |at| data.get(at).copied().unwrap_or(0);
+        let word = u64::from_be_bytes(core::array::from_fn(octet));
         let length = match (self.side, frame.id, data.len()) {
             (Side::Emulator, ATTITUDE_BEGIN..=ATTITUDE_END, 8) => {
                 self.attitude((frame.id - ATTITUDE_BEGIN) as usize, word, now_us, counts)?
@@ -96,29 +93,22 @@ impl Collector {
 
     fn command(&mut self, word: u64) -> Option<usize> {
         let (opcode, sequence_count) = ((word >> 56) as u8, (word >> 40) as u16);
-        packet::write(
-            apid::COMMAND,
-            sequence_count,
-            WireTime(0),
-            &mut self.packet,
-            |writer| {
-                writer.u8(opcode)?;
-                match Opcode::from_code(opcode) {
-                    Some(Opcode::Credit) => writer.u32((word >> 8) as u32),
-                    _ => Ok(()), // the emulator's decoder refuses what does not stand alone
-                }
-            },
-        )
-        .ok()
+        let payload = |writer: &mut Writer<'_>| {
+            writer.u8(opcode)?;
+            match Opcode::from_code(opcode) {
+                Some(Opcode::Credit) => writer.u32((word >> 8) as u32),
+                _ => Ok(()), // the emulator's decoder refuses what does not stand alone
+            }
+        };
+        let (time, buffer) = (WireTime(0), &mut self.packet);
+        packet::write(apid::COMMAND, sequence_count, time, buffer, payload).ok()
     }
 
     fn ack(&mut self, answered: u32) -> Option<usize> {
         let own = self.acks;
         self.acks = own.wrapping_add(1);
-        packet::write(apid::ACK, own, WireTime(0), &mut self.packet, |writer| {
-            writer.u32(answered)
-        })
-        .ok()
+        let payload = |writer: &mut Writer<'_>| writer.u32(answered);
+        packet::write(apid::ACK, own, WireTime(0), &mut self.packet, payload).ok()
     }
 
     /// An attitude begins with its first frame, ends with its last, and is latched if all of them came between and the
@@ -143,13 +133,10 @@ impl Collector {
         } else if !same {
             self.give_up(counts);
             // One whose first frame is lost; or a late frame of the last one.
-            let counter_is_new = self.last != Some(counter);
-            count(if counter_is_new {
-                &mut counts.incomplete
-            } else {
-                &mut counts.ignored
+            count(match self.last.replace(counter) == Some(counter) {
+                true => &mut counts.ignored,
+                false => &mut counts.incomplete,
             });
-            self.last = Some(counter);
         } else if repeated {
             count(&mut counts.ignored);
         } else {
@@ -165,12 +152,8 @@ impl Collector {
             0x81FF
         };
         let length = rebuild(&self.words, &mut self.packet)?;
-        let crc = self
-            .packet
-            .get(..length)?
-            .last_chunk()
-            .map(|crc| u16::from_be_bytes(*crc));
-        if self.seen != whole || crc != Some((word >> 16) as u16) {
+        let crc = ((word >> 16) as u16).to_be_bytes();
+        if self.seen != whole || !self.packet.get(..length)?.ends_with(&crc) {
             self.give_up(counts);
             return None;
         }

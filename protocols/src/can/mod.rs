@@ -8,10 +8,10 @@
 
 pub mod adapter;
 mod collector;
+mod counts;
 pub mod form;
 pub mod frame;
 pub mod isotp;
-mod line;
 pub mod node;
 mod receiver;
 mod sender;

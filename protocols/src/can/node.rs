@@ -8,21 +8,14 @@
 //! next attitude waits for the Ack.
 
 use crate::can::collector::{Collector, is_plain};
+use crate::can::counts::count;
+pub use crate::can::counts::{Counts, Side};
 use crate::can::form::{FROM_EMULATOR, Frames, TO_EMULATOR};
 use crate::can::frame::CanFrame;
 use crate::can::isotp::{Parameters, Pdu};
 use crate::can::receiver::Receiver;
-use crate::can::sender::{Sender, count};
+use crate::can::sender::Sender;
 use crate::packet::{MAX_PACKET, identify};
-
-/// Which end of the bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// Takes commands and attitudes.
-    Emulator,
-    /// The flight computer.
-    Client,
-}
 
 /// The two ways over the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,26 +30,6 @@ pub enum Lane {
 /// ([`Node::lane`]) lets neither wait for the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Busy(pub Lane);
-
-/// What went wrong since the start, modulo 2^32.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Received ISO-TP messages given up because of a wrong sequence number.
-    pub sequence_errors: u32,
-    /// Messages given up because the other end fell silent: either direction, and attitudes.
-    pub timeouts: u32,
-    /// Attitudes and ISO-TP messages that began to arrive and were never whole, for any reason.
-    pub incomplete: u32,
-    /// Packets that did not get through to the other end: it fell silent, waits too long or has no room.
-    pub unsent: u32,
-    /// Messages announced as longer than any packet, refused.
-    pub oversize: u32,
-    /// Frames on our identifiers that cannot be right whatever came before: remote frames, other lengths than the form's, data
-    /// that is no protocol data unit.
-    pub malformed: u32,
-    /// Frames that mean nothing here: those of others, and late or repeated parts.
-    pub ignored: u32,
-}
 
 /// One end of the bus.
 #[derive(Debug, Clone)]
@@ -77,12 +50,14 @@ pub struct Node {
 impl Node {
     /// Nothing sent, nothing received. `fd`: send FD frames with bit rate switch; both formats are received always.
     pub fn new(side: Side, fd: bool) -> Self {
-        let parameters = if fd {
-            Parameters::FD
-        } else {
-            Parameters::CLASSIC
-        };
-        Self::with(side, parameters)
+        Self::with(
+            side,
+            if fd {
+                Parameters::FD
+            } else {
+                Parameters::CLASSIC
+            },
+        )
     }
 
     /// The same with other settings of ISO-TP.
@@ -117,10 +92,8 @@ impl Node {
         self.expire(now_us);
         let apid = identify(packet).map(|(apid, _)| apid);
         let of_plain = self.plain.map(|frames| frames.apid);
-        let of_long = self
-            .sender
-            .message()
-            .map(|message| identify(message).map(|(apid, _)| apid));
+        let of_long = self.sender.message();
+        let of_long = of_long.map(|message| identify(message).map(|(apid, _)| apid));
         let frames = Frames::of(packet, self.counter);
         match (of_plain, of_long) {
             (Some(ahead), _) if frames.is_some() || apid == Some(ahead) => {
@@ -147,10 +120,8 @@ impl Node {
         self.expire(now_us);
         let long_due = self.receiver.is_due() || self.sender.is_due(now_us);
         let yields = self.long_turn && long_due;
-        if let Some(frames) = self
-            .plain
-            .as_mut()
-            .filter(|frames| frames.is_begun() || !yields)
+        if let Some(frames) = &mut self.plain
+            && (frames.is_begun() || !yields)
         {
             let frame = frames.next(self.parameters.fd);
             if frames.is_done() {
@@ -166,19 +137,15 @@ impl Node {
             Side::Emulator => FROM_EMULATOR,
             Side::Client => TO_EMULATOR,
         };
-        CanFrame::new(
-            id,
-            self.parameters.fd,
-            piece?.octets(self.parameters.padding),
-        )
+        let Parameters { fd, padding, .. } = self.parameters;
+        CanFrame::new(id, fd, piece?.octets(padding))
     }
 
     /// When [`next_frame`](Self::next_frame) is to be called even if nothing is sent or received: a frame falls due (0: one
     /// is due) or a timer ends.
     pub fn wake_at(&self) -> Option<u64> {
-        let plain = self.plain.map(|_| 0);
         let timers = [
-            plain,
+            self.plain.map(|_| 0),
             self.sender.wake_at(),
             self.receiver.wake_at(),
             self.collector.wake_at(),

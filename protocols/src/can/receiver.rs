@@ -1,8 +1,7 @@
 //! The receiving side of ISO-TP: puts one message at a time together and asks for the rest of it.
 
+use crate::can::counts::{Counts, count};
 use crate::can::isotp::{CONTINUE, OVERFLOW, Parameters, Pdu, Piece};
-use crate::can::node::Counts;
-use crate::can::sender::count;
 use crate::packet::MAX_PACKET;
 
 /// Receives one message.
@@ -143,12 +142,10 @@ impl Receiver {
 
     fn append(&mut self, data: &[u8]) {
         let room = self.message.get_mut(self.received..self.length);
-        let mut copied = 0;
         for (to, from) in room.unwrap_or_default().iter_mut().zip(data) {
             *to = *from;
-            copied += 1;
+            self.received += 1;
         }
-        self.received += copied;
     }
 
     /// Drops the message under way, if there is one.

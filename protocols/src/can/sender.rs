@@ -1,7 +1,7 @@
 //! The sending side of ISO-TP: one message at a time, at the pace that the receiver allows.
 
+use crate::can::counts::{Counts, count};
 use crate::can::isotp::{CONTINUE, Flow, Parameters, Piece, WAIT, most_single, separation_us};
-use crate::can::node::Counts;
 use crate::packet::MAX_PACKET;
 
 /// Sends one message.
@@ -105,17 +105,16 @@ impl Sender {
                 self.number = (self.number + 1) % 16;
                 self.append(&mut piece, parameters);
                 let left = left.map(|left| left.saturating_sub(1));
-                self.state = if self.sent == self.length {
-                    State::Idle
-                } else if left == Some(0) {
-                    State::Waiting(now_us.saturating_add(parameters.timeout_us))
+                if self.sent == self.length || left == Some(0) {
+                    self.pause(parameters, now_us);
                 } else {
-                    State::Sending {
+                    let next_at = now_us.saturating_add(gap_us);
+                    self.state = State::Sending {
                         left,
                         gap_us,
-                        next_at: now_us.saturating_add(gap_us),
-                    }
-                };
+                        next_at,
+                    };
+                }
                 Some(piece)
             }
         }
@@ -124,8 +123,7 @@ impl Sender {
     fn begin(&mut self, parameters: &Parameters, now_us: u64) -> Piece {
         // At most MAX_PACKET: 12 bits.
         let length = self.length as u16;
-        let short = self.length <= most_single(0);
-        let mut piece = if short {
+        let mut piece = if self.length <= most_single(0) {
             Piece::new(&[length as u8])
         } else if self.length <= most_single(parameters.full()) {
             Piece::new(&[0, length as u8])
@@ -133,14 +131,17 @@ impl Sender {
             Piece::new(&(0x1000 | length).to_be_bytes())
         };
         self.append(&mut piece, parameters);
-        self.number = 1;
-        self.waits = 0;
-        self.state = if self.sent == self.length {
-            State::Idle
-        } else {
-            State::Waiting(now_us.saturating_add(parameters.timeout_us))
-        };
+        (self.number, self.waits) = (1, 0);
+        self.pause(parameters, now_us);
         piece
+    }
+
+    /// Waits for flow control, if there is more to send.
+    fn pause(&mut self, parameters: &Parameters, now_us: u64) {
+        self.state = match self.sent == self.length {
+            true => State::Idle,
+            false => State::Waiting(now_us.saturating_add(parameters.timeout_us)),
+        };
     }
 
     fn append(&mut self, piece: &mut Piece, parameters: &Parameters) {
@@ -181,9 +182,4 @@ impl Sender {
         self.state = State::Idle;
         count(&mut counts.unsent);
     }
-}
-
-/// One more.
-pub(crate) fn count(counter: &mut u32) {
-    *counter = counter.wrapping_add(1);
 }
