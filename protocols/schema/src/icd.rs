@@ -4,7 +4,7 @@
 use crate::NOTE;
 use crate::bytes::hex;
 use crate::encode::{float, numbers};
-use crate::model::{Enum, Field, Kind, Opcode, Receiver, Record, Rest, Schema, Signal};
+use crate::model::{Code, Enum, Field, Kind, Receiver, Record, Rest, Schema};
 use crate::text::{each, join};
 use crate::vectors::{Good, Vectors};
 
@@ -37,13 +37,9 @@ pub fn write(schema: &Schema, vectors: &Vectors, document: &str) -> Result<Strin
 
 /// Section 3.
 fn messages(schema: &Schema) -> String {
-    let mut out = head(&[
-        "APID",
-        "message",
-        "direction",
-        "time in its header",
-        "octets",
-    ]);
+    let mut out =
+        "| APID | message | direction | time in its header | octets |\n|---|---|---|---|---|\n"
+            .to_owned();
     for message in &schema.messages {
         let apid = format!("{:#05x}", message.apid);
         let (to, lengths) = (direction(message.to), lengths(schema, message));
@@ -51,7 +47,7 @@ fn messages(schema: &Schema) -> String {
     }
     out += "\nThe present time of the emulator is that of the last attitude accepted in this exchange, 0 before the first.\n";
     for (number, message) in (1..).zip(&schema.messages) {
-        let Record { name, apid, .. } = message;
+        let (name, apid) = (&message.name, message.apid);
         out += &format!("\n### 3.{number} {name} (APID {apid:#05x})\n\n");
         if let Some(text) = &message.before {
             out += &format!("{text}\n\n");
@@ -60,14 +56,14 @@ fn messages(schema: &Schema) -> String {
             true => table(schema, &schema.fields(message), HEADER),
             false => commands(schema, message),
         };
-        for record in message
+        let records = message
             .fields
             .iter()
-            .filter_map(|field| schema.record(field))
-        {
+            .filter_map(|field| schema.record(field));
+        out += &each(records, |record| {
             let table = table(schema, &schema.flat(&record.fields), 0);
-            out += &format!("\nA record:\n\n{table}");
-        }
+            format!("\nA record:\n\n{table}")
+        });
         if let Some(text) = &message.after {
             out += &format!("\n{}\n", text.trim_start());
         }
@@ -83,11 +79,6 @@ const fn direction(to: Receiver) -> &'static str {
     }
 }
 
-/// The head of a table.
-fn head(columns: &[&str]) -> String {
-    format!("{}|{}\n", row(columns), "---|".repeat(columns.len()))
-}
-
 /// Table cells with single blanks around what they hold.
 fn row(cells: &[&str]) -> String {
     let cells = each(cells, |cell| match *cell {
@@ -98,15 +89,12 @@ fn row(cells: &[&str]) -> String {
 }
 
 /// The head of a table of fields.
-fn field_head() -> String {
-    head(&[
-        "offset", "size", "type", "field", "unit", "range", "meaning",
-    ])
-}
+const FIELDS: &str =
+    "| offset | size | type | field | unit | range | meaning |\n|---|---|---|---|---|---|---|\n";
 
 /// The table of a list of fields.
 fn table(schema: &Schema, fields: &[Field], from: usize) -> String {
-    let mut out = field_head();
+    let mut out = FIELDS.to_owned();
     let (mut at, mut open) = (from, "");
     for field in fields {
         let (offset, octets) = (format!("{at}{open}"), field.octets());
@@ -158,9 +146,8 @@ fn meaning(schema: &Schema, field: &Field) -> String {
     match schema.codes(field) {
         // The code of a packing is what it means.
         Some(Enum { name, values, .. }) if values.len() <= FEW_CODES && name != "Packing" => {
-            let named = values
-                .iter()
-                .map(|value| format!("{} {}", value.code, value.name));
+            let values = values.iter();
+            let named = values.map(|value| format!("{} {}", value.code, value.name));
             format!("{doc}: {}", join(named, ", "))
         }
         _ => doc,
@@ -169,25 +156,31 @@ fn meaning(schema: &Schema, field: &Field) -> String {
 
 /// The table of a field's codes, if they are many.
 fn code_table(schema: &Schema, field: &Field) -> String {
-    let codes = schema
-        .codes(field)
-        .filter(|codes| codes.values.len() > FEW_CODES);
-    let Some(codes) = codes else {
+    let values = schema.codes(field).map_or(&[][..], |codes| &codes.values);
+    if values.len() <= FEW_CODES {
         return String::new();
+    }
+    let head = match values.iter().any(|value| value.counter.is_some()) {
+        true => "name | counted in | why |\n|---|---|---|---|",
+        false => "name | meaning |\n|---|---|---|",
     };
-    let counted = codes.values.iter().any(|value| value.counter.is_some());
-    let head = match counted {
-        true => head(&[&field.name, "name", "counted in", "why"]),
-        false => head(&[&field.name, "name", "meaning"]),
-    };
-    let rows = each(&codes.values, |value| {
-        let (code, doc) = (value.code.to_string(), cell(&value.doc));
-        match &value.counter {
-            Some(counter) => row(&[&code, &value.name, counter, &doc]),
-            None => row(&[&code, &value.name, &doc]),
-        }
-    });
-    format!("\n{head}{rows}")
+    let rows = each(
+        values,
+        |Code {
+             name,
+             code,
+             counter,
+             doc,
+             ..
+         }| {
+            let (code, doc) = (code.to_string(), cell(doc));
+            match counter {
+                Some(counter) => row(&[&code, name, counter, &doc]),
+                None => row(&[&code, name, &doc]),
+            }
+        },
+    );
+    format!("\n| {} | {head}\n{rows}", field.name)
 }
 
 /// The table of opcodes, and one for each that has several fields.
@@ -195,22 +188,22 @@ fn commands(schema: &Schema, message: &Record) -> String {
     let codes = || message.opcodes.iter().map(|opcode| opcode.code);
     let (first, last) = (codes().min().unwrap_or(0), codes().max().unwrap_or(0));
     let range = format!("{first} to {last}");
-    let mut out = field_head();
+    let mut out = FIELDS.to_owned();
     out += &row(&["15", "1", "u8", "opcode", "", &range, "which command"]);
     out += &row(&["16", "n", "", "argument", "", "", "as the opcode says"]);
-    out += "\n";
-    out += &head(&["opcode", "command", "argument", "unit", "range", "meaning"]);
+    out +=
+        "\n| opcode | command | argument | unit | range | meaning |\n|---|---|---|---|---|---|\n";
     for opcode in &message.opcodes {
         let (code, meaning) = (opcode.code.to_string(), cell(&opcode.doc));
-        let (argument, unit, range) = match schema.arguments(opcode).as_slice() {
-            [] => ("none".to_owned(), String::new(), String::new()),
+        out += &match schema.arguments(opcode).as_slice() {
+            [] => row(&[&code, &opcode.name, "none", "", "", &meaning]),
             [one] => {
                 let argument = format!("{} {}", type_text(one), one.name);
-                (argument, one.unit.clone(), one.range_text(schema))
+                let range = one.range_text(schema);
+                row(&[&code, &opcode.name, &argument, &one.unit, &range, &meaning])
             }
-            _ => ("below".to_owned(), String::new(), String::new()),
+            _ => row(&[&code, &opcode.name, "below", "", "", &meaning]),
         };
-        out += &row(&[&code, &opcode.name, &argument, &unit, &range, &meaning]);
     }
     for opcode in &message.opcodes {
         let fields = schema.arguments(opcode);
@@ -225,28 +218,33 @@ fn commands(schema: &Schema, message: &Record) -> String {
 
 /// How long the packets are: `21`, `78 or 126`, `26 to 1400`.
 fn lengths(schema: &Schema, message: &Record) -> String {
-    let fields = schema.fields(message);
     let span = |fields: &[Field]| {
-        let ranges = fields.iter().map(Field::octets_range);
-        ranges.fold((HEADER + CRC, HEADER + CRC), |sum, range| {
-            (sum.0 + range.0, sum.1 + range.1)
-        })
+        let (least, most): (Vec<usize>, Vec<usize>) =
+            fields.iter().map(Field::octets_range).unzip();
+        let around = HEADER + CRC;
+        (
+            around + least.iter().sum::<usize>(),
+            around + most.iter().sum::<usize>(),
+        )
     };
+    let mut fields = schema.fields(message);
+    let (mut least, mut most) = span(&fields);
     if message.optional.is_some() {
-        let (_, fixed): (Vec<Field>, Vec<Field>) =
-            fields.iter().cloned().partition(|field| field.optional);
-        return format!("{} or {}", span(&fixed).0, span(&fields).0);
+        fields.retain(|field| !field.optional);
+        return format!("{} or {most}", span(&fields).0);
     }
-    let of_opcode = |opcode: &Opcode| {
-        let (least, most) = span(&schema.arguments(opcode));
-        (least + 1, most + 1)
-    };
-    let mut spans: Vec<(usize, usize)> = message.opcodes.iter().map(of_opcode).collect();
-    if spans.is_empty() {
-        spans.push(span(&fields));
+    if !message.opcodes.is_empty() {
+        let spans = message
+            .opcodes
+            .iter()
+            .map(|opcode| span(&schema.arguments(opcode)));
+        least = spans
+            .clone()
+            .map(|(least, _)| least + 1)
+            .min()
+            .unwrap_or(least);
+        most = spans.map(|(_, most)| most + 1).max().unwrap_or(most);
     }
-    let least = spans.iter().map(|span| span.0).min().unwrap_or(0);
-    let most = spans.iter().map(|span| span.1).max().unwrap_or(0);
     match least == most {
         true => least.to_string(),
         false => format!("{least} to {most}"),
@@ -255,13 +253,9 @@ fn lengths(schema: &Schema, message: &Record) -> String {
 
 /// The frames of the CAN form.
 fn frames(schema: &Schema) -> String {
-    let mut out = head(&[
-        "id",
-        "frame",
-        "direction",
-        "octets",
-        "signals: first bit, bits",
-    ]);
+    let mut out =
+        "| id | frame | direction | octets | signals: first bit, bits |\n|---|---|---|---|---|\n"
+            .to_owned();
     for frame in &schema.can.frames {
         let signals = frame.placed().map(|(at, signal)| {
             let kind = if signal.is_float() { " (f32)" } else { "" };
@@ -271,19 +265,12 @@ fn frames(schema: &Schema) -> String {
         let signals = join(signals, "; ");
         out += &row(&[&id, &frame.name, direction(frame.to), &octets, &signals]);
     }
-    out += "\n";
-    out += &head(&["signal", "unit", "meaning"]);
+    out += "\n| signal | unit | meaning |\n|---|---|---|\n";
     let mut seen = Vec::new();
-    for (
-        _,
-        Signal {
-            name, unit, doc, ..
-        },
-    ) in schema.can.frames.iter().flat_map(|frame| frame.placed())
-    {
-        if !seen.contains(&name) {
-            seen.push(name);
-            out += &row(&[name, unit, &cell(doc)]);
+    for (_, signal) in schema.can.frames.iter().flat_map(|frame| frame.placed()) {
+        if !seen.contains(&&signal.name) {
+            seen.push(&signal.name);
+            out += &row(&[&signal.name, &signal.unit, &cell(&signal.doc)]);
         }
     }
     out
@@ -297,27 +284,21 @@ fn worked(schema: &Schema, vector: &Good) -> Result<String, String> {
         0 => "no fraction".to_owned(),
         fraction => format!("{fraction} units of 2^-32 s"),
     };
+    let (count, field, seconds) = (vector.count, length - 7, vector.time >> 32);
+    let kind = format!("packet version 000, type 1, secondary header 1, APID {apid:#05x}");
     let mut lines = vec![
+        (2, kind),
+        (2, format!("sequence flags 11, sequence count {count}")),
         (
             2,
-            format!("packet version 000, type 1, secondary header 1, APID {apid:#05x}"),
+            format!("data length {field}: the packet has {length} octets"),
         ),
-        (
-            2,
-            format!("sequence flags 11, sequence count {}", vector.count),
-        ),
-        (
-            2,
-            format!("data length {}: the packet has {length} octets", length - 7),
-        ),
-        (4, format!("{} s since 1958-01-01 TAI", vector.time >> 32)),
+        (4, format!("{seconds} s since 1958-01-01 TAI")),
         (4, fraction),
         (1, format!("format version {}", schema.version)),
     ];
     for field in schema.fields(message) {
-        let Field {
-            name, unit, parts, ..
-        } = &field;
+        let (name, unit, parts) = (&field.name, &field.unit, &field.parts);
         let known = vector.fields.iter().find(|(known, _)| known.name == *name);
         match (&field.kind, known) {
             (Kind::Array(number, _), Some((_, value))) => {

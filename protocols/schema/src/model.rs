@@ -26,17 +26,7 @@ pub struct Schema {
 pub struct Enum {
     pub name: String,
     pub doc: String,
-    pub values: Vec<Value>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Value {
-    pub name: String,
-    pub code: u8,
-    pub doc: String,
-    /// The counter of a reason.
-    pub counter: Option<String>,
+    pub values: Vec<Code>,
 }
 
 /// A kind of packet, or a structure: fields in their order. Structures have no APID.
@@ -83,7 +73,7 @@ pub struct Record {
     pub after: Option<String>,
     /// The commands of a packet whose first octet selects one.
     #[serde(default)]
-    pub opcodes: Vec<Opcode>,
+    pub opcodes: Vec<Code>,
 }
 
 /// The end that receives a packet.
@@ -111,17 +101,19 @@ pub struct Optional {
     pub doc: String,
 }
 
+/// One code: a value of a field, or a command, which has fields.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Opcode {
+pub struct Code {
     pub name: String,
-    /// First octet of its payload.
     pub code: u8,
-    /// The structure that holds its fields.
+    pub doc: String,
+    /// The counter of a reason.
+    pub counter: Option<String>,
+    /// The structure that holds a command's fields.
     #[serde(rename = "struct")]
     pub type_name: Option<String>,
-    pub doc: String,
-    /// Its fields, if no structure holds them.
+    /// A command's fields, if no structure holds them.
     #[serde(default)]
     pub fields: Vec<Field>,
 }

@@ -1,7 +1,7 @@
 //! Questions of every output to the schema: sizes, wordings, flat lists of fields.
 
 use crate::model::{
-    CanFrame, Enum, Field, Kind, Number, Opcode, Receiver, Record, Rest, Rule, Schema, Signal,
+    CanFrame, Code, Enum, Field, Kind, Number, Receiver, Record, Rest, Rule, Schema, Signal,
 };
 use crate::text::join;
 
@@ -192,7 +192,7 @@ impl Schema {
         messages.filter(move |message| message.to == receiver)
     }
 
-    pub fn opcodes(&self) -> impl Iterator<Item = &Opcode> {
+    pub fn opcodes(&self) -> impl Iterator<Item = &Code> {
         self.messages.iter().flat_map(|message| &message.opcodes)
     }
 
@@ -214,7 +214,7 @@ impl Schema {
     }
 
     /// The fields of a command.
-    pub fn arguments(&self, opcode: &Opcode) -> Vec<Field> {
+    pub fn arguments(&self, opcode: &Code) -> Vec<Field> {
         let structure = opcode.type_name.as_ref();
         match structure.and_then(|name| self.structure(name)) {
             Some(structure) => self.flat(&structure.fields),

@@ -5,50 +5,38 @@ mod record;
 
 use crate::NOTE;
 use crate::icd::cell;
-use crate::model::{Receiver, Schema};
+use crate::model::{Code, Receiver, Schema};
 use crate::text::{block, braces, each, indent, join, upper};
 
 /// The files.
 pub fn files(schema: &Schema) -> Vec<(String, String)> {
     let inside = ["answers", "codes", "commands", "counters", "ends", "frames"];
-    let files = [
-        (
-            "mod",
-            "What `schema/packets.toml` says: codes, messages, how they are read and written.",
-            each(inside, |name| format!("pub mod {name};\n")),
-        ),
-        (
-            "codes",
-            "Numbers with a name: versions, limits, kinds of packets, codes of fields.",
-            codes(schema),
-        ),
-        (
-            "counters",
-            "The counters of `Status`, in the order of the wire.",
-            counters(schema),
-        ),
-        (
+    let modules = each(inside, |name| format!("pub mod {name};\n"));
+    let file = |name: &str, about: &str, text: String| {
+        let path = format!("src/generated/{name}.rs");
+        (path, format!("// {NOTE}\n//! {about}\n\n{text}"))
+    };
+    let all = "What `schema/packets.toml` says: codes, messages, how they are read and written.";
+    let numbers = "Numbers with a name: versions, limits, kinds of packets, codes of fields.";
+    let order = "The counters of `Status`, in the order of the wire.";
+    let answers = "The answers of the emulator, and all of its packets.";
+    vec![
+        file("mod", all, modules),
+        file("codes", numbers, codes(schema)),
+        file("counters", order, counters(schema)),
+        file(
             "commands",
             "What a client sends.",
             messages::commands(schema),
         ),
-        (
+        file(
             "frames",
             "The packets of a frame.",
             messages::frames(schema),
         ),
-        ("ends", "What closes a frame.", messages::ends(schema)),
-        (
-            "answers",
-            "The answers of the emulator, and all of its packets.",
-            messages::answers(schema),
-        ),
-    ];
-    let file = |(name, about, text): (&str, &str, String)| {
-        let path = format!("src/generated/{name}.rs");
-        (path, format!("// {NOTE}\n//! {about}\n\n{text}"))
-    };
-    files.map(file).into()
+        file("ends", "What closes a frame.", messages::ends(schema)),
+        file("answers", answers, messages::answers(schema)),
+    ]
 }
 
 /// The head of every writer.
@@ -61,11 +49,7 @@ fn doc(text: &str) -> String {
 }
 
 fn codes(schema: &Schema) -> String {
-    let Schema {
-        version,
-        max_packet,
-        ..
-    } = schema;
+    let (version, max_packet) = (schema.version, schema.max_packet);
     let mut out = format!(
         "use crate::wire::wire_enum;\n\n\
          /// Version of these formats, in the secondary header.\npub const VERSION: u8 = {version};\n\
@@ -73,30 +57,21 @@ fn codes(schema: &Schema) -> String {
          pub const MAX_PACKET: usize = {max_packet};\n"
     );
     for codes in &schema.enums {
-        let values = codes.values.iter();
-        let values = values.map(|value| (&value.name, value.code, &value.doc));
-        out += &enumeration(&codes.name, &codes.doc, values);
+        out += &enumeration(&codes.name, &codes.doc, &codes.values);
     }
-    let opcodes = schema
-        .opcodes()
-        .map(|opcode| (&opcode.name, opcode.code, &opcode.doc));
-    out += &enumeration(
-        "Opcode",
-        "First payload octet of a `Command` packet.",
-        opcodes,
-    );
+    let opcodes = "First payload octet of a `Command` packet.";
+    out += &enumeration("Opcode", opcodes, schema.opcodes());
     out += "\n/// Application process identifiers: one a message kind.\n";
     out + &block("pub mod apid", &apids(schema))
 }
 
-fn enumeration<'a>(
-    name: &str,
-    about: &str,
-    values: impl Iterator<Item = (&'a String, u8, &'a String)>,
-) -> String {
-    let values = each(values, |(name, code, about)| {
-        format!("{}{name} = {code},\n", doc(about))
-    });
+fn enumeration<'a>(name: &str, about: &str, values: impl IntoIterator<Item = &'a Code>) -> String {
+    let values = each(
+        values,
+        |Code {
+             name, code, doc, ..
+         }| { format!("/// {doc}\n{name} = {code},\n") },
+    );
     let body = doc(about) + &block(&format!("pub enum {name}: u8"), &values);
     format!("\n{}", block("wire_enum!", &body))
 }
@@ -109,8 +84,8 @@ fn apids(schema: &Schema) -> String {
             Receiver::Client => "From the emulator",
         };
         let (name, apid) = (upper(&message.name), message.apid);
-        let about = doc(&format!("{direction}: {}.", cell(&message.doc)));
-        format!("{about}pub const {name}: u16 = {apid:#05x};\n")
+        let about = cell(&message.doc);
+        format!("/// {direction}: {about}.\npub const {name}: u16 = {apid:#05x};\n")
     });
     let rows = each(messages, |message| {
         format!("({}, \"{}\"),\n", upper(&message.name), message.name)
@@ -122,16 +97,12 @@ fn apids(schema: &Schema) -> String {
         "{constants}\n\
          /// All of them with their names in the ICD.\n\
          pub const ALL: [(u16, &str); {count}] = [\n{rows}];\n\n\
-         /// Whether packets with this APID go towards the emulator (type bit 1).\n{}\n\
-         /// The row of [`ALL`] that holds this APID.\n{}",
-        block(
-            "pub const fn is_telecommand(apid: u16) -> bool",
-            &format!("matches!(apid, {telecommands})\n")
-        ),
-        block(
-            "pub fn index(apid: u16) -> Option<usize>",
-            "ALL.iter().position(|(known, _)| *known == apid)\n"
-        ),
+         /// Whether packets with this APID go towards the emulator (type bit 1).\n\
+         pub const fn is_telecommand(apid: u16) -> bool {{\n\
+         \x20   matches!(apid, {telecommands})\n}}\n\n\
+         /// The row of [`ALL`] that holds this APID.\n\
+         pub fn index(apid: u16) -> Option<usize> {{\n\
+         \x20   ALL.iter().position(|(known, _)| *known == apid)\n}}\n"
     )
 }
 
@@ -139,14 +110,12 @@ fn counters(schema: &Schema) -> String {
     let names = each(&schema.counters, |counter| {
         format!("{}{},\n", doc(&counter.doc), counter.name)
     });
-    let reasons = schema.enums.iter().flat_map(|codes| &codes.values);
-    let mut arms: Vec<(&str, Vec<String>)> = Vec::new();
-    for value in reasons {
-        let Some(counter) = &value.counter else {
-            continue;
-        };
-        let reason = format!("Reason::{}", value.name);
-        match arms.iter_mut().find(|(known, _)| known == counter) {
+    let codes = schema.enums.iter().flat_map(|codes| &codes.values);
+    let reasons = codes.filter_map(|code| Some((code.counter.as_ref()?, &code.name)));
+    let mut arms: Vec<(&String, Vec<String>)> = Vec::new();
+    for (counter, name) in reasons {
+        let reason = format!("Reason::{name}");
+        match arms.iter_mut().find(|(known, _)| *known == counter) {
             Some((_, reasons)) => reasons.push(reason),
             None => arms.push((counter, vec![reason])),
         }
@@ -156,11 +125,9 @@ fn counters(schema: &Schema) -> String {
     });
     let body =
         braces("let counter = match reason", &arms) + ";\n*counter = counter.wrapping_add(1);\n";
-    let refuse = doc("Counts one packet refused for this reason.")
-        + &block("pub fn refuse(&mut self, reason: Reason)", &body);
-    format!(
-        "use super::codes::Reason;\nuse crate::wire::counters;\n\n{}\n{}",
-        block("counters!", &names),
-        block("impl Counters", &refuse)
-    )
+    let refuse = "/// Counts one packet refused for this reason.\n\
+                  pub fn refuse(&mut self, reason: Reason)";
+    let refuse = block("impl Counters", &block(refuse, &body));
+    let names = block("counters!", &names);
+    format!("use super::codes::Reason;\nuse crate::wire::counters;\n\n{names}\n{refuse}")
 }

@@ -166,32 +166,24 @@ impl Vectors {
              # primary header, time, version, payload and CRC.\n\n"
         );
         out += &each(&self.good, Good::text);
-        for Reference {
-            name, packet, line, ..
-        } in &self.serial
-        {
+        for serial in &self.serial {
+            let (name, packet, line) = (&serial.name, &serial.packet, &serial.line);
             let (packet, inner) = (hex(packet), hex(&line[1..line.len() - 1]));
             out += &format!("[{name}]\npacket = {packet}\nhex = c0 | {inner} | c0\n\n");
         }
-        for Reference {
-            name, of, frames, ..
-        } in &self.can
-        {
-            let frames = each(frames, |(id, data)| {
+        for can in &self.can {
+            let frames = each(&can.frames, |(id, data)| {
                 format!("\n    {id:03X}#{}", hex(data).to_uppercase())
             });
-            out += &format!("[{name}]\nof = {of}\nframes ={frames}\nhex =\n\n");
+            out += &format!(
+                "[{}]\nof = {}\nframes ={frames}\nhex =\n\n",
+                can.name, can.of
+            );
         }
-        for Mistake {
-            name,
-            receiver,
-            error,
-            octets,
-            ..
-        } in &self.bad
-        {
+        for bad in &self.bad {
+            let (name, receiver, error) = (&bad.name, &bad.receiver, &bad.error);
             out += &format!("[{name}]\nreceiver = {receiver}\nerror = {error}\n");
-            out += format!("hex = {}", spaced(octets)).trim_end();
+            out += format!("hex = {}", spaced(&bad.octets)).trim_end();
             out += "\n\n";
         }
         out
@@ -212,14 +204,8 @@ impl Good {
     }
 
     fn text(&self) -> String {
-        let Self {
-            name,
-            message,
-            count,
-            time,
-            ..
-        } = self;
-        let mut out = format!("[{name}]\nmessage = {message}\n");
+        let (count, time) = (self.count, self.time);
+        let mut out = format!("[{}]\nmessage = {}\n", self.name, self.message);
         out += &format!("sequence_count = {count}\ntime = {time:#018x}\n");
         if let Some(opcode) = &self.opcode {
             out += &format!("opcode = {opcode}\n");
@@ -254,10 +240,8 @@ impl Good {
                     });
                     list(Number::Unsigned(2), &cells.collect::<Vec<_>>())
                 };
-                vec![
-                    ("places", cells(&["column", "row"])),
-                    ("pixels", cells(&["pixels"])),
-                ]
+                let places = cells(&["column", "row"]);
+                vec![("places", places), ("pixels", cells(&["pixels"]))]
             }
             Kind::Rest(Rest::Records) => vec![("records", hex(self.rest()))],
             Kind::Rest(Rest::Octets) if value.is_table() => {
@@ -309,15 +293,15 @@ impl Sample {
         let (count, time) = (self.sequence_count, unsigned(&time)?);
         let octets = payload(schema, message, self.opcode.as_deref(), &table)?;
         let octets = packet(schema, message, count, time, &octets, &Mistake::default());
-        let value = |field: Field| Some((table.get(&field.name)?.clone(), field));
-        let fields = list.into_iter().filter_map(value);
+        let value = |field: Field| table.get(&field.name).cloned().map(|value| (field, value));
+        let fields = list.into_iter().filter_map(value).collect();
         Ok(Good {
             name: self.name,
             message: self.message,
             opcode: self.opcode,
             count,
             time,
-            fields: fields.map(|(value, field)| (field, value)).collect(),
+            fields,
             octets,
             table,
         })
@@ -366,13 +350,9 @@ fn spaced(octets: &[u8]) -> String {
     let (payload, crc) = payload.split_at(payload.len() - 2);
     let (primary, rest) = head.split_at(6);
     let (time, version) = rest.split_at(8);
-    let (primary, time) = (groups(primary, 2), hex(time));
-    let payload = each(payload.chunks(32), |line| {
-        format!("\n      {}", groups(line, 4))
-    });
-    format!(
-        "{primary} | {time} | {} |{payload}\n      | {}",
-        hex(version),
-        hex(crc)
-    )
+    let primary = groups(primary, 2);
+    let [time, version, crc] = [time, version, crc].map(hex);
+    let lines = payload.chunks(32).map(|line| groups(line, 4));
+    let payload = each(lines, |line| format!("\n      {line}"));
+    format!("{primary} | {time} | {version} |{payload}\n      | {crc}")
 }

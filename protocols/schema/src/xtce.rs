@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::NOTE;
 use crate::bytes::hex;
-use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
+use crate::model::{Code, Field, Kind, Number, Receiver, Record, Rest, Schema};
 use crate::text::{each, indent};
 
 /// Octets before the payload and after it.
@@ -157,8 +157,10 @@ impl<'a> Declared<'a> {
     /// The type of a number, a code or a flag: name and text.
     fn scalar(&self, field: &Field) -> (String, String) {
         if let Some(codes) = self.schema.codes(field) {
-            let values = codes.values.iter().map(|value| (value.code, &value.name));
-            return (codes.name.clone(), self.enumerated(&codes.name, values));
+            return (
+                codes.name.clone(),
+                self.enumerated(&codes.name, &codes.values),
+            );
         }
         let number = match field.kind {
             Kind::One(number) | Kind::Array(number, _) => number,
@@ -188,9 +190,9 @@ impl<'a> Declared<'a> {
         (name, line(&head, &(units(unit) + &encoding)))
     }
 
-    fn enumerated<'n>(&self, name: &str, codes: impl Iterator<Item = (u8, &'n String)>) -> String {
-        let codes = each(codes, |(code, label)| {
-            empty(&format!("Enumeration value=\"{code}\" label=\"{label}\""))
+    fn enumerated(&self, name: &str, codes: &[Code]) -> String {
+        let codes = each(codes, |Code { code, name, .. }| {
+            empty(&format!("Enumeration value=\"{code}\" label=\"{name}\""))
         });
         let encoding = empty("IntegerDataEncoding sizeInBits=\"8\" encoding=\"unsigned\"");
         let head = format!("Enumerated{}Type name=\"{name}\"", self.of);
@@ -286,8 +288,7 @@ fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) 
         container(name, "", &own, &(entries + crc), doc)
     } else {
         let opcode = format!("{name}_opcode");
-        let codes = message.opcodes.iter().map(|code| (code.code, &code.name));
-        let text = declared.enumerated("Opcode", codes);
+        let text = declared.enumerated("Opcode", &message.opcodes);
         declared.types.insert("Opcode".to_owned(), text);
         let entry = declared.add(&opcode, "Opcode", "which command");
         container(name, ABSTRACT, &own, &entry, doc)

@@ -1,7 +1,7 @@
 //! Readers, writers and ranges of the C header.
 
 use super::{DIRECTIONS, case, count_to, function, switch, when};
-use crate::model::{Field, Kind, Number, Opcode, Receiver, Record, Rest, Rule, Schema};
+use crate::model::{Code, Field, Kind, Number, Receiver, Record, Rest, Rule, Schema};
 use crate::text::{block, each, join, snake, upper};
 
 /// Which APIDs there are.
@@ -264,7 +264,7 @@ fn commands(message: &Record) -> String {
 }
 
 /// How a command's fields are checked, read and written.
-fn command(opcode: &Opcode) -> [String; 3] {
+fn command(opcode: &Code) -> [String; 3] {
     let own = snake(&opcode.name);
     if let Some(kind) = &opcode.type_name {
         let kind = snake(kind);

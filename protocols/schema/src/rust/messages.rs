@@ -2,7 +2,7 @@
 
 use super::record::{field_range, read_value, rust_type, write_value};
 use super::{WRITE, doc};
-use crate::model::{Field, Opcode, Receiver, Record, Schema};
+use crate::model::{Code, Field, Receiver, Record, Schema};
 use crate::text::{block, braces, each, join, upper};
 
 /// What a client sends.
@@ -197,8 +197,8 @@ impl Arms {
     }
 
     /// A variant with the fields of its command.
-    fn members(&mut self, schema: &Schema, opcode: &Opcode) {
-        let Opcode { name, fields, .. } = opcode;
+    fn members(&mut self, schema: &Schema, opcode: &Code) {
+        let (name, fields) = (&opcode.name, &opcode.fields);
         let members = each(fields, |field| {
             format!("{}{}: {},\n", doc(&field.doc), field.name, rust_type(field))
         });

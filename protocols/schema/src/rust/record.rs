@@ -123,18 +123,14 @@ impl Record {
             let (flag, name) = (&optional.flag, &optional.name);
             let some = braces(&format!("1 => Some({}", optional.type_name), &inner);
             let arms = format!("{some}),\n_ => None,\n");
-            out += &format!(
-                "{};\n",
-                braces(&format!("let {name} = match {flag}"), &arms)
-            );
+            out += &braces(&format!("let {name} = match {flag}"), &arms);
+            out += ";\n";
             names += &format!("{name},\n");
         }
         if self.counters {
+            let each_counter = "for counter in counters.iter_mut()";
             out += "let mut counters = Counters::default();\n";
-            out += &block(
-                "for counter in counters.iter_mut()",
-                "*counter = reader.u32()?;\n",
-            );
+            out += &block(each_counter, "*counter = reader.u32()?;\n");
             names += "counters,\n";
         }
         format!("{out}{})\n", braces("Ok(Self", &names))
@@ -164,26 +160,21 @@ impl Record {
                     });
                     format!("writer.u8({})?;\n", join(bits, " | "))
                 }
-                (Kind::Array(number, _), Some(count)) => block(
-                    &format!(
-                        "for number in self.{name}.iter().take(self.{count}.into()).flatten()"
-                    ),
-                    &format!("writer.{}(*number)?;\n", number.name()),
-                ),
+                (Kind::Array(number, _), Some(count)) => {
+                    let listed = format!("self.{name}.iter().take(self.{count}.into()).flatten()");
+                    let write = format!("writer.{}(*number)?;\n", number.name());
+                    block(&format!("for number in {listed}"), &write)
+                }
                 _ => write_value(field, &format!("self.{name}")),
             };
         }
         if self.optional.is_some() {
-            out += &block(
-                &format!("if let Some({optional}) = &self.{optional}"),
-                &inner,
-            );
+            let is_there = format!("if let Some({optional}) = &self.{optional}");
+            out += &block(&is_there, &inner);
         }
         if self.counters {
-            out += &block(
-                "for (_, value) in self.counters.iter()",
-                "writer.u32(value)?;\n",
-            );
+            let each_value = "for (_, value) in self.counters.iter()";
+            out += &block(each_value, "writer.u32(value)?;\n");
         }
         out + "Ok(())\n"
     }
@@ -240,7 +231,7 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
     match &field.kind {
         Kind::Struct(_) => out + &format!("{place}.check()?;\n"),
         Kind::Rest(Rest::Octets) => {
-            let Field { least, most, .. } = field;
+            let (least, most) = (field.least, field.most);
             let holds = format!("({least}..={most}).contains(&{place}.len())");
             out + &format!("rule({holds}, {name}, \"must be {least} to {most} octets\")?;\n")
         }
@@ -257,10 +248,8 @@ pub(super) fn read_value(schema: &Schema, owner: &str, field: &Field) -> String 
             format!("reader.code({codes}::from_code, {name}, \"must be {limits}\")?")
         }
         _ if !field.bits.is_empty() => {
-            format!(
-                "reader.flags({}, {name}, \"must be {limits}\")?",
-                field.all_flags()
-            )
+            let all = field.all_flags();
+            format!("reader.flags({all}, {name}, \"must be {limits}\")?")
         }
         (Kind::One(number), _) => read_number(*number),
         (Kind::Array(number, _), _) => format!("reader.{}s()?", number.name()),
