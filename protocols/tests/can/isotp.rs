@@ -57,17 +57,13 @@ pub fn play(side: Side, script: &str) -> String {
             }
             ">" => {
                 let next = node.next_frame(now);
-                let data = next
-                    .as_ref()
-                    .map_or(String::new(), |frame| digits(frame.payload()));
-                assert_eq!(data, rest, "{script}");
+                let data = next.map(|frame| digits(frame.payload()));
+                assert_eq!(data.unwrap_or_default(), rest, "{script}");
                 assert!(next.is_none_or(|frame| frame.id == sends), "{script}");
             }
             "~" => {
-                let wake = node
-                    .wake_at()
-                    .map_or(String::new(), |wake| wake.to_string());
-                assert_eq!(wake, rest, "{script}");
+                let wake = node.wake_at().map(|wake| wake.to_string());
+                assert_eq!(wake.unwrap_or_default(), rest, "{script}");
             }
             _ => panic!("no step {step}"),
         }
@@ -77,7 +73,7 @@ pub fn play(side: Side, script: &str) -> String {
 }
 
 /// All frames of a message from the emulator to a client, and the client's, as `A` and `B` and hexadecimal digits.
-fn exchange(message: &[u8], parameters: Parameters) -> Vec<String> {
+fn exchange(message: &[u8], parameters: Parameters) -> String {
     let mut emulator = Node::with(Side::Emulator, parameters);
     let mut client = Node::with(Side::Client, parameters);
     let (mut lines, mut received) = (Vec::new(), None);
@@ -101,7 +97,7 @@ fn exchange(message: &[u8], parameters: Parameters) -> Vec<String> {
     }
     assert_eq!(received.as_deref(), Some(message));
     assert_eq!([emulator.counts(), client.counts()], [Counts::default(); 2]);
-    lines
+    lines.join("|")
 }
 
 /// Octets 3, 10, 17 ...
@@ -112,14 +108,8 @@ pub fn message(length: usize) -> Vec<u8> {
 /// X-Val: the vehicle identification number 3FADP4FJ2BM113913 read by OBD2 in CSS Electronics' "CAN bus UDS explained".
 #[test]
 fn a_vehicle_identification_number() {
-    let mut vin = vec![0x49, 0x02, 0x01];
-    vin.extend_from_slice(b"3FADP4FJ2BM113913");
-    let expected = [
-        "A 1014490201334641",
-        "B 300000",
-        "A 21445034464a3242",
-        "A 224d313133393133",
-    ];
+    let vin = [&[0x49, 0x02, 0x01], &b"3FADP4FJ2BM113913"[..]].concat();
+    let expected = "A 1014490201334641|B 300000|A 21445034464a3242|A 224d313133393133";
     assert_eq!(exchange(&vin, Parameters::CLASSIC), expected);
 }
 
@@ -140,80 +130,59 @@ fn exchanges_as_another_implementation_has_them() {
         ..fd
     };
     let in_a_frame = "030a11181f262d343b424950575e656c737a81888f969da4abb2b9c0c7ced5dce3eaf1f8ff060d141b222930373e454c535a61686f767d848b9299a0a7ae";
-    let exchanges = [
-        (7, classic, "A 07030a11181f262d".to_owned()),
-        (
-            8,
-            classic,
-            "A 1008030a11181f26|B 300000|A 212d34".to_owned(),
-        ),
-        (
-            20,
-            blocks,
-            "A 1014030a11181f26|B 300200|A 212d343b42495057|A 225e656c737a8188".to_owned(),
-        ),
-        (
-            20,
-            padded,
-            "A 1014030a11181f26|B 300000cccccccccc|A 212d343b42495057|A 225e656c737a8188"
-                .to_owned(),
-        ),
-        (8, fd, "A 0008030a11181f262d34cccc".to_owned()),
-        (62, fd, format!("A 003e{in_a_frame}")),
-        (63, fd, format!("A 103f{in_a_frame}|B 300000|A 21b5")),
-        (
-            150,
-            fd,
-            format!(
-                "A 1096{in_a_frame}|B 300000|\
-                 A 21b5bcc3cad1d8dfe6edf4fb020910171e252c333a41484f565d646b727980878e959ca3aab1b8bfc6cdd4dbe2e9f0f7fe050c131a21282f363d444b52596067|\
-                 A 226e757c838a91989fa6adb4bbc2c9d0d7dee5ecf3fa01080f16cccccccccccc"
-            ),
-        ),
-        (
-            30,
-            short_fd,
-            "A 101e030a11181f262d343b424950575e|B 300000|A 21656c737a81888f969da4abb2b9c0c7|A 22ce"
-                .to_owned(),
-        ),
-    ];
-    for (length, parameters, expected) in exchanges {
+    let check = |length, parameters, expected: &str| {
         let found = exchange(&message(length), parameters);
-        assert_eq!(found.join("|"), expected, "{length} octets");
-    }
+        assert_eq!(found, expected, "{length} octets");
+    };
+    check(7, classic, "A 07030a11181f262d");
+    check(8, classic, "A 1008030a11181f26|B 300000|A 212d34");
+    let in_blocks = "A 1014030a11181f26|B 300200|A 212d343b42495057|A 225e656c737a8188";
+    check(20, blocks, in_blocks);
+    check(
+        20,
+        padded,
+        &in_blocks.replace("B 300200", "B 300000cccccccccc"),
+    );
+    check(8, fd, "A 0008030a11181f262d34cccc");
+    check(62, fd, &format!("A 003e{in_a_frame}"));
+    check(63, fd, &format!("A 103f{in_a_frame}|B 300000|A 21b5"));
+    let rest = "A 21b5bcc3cad1d8dfe6edf4fb020910171e252c333a41484f565d646b727980878e959ca3aab1b8bfc6cdd4dbe2e9f0f7fe050c131a21282f363d444b52596067|\
+                A 226e757c838a91989fa6adb4bbc2c9d0d7dee5ecf3fa01080f16cccccccccccc";
+    check(150, fd, &format!("A 1096{in_a_frame}|B 300000|{rest}"));
+    let of_16 =
+        "A 101e030a11181f262d343b424950575e|B 300000|A 21656c737a81888f969da4abb2b9c0c7|A 22ce";
+    check(30, short_fd, of_16);
 }
 
 /// X-Val: Linux can-isotp, `net/can/isotp.c`: no padding, block size 0, separation time 0 unless told otherwise.
 #[test]
 fn settings_of_the_kernel() {
-    let Parameters {
-        frame_octets,
-        padding,
-        block_size,
-        st_min,
-        ..
-    } = Parameters::CLASSIC;
-    assert_eq!((frame_octets, padding, block_size, st_min), (8, None, 0, 0));
-    assert_eq!(exchange(&message(3), Parameters::CLASSIC), ["A 03030a11"]);
+    let kernel = Parameters::CLASSIC;
+    assert_eq!((kernel.frame_octets, kernel.padding), (8, None));
+    assert_eq!((kernel.block_size, kernel.st_min), (0, 0));
+    assert_eq!(exchange(&message(3), kernel), "A 03030a11");
 }
 
 #[test]
 fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
     for frame_octets in [8, 12, 16, 20, 24, 32, 48, 64] {
         for block_size in [0, 1, 2, 15, 16, 255] {
-            for length in [
-                1, 6, 7, 8, 11, 12, 13, 62, 63, 64, 111, 112, 113, 1399, 1400,
-            ] {
-                let fd = frame_octets > 8;
-                let padding = (length % 2 == 1).then_some(0xCC);
-                let parameters = Parameters {
-                    fd,
-                    frame_octets,
-                    block_size,
-                    padding,
-                    ..Parameters::CLASSIC
-                };
+            let parameters = Parameters {
+                fd: frame_octets > 8,
+                frame_octets,
+                block_size,
+                ..Parameters::CLASSIC
+            };
+            let padded = Parameters {
+                padding: Some(0xCC),
+                ..parameters
+            };
+            for length in [6, 8, 12, 62, 64, 112, 1400] {
                 exchange(&message(length), parameters);
+                exchange(&message(length), padded);
+            }
+            for length in [1, 7, 11, 13, 63, 111, 113, 1399] {
+                exchange(&message(length), padded);
             }
         }
     }
@@ -222,46 +191,28 @@ fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
         frame_octets: 9,
         ..Parameters::CLASSIC
     };
-    assert_eq!(
-        exchange(&message(20), wrong)[0].len(),
-        2 + 2 * 12,
-        "rounded up to 12"
-    );
+    let first = exchange(&message(20), wrong).find('|');
+    assert_eq!(first, Some(2 + 2 * 12), "rounded up to 12");
 }
 
 #[test]
 fn separation_times() {
-    let codes = [0, 1, 0x7F, 0x80, 0xF0, 0xF1, 0xF9, 0xFA, 0xFF];
-    assert_eq!(
-        codes.map(separation_us),
-        [
-            0, 1000, 127_000, 127_000, 127_000, 100, 900, 127_000, 127_000
-        ]
-    );
+    for (code, us) in [(0, 0), (1, 1000), (0x7F, 127_000), (0xF1, 100), (0xF9, 900)] {
+        assert_eq!(separation_us(code), us, "{code:#x}");
+    }
+    for reserved in [0x80, 0xF0, 0xFA, 0xFF] {
+        assert_eq!(separation_us(reserved), 127_000, "{reserved:#x}");
+    }
 }
 
 #[test]
 fn data_that_is_no_pdu_is_counted() {
     // Reserved types; lengths 0, beyond the frame, and those that belong in a shorter one; cut heads.
-    for data in [
-        "",
-        "4011",
-        "f0",
-        "00",
-        "0011223344556677",
-        "0711223344",
-        "08081122334455667788aabb",
-        "0000112233445566778899aa",
-        "0007112233445566778899aa",
-        "000b112233445566778899aa",
-        "100811223344",
-        "1007112233445566",
-        "100a112233445566778899aa",
-        "100000000fff1122",
-        "20",
-        "30",
-        "3000",
-    ] {
+    let data = "4011 f0 00 0011223344556677 0711223344 08081122334455667788aabb \
+                0000112233445566778899aa 0007112233445566778899aa 000b112233445566778899aa \
+                100811223344 1007112233445566 100a112233445566778899aa 100000000fff1122 \
+                20 30 3000";
+    for data in data.split(' ').chain([""]) {
         assert_eq!(Pdu::parse(&hex(data)), None, "{data}");
         let counts = play(Side::Emulator, &format!("<{data}"));
         assert_eq!(counts, "malformed: 1", "{data}");

@@ -46,18 +46,16 @@ impl Script<'_> {
 }
 
 fn note(counts: Counts, seen: &mut Seen) {
+    let Counts {
+        ignored,
+        incomplete,
+        timeouts,
+        malformed,
+        ..
+    } = counts;
     let size = |count: u32| count.checked_ilog2();
-    seen.note((
-        size(counts.ignored),
-        size(counts.incomplete),
-        size(counts.timeouts),
-        size(counts.malformed),
-    ));
-    seen.note((
-        size(counts.sequence_errors),
-        size(counts.oversize),
-        size(counts.unsent),
-    ));
+    seen.note([ignored, incomplete, timeouts, malformed].map(size));
+    seen.note([counts.sequence_errors, counts.oversize, counts.unsent].map(size));
 }
 
 /// Nine octets a frame: identifier, data; both sides hear it.
@@ -76,35 +74,26 @@ pub const FORM: Target = Target {
         golden().into_iter().filter_map(script).collect()
     },
     run: |input, seen| {
-        let mut nodes = [
-            Node::new(Side::Emulator, false),
-            Node::new(Side::Client, false),
-        ];
+        let mut nodes = [Side::Emulator, Side::Client].map(|side| Node::new(side, false));
         for (at, record) in input.chunks(9).enumerate() {
             let Some((id, data)) = record.split_first() else {
                 continue;
             };
             // 0x100 to 0x11F; 0x210 where the low bits are 0x1F. The lengths that these have, mostly.
-            let (id, octets) = match id {
-                0x00..=0x0F => (0x100 | u32::from(*id), data.len()),
-                0x10 => (0x110, data.len().min(7)),
-                0x1F => (0x210, data.len().min(4)),
-                _ => (
-                    0x100 | u32::from(id & 0x1F),
-                    usize::from(id >> 5).min(data.len()),
-                ),
+            let (id, most) = match id {
+                0x00..=0x0F => (0x100 | u32::from(*id), 8),
+                0x10 => (0x110, 7),
+                0x1F => (0x210, 4),
+                _ => (0x100 | u32::from(id & 0x1F), usize::from(id >> 5)),
             };
-            let frame = CanFrame::new(id, false, &data[..octets]).expect("valid");
+            let data = &data[..most.min(data.len())];
+            let frame = CanFrame::new(id, false, data).expect("valid");
             for node in &mut nodes {
                 if let Some(packet) = node.receive(&frame, at as u64 * 100) {
                     let packet = packet.to_vec();
                     decode(&packet, seen);
-                    if Command::decode(&packet).is_ok() {
-                        assert!(
-                            Frames::of(&packet, 0).is_some(),
-                            "what came this way can go this way"
-                        );
-                    }
+                    // What came this way can go this way.
+                    assert!(Command::decode(&packet).is_err() || Frames::of(&packet, 0).is_some());
                 }
             }
         }
@@ -116,37 +105,18 @@ pub const FORM: Target = Target {
 pub const RECEIVER: Target = Target {
     name: "isotp",
     seeds: || {
-        let frames = [
-            "03aabbcc",
-            "1014030a11181f26",
-            "212d343b42495057",
-            "225e656c737a8188",
-            "300000",
-            "310000",
-            "320000",
-            "30017f",
-            "0008030a11181f262d34cccc",
-            "1578112233445566",
-            "1000ffffffff1122",
-            "21",
-            "300000cccccccccc",
-        ];
+        let first = ["1014030a11181f26", "212d343b42495057", "225e656c737a8188"];
+        let others = "03aabbcc 300000 310000 320000 30017f 0008030a11181f262d34cccc \
+                      1578112233445566 1000ffffffff1122 21 300000cccccccccc";
         let record = |text: &str| {
             let data = hex(text);
             [vec![data.len() as u8 % 16 * 4, 0], data].concat()
         };
-        let mut seeds: Vec<Vec<u8>> = frames
-            .iter()
-            .map(|text| [vec![0], record(text)].concat())
-            .collect();
-        seeds.push(
-            [
-                vec![0],
-                frames[1..4].iter().flat_map(|text| record(text)).collect(),
-            ]
-            .concat(),
-        );
-        seeds.push([vec![0, 3, 0, 20, 0, 0], record(frames[4]), vec![1, 0, 1, 0]].concat());
+        let all = first.into_iter().chain(others.split(' '));
+        let mut seeds: Vec<Vec<u8>> = all.map(|text| [vec![0], record(text)].concat()).collect();
+        seeds.push([vec![0], first.map(record).concat()].concat());
+        let flow = record("300000");
+        seeds.push([vec![0, 3, 0, 20, 0, 0], flow, vec![1, 0, 1, 0]].concat());
         seeds
     },
     run: |input, seen| {
@@ -176,10 +146,8 @@ pub const RECEIVER: Target = Target {
                     let next = node.wake_at();
                     now = next.map_or(now, |next| next.max(now));
                     let gave = node.next_frame(now).is_some();
-                    assert!(
-                        gave || node.wake_at().is_none_or(|then| then > now),
-                        "awake for nothing"
-                    );
+                    let sleeps = node.wake_at().is_none_or(|then| then > now);
+                    assert!(gave || sleeps, "awake for nothing");
                 }
                 _ => {
                     let length = usize::from(script.take()) * 6;
@@ -197,18 +165,14 @@ pub const CHANNEL: Target = Target {
     name: "isotp-channel",
     seeds: || {
         let mut random = Random(5);
-        let script = |number: u8| {
+        // Settings and packets; then every other script has a channel that does no harm.
+        let octet = |number: u8, at| if at < 14 { 1 } else { number % 2 };
+        let mut script = |number| {
             (0..200)
-                .map(|at| {
-                    if at < 14 {
-                        random.next() as u8
-                    } else {
-                        number % 2 * (random.next() as u8)
-                    }
-                })
+                .map(|at| octet(number, at) * random.next() as u8)
                 .collect()
         };
-        (0..8).map(script).collect()
+        (0..8).map(&mut script).collect()
     },
     run: channel,
 };

@@ -34,9 +34,8 @@ pub const SLIP: Target = Target {
                     let mut line = Vec::new();
                     slip::encode(&packet, &mut |octet| line.push(octet));
                     let mut again = slip::Decoder::<{ slip::BUFFER }>::new();
-                    let back = line.iter().find_map(|octet| {
-                        again.push(*octet).map(|found| found.map(<[u8]>::to_vec))
-                    });
+                    let mut push = |octet| Some(again.push(octet)?.map(<[u8]>::to_vec));
+                    let back = line.into_iter().find_map(&mut push);
                     assert_eq!(back, Some(Ok(packet)));
                 }
                 Some(Err(error)) => seen.note_text(&error.to_string()),
@@ -108,11 +107,8 @@ fn parts(reply: &Reply<'_>, seen: &mut Seen) {
         Reply::Compressed(block) => {
             let mut pixels = vec![0; block.count.into()];
             for bits in [8, 12, 16] {
-                seen.note((
-                    "compressed",
-                    bits,
-                    rice::decode(block.data, bits, &mut pixels).is_ok(),
-                ));
+                let is_ok = rice::decode(block.data, bits, &mut pixels).is_ok();
+                seen.note(("compressed", bits, is_ok));
             }
         }
         Reply::Windows(block) => {
@@ -162,12 +158,8 @@ pub const SLCAN: Target = Target {
                     assert_eq!(back, Some(Ok(line)));
                     let mut answers = 0;
                     let frame = adapter.take(&line, &mut |_| answers += 1);
-                    seen.note((
-                        answers,
-                        frame.is_some(),
-                        adapter.is_open(),
-                        adapter.bit_rate(),
-                    ));
+                    let (is_open, rate) = (adapter.is_open(), adapter.bit_rate());
+                    seen.note((answers, frame.is_some(), is_open, rate));
                 }
                 Err(error) => seen.note_text(&error.to_string()),
             }
@@ -179,14 +171,8 @@ fn note(line: &Line, seen: &mut Seen) {
     match line {
         Line::Frame { frame, time_ms } => {
             assert!(frame.is_valid());
-            seen.note((
-                frame.extended,
-                frame.fd,
-                frame.brs,
-                frame.remote,
-                frame.len,
-                time_ms.is_some(),
-            ));
+            seen.note([frame.extended, frame.fd, frame.brs, frame.remote]);
+            seen.note((frame.extended, frame.fd, frame.len, time_ms.is_some()));
         }
         Line::Command(command) => seen.note_text(&format!("{command:?}")),
         Line::Answer(answer) => seen.note(std::mem::discriminant(answer)),
@@ -220,12 +206,8 @@ pub const RICE: Target = Target {
             Ok(()) => {
                 let max = u16::MAX >> (16 - bits);
                 assert!(pixels.iter().all(|pixel| *pixel <= max));
-                seen.note((
-                    "decoded",
-                    bits,
-                    count.checked_ilog2(),
-                    data.len().checked_ilog2(),
-                ));
+                let sizes = [count, data.len()].map(usize::checked_ilog2);
+                seen.note(("decoded", bits, sizes));
                 back(&pixels, bits, seen);
             }
             Err(error) => seen.note((bits, error.to_string())),
