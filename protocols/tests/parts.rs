@@ -76,6 +76,7 @@ fn time_code_of_known_instants() {
     const BEYOND: u64 = (1 << 32) * 1_000_000_000;
     for (ns, code) in [
         (0, Some(0)),
+        (2, Some(9)), // 8.59 units
         (1_500_000_000, Some(0x1_8000_0000)),
         (seconds * 1_000_000_000, Some(seconds << 32)),
         (BEYOND, None),
