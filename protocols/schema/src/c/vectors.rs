@@ -5,7 +5,7 @@ use toml::Value;
 use crate::NOTE;
 use crate::encode::{compressed, float, numbers, unsigned};
 use crate::model::{Field, Kind, Number, Receiver, Schema};
-use crate::text::{each, indent, join, snake, upper};
+use crate::text::{braces, each, indent, join, snake, upper};
 use crate::vectors::{Good, Vectors};
 
 /// The whole file.
@@ -17,17 +17,13 @@ pub fn write(schema: &Schema, vectors: &Vectors) -> Result<String, String> {
     let good = vectors.good.iter().map(|vector| good(schema, vector));
     checks.push(("good", good.collect::<Result<_, _>>()?));
     let bad = vectors.bad.iter().map(|vector| {
-        let (error, length) = (upper(&vector.error), vector.octets.len());
-        let end = if vector.receiver == "emulator" {
-            "uplink"
-        } else {
-            "downlink"
+        let (name, error, length) = (&vector.name, upper(&vector.error), vector.octets.len());
+        let link = match vector.receiver.as_str() {
+            "emulator" => "uplink",
+            _ => "downlink",
         };
-        let refused = format!(
-            "{end}, {:?}, packet, {length}U, SKYLOOP_{error}",
-            vector.name
-        );
-        format!("{}REFUSED({refused});\n", octets("packet", &vector.octets))
+        let packet = octets("packet", &vector.octets);
+        format!("{packet}REFUSED({link}, {name:?}, packet, {length}U, SKYLOOP_{error});\n")
     });
     checks.push(("bad", bad.collect()));
     let serial = vectors.serial.iter().map(|vector| {
@@ -46,10 +42,8 @@ pub fn write(schema: &Schema, vectors: &Vectors) -> Result<String, String> {
         let good = vectors.good.iter().find(|good| good.name == vector.of);
         let kind = good.map_or(String::new(), |good| snake(&good.message));
         let arguments = "packet, sizeof packet, frames, sizeof frames / sizeof frames[0]";
-        format!(
-            "{frames}{packet}check_can_{kind}({:?}, {arguments});\n",
-            vector.name
-        )
+        let name = &vector.name;
+        format!("{frames}{packet}check_can_{kind}({name:?}, {arguments});\n")
     });
     checks.push(("can", can.collect()));
     let (mut out, mut calls) = (format!("/* {NOTE} */\n"), String::new());
@@ -67,10 +61,8 @@ fn function(name: &str, body: &str) -> String {
 }
 
 fn array(kind: &str, name: &str, lines: &str) -> String {
-    format!(
-        "static const {kind} {name}[] = {{\n{}}};\n",
-        indent(lines, 4)
-    )
+    let array = braces(&format!("static const {kind} {name}[] ="), lines);
+    format!("{array};\n")
 }
 
 fn octets(name: &str, octets: &[u8]) -> String {
@@ -85,10 +77,9 @@ fn octets(name: &str, octets: &[u8]) -> String {
 /// Builds the message, encodes it, decodes it, compares both ways.
 fn good(schema: &Schema, vector: &Good) -> Result<String, String> {
     let message = schema.message(&vector.message)?;
-    let link = if message.to == Receiver::Emulator {
-        "uplink"
-    } else {
-        "downlink"
+    let link = match message.to {
+        Receiver::Emulator => "uplink",
+        Receiver::Client => "downlink",
     };
     let mut base = format!("as.{}", snake(message.type_name()));
     let (mut set, mut same) = (String::new(), String::new());

@@ -175,14 +175,10 @@ fn enumeration<const N: usize>(
     methods: [(&str, String); N],
 ) -> String {
     let methods = methods.map(|(head, body)| block(head, &body));
-    format!(
-        "#[derive(Debug, Clone, Copy, PartialEq)]\n{}\n{}",
-        block(&format!("pub enum {name}{generics}"), variants),
-        block(
-            &format!("impl{generics} {name}{generics}"),
-            &methods.join("\n")
-        )
-    )
+    let variants = block(&format!("pub enum {name}{generics}"), variants);
+    let head = format!("impl{generics} {name}{generics}");
+    let methods = block(&head, &methods.join("\n"));
+    format!("#[derive(Debug, Clone, Copy, PartialEq)]\n{variants}\n{methods}")
 }
 
 impl Arms {
@@ -214,19 +210,16 @@ impl Arms {
         let pattern_of_all = pattern(fields.iter(), "");
         self.writes += &block(&format!("Self::{name}{pattern_of_all} =>"), &write);
         let range = |field: &Field| field_range(schema, name, field, "*");
-        let ranged: Vec<&Field> = fields
-            .iter()
-            .filter(|field| !range(field).is_empty())
-            .collect();
-        if !ranged.is_empty() {
-            let rest = if ranged.len() < fields.len() {
+        let ranged = || fields.iter().filter(|field| !range(field).is_empty());
+        let check = each(fields, range);
+        if !check.is_empty() {
+            let rest = if ranged().count() < fields.len() {
                 ", .."
             } else {
                 ""
             };
-            let check = each(fields, range);
             let check = check.trim().trim_end_matches(';');
-            let pattern = pattern(ranged.into_iter(), rest);
+            let pattern = pattern(ranged(), rest);
             self.checks += &format!("Self::{name}{pattern} => {check},\n");
         }
     }
