@@ -1,4 +1,4 @@
-//! `vectors/golden.txt` in both directions: decode(hex) is the fields, and they are written back as the hex.
+//! `vectors/golden.txt` in both directions: decode(hex) gives the fields, encoding them the hex.
 
 mod common;
 
@@ -94,7 +94,7 @@ fn compare(v: &Vector, message: &impl Debug) {
         assert_eq!(found, expected, "{}: {name}", v.name);
         listed += 1;
     }
-    // Of the packet: message, sequence_count, time, hex. Of the opcode and of the rest of a packet: compared elsewhere.
+    // Message, sequence_count, time and hex stand in all. The rest of a packet is compared elsewhere.
     let elsewhere = ["opcode", "places", "records", "pixel_bits"];
     let mut elsewhere = elsewhere.iter().filter(|key| v.has(key)).count();
     elsewhere += usize::from(is_block && v.has("pixels"));

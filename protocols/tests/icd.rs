@@ -1,4 +1,4 @@
-//! The text of `docs/icd.md` that is written by hand names the limits of the code. Its tables are generated.
+//! The hand-written text of `docs/icd.md` names the limits of the code; its tables are generated.
 
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PAYLOAD, VERSION};
 use skyloop_protocols::pixels::{LABEL_TEXT_PER_PART, pixels_per_block};

@@ -6,7 +6,7 @@ use crate::bytes::{Bits, crc16, from_hex};
 use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
 use crate::vectors::Mistake;
 
-/// The payload of a message with these fields. Fields that are missing are an error, values may be anything.
+/// The payload of a message with these fields. Missing fields are an error; values may be wrong.
 ///
 /// # Errors
 /// A field that is missing or of another kind.

@@ -1,7 +1,7 @@
 //! Everything that describes the native packets, written from one description: `packets.toml` and `vectors.toml`.
 //!
-//! [`outputs`] makes the files in memory; `cargo run -p skyloop-schema` writes them, and a test of this crate compares them
-//! with what is committed. Each output has its module: `icd`, `xtce`, `dbc`, `c`, `rust`, `vectors`.
+//! [`outputs`] makes the files in memory; `cargo run -p skyloop-schema` writes them, and a test of
+//! this crate compares them with the committed files. Each output has a module of its own.
 
 mod bytes;
 mod c;

@@ -1,6 +1,6 @@
-//! The XTCE file (CCSDS 660.1-G, OMG formal/20180204): telemetry and, so that a monitor reads both directions,
-//! telecommands as containers; and telecommands once more as commands that can be sent. The ground system's
-//! post-processor fills in the sequence count, data length and CRC of commands.
+//! The XTCE file (CCSDS 660.1-G, OMG formal/20180204). Packets of both directions are containers,
+//! so that a monitor reads both. Telecommands are also commands that can be sent; the ground
+//! system's post-processor fills in their sequence count, data length and CRC.
 
 use std::collections::BTreeMap;
 

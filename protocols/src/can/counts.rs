@@ -18,12 +18,12 @@ pub struct Counts {
     pub timeouts: u32,
     /// Attitudes and ISO-TP messages that began to arrive and were never whole, for any reason.
     pub incomplete: u32,
-    /// Packets that did not get through to the other end: it fell silent, waits too long or has no room.
+    /// Packets that did not reach the other end: it fell silent, waits too long or has no room.
     pub unsent: u32,
     /// Messages announced as longer than any packet, refused.
     pub oversize: u32,
-    /// Frames on our identifiers that cannot be right whatever came before: remote frames, other lengths than the form's, data
-    /// that is no protocol data unit.
+    /// Frames on our identifiers that are wrong by themselves: remote frames, other lengths than the
+    /// form's, data that is no protocol data unit.
     pub malformed: u32,
     /// Frames that mean nothing here: those of others, and late or repeated parts.
     pub ignored: u32,

@@ -335,7 +335,7 @@ fn number(digits: &[u8]) -> Option<u32> {
     })
 }
 
-/// Hands the octets of a line and its end to `put`. A frame that is not valid, or reports an error, has no line.
+/// Hands the octets of a line and its end to `put`. Invalid frames and error frames have no line.
 pub fn encode(line: &Line, put: &mut impl FnMut(u8)) {
     match *line {
         Line::Frame { frame, time_ms } if frame.is_valid() && !frame.error => {

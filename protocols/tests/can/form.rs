@@ -161,7 +161,7 @@ fn packets_of_one_kind_keep_their_order() {
     }
 }
 
-/// The packets that these frames give at the emulator; attitudes that were never whole, and frames passed over.
+/// The packets that these frames give at the emulator, and its counts `incomplete` and `ignored`.
 fn receive(frames: &[CanFrame]) -> (Vec<Vec<u8>>, u32, u32) {
     let mut node = Node::new(Side::Emulator, false);
     let packet = |frame| node.receive(frame, 0).map(<[u8]>::to_vec);
@@ -253,7 +253,7 @@ fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
         (data(0x111, 8), ignored),
         (data(0x210, 4), ignored),
         (data(0x0FF, 8), ignored),
-        // On our identifiers nobody answers remote frames. A 29-bit identifier is another, whatever its number.
+        // Remote frames. A 29-bit identifier is never one of ours.
         (remote(0x100, false), malformed),
         (remote(0x110, false), malformed),
         (remote(0x120, false), malformed),

@@ -90,7 +90,7 @@ fn lines_of_the_lawicel_manual() {
         ("F01\r", Answer::Status(1)),
         ("V1013\r", Answer::Version(*b"1013")),
         ("NA123\r", Answer::Serial(*b"A123")),
-        // X-Val: Linux, drivers/net/can/slcan/slcan-core.c, the examples of slcan_bump_state and slcan_bump_err.
+        // X-Val: Linux, drivers/net/can/slcan/slcan-core.c, slcan_bump_state and slcan_bump_err.
         ("sb256256\r", state(State::BusOff, 256, 256)),
         ("sa057033\r", state(State::Active, 57, 33)),
         ("e1a\r", Answer::Errors(*b"a\0\0\0\0\0\0\0")),

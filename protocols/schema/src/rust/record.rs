@@ -1,4 +1,4 @@
-//! One message or structure in Rust: its declaration, its reader, its writer, and what its fields allow one by one.
+//! One message or structure in Rust: declaration, reader, writer, and the range of each field.
 
 use super::{WRITE, doc};
 use crate::model::{Field, Kind, Number, Record, Rest, Rule, Schema};
