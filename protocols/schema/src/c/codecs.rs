@@ -125,9 +125,8 @@ fn codec(field: &Field) -> [String; 2] {
     match (&field.kind, &field.counted_by) {
         _ if !field.bits.is_empty() => {
             let fail = fail_if(&format!("{name} > {}U", field.all_flags()));
-            let flags = each(field.flags(), |(bit, flag)| {
-                format!("out->{flag} = ({name} & {bit}U) != 0U;\n")
-            });
+            let flag = |(bit, flag)| format!("out->{flag} = ({name} & {bit}U) != 0U;\n");
+            let flags = each(field.flags(), flag);
             let bits = field
                 .flags()
                 .map(|(bit, flag)| format!("(in->{flag} ? {bit}U : 0U)"));

@@ -115,26 +115,7 @@ fn command(schema: &Schema) -> String {
         arms.delegate(name);
     }
     for opcode in schema.opcodes() {
-        let name = &opcode.name;
-        let skipped = match &opcode.type_name {
-            Some(kind) => {
-                arms.add(name, &opcode.doc, &format!("({kind})"));
-                arms.reads += &format!("Opcode::{name} => Self::{name}({kind}::read(reader)?),\n");
-                arms.delegate(name);
-                "(_)"
-            }
-            None if opcode.fields.is_empty() => {
-                arms.add(name, &opcode.doc, "");
-                arms.reads += &format!("Opcode::{name} => Self::{name},\n");
-                arms.writes += &format!("Self::{name} => {{}}\n");
-                ""
-            }
-            None => {
-                arms.members(schema, opcode);
-                " { .. }"
-            }
-        };
-        arms.kinds += &format!("Self::{name}{skipped} => Some(Opcode::{name}),\n");
+        arms.opcode(schema, opcode);
     }
     let read = "let opcode = reader.u8()?;\n\
                 let known = Opcode::from_code(opcode).ok_or(DecodeError::UnknownOpcode { opcode })?;\n";
@@ -190,6 +171,30 @@ impl Arms {
     fn delegate(&mut self, name: &str) {
         self.writes += &format!("Self::{name}(inner) => inner.write(writer)?,\n");
         self.checks += &format!("Self::{name}(inner) => inner.check()?,\n");
+    }
+
+    /// The variant of a command.
+    fn opcode(&mut self, schema: &Schema, opcode: &Code) {
+        let name = &opcode.name;
+        let skipped = match &opcode.type_name {
+            Some(kind) => {
+                self.add(name, &opcode.doc, &format!("({kind})"));
+                self.reads += &format!("Opcode::{name} => Self::{name}({kind}::read(reader)?),\n");
+                self.delegate(name);
+                "(_)"
+            }
+            None if opcode.fields.is_empty() => {
+                self.add(name, &opcode.doc, "");
+                self.reads += &format!("Opcode::{name} => Self::{name},\n");
+                self.writes += &format!("Self::{name} => {{}}\n");
+                ""
+            }
+            None => {
+                self.members(schema, opcode);
+                " { .. }"
+            }
+        };
+        self.kinds += &format!("Self::{name}{skipped} => Some(Opcode::{name}),\n");
     }
 
     /// A variant with the fields of its command.
