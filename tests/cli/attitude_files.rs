@@ -1,20 +1,16 @@
 //! `[sequence] attitude_file`: an AEM or lines of attitudes are flown as the file means them.
 
-use crate::{Q, skyloop};
-use std::path::Path;
+use crate::{Folder, Q};
 
-/// A scene whose first of three frames, 1 s apart, is at the touchstone's time, and the files beside it.
-fn scene(here: &Path, sequence: &str, files: &[(&str, &str)]) {
-    let text = format!(
+/// A scene whose first of three frames, 1 s apart, is at the touchstone's time, and a file beside it.
+fn scene(sequence: &str, (name, text): (&str, &str)) -> Folder {
+    let scene = format!(
         "[sequence]\nepoch = \"2019-06-15T23:35:50Z\"\nframes = 3\nperiod_s = 1.0\n{sequence}\n"
     );
-    std::fs::write(here.join("scene.toml"), text).unwrap();
-    for (name, text) in files {
-        std::fs::write(here.join(name), text).unwrap();
-    }
+    Folder::with(&[("scene.toml", &scene), (name, text)])
 }
 
-const RENDER: [&str; 5] = ["render", "--scene", "scene.toml", "--out", "o"];
+const RENDER: &str = "render --scene scene.toml --out o";
 
 /// An AEM of version 1.0; its second segment holds the third frame alone.
 fn message(meta: &str, first: &str, second: &str) -> String {
@@ -34,7 +30,8 @@ fn message(meta: &str, first: &str, second: &str) -> String {
 
 #[test]
 fn attitudes_of_a_file_are_those_of_the_labels() {
-    // The same attitude, `Q` to the body, in each spelling: the quaternion of CCSDS from A to B is its conjugate.
+    // The same attitude, `Q` to the body, in each spelling: the quaternion of CCSDS from A to B is its
+    // conjugate.
     let a2b_last = message(
         "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n",
         "0.070834 0.644137 -0.733522 -0.204975",
@@ -56,38 +53,24 @@ fn attitudes_of_a_file_are_those_of_the_labels() {
         ("b.txt", &b2a_first),
         ("lines", &lines),
     ] {
-        let here = tempfile::tempdir().unwrap();
-        scene(
-            here.path(),
-            &format!("attitude_file = \"{name}\""),
-            &[(name, text)],
-        );
-        let done = skyloop(here.path()).args(RENDER).assert().success();
-        let log = String::from_utf8(done.get_output().stderr.clone()).unwrap();
+        let here = scene(&format!("attitude_file = \"{name}\""), (name, text));
+        let log = here.run(RENDER).exits(0).log;
         let is_message = name != "lines";
         assert_eq!(
             log.contains("those of the file are not used"),
             is_message,
             "{log}"
         );
-        let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
-        let attitudes = labels.lines().map(|line| {
-            let label: serde_json::Value = serde_json::from_str(line).unwrap();
-            let q = label["q_icrf_to_body"].as_array().unwrap();
-            q.iter().map(|x| x.as_f64().unwrap()).collect::<Vec<f64>>()
-        });
-        let attitudes: Vec<Vec<f64>> = attitudes.collect();
-        let dot = |q: &[f64], other: &[f64]| q.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
-        for q in &attitudes[..2] {
-            assert!(
-                (dot(q, &wanted) / norm).abs() > 1.0 - 1e-12,
-                "{name}: {q:?}"
-            );
+        let labels = here.labels("o");
+        for (label, wanted, norm) in [
+            (&labels[0], &wanted[..], norm),
+            (&labels[1], &wanted, norm),
+            (&labels[2], &[0.0, 0.0, 0.0, 1.0], 1.0),
+        ] {
+            let q = &label["q_icrf_to_body"];
+            let products = (0..4).map(|i| q[i].as_f64().unwrap() * wanted[i] / norm);
+            assert!(products.sum::<f64>().abs() > 1.0 - 1e-12, "{name}: {q}");
         }
-        assert!(
-            dot(&attitudes[2], &[0.0, 0.0, 0.0, 1.0]).abs() > 1.0 - 1e-12,
-            "{name}"
-        );
     }
 }
 
@@ -145,11 +128,8 @@ fn attitude_files_that_cannot_be_flown_say_why() {
         ),
         ("", good, "no pointing: give one of attitudes"),
     ] {
-        let here = tempfile::tempdir().unwrap();
-        scene(here.path(), sequence, &[("f", text)]);
-        let failed = skyloop(here.path()).args(RENDER).assert().failure();
-        let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
-        assert!(log.contains(part), "{part}: {log}");
-        assert!(!here.path().join("o").exists(), "{part}");
+        let here = scene(sequence, ("f", text));
+        here.run(RENDER).exits(1).logs(&[part]);
+        assert!(!here.join("o").exists(), "{part}");
     }
 }

@@ -1,9 +1,6 @@
 //! `skyloop catalog`, folders of orbit files and `--strict`.
 
-use super::skyloop;
-use serde_json::Value;
-use std::path::Path;
-use std::process::Output;
+use crate::{Folder, still};
 
 /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
 pub const VANGUARD: &str = "VANGUARD 1\n\
@@ -20,70 +17,45 @@ const NEW: &str = "\
 
 /// A scene with these objects, seen from one of them.
 pub fn scene(files: &str) -> String {
-    format!(
-        "[objects]\nfiles = [{files}]\n[observer]\norbit = \"delta.3le\"\n\
-         [sequence]\nepoch = \"2006-06-25T20:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
-         attitudes = [{{ q = [0.0, 0.0, 0.0, 1.0] }}]\n"
-    )
+    let sequence = still("2006-06-25T20:00:00Z");
+    format!("[objects]\nfiles = [{files}]\n[observer]\norbit = \"delta.3le\"\n{sequence}")
 }
 
-/// A folder of orbits in three formats, with a remark and a subfolder beside them.
-fn folder(at: &Path) {
-    std::fs::create_dir_all(at.join("orbits/below")).unwrap();
-    let file = |name: &str, text: &str| std::fs::write(at.join(name), text).unwrap();
-    file("delta.3le", DELTA);
-    file("orbits/a.txt", VANGUARD);
-    file("orbits/b.csv", NEW);
-    file("orbits/readme.txt", "Nothing that moves.\n");
-    // Another set of the first object, ten days later, and one that is spoilt.
+/// A folder of orbits in three formats, with a remark and a subfolder beside them. One object has
+/// another set, ten days later, and one has a set that is spoilt.
+fn folder() -> Folder {
     let later = VANGUARD
         .replace("00179", "00189")
         .replace("  4753", "  4754");
     let spoilt = DELTA.replace("15.56387291", "15.56387292");
-    file("orbits/c.3le", &format!("{later}{spoilt}"));
-}
-
-pub fn run(at: &Path, args: &[&str]) -> (Option<i32>, String, String) {
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = skyloop(at).args(args).output().unwrap();
-    let text = |octets: Vec<u8>| String::from_utf8(octets).unwrap();
-    (status.code(), text(stdout), text(stderr))
-}
-
-pub fn has(text: &str, parts: &[&str]) {
-    for part in parts {
-        assert!(text.contains(part), "no {part:?} in:\n{text}");
-    }
+    let here = Folder::with(&[
+        ("delta.3le", DELTA),
+        ("orbits/a.txt", VANGUARD),
+        ("orbits/b.csv", NEW),
+        ("orbits/readme.txt", "Nothing that moves.\n"),
+        ("orbits/c.3le", &format!("{later}{spoilt}")),
+    ]);
+    std::fs::create_dir(here.join("orbits/below")).unwrap();
+    here
 }
 
 #[test]
 fn check_tells_what_files_hold_and_what_is_no_use() {
-    let here = tempfile::tempdir().unwrap();
-    folder(here.path());
-    let (code, out, _) = run(here.path(), &["catalog", "check", "orbits"]);
-    assert_eq!(code, Some(0), "{out}");
-    has(
-        &out,
-        &[
-            "orbits/a.txt: 3le, 1 record of 1 object, 0 rejected",
-            "epochs 2000-06-27T18:50:19.733568Z to",
-            "orbits/b.csv: omm-csv, 2 records of 2 objects",
-            "numbers beyond 99999: 2",
-            "orbits/c.3le:6: bad checksum in line 2",
-            "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
-            "3 files: 4 records of 3 objects; 1 record and 0 files cannot be used",
-        ],
-    );
-    let (code, _, log) = run(here.path(), &["catalog", "check", "orbits", "--strict"]);
-    assert_eq!(code, Some(1));
-    has(&log, &["--strict: 1 record and 0 files cannot be used"]);
+    let here = folder();
+    here.run("catalog check orbits").exits(0).prints(&[
+        "orbits/a.txt: 3le, 1 record of 1 object, 0 rejected",
+        "epochs 2000-06-27T18:50:19.733568Z to",
+        "orbits/b.csv: omm-csv, 2 records of 2 objects",
+        "numbers beyond 99999: 2",
+        "orbits/c.3le:6: bad checksum in line 2",
+        "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
+        "3 files: 4 records of 3 objects; 1 record and 0 files cannot be used",
+    ]);
+    let strict = here.run("catalog check orbits --strict").exits(1);
+    strict.logs(&["--strict: 1 record and 0 files cannot be used"]);
 
-    let (code, out, _) = run(here.path(), &["catalog", "check", "--json", "orbits"]);
-    let report: Value = serde_json::from_str(&out).unwrap();
-    assert_eq!((code, report["objects"].as_u64()), (Some(0), Some(3)));
+    let report = here.run("catalog check --json orbits").exits(0).json();
+    assert_eq!(report["objects"], 3);
     assert_eq!(report["passed_over"][1], "orbits/readme.txt");
     let c = &report["files"][2];
     assert_eq!(c["rejected"][0]["line"], 6);
@@ -92,295 +64,198 @@ fn check_tells_what_files_hold_and_what_is_no_use() {
     let oem = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = E\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
                TIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T00:10:00\nMETA_STOP\n\
                2019-06-15T00:00:00 7000 0 0 1 0 0\n2019-06-15T00:10:00 7600 0 0 1 0 0\n";
-    std::fs::write(here.path().join("mixed"), format!("{oem}{VANGUARD}")).unwrap();
-    let (_, out, _) = run(here.path(), &["catalog", "check", "mixed"]);
-    has(
-        &out,
-        &[
-            "covers 2019-06-15T00:00:00.000Z to 2019-06-15T00:10:00.000Z\n",
-            "epochs 2000-06-27T18:50:19.733568Z to 2000-06-27T18:50:19.733568Z\n",
-        ],
-    );
+    here.write("mixed", format!("{oem}{VANGUARD}"));
+    here.run("catalog check mixed").prints(&[
+        "covers 2019-06-15T00:00:00.000Z to 2019-06-15T00:10:00.000Z\n",
+        "epochs 2000-06-27T18:50:19.733568Z to 2000-06-27T18:50:19.733568Z\n",
+    ]);
 
-    let twice = format!(
-        "{VANGUARD}{}",
-        VANGUARD
-            .replace("  .00000023", " -.00000023")
-            .replace("4753", "4754")
+    let other = VANGUARD.replace("  .00000023", " -.00000023");
+    here.write(
+        "twice.3le",
+        VANGUARD.to_string() + &other.replace("4753", "4754"),
     );
-    std::fs::write(here.path().join("twice.3le"), twice).unwrap();
-    let (_, out, _) = run(here.path(), &["catalog", "check", "twice.3le"]);
-    has(
-        &out,
-        &[
-            "2 records of 1 object",
-            "several element sets: 1 object (NORAD 5: 2)",
-        ],
-    );
+    here.run("catalog check twice.3le").prints(&[
+        "2 records of 1 object",
+        "several element sets: 1 object (NORAD 5: 2)",
+    ]);
 
-    let (code, out, log) = run(
-        here.path(),
-        &["catalog", "check", "orbits/readme.txt", "none"],
-    );
-    assert_eq!(code, Some(1));
-    has(&out, &["no orbit found", "cannot read the orbit file none"]);
-    has(&log, &["no object in 2 files"]);
+    let none = here.run("catalog check orbits/readme.txt none").exits(1);
+    none.prints(&["no orbit found", "cannot read the orbit file none"])
+        .logs(&["no object in 2 files"]);
+}
+
+/// An element set without its name, number and designator, with new checksums.
+fn without_number(set: &str) -> String {
+    let line = |line: &str| {
+        let line = line.replace("00005", "00000").replace("06251", "00000");
+        let line = line.replace("58002B", "      ").replace("62025E", "      ");
+        let digit = |c: char| c.to_digit(10).unwrap_or((c == '-').into());
+        let sum = line[..68].chars().map(digit).sum::<u32>();
+        format!("{}{}\n", &line[..68], sum % 10)
+    };
+    set.lines().skip(1).map(line).collect()
 }
 
 #[test]
 fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
-    let here = tempfile::tempdir().unwrap();
-    let file = |name: &str, text: &str| std::fs::write(here.path().join(name), text).unwrap();
-    // Two orbits without a number, and one of them again in another file.
-    let zero = |set: &str| {
-        let bare = set.split_once('\n').unwrap().1;
-        // Sums of digits behind the lines, which numbers change.
-        let sealed = bare.lines().map(|line| {
-            let line = line.replace("00005", "00000").replace("06251", "00000");
-            let line = line.replace("58002B", "      ").replace("62025E", "      ");
-            let digit = |c: char| c.to_digit(10).unwrap_or((c == '-').into());
-            format!(
-                "{}{}\n",
-                &line[..68],
-                line[..68].chars().map(digit).sum::<u32>() % 10
-            )
-        });
-        sealed.collect::<String>()
-    };
-    file("one.tle", &format!("{}{}", zero(VANGUARD), zero(DELTA)));
-    file("two.tle", &zero(DELTA));
-    let (code, out, log) = run(here.path(), &["catalog", "check", "one.tle", "two.tle"]);
-    assert_eq!(code, Some(0), "{log}");
-    has(
-        &out,
-        &[
-            "one.tle: tle, 2 records of 2 objects",
-            "2 files: 3 records of 2 objects",
-        ],
-    );
-    let (_, out, _) = run(here.path(), &["catalog", "info", "one.tle", "two.tle"]);
-    has(&out, &["  0 #2 ", "  0  "]);
+    let (vanguard, delta) = (without_number(VANGUARD), without_number(DELTA));
+    let theory = NEW.replacen("BSTAR\n", "BSTAR,MEAN_ELEMENT_THEORY\n", 1);
+    let theory = theory.replace(".1E-3\n", ".1E-3,SGP\n");
+    // Two orbits without a number, and one of them again in another file; and with a name.
+    let here = Folder::with(&[
+        ("one.tle", &format!("{vanguard}{delta}")),
+        ("two.tle", &delta),
+        ("three.tle", &format!("CUBE\n{vanguard}")),
+        ("four.tle", &format!("cube\n{delta}")),
+        (
+            "old.csv",
+            &theory.replace("100002,0\n", "100002,0,SGP4-XP\n"),
+        ),
+        ("delta.3le", DELTA),
+        ("scene.toml", &scene("\"old.csv\"")),
+        ("answer.json", r#"{"error":"You must be logged in"}"#),
+    ]);
+    let check = here.run("catalog check one.tle two.tle").exits(0);
+    check.prints(&[
+        "one.tle: tle, 2 records of 2 objects",
+        "2 files: 3 records of 2 objects",
+    ]);
+    here.run("catalog info one.tle two.tle")
+        .prints(&["  0 #2 ", "  0  "]);
     // One name without a number is no identity.
-    file("three.tle", &format!("CUBE\n{}", zero(VANGUARD)));
-    file("four.tle", &format!("cube\n{}", zero(DELTA)));
     for (other, objects, shared) in [("three.tle", 2, 1), ("four.tle", 1, 0)] {
-        let (_, out, _) = run(here.path(), &["catalog", "check", other, "four.tle"]);
-        has(&out, &[&format!("2 files: 2 records of {objects} object")]);
+        let check = here.run(&format!("catalog check {other} four.tle"));
+        let check = check.prints(&[&format!("2 files: 2 records of {objects} object")]);
         let said = "objects of one name without number, designator and OBJECT_ID (CUBE: 2)";
-        assert_eq!(out.matches(said).count(), shared, "{out}");
+        assert_eq!(check.out.matches(said).count(), shared, "{}", check.out);
     }
 
-    let omm = NEW.replacen("BSTAR\n", "BSTAR,MEAN_ELEMENT_THEORY\n", 1);
-    file(
-        "old.csv",
-        &omm.replace(".1E-3\n", ".1E-3,SGP\n")
-            .replace("100002,0\n", "100002,0,SGP4-XP\n"),
-    );
-    let (code, out, _) = run(here.path(), &["catalog", "check", "old.csv"]);
-    assert_eq!(code, Some(0));
-    has(
-        &out,
-        &[
-            "old.csv: omm-csv, 1 record of 1 object, 1 rejected",
-            "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: flown by SGP4",
-            "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
-        ],
-    );
-    let (_, _, log) = run(
-        here.path(),
-        &["catalog", "convert", "old.csv", "--to", "tle"],
-    );
-    has(&log, &["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
-    file("delta.3le", DELTA);
-    file("scene.toml", &scene("\"old.csv\""));
-    let (_, _, log) = run(here.path(), &["plan", "--scene", "scene.toml"]);
-    has(&log, &["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
-
-    file("answer.json", r#"{"error":"You must be logged in"}"#);
-    let (code, out, _) = run(here.path(), &["catalog", "check", "answer.json"]);
-    assert_eq!(code, Some(1));
-    has(
-        &out,
-        &["answer.json: no orbits, but the answer of a server: \"You must be logged in\""],
-    );
+    here.run("catalog check old.csv").exits(0).prints(&[
+        "old.csv: omm-csv, 1 record of 1 object, 1 rejected",
+        "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: flown by SGP4",
+        "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
+    ]);
+    for command in [
+        "catalog convert old.csv --to tle",
+        "plan --scene scene.toml",
+    ] {
+        here.run(command)
+            .logs(&["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
+    }
+    let check = here.run("catalog check answer.json").exits(1);
+    check
+        .prints(&["answer.json: no orbits, but the answer of a server: \"You must be logged in\""]);
 }
 
 #[test]
 fn check_tells_sets_without_a_state_by_the_references_code() {
-    let here = tempfile::tempdir().unwrap();
     // So low that its mean orbit lies inside the Earth.
     let low = NEW
         .replace("15.20000001", "17.5")
         .replace("MADE UP", "SUNK");
-    std::fs::write(here.path().join("low.csv"), low).unwrap();
-    let (code, out, _) = run(here.path(), &["catalog", "check", "low.csv"]);
-    assert_eq!(code, Some(0));
-    has(
-        &out,
-        &[
-            "no state by SGP4 at their own epoch: code 6: 1",
-            "low.csv:2: NORAD 799500123: the object has decayed",
-        ],
-    );
+    let here = Folder::with(&[("low.csv", &low)]);
+    here.run("catalog check low.csv").exits(0).prints(&[
+        "no state by SGP4 at their own epoch: code 6: 1",
+        "low.csv:2: NORAD 799500123: the object has decayed",
+    ]);
 }
 
 #[test]
 fn info_counts_kinds_of_orbits_and_tells_one() {
-    let here = tempfile::tempdir().unwrap();
-    folder(here.path());
-    let (code, out, log) = run(here.path(), &["catalog", "info", "orbits"]);
-    assert_eq!(code, Some(0), "{log}");
-    let rows: Vec<Vec<&str>> = out
-        .lines()
-        .map(|line| line.split_whitespace().collect())
-        .collect();
+    let here = folder();
+    let info = here.run("catalog info orbits").exits(0);
+    let info = info.prints(&["799500123", "A NAME OF THIRTY CHARACTERS ..."]);
     let count = |kind: &str| {
-        let row = rows.iter().find(|row| row.first() == Some(&kind)).unwrap();
-        row.iter().rev().nth(2).unwrap().to_string()
+        let rows = info.out.lines().map(|line| line.split_whitespace());
+        let row = rows.map(Iterator::collect::<Vec<&str>>);
+        let mut row = row.filter(|row| row.first() == Some(&kind));
+        row.next().unwrap().iter().rev().nth(2).unwrap().to_string()
     };
-    assert_eq!(
-        ["LEO", "MEO", "GEO", "HEO"].map(count),
-        ["1", "1", "1", "0"]
-    );
-    assert_eq!(count("several"), "1");
-    has(&out, &["799500123", "A NAME OF THIRTY CHARACTERS ..."]);
-    has(
-        &log,
-        &[
-            "refused: orbits/c.3le:6: bad checksum",
-            "passed over: 2 entries are no files of orbits",
-        ],
-    );
+    let counts = ["LEO", "MEO", "GEO", "HEO", "several"].map(count);
+    assert_eq!(counts, ["1", "1", "1", "0", "1"]);
+    info.logs(&[
+        "refused: orbits/c.3le:6: bad checksum",
+        "passed over: 2 entries are no files of orbits",
+    ]);
 
-    let one = [
-        "catalog",
-        "info",
-        "orbits",
-        "--object",
-        "799500123",
-        "--json",
-    ];
-    let (_, out, _) = run(here.path(), &one);
-    let told: Value = serde_json::from_str(&out).unwrap();
+    let told = here
+        .run("catalog info orbits --object 799500123 --json")
+        .json();
     assert_eq!(told.as_array().unwrap().len(), 1);
-    assert_eq!(
-        (&told[0]["regime"], &told[0]["deep"]),
-        (&"LEO".into(), &false.into())
-    );
-    let (code, _, log) = run(
-        here.path(),
-        &["catalog", "info", "orbits", "--object", "ISS"],
-    );
-    assert_eq!(code, Some(1));
-    has(&log, &["--object ISS: no object called \"ISS\""]);
-    let (code, _, log) = run(here.path(), &["catalog", "info", "orbits", "--strict"]);
-    assert_eq!(code, Some(1));
-    has(&log, &["--strict: 1 record of"]);
+    let (regime, deep) = (&told[0]["regime"], &told[0]["deep"]);
+    assert_eq!((regime, deep), (&"LEO".into(), &false.into()));
+    for (flag, says) in [
+        ("--object ISS", "--object ISS: no object called \"ISS\""),
+        ("--strict", "--strict: 1 record of"),
+    ] {
+        here.run(&format!("catalog info orbits {flag}"))
+            .exits(1)
+            .logs(&[says]);
+    }
 }
 
 #[test]
 fn convert_writes_every_format_and_tells_what_does_not_fit() {
-    let here = tempfile::tempdir().unwrap();
-    folder(here.path());
-    let files = ["orbits/a.txt", "delta.3le"];
+    let here = folder();
     for format in ["omm-kvn", "omm-xml", "omm-json", "omm-csv"] {
-        let out = [
-            files[0], files[1], "--to", format, "--out", "there", "--force",
-        ];
-        let (code, _, log) = run(here.path(), &[&["catalog", "convert"], &out[..]].concat());
-        assert_eq!((code, log.as_str()), (Some(0), ""), "{format}");
-        let (code, back, _) = run(here.path(), &["catalog", "convert", "there", "--to", "3le"]);
-        assert_eq!(code, Some(0));
-        let original = format!("0 {VANGUARD}0 {DELTA}");
-        assert_eq!(back, original, "{format}");
+        let to = format!("--to {format} --out there --force");
+        here.run(&format!("catalog convert orbits/a.txt delta.3le {to}"))
+            .quiet();
+        let back = here.run("catalog convert there --to 3le").exits(0).out;
+        assert_eq!(back, format!("0 {VANGUARD}0 {DELTA}"), "{format}");
     }
-    let (code, out, log) = run(
-        here.path(),
-        &["catalog", "convert", "orbits/b.csv", "--to", "3le"],
-    );
-    assert_eq!((code, out.lines().count()), (Some(0), 3));
-    has(&out, &["0 A NAME OF THIRTY CHARACT\n1 A0002U 26101B"]);
-    has(
-        &log,
-        &[
+    let convert = here.run("catalog convert orbits/b.csv --to 3le").exits(0);
+    assert_eq!(convert.out.lines().count(), 3);
+    convert
+        .prints(&["0 A NAME OF THIRTY CHARACT\n1 A0002U 26101B"])
+        .logs(&[
             "NORAD 799500123: a TLE has numbers up to 339999",
             "NORAD 100002: the name 'A NAME OF THIRTY CHARACTERS ...' is cut",
             "1 element set rounded",
-        ],
-    );
-    let strict = [
-        "catalog",
-        "convert",
-        "orbits/b.csv",
-        "--to",
-        "tle",
-        "--out",
-        "new",
-        "--strict",
-    ];
-    let (code, _, log) = run(here.path(), &strict);
-    assert_eq!((code, here.path().join("new").exists()), (Some(1), false));
-    has(&log, &["--strict: 1 record"]);
-    let (code, _, _) = run(
-        here.path(),
-        &["catalog", "convert", "delta.3le", "--to", "oem-kvn"],
-    );
-    assert_eq!(code, Some(2));
-    let oem = super::repository("configs/scenes/rcm-2019-06-15/rcm-2-B.oem");
-    let (code, _, log) = run(here.path(), &["catalog", "convert", &oem, "--to", "tle"]);
-    assert_eq!(code, Some(1));
-    has(
-        &log,
-        &[
+        ]);
+    let strict = here.run("catalog convert orbits/b.csv --to tle --out new --strict");
+    strict.exits(1).logs(&["--strict: 1 record"]);
+    assert!(!here.join("new").exists());
+    here.run("catalog convert delta.3le --to oem-kvn").exits(2);
+    let oem = crate::repository("configs/scenes/rcm-2019-06-15/rcm-2-B.oem");
+    here.run(&format!("catalog convert {oem} --to tle"))
+        .exits(1)
+        .logs(&[
             "has an ephemeris, which no mean elements",
             "no element set to write as tle",
-        ],
-    );
-    let (_, out, _) = run(here.path(), &["catalog", "info", &oem]);
-    has(&out, &["with an ephemeris             1", "2019-06-15T"]);
+        ]);
+    let info = here.run(&format!("catalog info {oem}"));
+    info.prints(&["with an ephemeris             1", "2019-06-15T"]);
 }
 
 #[test]
 fn a_scene_takes_folders_and_says_what_it_passed_over() {
-    let here = tempfile::tempdir().unwrap();
-    folder(here.path());
-    let file =
-        |name: &str, files: &str| std::fs::write(here.path().join(name), scene(files)).unwrap();
-    file("folder.toml", "\"orbits\"");
-    let (code, _, log) = run(here.path(), &["plan", "--scene", "folder.toml"]);
-    assert_eq!(code, Some(0), "{log}");
-    has(
-        &log,
-        &[
-            "refused: orbits/c.3le:6: bad checksum",
-            "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
-            "1 object has several element sets (NORAD 5 (VANGUARD 1))",
-        ],
-    );
-    for command in ["plan", "loopback", "render", "lightcurve"] {
-        let more: &[&str] = match command {
-            "render" => &["--out", "o"],
-            "lightcurve" => &["--out", "o", "--object", "5"],
-            _ => &[],
-        };
-        let args = [&[command, "--scene", "folder.toml", "--strict"], more].concat();
-        let (code, _, log) = run(here.path(), &args);
-        assert_eq!(code, Some(1), "{command}: {log}");
-        has(
-            &log,
-            &[
-                "--strict: 1 record of orbit files cannot be used",
-                "orbits/c.3le:6: bad",
-            ],
-        );
+    let here = folder();
+    here.write("folder.toml", scene("\"orbits\""));
+    here.run("plan --scene folder.toml").exits(0).logs(&[
+        "refused: orbits/c.3le:6: bad checksum",
+        "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
+        "1 object has several element sets (NORAD 5 (VANGUARD 1))",
+    ]);
+    for command in [
+        "plan --scene",
+        "loopback --scene",
+        "render --out o --scene",
+        "lightcurve --out o --object 5 --scene",
+        "run --config",
+    ] {
+        let strict = here
+            .run(&format!("{command} folder.toml --strict"))
+            .exits(1);
+        let strict = strict.logs(&["--strict: 1 record"]);
+        if !command.starts_with("run") {
+            let of_files = "--strict: 1 record of orbit files cannot be used";
+            strict.logs(&[of_files, "orbits/c.3le:6: bad"]);
+        }
     }
-    let (code, _, log) = run(here.path(), &["run", "--config", "folder.toml", "--strict"]);
-    assert_eq!(code, Some(1));
-    has(&log, &["--strict: 1 record"]);
-
-    std::fs::create_dir(here.path().join("empty")).unwrap();
-    file("empty.toml", "\"empty\"");
-    let (code, _, log) = run(here.path(), &["plan", "--scene", "empty.toml"]);
-    assert_eq!(code, Some(1));
-    has(&log, &["objects.files[0]: empty: no usable object"]);
+    std::fs::create_dir(here.join("empty")).unwrap();
+    here.write("empty.toml", scene("\"empty\""));
+    let empty = here.run("plan --scene empty.toml").exits(1);
+    empty.logs(&["objects.files[0]: empty: no usable object"]);
 }

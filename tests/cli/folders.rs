@@ -1,58 +1,39 @@
 //! Paths of scenes: a folder stands for the `scene.toml` in it.
 
-use crate::{repository, skyloop};
-use std::path::Path;
+use crate::{Folder, Outcome, repository};
 
 #[test]
 fn a_folder_stands_for_the_scene_in_it() {
+    let here = Folder::new();
     let folder = repository("configs/scenes/geo-belt-stare");
     let file = format!("{folder}/scene.toml");
-    let here = tempfile::tempdir().unwrap();
-    let plan = |at: &Path, flags: &[&str]| {
-        let output = skyloop(at).arg("plan").args(flags).output().unwrap();
-        let text = |octets| String::from_utf8(octets).unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", text(output.stderr));
-        text(output.stdout)
-    };
-    let of_file = plan(here.path(), &["--scene", &file]);
+    let of_file = here.run(&format!("plan --scene {file}")).quiet();
+    let of_folder = here.run(&format!("plan --scene {folder}")).quiet();
     // Each names the scene as it was given.
-    let as_given = |text: &str| text.replace(&file, &folder);
-    for (at, scene) in [(here.path(), folder.as_str()), (Path::new(&folder), ".")] {
-        let of_folder = plan(at, &["--scene", scene]);
-        assert_eq!(as_given(&of_file), of_folder.replacen(scene, &folder, 1));
-    }
+    assert_eq!(of_file.replace(&file, &folder), of_folder);
+    let mut inside = assert_cmd::Command::new(env!("CARGO_BIN_EXE_skyloop"));
+    let inside = inside.current_dir(&folder).args(["plan", "--scene", "."]);
+    let inside = Outcome::of("plan --scene .", inside.output().unwrap());
+    assert_eq!(inside.quiet().replacen('.', &folder, 1), of_folder);
 }
 
 #[test]
-fn a_folder_without_a_scene_is_named_with_what_it_lacks() {
-    let here = tempfile::tempdir().unwrap();
-    std::fs::create_dir(here.path().join("inner")).unwrap();
-    for folder in [".", "inner", "inner/"] {
-        for flags in [
-            &["plan", "--scene", folder][..],
-            &["run", "--config", folder],
-            &["render", "--out", "o", "--scene", folder],
-        ] {
-            let output = skyloop(here.path()).args(flags).output().unwrap();
-            let log = String::from_utf8(output.stderr).unwrap();
-            assert_eq!(output.status.code(), Some(1), "{log}");
-            let file = Path::new(folder).join("scene.toml");
-            for words in [
-                &format!("error: {}: No such file", file.display()),
-                "a folder stands for the scene.toml in it",
-            ] {
-                assert!(log.contains(words), "{flags:?}: {log}");
-            }
+fn a_path_that_leads_to_no_scene_is_named_as_it_was_given() {
+    let here = Folder::new();
+    std::fs::create_dir(here.join("inner")).unwrap();
+    for (folder, file) in [
+        (".", "./scene.toml"),
+        ("inner", "inner/scene.toml"),
+        ("inner/", "inner/scene.toml"),
+    ] {
+        for command in ["plan --scene", "run --config", "render --out o --scene"] {
+            let says = format!("error: {file}: No such file");
+            here.run(&format!("{command} {folder}"))
+                .exits(1)
+                .logs(&[&says, "a folder stands for the scene.toml in it"]);
         }
     }
-}
-
-#[test]
-fn a_path_of_the_command_line_starts_where_the_command_does() {
-    let here = tempfile::tempdir().unwrap();
-    let flags = ["plan", "--scene", "no/where.toml"];
-    let output = skyloop(here.path()).args(flags).output().unwrap();
-    let log = String::from_utf8(output.stderr).unwrap();
-    assert!(log.starts_with("error: no/where.toml: "), "{log}");
-    assert!(log.ends_with("; check the path\n"), "{log}");
+    let missing = here.run("plan --scene no/where.toml").exits(1).log;
+    assert!(missing.starts_with("error: no/where.toml: "), "{missing}");
+    assert!(missing.ends_with("; check the path\n"), "{missing}");
 }

@@ -1,12 +1,15 @@
 //! Wrong inputs: one clear line each, that names what, where and the remedy; nothing is written.
 
-use crate::{EPOCH, Q, STATE, repository, skyloop};
+use crate::{EPOCH, Folder, Outcome, Q, STATE, camera, repository, rows};
 use std::net::UdpSocket;
 
-/// The first line on standard error of a command that fails; `words` must be in it.
-fn refuses(flags: &[&str], words: &[&str]) {
-    let here = tempfile::tempdir().unwrap();
-    for (name, text) in [
+/// A folder with configurations, most of which have a fault.
+fn folder() -> Folder {
+    let sequence = "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1\n";
+    let surplus = format!("{sequence}attitudes = [{{ q = [0, 0, 0, 1, 0] }}]\n");
+    let rates =
+        format!("{sequence}attitudes = [{{ q = [0, 0, 0, 1] }}]\nrates_deg_s = [0, 0, 0, 0.1]\n");
+    let here = Folder::with(&[
         ("key.toml", "seed = 1\nsead = 3\n"),
         ("range.toml", "label_snr = -3\n"),
         ("seed.toml", "seed = 1\n"),
@@ -14,16 +17,8 @@ fn refuses(flags: &[&str], words: &[&str]) {
         ("camera.toml", "camera = \"nope\"\n"),
         ("time.toml", "[sequence]\nepoch = 5\n"),
         ("words.toml", "seed = 1\ncamera = rigel-l\n"),
-        (
-            "surplus.toml",
-            "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1\n\
-             attitudes = [{ q = [0, 0, 0, 1, 0] }]\n",
-        ),
-        (
-            "rates.toml",
-            "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1\n\
-             attitudes = [{ q = [0, 0, 0, 1] }]\nrates_deg_s = [0, 0, 0, 0.1]\n",
-        ),
+        ("surplus.toml", &surplus),
+        ("rates.toml", &rates),
         ("file", ""),
         (
             "metres.oem",
@@ -31,364 +26,211 @@ fn refuses(flags: &[&str], words: &[&str]) {
              REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T00:00:00\n\
              STOP_TIME = 2019-06-16T00:00:00\nMETA_STOP\n2019-06-15T00:00:00 7000000 0 0 0 7500 0\n",
         ),
-    ] {
-        std::fs::write(here.path().join(name), text).unwrap();
+    ]);
+    let slow = camera(
+        "fai-nir",
+        &[("exposure_s", "3400.0"), ("rate_hz", "0.0002")],
+    );
+    here.write("slow.toml", slow);
+    here.write("binary", b"\x7fELF\0\x01\xff");
+    here
+}
+
+/// Each row of the table is refused; `before` comes before its command line.
+#[track_caller]
+fn refuses(before: &str, table: &str) {
+    let here = folder();
+    for (words, says) in rows(table) {
+        let refused = here.run(&format!("{before} {words}")).logs(&says);
+        is_refused(&refused);
+        assert!(!here.join("o").exists(), "{words}: something is written");
     }
-    let slow = std::fs::read_to_string(repository("configs/cameras/fai-nir.toml")).unwrap();
-    let slow = slow
-        .replace("exposure_s = 0.1", "exposure_s = 3400.0")
-        .replace("rate_hz = 1.0", "rate_hz = 0.0002");
-    std::fs::write(here.path().join("slow.toml"), slow).unwrap();
-    std::fs::write(here.path().join("binary"), b"\x7fELF\0\x01\xff").unwrap();
-    let failed = skyloop(here.path()).args(flags).assert().failure();
-    let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+}
+
+#[track_caller]
+fn is_refused(Outcome { code, log, .. }: &Outcome) {
+    assert!(matches!(code, Some(1 | 2)), "{log}");
     let line = log.lines().next().unwrap_or_default();
-    assert!(line.starts_with("error: "), "{flags:?}: {log}");
-    for word in words {
-        assert!(log.contains(word), "{flags:?}: no {word:?} in {log}");
-    }
+    assert!(line.starts_with("error: "), "{log}");
     // A wrong flag names the help, several faults of a file are a line each; all else is one line.
     if !log.contains("--help") && !log.contains(" faults:\n") {
-        assert_eq!(log.lines().count(), 1, "{flags:?}: {log}");
+        assert_eq!(log.lines().count(), 1, "{log}");
     }
     let half: String = line.chars().skip(line.chars().count() / 2).collect();
-    assert!(
-        half.len() < 20 || line.matches(&half).count() == 1,
-        "told twice: {line}"
-    );
-    assert!(
-        !here.path().join("o").exists(),
-        "{flags:?}: nothing may be written"
-    );
-}
-
-/// `render` with the usual epoch and attitude, and `flags`.
-fn render(flags: &[&str], words: &[&str]) {
-    let usual = ["render", "--epoch", EPOCH, "--attitude", Q, "--out", "o"];
-    refuses(&[&usual[..], flags].concat(), words);
+    let is_repeated = half.len() >= 20 && line.matches(&half).count() > 1;
+    assert!(!is_repeated, "told twice: {line}");
 }
 
 #[test]
-fn attitudes() {
-    let with = |q, words: &[&str]| {
-        refuses(
-            &["render", "--epoch", EPOCH, "--out", "o", "--attitude", q],
-            words,
-        );
-    };
-    with(
-        "0,0,0,1.1",
-        &[
-            "--attitude",
-            "[0.0, 0.0, 0.0, 1.1]",
-            "norm 1.100000",
-            "unit quaternion",
-        ],
+fn attitudes_and_epochs() {
+    refuses(
+        &format!("render --epoch {EPOCH} --out o --attitude"),
+        "0,0,0,1.1    | --attitude | [0.0, 0.0, 0.0, 1.1] | norm 1.100000 | unit quaternion
+         0,0,0,1.0011 | --attitude | norm 1.001100 | unit quaternion
+         0,0,0,nan    | --attitude | 0,0,0,nan | finite
+         0,0,1        | --attitude | 4 numbers | not 3
+         0,0,0,1,0    | --attitude | 4 numbers | not 5
+         0,0,zero,1   | --attitude | 4 numbers",
     );
-    with(
-        "0,0,0,1.0011",
-        &["--attitude", "norm 1.001100", "unit quaternion"],
+    refuses(
+        &format!("render --attitude {Q} --out o"),
+        "--epoch=yesterday            | --epoch | yesterday | UTC | 2019-06-15T23:35:50
+         --epoch=2019-13-45T00:00:00Z | --epoch | 2019-13-45T00:00:00Z | UTC | 2019-06-15T23:35:50
+         --epoch=                     | --epoch | UTC | 2019-06-15T23:35:50
+         --epoch=2019                 | --epoch | 2019 | UTC | 2019-06-15T23:35:50
+         --epoch=1850-01-01T00:00:00Z | 1850-01-01 | 1900 to 2100 | choose an epoch inside
+         --frames 1                   | --epoch",
     );
-    with("0,0,0,nan", &["--attitude", "0,0,0,nan", "finite"]);
-    with("0,0,1", &["--attitude", "4 numbers", "not 3"]);
-    render(
-        &["--rates", "0,0,1e9"],
-        &["--rates (deg/s)", "at most 628.4 rad/s"],
-    );
-    // Refused before the folder is touched, though only the camera's exposure of 0.1 s makes it too much.
-    render(
-        &["--rates", "9000,0,0"],
-        &["turns 900.0 deg", "57.3 deg", "lower the rates"],
-    );
-    render(
-        &["--state", "7000000,0,0,0,7500,0"],
-        &[
-            "--state 7000000,0,0,0,7500,0: 7000000.0 km from the Earth's centre at 7500.000 km/s",
-            "6356 to 4000000 km",
-            "at most 100 km/s",
-            "it is in km and km/s",
-        ],
-    );
-    // At rest at mid-exposure it has come through the ground within the 1700 s before.
-    render(
-        &["--camera", "slow.toml", "--state", "6400,0,0,0,0,0"],
-        &[
-            "carried on to 2019-06-15T23:07:30",
-            "from the Earth's centre",
-        ],
-    );
-    with("0,0,0,1,0", &["--attitude", "4 numbers", "not 5"]);
-    with("0,0,zero,1", &["--attitude", "4 numbers"]);
 }
 
-#[test]
-fn epochs() {
-    for epoch in ["yesterday", "2019-13-45T00:00:00Z", "", "2019"] {
-        refuses(
-            &["render", "--attitude", Q, "--out", "o", "--epoch", epoch],
-            &["--epoch", epoch, "UTC", "2019-06-15T23:35:50"],
-        );
-    }
-    refuses(&["render", "--attitude", Q, "--out", "o"], &["--epoch"]);
-}
-
+/// Refused before the folder is touched, even where only the camera's exposure makes it too much:
+/// it turns 900 deg in 0.1 s, or has come through the ground within the 1700 s before.
 #[test]
 fn rates_and_states() {
-    render(&["--rates", "1,2"], &["--rates", "3 numbers", "not 2"]);
-    render(&["--rates", "1,2,inf"], &["--rates", "finite"]);
-    render(&["--rates", "1,2,1e9"], &["rates", "628.4 rad/s"]);
-    render(
-        &["--state", "7000,0,0,0,7.5"],
-        &["--state", "6 numbers", "not 5"],
-    );
-    render(
-        &["--state", "6000,0,0,0,7.5,0"],
-        &["--state 6000,", "6000.0 km from", "must be 6356 to"],
-    );
-    render(
-        &["--state", STATE, "--orbit", "x.tle"],
-        &["--state", "--orbit"],
+    refuses(
+        &crate::render(""),
+        &format!(
+            "--rates 0,0,1e9  | --rates (deg/s) | at most 628.4 rad/s
+             --rates 1,2      | --rates | 3 numbers | not 2
+             --rates 1,2,inf  | --rates | finite
+             --rates 9000,0,0 | turns 900.0 deg | 57.3 deg | lower the rates
+             --state 7000000,0,0,0,7500,0
+             | --state 7000000,0,0,0,7500,0: 7000000.0 km from the Earth's centre at 7500.000 km/s
+             | 6356 to 4000000 km | at most 100 km/s | it is in km and km/s
+             --state 6000,0,0,0,7.5,0 | --state 6000, | 6000.0 km from | must be 6356 to
+             --state 7000,0,0,0,7.5   | --state | 6 numbers | not 5
+             --state {STATE} --orbit x.tle | --state | --orbit
+             --camera slow.toml --state 6400,0,0,0,0,0
+             | carried on to 2019-06-15T23:07:30 | from the Earth's centre"
+        ),
     );
 }
 
 #[test]
 fn cameras_numbers_and_folders() {
-    render(
-        &["--camera", "nope"],
-        &[
-            "nope",
-            "No such file",
-            "fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky",
-        ],
-    );
-    render(&["--camera", "fai_nri"], &["did you mean fai-nir?"]);
-    render(&["--frames", "0"], &["--frames", "0", "1 to 1000000"]);
-    render(&["--period", "-1"], &["--period", "seconds"]);
-    render(&["--label-snr", "nan"], &["--label-snr", "0 to 1e9"]);
-    for out in ["file", "file/inside"] {
-        refuses(
-            &["render", "--epoch", EPOCH, "--attitude", Q, "--out", out],
-            &[out, "choose another output folder"],
-        );
-    }
     refuses(
-        &["loopback", "--frames", "1", "--out", "file"],
-        &["file", "choose another output folder"],
+        &crate::render(""),
+        "--camera nope    | nope | No such file
+         | fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky
+         --camera fai_nri | did you mean fai-nir?
+         --frames 0       | --frames | 0 | 1 to 1000000
+         --period -1      | --period | seconds
+         --label-snr nan  | --label-snr | 0 to 1e9",
+    );
+    let render = format!("render --epoch {EPOCH} --attitude {Q} --out");
+    refuses(
+        "",
+        &format!(
+            "{render} file                 | file | choose another output folder
+             {render} file/inside          | file/inside | choose another output folder
+             loopback --frames 1 --out file | file | choose another output folder"
+        ),
     );
 }
 
 #[test]
 fn objects_and_orbits() {
-    let oem = |name: &str| repository(&format!("configs/scenes/rcm-2019-06-15/{name}-B.oem"));
-    render(
-        &["--rso", &oem("rcm-1")],
-        &["observer", "--state or --orbit"],
-    );
-    render(
-        &["--rso", "none.tle", "--state", STATE],
-        &["none.tle", "No such file", "check the path"],
-    );
-    let named = format!("{}:RCM-1", oem("rcm-1"));
-    render(
-        &["--rso", &named, "--state", STATE],
-        &["whole files", "rcm-1-B.oem"],
-    );
-    render(
-        &["--rso", "metres.oem", "--state", STATE],
-        &["metres.oem", "no usable object", "km and km/s"],
-    );
-    render(
-        &["--orbit", "none.tle"],
-        &["none.tle", "No such file", "check the path"],
-    );
-    render(
-        &["--orbit", &format!("{}:IKAROS", oem("cassiope"))],
-        &["cassiope-B.oem", "IKAROS", "2013-055A"],
-    );
+    let scene = repository("configs/scenes/rcm-2019-06-15");
     refuses(
-        &[
-            "render",
-            "--epoch",
-            "2020-06-15T23:35:50Z",
-            "--attitude",
-            Q,
-            "--out",
-            "o",
-            "--orbit",
-            &oem("cassiope"),
-        ],
-        &[
-            "CASSIOPE",
-            "2020-06-15T23:35:50.000Z",
-            "outside its ephemeris",
-            "covers 2019-06-15T23:35:30",
-        ],
+        "render --out o",
+        &format!(
+            "--epoch {EPOCH} --attitude {Q} --rso {scene}/rcm-1-B.oem | observer | --state or --orbit
+             --epoch {EPOCH} --attitude {Q} --rso none.tle --state {STATE}
+             | none.tle | No such file | check the path
+             --epoch {EPOCH} --attitude {Q} --rso {scene}/rcm-1-B.oem:RCM-1 --state {STATE}
+             | whole files | rcm-1-B.oem
+             --epoch {EPOCH} --attitude {Q} --rso metres.oem --state {STATE}
+             | metres.oem | no usable object | km and km/s
+             --epoch {EPOCH} --attitude {Q} --orbit none.tle | none.tle | No such file | check the path
+             --epoch {EPOCH} --attitude {Q} --orbit {scene}/cassiope-B.oem:IKAROS
+             | cassiope-B.oem | IKAROS | 2013-055A
+             --epoch 2020-06-15T23:35:50Z --attitude {Q} --orbit {scene}/cassiope-B.oem
+             | CASSIOPE | 2020-06-15T23:35:50.000Z | outside its ephemeris
+             | covers 2019-06-15T23:35:30"
+        ),
     );
 }
 
-#[test]
-fn epochs_beyond_the_series() {
-    refuses(
-        &[
-            "render",
-            "--attitude",
-            Q,
-            "--out",
-            "o",
-            "--epoch",
-            "1850-01-01T00:00:00Z",
-        ],
-        &["1850-01-01", "1900 to 2100", "choose an epoch inside"],
-    );
-}
-
+/// The attitudes of the built-in scene cover 25 s: 51 frames at 2 Hz.
 #[test]
 fn scenes() {
-    let scene = |file, words: &[&str]| refuses(&["render", "--out", "o", "--scene", file], words);
-    scene(
-        "key.toml",
-        &["key.toml:2:1: sead: unknown key `sead`: did you mean `seed`?"],
-    );
-    scene(
-        "range.toml",
-        &["range.toml", "label_snr = -3", "must be 0 to"],
-    );
-    scene(
-        "clock.toml",
-        &[
-            "clock.toml:2:9: run.clock: ",
-            "sundial",
-            "must be one of \"stepped\", \"wall\", \"external\", not \"sundial\"",
-        ],
-    );
-    scene("camera.toml", &["nope", "fai-nir"]);
-    scene("none.toml", &["none.toml", "No such file"]);
-    scene("binary", &["binary", "not a text file"]);
-    scene(
-        "seed.toml",
-        &["seed.toml", "[sequence]", "configs/default.toml"],
-    );
-    scene(
-        "time.toml",
-        &["time.toml:2:9: sequence.epoch: ", "2019-06-15T23:35:50"],
-    );
-    scene(
-        "words.toml",
-        &[
-            "words.toml:2:10: not TOML: ",
-            "camera = rigel-l: texts stand in quotes, camera = \"rigel-l\"",
-        ],
-    );
-    scene(
-        "surplus.toml",
-        &["surplus.toml:5:20: sequence.attitudes[0].q: must have 4 values, not 5"],
-    );
-    scene(
-        "rates.toml",
-        &["rates.toml:6:15: sequence.rates_deg_s: must have 3 values, not 4"],
-    );
-    // The attitudes of the scene cover 25 s: 51 frames at 2 Hz.
     let known = repository("configs/scenes/rcm-2019-06-15/scene.toml");
-    let beyond = [
-        "scene.toml: ",
-        "2019-06-15T23:36:15.5",
-        "covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:15.000Z",
-    ];
     refuses(
-        &["render", "--out", "o", "--frames", "52", "--scene", &known],
-        &beyond,
+        "render --out o --scene",
+        &format!(
+            "key.toml    | key.toml:2:1: sead: unknown key `sead`: did you mean `seed`?
+             range.toml  | range.toml | label_snr = -3 | must be 0 to
+             clock.toml  | clock.toml:2:9: run.clock: | sundial
+             | must be one of \"stepped\", \"wall\", \"external\", not \"sundial\"
+             camera.toml | nope | fai-nir
+             none.toml   | none.toml | No such file
+             binary      | binary | not a text file
+             seed.toml   | seed.toml | [sequence] | configs/default.toml
+             time.toml   | time.toml:2:9: sequence.epoch: | 2019-06-15T23:35:50
+             words.toml  | words.toml:2:10: not TOML:
+             | camera = rigel-l: texts stand in quotes, camera = \"rigel-l\"
+             surplus.toml
+             | surplus.toml:5:20: sequence.attitudes[0].q: must have 4 values, not 5
+             rates.toml  | rates.toml:6:15: sequence.rates_deg_s: must have 3 values, not 4
+             {known} --frames 52 | scene.toml: | 2019-06-15T23:36:15.5
+             | covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:15.000Z"
+        ),
     );
-    refuses(&["loopback", "--out", "o", "--frames", "52"], &beyond[1..]);
+    refuses(
+        "",
+        "loopback --out o --frames 52 | 2019-06-15T23:36:15.5
+         | covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:15.000Z
+         run --config none.toml       | none.toml | No such file",
+    );
 }
 
 #[test]
 fn links() {
-    let link = |url: &str, words: &[&str]| {
-        refuses(&["run", "--config", "seed.toml", "--link", url], words);
-    };
-    link(
-        "tcp://127.0.0.1:1",
-        &[
-            "tcp://127.0.0.1:1",
-            "unknown scheme",
-            "udp://127.0.0.1:4810",
-        ],
-    );
-    link(
-        "nonsense",
-        &["nonsense", "no scheme", "udp://127.0.0.1:4810"],
-    );
-    link("udp://nohost", &["udp://nohost", "address and a port"]);
-    link(
-        "udp://127.0.0.1:0?rate=1",
-        &["unknown option \"rate\"", "rate_mbit, proof, roles"],
-    );
-    link(
-        "udp://127.0.0.1:0?rate_mbit=fast",
-        &["rate_mbit", "fast", "0.01 to 100000"],
-    );
-    link(
-        "udp://127.0.0.1:0?rate_mbit=1&rate_mbit=2",
-        &["\"rate_mbit\" is given twice"],
-    );
-    link(
-        "serial:///dev/nosuch",
-        &[
-            "serial:///dev/nosuch",
-            "No such file",
-            "check that the device exists",
-        ],
-    );
-    link(
-        "serial:///dev/nosuch?baud=fast",
-        &["baud", "fast", "whole number"],
-    );
-    link("memory://", &["memory", "loopback"]);
     let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let url = format!("udp://{}", taken.local_addr().unwrap());
-    link(&url, &[&url, "in use", "choose a free port"]);
+    let taken = format!("udp://{}", taken.local_addr().unwrap());
     refuses(
-        &["loopback", "--link", "pigeon"],
-        &["pigeon", "memory, udp, serial"],
+        "run --config seed.toml --link",
+        &format!(
+            "tcp://127.0.0.1:1 | tcp://127.0.0.1:1 | unknown scheme | udp://127.0.0.1:4810
+             nonsense          | nonsense | no scheme | udp://127.0.0.1:4810
+             memory://         | memory | loopback
+             udp://nohost      | udp://nohost | address and a port
+             {taken}           | {taken} | in use | choose a free port
+             udp://127.0.0.1:0?rate=1         | unknown option \"rate\" | rate_mbit, proof, roles
+             udp://127.0.0.1:0?rate_mbit=fast | rate_mbit | fast | 0.01 to 100000
+             udp://127.0.0.1:0?rate_mbit=1&rate_mbit=2 | \"rate_mbit\" is given twice
+             serial:///dev/nosuch
+             | serial:///dev/nosuch | No such file | check that the device exists
+             serial:///dev/nosuch?baud=fast   | baud | fast | whole number"
+        ),
     );
     refuses(
-        &["loopback", "--link", "memory?baud=1"],
-        &["unknown option \"baud\"", "memory has roles"],
-    );
-    refuses(
-        &["run", "--config", "none.toml"],
-        &["none.toml", "No such file"],
+        "loopback --link",
+        "pigeon        | pigeon | memory, udp, serial
+         memory?baud=1 | unknown option \"baud\" | memory has roles
+         can?bitrate=0 | bitrate = 0 | 10000 to 1000000",
     );
 }
 
+/// Privileges matter to ports and not to root; a device of another kind is refused to everybody.
 #[test]
 #[cfg(unix)]
 fn serial_ports() {
-    let link = |url: &str, words: &[&str]| {
-        refuses(&["run", "--config", "seed.toml", "--link", url], words);
-    };
-    for baud in ["0", "9599", "3000001"] {
-        link(
-            &format!("serial:///dev/nosuch?baud={baud}"),
-            &["baud = ", baud, "must be 9600 to 3000000"],
-        );
-    }
-    let no_port = "this is no serial port: name a device";
-    link("serial://file", &["serial://file", no_port]);
-    link("serial:///dev", &["serial:///dev", no_port]);
-    // X-Val: the options of a port without privileges are those of chmod(1), which root ignores; a device of another
-    // kind is refused to everybody.
-    link(
-        "serial:///dev/null",
-        &["serial:///dev/null", "this is no serial port"],
-    );
     let (_near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();
     drop(far);
     let _user = crate::support::line::open_port(&device, 9600);
-    link(
-        &format!("serial://{device}"),
-        &[&device, "another program has it open"],
+    refuses(
+        "run --config seed.toml --link",
+        &format!(
+            "serial:///dev/nosuch?baud=0    | baud = | 0 | must be 9600 to 3000000
+             serial:///dev/nosuch?baud=9599 | baud = | 9599 | must be 9600 to 3000000
+             serial:///dev/nosuch?baud=3000001 | baud = | 3000001 | must be 9600 to 3000000
+             serial://file      | serial://file | this is no serial port: name a device
+             serial:///dev      | serial:///dev | this is no serial port: name a device
+             serial:///dev/null | serial:///dev/null | this is no serial port
+             serial://{device}  | {device} | another program has it open"
+        ),
     );
 }
 
@@ -399,101 +241,71 @@ fn a_port_that_is_not_permitted() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     use std::os::unix::process::CommandExt;
     const NOBODY: u32 = 65_534;
-    let here = tempfile::tempdir().unwrap();
+    let here = Folder::with(&[("seed.toml", "seed = 1\n")]);
     let (_near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();
     let permit = |path: &std::path::Path, mode| {
         std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
     };
     permit(device.as_ref(), 0o000);
-    permit(here.path(), 0o755);
-    let program = here.path().join("skyloop");
-    // Where it is, that user may not be let in.
+    permit(&here, 0o755);
+    let program = here.join("skyloop");
+    // The other user may have no access to the folder of the original.
     let built = env!("CARGO_BIN_EXE_skyloop");
     std::fs::hard_link(built, &program)
         .or_else(|_| std::fs::copy(built, &program).map(drop))
         .unwrap();
-    let config = here.path().join("seed.toml");
-    std::fs::write(&config, "seed = 1\n").unwrap();
     let mut command = std::process::Command::new(&program);
-    command.args(["run", "--config", "seed.toml", "--link"]);
-    command.arg(format!("serial://{device}"));
-    command.current_dir(here.path());
-    if here.path().metadata().unwrap().uid() == 0 {
+    let link = format!("serial://{device}");
+    command.args(["run", "--config", "seed.toml", "--link", &link]);
+    command.current_dir(&here);
+    if here.metadata().unwrap().uid() == 0 {
         command.uid(NOBODY).gid(NOBODY);
     }
-    let output = command.output().unwrap();
-    let log = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(
-        (output.status.code(), log.lines().count()),
-        (Some(1), 1),
-        "{log}"
-    );
-    for word in [&device, "you may not use the device: join the group"] {
-        assert!(log.contains(word), "no {word:?} in {log}");
-    }
+    let refused = Outcome::of(&link, command.output().unwrap());
+    refused
+        .exits(1)
+        .logs_lines(1)
+        .logs(&[&device, "you may not use the device: join the group"]);
 }
 
 #[test]
 fn buses() {
-    let link = |url: &str, words: &[&str]| {
-        refuses(&["run", "--config", "seed.toml", "--link", url], words);
-    };
     // A kernel without CAN says that, one with CAN misses the interface.
-    let mend = match std::path::Path::new("/proc/net/can").exists() {
+    let remedy = match std::path::Path::new("/proc/net/can").exists() {
         true => "ip link add dev nosuchcan0 type vcan",
         false => "use slcan",
     };
-    link("can://nosuchcan0", &["can://nosuchcan0", mend]);
     refuses(
-        &["loopback", "--link", "can?bitrate=0"],
-        &["bitrate = 0", "10000 to 1000000"],
-    );
-    link("can://", &["names no interface"]);
-    link(
-        "can://vcan0?baud=9600",
-        &["unknown option \"baud\"", "bitrate, fd, load, roles"],
-    );
-    link(
-        "can://vcan0?fd=9000000",
-        &["fd = 9000000", "500000 (the bitrate) to 8000000"],
-    );
-    link("can://vcan0?load=2", &["load = \"2\"", "0.01 to 1"]);
-    link(
-        "slcan:///dev/nosuch",
-        &[
-            "slcan:///dev/nosuch",
-            "No such file",
-            "check that the device exists",
-        ],
-    );
-    link(
-        "slcan:///dev/nosuch?bitrate=33333",
-        &["bitrate = 33333", "125000, 250000"],
-    );
-    link(
-        "slcan:///dev/nosuch?fd=3000000",
-        &["fd = 3000000", "2000000, 4000000"],
+        "run --config seed.toml --link",
+        &format!(
+            "can://nosuchcan0       | can://nosuchcan0 | {remedy}
+             can://                 | names no interface
+             can://vcan0?baud=9600  | unknown option \"baud\" | bitrate, fd, load, roles
+             can://vcan0?fd=9000000 | fd = 9000000 | 500000 (the bitrate) to 8000000
+             can://vcan0?load=2     | load = \"2\" | 0.01 to 1
+             slcan:///dev/nosuch
+             | slcan:///dev/nosuch | No such file | check that the device exists
+             slcan:///dev/nosuch?bitrate=33333 | bitrate = 33333 | 125000, 250000
+             slcan:///dev/nosuch?fd=3000000    | fd = 3000000 | 2000000, 4000000"
+        ),
     );
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn pseudo_terminals() {
-    let link = |url: &str, words: &[&str]| {
-        refuses(&["run", "--config", "seed.toml", "--link", url], words);
-    };
-    link("pty://", &["pty://", "no name for the client to open"]);
-    link("pty://file", &["pty://file", "choose another name"]);
-    link(
-        "pty://no/such",
-        &["pty://no/such", "a folder that you may write"],
-    );
-    link("pty://p?baud=300", &["baud = 300", "9600 to 3000000"]);
-    refuses(&["pty", "a", "file"], &["file", "choose another name"]);
-    refuses(&["pty", "a", "a"], &["link a", "choose another name"]);
     refuses(
-        &["pty", "a", "b", "--baud", "300"],
-        &["--baud", "300", "9600 to 3000000"],
+        "run --config seed.toml --link",
+        "pty://           | pty:// | no name for the client to open
+         pty://file       | pty://file | choose another name
+         pty://no/such    | pty://no/such | a folder that you may write
+         pty://p?baud=300 | baud = 300 | 9600 to 3000000",
+    );
+    refuses(
+        "pty a",
+        "file         | file | choose another name
+         a            | link a | choose another name
+         b --baud 300 | --baud | 300 | 9600 to 3000000",
     );
 }

@@ -6,6 +6,7 @@ mod catalog;
 mod cost;
 mod drills;
 mod files;
+mod folder;
 mod folders;
 mod ground;
 mod inputs;
@@ -27,8 +28,7 @@ mod synth;
 mod tools;
 mod verdicts;
 
-use assert_cmd::Command;
-use std::path::Path;
+use folder::{Folder, Outcome, has, repository, repository_text, rows};
 
 /// Epoch and attitude of the built-in scene's first frame.
 const EPOCH: &str = "2019-06-15T23:35:50Z";
@@ -36,32 +36,39 @@ const Q: &str = "-0.070834,-0.644137,0.733522,-0.204975";
 /// A state near CASSIOPE's at that epoch, km and km/s.
 const STATE: &str = "-4340.768,848.975,-5362.534,5.544,-3.023,-4.387";
 
-/// `skyloop`, in folder `at`.
-fn skyloop(at: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-    command.current_dir(at).timeout(support::PATIENCE * 3);
-    command
+/// One frame at that epoch and attitude into the folder `o`.
+fn render(more: &str) -> String {
+    format!("render --epoch {EPOCH} --attitude {Q} --out o {more}")
 }
 
-/// A file of the repository.
-fn repository(file: &str) -> String {
-    format!("{}/{file}", env!("CARGO_MANIFEST_DIR"))
+/// The table of a sequence of one still frame.
+fn still(epoch: &str) -> String {
+    format!(
+        "[sequence]\nepoch = \"{epoch}\"\nframes = 1\nperiod_s = 1.0\n\
+         attitudes = [{{ q = [0.0, 0.0, 0.0, 1.0] }}]\n"
+    )
 }
 
-/// The files of a folder, in order, with their contents.
-fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
-    let mut files: Vec<_> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap())
-        .map(|entry| {
-            let name = entry.file_name().into_string().unwrap();
-            (name, std::fs::read(entry.path()).unwrap())
-        })
-        .collect();
-    files.sort();
-    files
+/// The text with `key = value` in place of each of these keys' lines.
+fn with_keys(text: &str, keys: &[(&str, &str)]) -> String {
+    let line = |line: &str| {
+        let key = line.split(' ').next().unwrap();
+        match keys.iter().find(|(name, _)| *name == key) {
+            Some((_, value)) => format!("{key} = {value}\n"),
+            None => format!("{line}\n"),
+        }
+    };
+    for (key, _) in keys {
+        let is_line = |line: &str| line.split(' ').next() == Some(key);
+        assert!(text.lines().any(is_line), "no {key} in {text}");
+    }
+    text.lines().map(line).collect()
 }
 
-fn names(folder: &Path) -> Vec<String> {
-    contents(folder).into_iter().map(|(name, _)| name).collect()
+/// A camera that is built in, with other values of these keys.
+fn camera(name: &str, keys: &[(&str, &str)]) -> String {
+    with_keys(
+        &repository_text(&format!("configs/cameras/{name}.toml")),
+        keys,
+    )
 }

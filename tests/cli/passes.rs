@@ -1,63 +1,59 @@
 //! `skyloop passes`: the table, CSV and JSON of the built-in scene, and what it says of wrong inputs.
 
-use crate::{STATE, repository, skyloop};
+use crate::{Folder, STATE, has, repository, rows};
 use serde_json::Value;
 use skyloop::orbit::time::parse_utc;
-use std::path::Path;
 
-/// Its code and both outputs.
-fn passes(at: &Path, flags: &[&str]) -> (i32, String, String) {
-    let output = skyloop(at).arg("passes").args(flags).output().unwrap();
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (
-        output.status.code().unwrap(),
-        text(output.stdout),
-        text(output.stderr),
-    )
+/// The passes of a search that succeeds, as JSON.
+fn passes(here: &Folder, flags: &str) -> Value {
+    let ended = here.run(&format!("passes --json {flags}"));
+    ended.exits(0).json()
+}
+
+fn listed(value: &Value) -> &[Value] {
+    value.as_array().unwrap()
+}
+
+fn mag(value: &Value) -> f64 {
+    value["band_mag"].as_f64().unwrap()
+}
+
+/// Place and magnitude of a pass's end are those of the label's object.
+fn is_labelled(end: &Value, object: &Value) {
+    for (axis, key) in [(0, "x_px"), (1, "y_px")] {
+        let off = end["place_px"][axis].as_f64().unwrap() - object[key].as_f64().unwrap();
+        assert!(off.abs() < 0.01, "{end} {object}");
+    }
+    assert!((mag(end) - mag(object)).abs() < 1e-3, "{end} {object}");
 }
 
 #[test]
 fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
-    let here = tempfile::tempdir().unwrap();
-    let (code, table, log) = passes(here.path(), &[]);
-    assert_eq!((code, log.as_str()), (0, ""));
+    let here = Folder::new();
+    let table = here.run("passes").quiet();
     let last = "3 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z\n";
     assert!(table.ends_with(last), "{table}");
     // X-Val: the CSV's columns `nearest_utc` and `leaves_utc`.
     assert!(table.contains(" 23:36:04.274 23:36:14.500 "), "{table}");
 
-    let (_, text, _) = passes(here.path(), &["--json"]);
-    let json: Value = serde_json::from_str(&text).unwrap();
-    let rows = json["passes"].as_array().unwrap();
+    let json = passes(&here, "");
+    let rows = listed(&json["passes"]);
     assert_eq!(rows.len(), 3);
     // The first exposure's label has the object where the pass begins.
-    let render = [
-        "render",
-        "--scene",
-        &repository("configs/scenes/rcm-2019-06-15/scene.toml"),
-    ];
-    let render = skyloop(here.path())
-        .args(render)
-        .args(["--frames", "1", "--out", "frames"])
-        .output()
-        .unwrap();
-    assert!(render.status.success());
-    let labels = std::fs::read_to_string(here.path().join("frames/labels.jsonl")).unwrap();
-    let label: Value = serde_json::from_str(labels.lines().next().unwrap()).unwrap();
-    let seen = label["objects"].as_array().unwrap();
+    let scene = repository("configs/scenes/rcm-2019-06-15/scene.toml");
+    here.run(&format!("render --scene {scene} --frames 1 --out frames"))
+        .exits(0);
+    let label = &here.labels("frames")[0];
     for row in rows {
         assert_eq!(row["in_field_at_start"], true);
-        let object = seen.iter().find(|one| one["id"] == row["id"]).unwrap();
-        for axis in [0, 1] {
-            let place = row["enters"]["place_px"][axis].as_f64().unwrap();
-            let x = object[["x_px", "y_px"][axis]].as_f64().unwrap();
-            assert!((place - x).abs() < 0.01, "{place} {x}");
-        }
-        let mag = row["enters"]["band_mag"].as_f64().unwrap();
-        assert!((mag - object["band_mag"].as_f64().unwrap()).abs() < 1e-3);
+        let mut objects = listed(&label["objects"]).iter();
+        is_labelled(
+            &row["enters"],
+            objects.find(|one| one["id"] == row["id"]).unwrap(),
+        );
     }
 
-    let (_, csv, _) = passes(here.path(), &["--csv", "--object", "RCM-2"]);
+    let csv = here.run("passes --csv --object RCM-2").out;
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 2, "{csv}");
     assert_eq!(lines[0].split(',').count(), lines[1].split(',').count());
@@ -66,169 +62,100 @@ fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
 
 #[test]
 fn a_limit_of_magnitude_leaves_out_and_says_how_many() {
-    let here = tempfile::tempdir().unwrap();
-    let (code, said, _) = passes(here.path(), &["--mag-limit", "0"]);
+    let here = Folder::new();
     let expected = "0 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z, 3 more stay fainter than --mag-limit\n";
-    assert_eq!((code, said.as_str()), (0, expected));
-    let (_, text, _) = passes(here.path(), &["--mag-limit", "0", "--json"]);
-    let json: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(here.run("passes --mag-limit 0").exits(0).out, expected);
+    let json = passes(&here, "--mag-limit 0");
     assert_eq!((&json["objects"], &json["fainter"]), (&3.into(), &3.into()));
-    let (_, csv, log) = passes(here.path(), &["--mag-limit", "0", "--csv"]);
-    assert_eq!((csv.lines().count(), log.as_str()), (1, expected));
+    let csv = here.run("passes --mag-limit 0 --csv");
+    assert_eq!((csv.out.lines().count(), csv.log.as_str()), (1, expected));
 }
 
 #[test]
 fn wrong_inputs_are_named_with_what_helps() {
-    let here = tempfile::tempdir().unwrap();
-    let bare = here.path().join("bare.toml");
-    std::fs::write(&bare, "seed = 1\n").unwrap();
-    let refused = |flags: &[&str], words: &[&str]| {
-        let (code, _, log) = passes(here.path(), flags);
-        assert!(code != 0, "{flags:?}");
-        assert!(words.iter().all(|word| log.contains(word)), "{log}");
-        assert_eq!(
-            log.lines().filter(|line| line.starts_with("error")).count(),
-            1,
-            "{log}"
+    let here = made_up(20);
+    here.write("bare.toml", "seed = 1\n");
+    let times = "--from 2026-01-01T00:00:00Z --to 2026-01-01T00:01:00Z";
+    let bare = format!("--scene bare.toml {times}");
+    let table = format!(
+        "--to 2019-06-16T00:00:00Z           | no attitude | 23:36:15 | --from and --to
+         --from 2019-06-15T23:35:40Z         | no attitude | 23:35:50 | --attitude | --nadir
+         --nadir --to 2019-06-16T00:00:00Z   | or give the observer's --orbit or --state
+         --nadir --state 7000,0,0,7,0,0      | span no orbital plane | give --attitude or --radec
+         --to 2019-06-15T23:35:50Z           | the end must lie after the start
+         --to 2029-06-15T23:35:50Z           | days | 31
+         --shortest 0                        | --shortest 0 | 0.001 to 10
+         --object HUBBLE                     | --object HUBBLE | RCM-1
+         --rates 0,0,0                       | --attitude
+         --scene bare.toml                   | bare.toml | --from UTC
+         {bare}                              | no observer | --orbit | --state
+         {bare} --state {STATE}              | no attitude | --nadir
+         {bare} --state {STATE} --nadir      | no objects | population
+         --scene scene.toml --nadir --object 130001 {times}
+         | --object NORAD 130001 | the observer itself"
+    );
+    for (flags, says) in rows(&table) {
+        let refused = here.run(&format!("passes {flags}")).logs(&says);
+        let errors = refused.log.lines().filter(|line| line.starts_with("error"));
+        assert!(
+            refused.code != Some(0) && errors.count() == 1,
+            "{}",
+            refused.all()
         );
-    };
-    let late = ["--to", "2019-06-16T00:00:00Z"];
-    refused(&late, &["no attitude", "23:36:15", "--from and --to"]);
-    let early = ["--from", "2019-06-15T23:35:40Z"];
-    refused(
-        &early,
-        &["no attitude", "23:35:50", "--attitude", "--nadir"],
-    );
-    let away = ["--nadir", "--to", "2019-06-16T00:00:00Z"];
-    refused(&away, &["or give the observer's --orbit or --state"]);
-    let up = ["--nadir", "--state", "7000,0,0,7,0,0"];
-    refused(
-        &up,
-        &["span no orbital plane", "give --attitude or --radec"],
-    );
-    let turned = ["--to", "2019-06-15T23:35:50Z"];
-    refused(&turned, &["the end must lie after the start"]);
-    refused(&["--to", "2029-06-15T23:35:50Z"], &["days", "31"]);
-    refused(&["--shortest", "0"], &["--shortest 0", "0.001 to 10"]);
-    refused(&["--object", "HUBBLE"], &["--object HUBBLE", "RCM-1"]);
-    refused(&["--rates", "0,0,0"], &["--attitude"]);
-    refused(&["--scene", "bare.toml"], &["bare.toml", "--from UTC"]);
-    let times = [
-        "--from",
-        "2026-01-01T00:00:00Z",
-        "--to",
-        "2026-01-01T00:01:00Z",
-    ];
-    let with = |more: &[&'static str]| [&["--scene", "bare.toml"], &times[..], more].concat();
-    refused(&with(&[]), &["no observer", "--orbit", "--state"]);
-    refused(&with(&["--state", STATE]), &["no attitude", "--nadir"]);
-    refused(
-        &with(&["--state", STATE, "--nadir"]),
-        &["no objects", "population"],
-    );
-    made_up(here.path(), "20");
-    let mirror = ["--scene", "scene.toml", "--nadir", "--object", "130001"];
-    refused(
-        &[&mirror[..], &times].concat(),
-        &["--object NORAD 130001", "the observer itself"],
-    );
+    }
 }
 
 /// A made-up catalogue of so many objects, and a scene of it, seen from its first.
-fn made_up(at: &Path, objects: &str) {
-    let synth = ["catalog", "synth", "--out", "my.3le", "--objects", objects];
-    assert!(skyloop(at).args(synth).output().unwrap().status.success());
+fn made_up(objects: u32) -> Folder {
     let scene = "camera = \"fai-nir\"\n[observer]\norbit = \"my.3le:130001\"\n[objects]\nfiles = [\"my.3le\"]\n";
-    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    let here = Folder::with(&[("scene.toml", scene)]);
+    here.run(&format!("catalog synth --out my.3le --objects {objects}"))
+        .exits(0);
+    here
 }
 
 #[test]
 fn who_is_in_the_field_and_where_is_what_frames_have() {
-    let here = tempfile::tempdir().unwrap();
-    made_up(here.path(), "2000");
-    let looks = ["--radec", "90,0,0"];
+    let here = made_up(2000);
     let ends = ["2026-06-01T00:00:00Z", "2026-06-01T00:01:00Z"];
-    let flags = [
-        &[
-            "--scene",
-            "scene.toml",
-            "--from",
-            ends[0],
-            "--to",
-            ends[1],
-            "--json",
-        ][..],
-        &looks,
-    ]
-    .concat();
-    let (code, text, log) = passes(here.path(), &flags);
-    assert_eq!(code, 0, "{log}");
-    let json: Value = serde_json::from_str(&text).unwrap();
-    let rows = json["passes"].as_array().unwrap();
-    let of_scene = "--orbit my.3le:130001 --rso my.3le --label-snr 0 --out o --epoch";
+    let times = format!("--from {} --to {}", ends[0], ends[1]);
+    let json = passes(&here, &format!("--scene scene.toml --radec 90,0,0 {times}"));
     for (utc, key, there) in [
         (ends[0], "enters", "in_field_at_start"),
         (ends[1], "leaves", "in_field_at_end"),
     ] {
-        let render = skyloop(here.path())
-            .arg("render")
-            .args(of_scene.split_whitespace())
-            .arg(utc)
-            .args(looks)
-            .output()
-            .unwrap();
-        assert!(render.status.success());
-        let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
-        let label: Value = serde_json::from_str(&labels).unwrap();
-        let objects = label["objects"].as_array().unwrap();
-        let lit = |one: &&Value| one["kind"] == "rso" && !one["band_mag"].is_null();
-        let seen = objects.iter().filter(lit);
-        let mut seen: Vec<&Value> = seen.filter(|one| one["in_frame"] == true).collect();
-        for row in rows.iter().filter(|row| row[there] == true) {
-            let Some(place) = seen.iter().position(|one| one["id"] == row["id"]) else {
-                assert!(row[key]["band_mag"].is_null(), "{row}");
-                continue;
-            };
-            let object = seen.swap_remove(place);
-            for axis in [0, 1] {
-                let passes = row[key]["place_px"][axis].as_f64().unwrap();
-                let frames = object[["x_px", "y_px"][axis]].as_f64().unwrap();
-                assert!((passes - frames).abs() < 0.01, "{utc}: {row} {object}");
+        let scene = "--orbit my.3le:130001 --rso my.3le --label-snr 0 --out o";
+        here.run(&format!("render {scene} --epoch {utc} --radec 90,0,0"))
+            .exits(0);
+        let label = &here.labels("o")[0];
+        let is_seen = |one: &&Value| {
+            one["kind"] == "rso" && !one["band_mag"].is_null() && one["in_frame"] == true
+        };
+        let mut seen: Vec<_> = listed(&label["objects"]).iter().filter(is_seen).collect();
+        let rows = listed(&json["passes"])
+            .iter()
+            .filter(|row| row[there] == true);
+        assert!(rows.clone().count() > 5);
+        for row in rows {
+            match seen.iter().position(|one| one["id"] == row["id"]) {
+                Some(place) => is_labelled(&row[key], seen.swap_remove(place)),
+                None => assert!(row[key]["band_mag"].is_null(), "{row}"),
             }
-            let mag = |value: &Value| value["band_mag"].as_f64().unwrap();
-            assert!(
-                (mag(&row[key]) - mag(object)).abs() < 1e-3,
-                "{row} {object}"
-            );
         }
         assert!(seen.is_empty(), "{utc}: not among the passes: {seen:?}");
-        let found = rows.iter().filter(|row| row[there] == true);
-        assert!(found.count() > 5);
     }
 }
 
 #[test]
 fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
-    let here = tempfile::tempdir().unwrap();
-    made_up(here.path(), "300");
-    let table = |from: &str, to: &str| {
-        let looks = [
-            "--scene",
-            "scene.toml",
-            "--radec",
-            "90,0,0",
-            "--from",
-            from,
-            "--to",
-            to,
-        ];
-        let (code, said, log) = passes(here.path(), &looks);
-        assert_eq!(code, 0, "{log}");
-        said
+    let here = made_up(300);
+    let table = |times: &str| {
+        let flags = format!("passes --scene scene.toml --radec 90,0,0 {times}");
+        here.run(&flags).exits(0).out
     };
-    let several = table("2026-05-31T23:59:30Z", "2026-06-01T00:00:30Z");
+    let several = table("--from 2026-05-31T23:59:30Z --to 2026-06-01T00:00:30Z");
     assert!(several.contains(" 2026-06-01T00:00:30.000Z  "), "{several}");
-    let one = table("2026-06-01T00:00:00Z", "2026-06-01T00:00:30Z");
+    let one = table("--from 2026-06-01T00:00:00Z --to 2026-06-01T00:00:30Z");
     assert!(
         one.contains(" 00:00:30.000 ") && !one.contains("00:00:30.000Z  "),
         "{one}"
@@ -241,11 +168,15 @@ fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
     assert_eq!((all, names.len()), (15, 15), "{names:?}");
 }
 
-/// An ephemeris of a circle above the equator, a state every 10 s for ten minutes from noon of 15 June 2019 on.
+const STOP: &str = "STOP_TIME = 2019-06-15T12:09:50";
+
+/// An ephemeris of a circle above the equator, a state every 10 s for ten minutes from noon of
+/// 15 June 2019 on.
 fn circle() -> String {
-    let mut text = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ROUND\nOBJECT_ID = UNKNOWN\nCENTER_NAME = EARTH\n\
-                    REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T12:00:00\nSTOP_TIME = 2019-06-15T12:09:50\nMETA_STOP\n"
-        .to_string();
+    let mut text = format!(
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ROUND\nOBJECT_ID = UNKNOWN\nCENTER_NAME = EARTH\n\
+         REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T12:00:00\n{STOP}\nMETA_STOP\n"
+    );
     let (radius, speed) = (7000.0, 7.546);
     for step in 0..60 {
         let (sin, cos) = (f64::from(step) * 10.0 * speed / radius).sin_cos();
@@ -257,64 +188,52 @@ fn circle() -> String {
     text
 }
 
+/// A folder with that ephemeris and a scene of it.
+fn round() -> Folder {
+    Folder::with(&[
+        ("round.oem", &circle()),
+        ("round.toml", "[objects]\nfiles = [\"round.oem\"]\n"),
+    ])
+}
+
+/// An observer in the geostationary belt, who has all of the circle in the field.
+const GEO: &str = "42164,0,0,0,3.0747,0";
+
 #[test]
 fn days_without_states_are_said_to_have_none() {
-    let here = tempfile::tempdir().unwrap();
-    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
+    let here = round();
     // X-Val: Vallado et al. 2006, verification set 06251, with so much drag that it has decayed within days.
-    let sunk = crate::catalog::DELTA
-        .replace("12808-3 0  3985", "12808-0 0  3982")
-        .replace("DELTA 1 DEB", "SUNK");
-    std::fs::write(here.path().join("sunk.3le"), sunk).unwrap();
-    for (file, day, stays) in [
-        ("round.oem", "2024-01-01", 0),
-        ("sunk.3le", "2019-06-15", 0),
-        // Within these 30 days it has states for ten minutes.
-        ("round.oem", "2019-06-01", 1),
+    let sunk = crate::catalog::DELTA.replace("12808-3 0  3985", "12808-0 0  3982");
+    here.write("sunk.3le", sunk.replace("DELTA 1 DEB", "SUNK"));
+    here.write("sunk.toml", "[objects]\nfiles = [\"sunk.3le\"]\n");
+    // In June 2019 it has states for ten minutes.
+    for (scene, from, to, stays) in [
+        ("round.toml", "2024-01-01", "2024-01-30", 0),
+        ("sunk.toml", "2019-06-15", "2019-06-30", 0),
+        ("round.toml", "2019-06-01", "2019-06-30", 1),
     ] {
-        let scene = format!("[objects]\nfiles = [\"{file}\"]\n");
-        std::fs::write(here.path().join("scene.toml"), scene).unwrap();
-        let (from, to) = (
-            format!("{day}T00:00:00Z"),
-            format!("{}-30T00:00:00Z", &day[..7]),
-        );
-        let flags = [
-            "--scene",
-            "scene.toml",
-            "--from",
-            &from,
-            "--to",
-            &to,
-            "--nadir",
-        ];
-        // From the geostationary belt all of its way is in the field.
-        let state = ["--state", "42164,0,0,0,3.0747,0"];
-        let (code, said, log) = passes(here.path(), &[&flags[..], &state].concat());
-        assert_eq!(code, 0, "{log}");
-        assert!(said.contains(&format!("{stays} pass")), "{said}");
+        let times = format!("--from {from}T00:00:00Z --to {to}T00:00:00Z");
+        let found = here.run(&format!(
+            "passes --scene {scene} {times} --nadir --state {GEO}"
+        ));
+        let found = found.exits(0).prints(&[&format!("{stays} pass")]);
         if stays == 0 {
-            assert!(
-                log.contains("no object has states through all of the search"),
-                "{log}"
-            );
-            assert!(
-                log.contains(": no state at") || log.contains("is outside its ephemeris"),
-                "{log}"
-            );
+            let log = &found.log;
+            has(log, &["no object has states through all of the search"]);
+            let why = [": no state at", "is outside its ephemeris"];
+            assert!(why.iter().any(|why| log.contains(why)), "{log}");
         }
     }
 }
 
 #[test]
 fn durations_over_a_leap_second_are_si_seconds() {
-    let here = tempfile::tempdir().unwrap();
-    let mut oem = circle().replace("2019-06-15T12:00:00", "2016-12-31T23:59:50");
-    oem = oem.replace(
-        "STOP_TIME = 2019-06-15T12:09:50",
-        "STOP_TIME = 2017-01-01T00:00:30",
-    );
+    let here = round();
+    let oem = circle().replace("2019-06-15T12:00:00", "2016-12-31T23:59:50");
+    let oem = oem.replace(STOP, "STOP_TIME = 2017-01-01T00:00:30");
     let (head, states) = oem.split_once("META_STOP\n").unwrap();
-    // X-Val: IERS Bulletin C 52: 2016-12-31T23:59:60 is a second, so states whose digits differ by 9 s are 10 s apart.
+    // X-Val: IERS Bulletin C 52: 2016-12-31T23:59:60 is a second, so states whose digits differ by 9 s
+    // are 10 s apart.
     let times = [
         "2016-12-31T23:59:50",
         "2016-12-31T23:59:60",
@@ -322,31 +241,18 @@ fn durations_over_a_leap_second_are_si_seconds() {
         "2017-01-01T00:00:19",
         "2017-01-01T00:00:29",
     ];
-    let states = times.iter().zip(states.lines());
-    let states: Vec<String> = states
-        .map(|(time, line)| format!("{time} {}\n", line.split_once(' ').unwrap().1))
-        .collect();
-    std::fs::write(
-        here.path().join("leap.oem"),
-        format!("{head}META_STOP\n{}", states.concat()),
-    )
-    .unwrap();
-    std::fs::write(
-        here.path().join("scene.toml"),
-        "[objects]\nfiles = [\"leap.oem\"]\n",
-    )
-    .unwrap();
-    let flags = "--scene scene.toml --from 2016-12-31T23:59:55Z --to 2017-01-01T00:00:25Z --nadir --state 42164,0,0,0,3.0747,0";
-    let flags: Vec<&str> = flags.split_whitespace().collect();
-    let (code, said, log) = passes(here.path(), &flags);
-    assert_eq!(code, 0, "{log}");
-    assert!(said.contains(" >31.0 "), "{said}");
-    assert!(
-        said.contains("with a leap second in between: durations are SI seconds"),
-        "{said}"
-    );
-    let (_, text, _) = passes(here.path(), &[&flags[..], &["--json"]].concat());
-    let json: Value = serde_json::from_str(&text).unwrap();
+    let state =
+        |(time, line): (&&str, &str)| format!("{time} {}\n", line.split_once(' ').unwrap().1);
+    let states: String = times.iter().zip(states.lines()).map(state).collect();
+    here.write("round.oem", format!("{head}META_STOP\n{states}"));
+    let times = "--from 2016-12-31T23:59:55Z --to 2017-01-01T00:00:25Z";
+    let flags = format!("--scene round.toml {times} --nadir --state {GEO}");
+    let found = here.run(&format!("passes {flags}")).exits(0);
+    found.prints(&[
+        " >31.0 ",
+        "with a leap second in between: durations are SI seconds",
+    ]);
+    let json = passes(&here, &flags);
     assert_eq!(json["leap_seconds"], 1);
     assert_eq!(json["passes"][0]["duration_s"], 31.0);
 }
@@ -354,86 +260,68 @@ fn durations_over_a_leap_second_are_si_seconds() {
 /// A scene's state holds at its first exposure and not at --from, and the option's at --from.
 #[test]
 fn a_state_holds_where_the_readme_says() {
-    let here = tempfile::tempdir().unwrap();
-    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
-    const GEO: &str = "42164,0,0,0,3.0747,0";
+    let here = round();
     let scene = format!(
         "[objects]\nfiles = [\"round.oem\"]\n[observer]\nstate = [{GEO}]\n\
          [sequence]\nepoch = \"2019-06-15T12:00:00Z\"\nframes = 2\nperiod_s = 1.0\nnadir = true\n"
     );
-    std::fs::write(here.path().join("scene.toml"), scene).unwrap();
-    let last_px = |from: &str, more: &[&str]| -> [f64; 2] {
-        let to = "2019-06-15T12:05:00Z";
-        let flags = [
-            "--scene",
-            "scene.toml",
-            "--json",
-            "--from",
-            from,
-            "--to",
-            to,
-        ];
-        let (code, text, log) = passes(here.path(), &[&flags[..], more].concat());
-        assert_eq!(code, 0, "{log}");
-        let json: Value = serde_json::from_str(&text).unwrap();
-        assert_eq!(json["passes"][0]["in_field_at_end"], true, "{text}");
-        [0, 1].map(|axis| {
-            json["passes"][0]["leaves"]["place_px"][axis]
-                .as_f64()
-                .unwrap()
-        })
+    here.write("scene.toml", scene);
+    let last_px = |from: &str, more: &str| -> [f64; 2] {
+        let times = format!("--from 2019-06-15T{from}Z --to 2019-06-15T12:05:00Z");
+        let json = passes(&here, &format!("--scene scene.toml {times} {more}"));
+        assert_eq!(json["passes"][0]["in_field_at_end"], true, "{json}");
+        let place = &json["passes"][0]["leaves"]["place_px"];
+        [0, 1].map(|axis| place[axis].as_f64().unwrap())
     };
-    let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    let (first, later) = ("2019-06-15T12:00:00Z", "2019-06-15T12:03:00Z");
-    let whole = last_px(first, &[]);
-    assert!(apart(whole, last_px(later, &[])) < 0.01);
-    assert!(apart(whole, last_px(first, &["--state", GEO])) < 0.01);
-    assert!(apart(whole, last_px(later, &["--state", GEO])) > 1.0);
+    let whole = last_px("12:00:00", "");
+    let off = |other: [f64; 2]| (whole[0] - other[0]).hypot(whole[1] - other[1]);
+    let state = format!("--state {GEO}");
+    assert!(off(last_px("12:03:00", "")) < 0.01);
+    assert!(off(last_px("12:00:00", &state)) < 0.01);
+    assert!(off(last_px("12:03:00", &state)) > 1.0);
+}
+
+/// A folder where ROUND, with this ephemeris, is followed, and another object has states all through
+/// the search.
+fn followed() -> (Folder, impl Fn(&str) -> String) {
+    let here = round();
+    here.run("catalog synth --out my.3le --objects 1 --epoch 2019-06-15T00:00:00Z")
+        .exits(0);
+    here.write(
+        "round.toml",
+        "[objects]\nfiles = [\"round.oem\", \"my.3le\"]\n",
+    );
+    let flags = |times: &str| {
+        format!("passes --scene round.toml {times} --look-at ROUND --state {GEO} --json")
+    };
+    (here, flags)
 }
 
 /// Where the object of --look-at has no states nothing is searched, which one line says.
 #[test]
 fn a_search_goes_on_where_the_target_has_states() {
-    let here = tempfile::tempdir().unwrap();
-    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
-    // Another object, so that there are states all through the search.
-    let synth = "catalog synth --out my.3le --objects 1 --epoch 2019-06-15T00:00:00Z";
-    assert!(
-        skyloop(here.path())
-            .args(synth.split(' '))
-            .output()
-            .unwrap()
-            .status
-            .success()
-    );
-    std::fs::write(
-        here.path().join("scene.toml"),
-        "[objects]\nfiles = [\"round.oem\", \"my.3le\"]\n",
-    )
-    .unwrap();
-    let flags = "--scene scene.toml --from 2019-06-15T11:59:00Z --to 2019-06-15T12:12:00Z --look-at ROUND --state 42164,0,0,0,3.0747,0 --json";
-    let flags: Vec<&str> = flags.split_whitespace().collect();
-    let (code, text, log) = passes(here.path(), &flags);
-    assert_eq!(code, 0, "{log}");
+    let (here, flags) = followed();
+    let times = "--from 2019-06-15T11:59:00Z --to 2019-06-15T12:12:00Z";
     let warned = "not searched, since the pointing has no direction: 2019-06-15T11:59:00.000Z to 2019-06-15T12:00:0";
-    assert!(
-        log.contains(warned) && log.contains("to 2019-06-15T12:12:00.000Z"),
-        "{log}"
-    );
-    let json: Value = serde_json::from_str(&text).unwrap();
-    let mut rows = json["passes"].as_array().unwrap().iter();
-    let row = rows.find(|row| row["id"] == "UNKNOWN ROUND");
-    let row = row.unwrap_or_else(|| panic!("{text}"));
+    let found = here
+        .run(&flags(times))
+        .exits(0)
+        .logs(&[warned, "to 2019-06-15T12:12:00.000Z"]);
+    let json = found.json();
+    let row = listed(&json["passes"])
+        .iter()
+        .find(|row| row["id"] == "UNKNOWN ROUND");
     // 12:00:00 to 12:09:50, less a light time at the beginning.
-    let duration_s = row["duration_s"].as_f64().unwrap();
+    let duration_s = row.unwrap()["duration_s"].as_f64().unwrap();
     assert!((589.0..590.0).contains(&duration_s), "{duration_s}");
+}
 
-    // Two segments with a gap between them. The search has a step at 12:05:00.444444444, and the light that arrives then left 0.1185548 s before.
-    let flags = flags
-        .join(" ")
-        .replace("11:59:00", "12:00:01")
-        .replace("12:12:00", "12:09:00");
-    let flags: Vec<&str> = flags.split(' ').collect();
+/// Two segments with a gap between them. The search has a step at 12:05:00.444444444, and the light
+/// that arrives then left 0.1185548 s before. The gap that is not searched ends a light time later.
+#[test]
+fn a_gap_between_segments_is_found_to_2_ms() {
+    let (here, flags) = followed();
+    let flags = flags("--from 2019-06-15T12:00:01Z --to 2019-06-15T12:09:00Z");
     for [stop, start, last] in [
         ["03", "05", "05."],
         ["00.434444444", "00.454444444", "00.57"],
@@ -442,36 +330,28 @@ fn a_search_goes_on_where_the_target_has_states() {
         ["00.320889444", "00.330889444", "00.4"],
         ["00.325389444", "00.326389444", "00.44"],
     ] {
-        let stop = format!("2019-06-15T12:05:{stop}");
-        let useable = |key, at: &str| format!("STOP_TIME = 2019-06-15T12:09:50\n{key} = {at}");
-        let first = circle().replace(
-            "STOP_TIME = 2019-06-15T12:09:50",
-            &useable("USEABLE_STOP_TIME", &stop),
-        );
-        let second = circle().replace(
-            "STOP_TIME = 2019-06-15T12:09:50",
-            &useable("USEABLE_START_TIME", &format!("2019-06-15T12:05:{start}")),
-        );
+        let part = |key: &str, second: &str| {
+            circle().replace(STOP, &format!("{STOP}\n{key} = 2019-06-15T12:05:{second}"))
+        };
+        let first = part("USEABLE_STOP_TIME", stop);
+        let second = part("USEABLE_START_TIME", start);
         let (_, second) = second.split_once('\n').unwrap();
-        std::fs::write(here.path().join("round.oem"), first + second).unwrap();
-        let (code, text, log) = passes(here.path(), &flags);
-        assert_eq!(code, 0, "{stop}: {log}");
-        let json: Value = serde_json::from_str(&text).unwrap();
-        let gaps = json["not_searched"].as_array().unwrap();
-        assert_eq!(gaps.len(), 1, "{stop}: {text}");
-        // It ends a light time after that of the states.
-        let ends = [0, 1].map(|end| parse_utc(gaps[0][end].as_str().unwrap()).unwrap());
-        let off_s = (parse_utc(&stop).unwrap() - ends[0]).to_seconds();
+        here.write("round.oem", first + second);
+        let json = here.run(&flags).exits(0).json();
+        let gaps = listed(&json["not_searched"]);
+        assert_eq!(gaps.len(), 1, "{stop}: {json}");
+        let utc = |text: &str| parse_utc(text).unwrap();
+        let states_end = utc(&format!("2019-06-15T12:05:{stop}"));
+        let off_s = (states_end - utc(gaps[0][0].as_str().unwrap())).to_seconds();
         assert!((0.0..2e-3).contains(&off_s), "{stop}: {gaps:?}");
-        let last = format!("2019-06-15T12:05:{last}");
+        let end = gaps[0][1].as_str().unwrap();
         assert!(
-            gaps[0][1].as_str().unwrap().starts_with(&last),
-            "{stop}: {gaps:?}"
+            end.starts_with(&format!("2019-06-15T12:05:{last}")),
+            "{stop}: {end}"
         );
     }
 
     // 4 s between two gaps, less than a step.
-    const STOP: &str = "STOP_TIME = 2019-06-15T12:09:50";
     let part = |[start, stop]: [&str; 2]| {
         let day = "2019-06-15T12";
         let useable =
@@ -479,16 +359,13 @@ fn a_search_goes_on_where_the_target_has_states() {
         circle().replace(STOP, &format!("{STOP}\n{useable}"))
     };
     let parts = [["00:00", "05:01"], ["05:03", "05:07"], ["05:09", "09:50"]].map(part);
-    std::fs::write(here.path().join("round.oem"), parts.concat()).unwrap();
-    let (code, text, log) = passes(here.path(), &flags);
-    assert_eq!(code, 0, "{log}");
-    let json: Value = serde_json::from_str(&text).unwrap();
-    let gaps = json["not_searched"].as_array().unwrap();
-    let starts = gaps.iter().map(|gap| gap[0].as_str().unwrap());
-    let starts: Vec<&str> = starts.map(|start| &start[14..19]).collect();
+    here.write("round.oem", parts.concat());
+    let json = here.run(&flags).exits(0).json();
+    let gaps = listed(&json["not_searched"]).iter();
+    let starts: Vec<&str> = gaps.map(|gap| &gap[0].as_str().unwrap()[14..19]).collect();
     assert_eq!(
         starts,
         ["05:00", "05:06"],
-        "within 2 ms of the states: {text}"
+        "within 2 ms of the states: {json}"
     );
 }

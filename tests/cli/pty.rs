@@ -4,17 +4,39 @@
 use crate::run::{Process, serves_until};
 use crate::support::PATIENCE;
 use crate::support::line::{PtyLine, open_port};
+use crate::{Folder, repository};
 use serialport::SerialPort;
 use std::io::{Read, Write};
 
+/// The path of a name in the folder.
+fn path(here: &Folder, name: &str) -> String {
+    here.join(name).display().to_string()
+}
+
+/// Whether the folder has neither files nor links.
+fn is_empty(here: &Folder) -> bool {
+    here.read_dir().unwrap().next().is_none()
+}
+
+/// The emulator at a pseudo-terminal called `tracker`, and its path.
+fn emulator(here: &Folder, flags: &str) -> (Process, String) {
+    let (name, config) = (path(here, "tracker"), repository("configs/run.toml"));
+    let link = format!("pty://{name}?baud=3000000");
+    let process = Process::listening(
+        here,
+        &format!("run --config {config} --link {link} {flags}"),
+    );
+    assert_eq!(process.address, link);
+    (process, name)
+}
+
 #[test]
 fn a_pair_carries_octets_both_ways_until_ctrl_c() {
-    let here = tempfile::tempdir().unwrap();
-    let names = ["a", "b"].map(|name| here.path().join(name).display().to_string());
-    let process = Process::of(
-        &["pty", &names[0], &names[1], "--baud", "921600"],
-        &format!("{} <-> {} at ", names[0], names[1]),
-    );
+    let here = Folder::new();
+    let names = ["a", "b"].map(|name| path(&here, name));
+    let begin = format!("{} <-> {} at ", names[0], names[1]);
+    let words = format!("pty {} {} --baud 921600", names[0], names[1]);
+    let process = Process::printing(&here, &words, &begin);
     assert_eq!(process.address, "921600 baud, 92160 octets/s each way");
     for _ in 0..2 {
         let mut ends = names.each_ref().map(|name| {
@@ -30,111 +52,62 @@ fn a_pair_carries_octets_both_ways_until_ctrl_c() {
             assert_eq!(heard[..], text, "every octet passes as it is");
         }
     }
-    process.signal("-INT");
-    assert_eq!(process.end().0, Some(0));
-    for name in &names {
-        let name = std::path::Path::new(name);
-        assert!(name.symlink_metadata().is_err(), "the names are gone");
-    }
+    process.end_by("-INT").exits(0);
+    assert!(is_empty(&here), "the names are gone");
 }
 
 #[test]
 fn a_client_opens_the_emulators_own_port() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("tracker").display().to_string();
-    let link = format!("pty://{name}?baud=3000000");
-    let process = Process::of(
-        &[
-            "run",
-            "--config",
-            &crate::repository("configs/run.toml"),
-            "--link",
-            &link,
-        ],
-        "listening on ",
-    );
-    assert_eq!(process.address, link);
+    let here = Folder::new();
+    let (process, name) = emulator(&here, "");
     serves_until("-INT", process, PtyLine::at(&name));
-    let name = std::path::Path::new(&name);
-    assert!(name.symlink_metadata().is_err(), "the name is gone");
+    assert!(is_empty(&here), "the name is gone");
 }
 
-/// A name that leads to the terminal of whoever got the killed one's number.
+/// A name may lead to the terminal that got the number of the killed run's.
 #[test]
 fn the_names_of_a_run_that_was_killed_are_taken_over() {
-    let here = tempfile::tempdir().unwrap();
-    let names = ["a", "b"].map(|name| here.path().join(name).display().to_string());
-    let start = |names: [&String; 2]| {
-        let shown = format!("{} <-> {} at ", names[0], names[1]);
-        Process::of(&["pty", names[0], names[1]], &shown)
+    let here = Folder::new();
+    let [a, b] = ["a", "b"].map(|name| path(&here, name));
+    let start = |a: &str, b: &str| {
+        Process::printing(&here, &format!("pty {a} {b}"), &format!("{a} <-> {b} at "))
     };
-    let first = start([&names[0], &names[1]]);
+    let first = start(&a, &b);
     // While it lives nobody else gets them.
-    let again = crate::skyloop(here.path())
-        .args(["pty", &names[0], "c"])
-        .output();
-    let again = again.unwrap();
-    let text = String::from_utf8(again.stderr).unwrap();
-    assert!(
-        text.contains("a running skyloop has it; choose another name"),
-        "{text}"
-    );
-    assert!(again.status.code() == Some(1) && text.trim().lines().count() == 1);
-    first.signal("-KILL");
-    let _ = first.end();
-    assert!(here.path().join("a").symlink_metadata().is_ok(), "killed");
+    let again = here.run(&format!("pty {a} c")).exits(1).logs_lines(1);
+    again.logs(&["a running skyloop has it; choose another name"]);
+    first.end_by("-KILL");
+    assert!(here.join("a").symlink_metadata().is_ok(), "killed");
     // The other way round: the numbers of both are in use again while their names are given.
-    let second = start([&names[1], &names[0]]);
-    for name in &names {
+    let second = start(&b, &a);
+    for name in [&a, &b] {
         open_port(name, 115_200);
     }
-    second.signal("-INT");
-    assert_eq!(second.end().0, Some(0));
-    assert!(here.path().read_dir().unwrap().next().is_none());
+    second.end_by("-INT").exits(0);
+    assert!(is_empty(&here));
 }
 
 #[test]
 fn one_name_for_both_ends_is_refused_in_a_line() {
-    let here = tempfile::tempdir().unwrap();
+    let here = Folder::new();
     for other in ["a", "./a"] {
-        let output = crate::skyloop(here.path())
-            .args(["pty", "a", other])
-            .output();
-        let output = output.unwrap();
-        let text = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1));
-        let told = text.contains("the other end has it; choose another name");
-        assert!(told && text.trim().lines().count() == 1, "{text}");
-        assert!(here.path().read_dir().unwrap().next().is_none());
+        let refused = here.run(&format!("pty a {other}")).exits(1).logs_lines(1);
+        refused.logs(&["the other end has it; choose another name"]);
+        assert!(is_empty(&here));
     }
 }
 
 /// A client that opens the port, asks for frames and reads nothing; faults stand between.
 #[test]
 fn a_client_that_reads_nothing_keeps_no_name_alive() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("tracker").display().to_string();
-    let log = here.path().join("log.jsonl").display().to_string();
-    let link = format!("pty://{name}?baud=3000000");
-    let config = crate::repository("configs/run.toml");
-    let run = [
-        "run",
-        "--config",
-        &config,
-        "--link",
-        &link,
-        "--fault-log",
-        &log,
-    ];
-    let process = Process::of(&run, "listening on ");
+    let here = Folder::new();
+    let (process, name) = emulator(&here, "--fault-log log.jsonl");
     let mut client = crate::support::client::Client::new(PtyLine::at(&name));
     client.window = None;
     for sequence in 0..3 {
         client.point(crate::support::attitude(sequence), crate::support::EPOCH);
     }
     std::thread::sleep(std::time::Duration::from_secs(1));
-    process.signal("-INT");
-    assert_eq!(process.end().0, Some(0));
-    let name = std::path::Path::new(&name);
-    assert!(name.symlink_metadata().is_err(), "the name is gone");
+    process.end_by("-INT").exits(0);
+    assert!(!here.join("tracker").is_symlink(), "the name is gone");
 }

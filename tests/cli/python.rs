@@ -2,73 +2,67 @@
 #![cfg(unix)]
 
 use crate::run::Process;
-use crate::{EPOCH, Q, repository, skyloop};
+use crate::{EPOCH, Folder, Outcome, Q, camera, has, repository, repository_text};
 use skyloop::load::CAMERAS;
 use skyloop_protocols::MAX_PACKET;
 use skyloop_protocols::apid::FRAME_END;
 use skyloop_protocols::packet::{identify, reseal};
 use std::net::UdpSocket;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 /// The state that the client sends, km and km/s.
 const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.022740430,-4.386550226";
 
 /// The emulator of a run file whose keys before `[run]` are `keys`.
-fn emulator(at: &Path, keys: &str, run: &str, flags: &[&str]) -> Process {
-    let text = format!("{keys}\n[run]\nlink = \"udp://127.0.0.1:0\"\n{run}\n");
-    std::fs::write(at.join("run.toml"), text).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-    let command = command.args(["run", "--config", "run.toml"]).args(flags);
-    Process::spawned(command.current_dir(at), "listening on ")
+fn emulator(here: &Folder, keys: &str, run: &str, flags: &str) -> Process {
+    let link = match run.contains("link = ") {
+        true => "",
+        false => "link = \"udp://127.0.0.1:0\"\n",
+    };
+    here.write("run.toml", format!("{keys}\n[run]\n{link}{run}\n"));
+    Process::listening(here, &format!("run --config run.toml {flags}"))
 }
 
-/// Whether the client succeeds, and what it prints.
-fn client_at(at: &Path, address: &str, flags: &[&str]) -> (bool, String) {
+/// What the client does at an address.
+fn client_at(here: &Folder, address: &str, flags: &str) -> Outcome {
     let mut command = Command::new("python3");
-    let command = command
+    command
         .arg(repository("examples/client.py"))
-        .current_dir(at);
-    let output = command.args(["--address", address]).args(flags).output();
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = output.expect("python3 runs: apt-get install python3-minimal");
-    let text = String::from_utf8([stdout, stderr].concat()).unwrap();
-    (status.success(), text)
+        .current_dir(here);
+    command
+        .args(["--address", address])
+        .args(flags.split_whitespace());
+    let output = command.output();
+    let output = output.expect("python3 runs: apt-get install python3-minimal");
+    Outcome::of(&format!("client.py {address} {flags}"), output)
 }
 
-/// Whether the client of an emulator succeeds, and what it prints.
-fn ended(at: &Path, process: &Process, flags: &[&str]) -> (bool, String) {
-    let address = process.address.strip_prefix("udp://").unwrap();
-    client_at(at, address, flags)
-}
-
-/// What the client prints; it exits with 0.
-fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
-    let (is_success, text) = ended(at, process, flags);
-    assert!(is_success, "{text}");
-    text
+/// What the client of an emulator does.
+fn client(here: &Folder, process: &Process, flags: &str) -> Outcome {
+    client_at(here, process.address.strip_prefix("udp://").unwrap(), flags)
 }
 
 #[test]
 fn the_client_gets_whole_frames_at_every_output_level() {
+    let here = Folder::new();
     for level in ["frame", "compressed", "windows", "labels"] {
-        let here = tempfile::tempdir().unwrap();
-        let at = here.path();
-        let process = emulator(at, "camera = \"fai-nir\"", "", &["--output", level]);
-        let text = client(at, &process, &["--frames", "2"]);
-        process.signal("-INT");
-        process.end();
-        assert_eq!(text.matches(" bits, ").count(), 2, "{level}: {text}");
-        assert!(!text.contains("lost"), "{level}: {text}");
+        let output = format!("--output {level}");
+        let process = emulator(&here, "camera = \"fai-nir\"", "", &output);
+        let ended = client(&here, &process, "--frames 2").exits(0).lacks("lost");
+        process.end_by("-INT");
+        assert_eq!(
+            ended.all().matches(" bits, ").count(),
+            2,
+            "{level}: {}",
+            ended.all()
+        );
     }
 }
 
 #[test]
 fn the_client_refuses_wrong_addresses_in_one_line() {
-    let here = tempfile::tempdir().unwrap();
+    let here = Folder::new();
     for address in [
         "127.0.0.1",
         "127.0.0.1:",
@@ -76,18 +70,12 @@ fn the_client_refuses_wrong_addresses_in_one_line() {
         "127.0.0.1:70000",
         "foo.invalid:1",
     ] {
-        let (is_success, text) = client_at(here.path(), address, &[]);
-        assert!(!is_success && text.lines().count() == 1, "{text}");
-        assert!(
-            text.contains(address) && text.contains("HOST:PORT"),
-            "{text}"
-        );
+        let refused = client_at(&here, address, "");
+        assert_ne!(refused.code, Some(0), "{}", refused.all());
+        refused.logs_lines(1).logs(&[address, "HOST:PORT"]);
     }
-    let (is_success, text) = client_at(here.path(), "127.0.0.1:1", &["--help"]);
-    assert!(
-        is_success && text.contains("HOST:PORT") && text.contains("127.0.0.1:4810"),
-        "{text}"
-    );
+    let help = client_at(&here, "127.0.0.1:1", "--help").exits(0);
+    help.says(&["HOST:PORT", "127.0.0.1:4810"]);
 }
 
 /// Columns, rows and pixels of a PGM picture with two bytes a pixel.
@@ -109,28 +97,22 @@ fn pgm(file: &Path) -> (u32, u32, Vec<u16>) {
 /// Against `skyloop render`, which knows no wire.
 #[test]
 fn the_client_gets_the_frames_of_every_built_in_camera() {
+    let here = Folder::new();
     for &camera in CAMERAS {
-        let here = tempfile::tempdir().unwrap();
-        let at = here.path();
-        let process = emulator(at, &format!("camera = {camera:?}"), "", &[]);
-        let printed = client(at, &process, &["--out", "got-"]);
-        assert!(printed.starts_with("got-00000: "), "{printed}");
-        process.signal("-INT");
-        let (code, table) = process.end();
-        assert_eq!(code, Some(0), "{table}");
-        skyloop(at)
-            .args(["render", "--camera", camera, "--epoch", EPOCH])
-            .arg(format!("--attitude={Q}"))
-            .arg(format!("--state={STATE}"))
-            .args(["--out", "rendered"])
-            .assert()
-            .success();
-        let rendered = image::open(at.join("rendered/frame_00000.png")).unwrap();
+        let process = emulator(&here, &format!("camera = {camera:?}"), "", "");
+        let ended = client(&here, &process, "--out got-").exits(0);
+        assert!(ended.out.starts_with("got-00000: "), "{}", ended.all());
+        process.end_by("-INT").exits(0);
+        let vehicle = format!("--epoch {EPOCH} --attitude={Q} --state={STATE}");
+        here.run(&format!(
+            "render --camera {camera} {vehicle} --out rendered"
+        ))
+        .exits(0);
+        let rendered = image::open(here.join("rendered/frame_00000.png")).unwrap();
         let rendered = rendered.into_luma16();
-        let (width, height, pixels) = pgm(&at.join("got-00000.pgm"));
+        let (width, height, pixels) = pgm(&here.join("got-00000.pgm"));
         assert_eq!((width, height), rendered.dimensions(), "{camera}");
-        let same = pixels.iter().zip(rendered.as_raw()).all(|(a, b)| a == b);
-        assert!(same && pixels.len() == rendered.as_raw().len(), "{camera}");
+        assert!(pixels == *rendered.as_raw(), "{camera}");
     }
 }
 
@@ -155,25 +137,20 @@ fn the_client_requests_again_what_is_lost_damaged_or_late() {
             20,
         ),
     ] {
-        let here = tempfile::tempdir().unwrap();
-        let at = here.path();
         let fault = |(direction, kind, value): &(&str, &str, f64)| {
             format!("[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value}\n")
         };
         let text: String = faults.iter().map(fault).collect();
-        std::fs::write(at.join("faults.toml"), text).unwrap();
-        let process = emulator(at, "camera = \"rigel-l\"", "", &["--faults", "faults.toml"]);
-        let printed = client(at, &process, &["--frames", "3"]);
-        process.signal("-INT");
-        let (_, table) = process.end();
+        let here = Folder::with(&[("faults.toml", &text)]);
+        let process = emulator(&here, "camera = \"rigel-l\"", "", "--faults faults.toml");
+        let printed = client(&here, &process, "--frames 3").exits(0).all();
+        let table = process.end_by("-INT").prints(&["resent_blocks"]).out;
         // It checks the pixels itself against the checksum of each frame.
         let frames = printed.matches("1024 x 1024 pixels of 12 bits").count();
         assert_eq!(frames, 3, "{faults:?}: {printed}{table}");
-        assert!(table.contains("resent_blocks"), "{table}");
         // Printed each second where it has changed, and at the end: a frame can follow the last one.
-        let losses = printed
-            .lines()
-            .rfind(|line| line.contains("requested again"));
+        let mut lines = printed.lines();
+        let losses = lines.rfind(|line| line.contains("requested again"));
         let numbers = losses.unwrap_or_default().split(' ');
         let numbers: Vec<i64> = numbers.filter_map(|word| word.parse().ok()).collect();
         let [found_again, found_damaged, _] = numbers[..] else {
@@ -188,48 +165,34 @@ fn the_client_requests_again_what_is_lost_damaged_or_late() {
     }
 }
 
-/// Whatever the reason, it leaves so that nothing waits for it: the emulator ends without a warning about what was not read.
+/// Whatever the reason, it leaves so that nothing waits for it: the emulator ends without a warning
+/// about what was not read.
 #[test]
 fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
     for (run, flags, says) in [
         (
             "clock = \"wall\"\noutput = \"labels\"\nlink = \"udp://127.0.0.1:0?rate_mbit=1\"",
-            &[][..],
+            "",
             "whole frames with label text (Output) are refused",
         ),
         (
             "trigger = \"packet\"",
-            &["--timeout", "6"],
+            "--timeout 6",
             "Status gives as the reason (withheld): no Trigger, and run.trigger is packet",
         ),
     ] {
-        let here = tempfile::tempdir().unwrap();
-        let at = here.path();
-        let text = format!("camera = \"fai-nir\"\n[run]\n{run}\n");
-        let link = "link = \"udp://127.0.0.1:0\"\n";
-        let text = if run.contains("link = ") {
-            text
-        } else {
-            text + link
-        };
-        std::fs::write(at.join("run.toml"), text).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-        let command = command
-            .args(["run", "--config", "run.toml"])
-            .current_dir(at);
-        let command = command.stderr(std::process::Stdio::piped());
-        let process = Process::spawned(command, "listening on ");
-        let (is_success, printed) = ended(at, &process, flags);
-        assert!(!is_success && printed.contains(says), "{printed}");
-        process.signal("-INT");
-        let (code, table, log) = process.end_with_log();
-        assert_eq!(code, Some(0), "{table}{log}");
-        assert!(!log.contains("has not read"), "{log}");
-        assert!(!table.contains("lost_outbound"), "{table}");
+        let here = Folder::new();
+        let process = emulator(&here, "camera = \"fai-nir\"", run, "");
+        let ended = client(&here, &process, flags).says(&[says]);
+        assert_ne!(ended.code, Some(0), "{}", ended.all());
+        let ended = process.end_by("-INT").exits(0);
+        assert!(!ended.log.contains("has not read"), "{}", ended.log);
+        assert!(!ended.out.contains("lost_outbound"), "{}", ended.out);
     }
 }
 
-/// Where to send packets to the emulator at `address`, such that each FrameEnd comes with another `pixels_crc32` (ICD, section 3.12). After ten nothing comes.
+/// Where to send packets to the emulator at `address`, such that each FrameEnd comes with another
+/// `pixels_crc32` (ICD, section 3.12). After ten nothing comes.
 fn spoiling(address: &str) -> String {
     let near = UdpSocket::bind("127.0.0.1:0").unwrap();
     let far = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -264,49 +227,42 @@ fn spoiling(address: &str) -> String {
 
 #[test]
 fn the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let process = emulator(at, "camera = \"fai-nir\"", "", &[]);
+    let here = Folder::new();
+    let process = emulator(&here, "camera = \"fai-nir\"", "", "");
     let address = spoiling(process.address.strip_prefix("udp://").unwrap());
-    let (is_success, printed) = client_at(at, &address, &["--timeout", "3"]);
-    process.signal("-INT");
-    process.end();
-    let says = ["frame 0: ", "CRC-32", "(pixels_crc32), 3 times"];
-    let is_said = says.iter().all(|says| printed.contains(says));
-    assert!(!is_success && is_said, "{printed}");
-    assert!(!at.join("frame-00000.pgm").exists());
+    let ended = client_at(&here, &address, "--timeout 3");
+    process.end_by("-INT");
+    assert_ne!(ended.code, Some(0), "{}", ended.all());
+    ended.says(&["frame 0: ", "CRC-32", "(pixels_crc32), 3 times"]);
+    assert!(!here.join("frame-00000.pgm").exists());
 }
 
 /// 24,000 packets a second.
 #[test]
 fn the_client_takes_large_frames_at_four_a_second() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let camera = std::fs::read_to_string(repository("configs/cameras/rigel-l.toml")).unwrap();
-    let camera = camera
-        .replace("width_px = 1024", "width_px = 2048")
-        .replace("height_px = 1024", "height_px = 2048")
-        .replace("rate_hz = 10.0", "rate_hz = 4.0");
-    std::fs::write(at.join("large.toml"), camera).unwrap();
-    let run = "clock = \"wall\"";
-    let process = emulator(at, "camera = \"large.toml\"\nfidelity = \"fast\"", run, &[]);
-    let printed = client(at, &process, &["--frames", "4", "--wall", "4"]);
-    process.signal("-INT");
-    process.end();
-    assert_eq!(
-        printed.matches("2048 x 2048 pixels").count(),
-        4,
-        "{printed}"
-    );
+    let large = [
+        ("width_px", "2048"),
+        ("height_px", "2048"),
+        ("rate_hz", "4.0"),
+    ];
+    let here = Folder::with(&[("large.toml", &camera("rigel-l", &large))]);
+    let keys = "camera = \"large.toml\"\nfidelity = \"fast\"";
+    let process = emulator(&here, keys, "clock = \"wall\"", "");
+    let printed = client(&here, &process, "--frames 4 --wall 4")
+        .exits(0)
+        .all();
+    process.end_by("-INT");
+    let frames = printed.matches("2048 x 2048 pixels").count();
+    assert_eq!(frames, 4, "{printed}");
 }
 
 /// The README shows the first part of the file.
 #[test]
 fn the_readme_shows_the_client() {
-    let readme = std::fs::read_to_string(repository("README.md")).unwrap();
-    let file = std::fs::read_to_string(repository("examples/client.py")).unwrap();
+    let readme = repository_text("README.md");
     let mut blocks = readme.split("```python\n").skip(1);
     let (block, rest) = blocks.next().unwrap().split_once("```").unwrap();
-    assert!(file.contains(block) && block.lines().count() > 10);
-    assert!(blocks.next().is_none() && rest.contains("examples/client.py"));
+    has(&repository_text("examples/client.py"), &[block]);
+    assert!(block.lines().count() > 10 && blocks.next().is_none());
+    has(rest, &["examples/client.py"]);
 }

@@ -2,69 +2,49 @@
 #![cfg(unix)]
 
 use crate::run::Process;
-use crate::skyloop;
-use crate::support::client::Client;
-use crate::support::line::UdpLine;
 use crate::support::{EPOCH, attitude};
-use serde_json::Value;
+use crate::{Folder, has};
 use skyloop_protocols::Command as Packet;
-use std::path::Path;
-use std::process::Command;
 use std::time::{Duration, Instant};
-
-/// Exit code and all that a command printed.
-fn say(at: &Path, words: &str) -> (Option<i32>, String) {
-    let output = skyloop(at).args(words.split_whitespace()).output().unwrap();
-    let text = [output.stdout, output.stderr].concat();
-    (output.status.code(), String::from_utf8(text).unwrap())
-}
 
 #[test]
 fn a_loopback_keeps_its_limits_or_fails() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    for (limits, code, failures, says) in [
+    let here = Folder::new();
+    // Labels have no pixels: nothing was compared, and no limit is kept by that.
+    for (limits, code, tests, says) in [
         (
             "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000",
-            Some(0),
+            0,
             "tests=\"5\" failures=\"0\"",
             "kept: centroids: rms 0.",
         ),
         (
             "--max-centroid-rms 0.001",
-            Some(1),
+            1,
             "tests=\"2\" failures=\"1\"",
             "broken: centroids: rms 0.",
         ),
         (
             "--max-latency-p99-ms 0.001",
-            Some(1),
+            1,
             "failures=\"1\"",
             "broken: latency p99: ",
         ),
-        // No pixels: nothing was compared, and no limit is kept by that.
         (
             "--output labels --max-missed 9 --max-false 9 --max-centroid-rms 9",
-            Some(1),
+            1,
             "tests=\"4\" failures=\"3\"",
             "not known: 0 of 2 frames brought both pixels and readable labels",
         ),
+        // What has not begun has not passed.
+        ("--link pigeon", 1, "failures=\"2\"", "pigeon"),
     ] {
-        let (found, text) = say(at, &format!("loopback --frames 2 --junit v.xml {limits}"));
-        assert_eq!(found, code, "{limits}: {text}");
-        assert!(text.contains(says), "{limits}: {text}");
-        let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
-        assert!(junit.contains(failures), "{limits}: {junit}");
+        let ended = here.run(&format!("loopback --frames 2 --junit v.xml {limits}"));
+        ended.exits(code).says(&[says]);
+        has(&here.read("v.xml"), &[tests]);
     }
-    // What has not begun has not passed.
-    let (_, text) = say(at, "loopback --frames 2 --junit v.xml --link pigeon");
-    let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
-    assert!(junit.contains("failures=\"2\""), "{text}{junit}");
-    let (code, text) = say(at, "loopback --junit no/such/v.xml");
-    assert!(
-        code == Some(1) && text.contains("name another file"),
-        "{text}"
-    );
+    let refused = here.run("loopback --junit no/such/v.xml");
+    refused.exits(1).says(&["name another file"]);
 }
 
 /// A link, and a fault of it: direction, kind, value, `at_s`, and further keys.
@@ -112,136 +92,107 @@ fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
 }
 
 fn ends_in_seconds((link, direction, kind, value, at_s, further): &Stopping) {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
     let fault = format!(
         "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value:?}\nat_s = {at_s:?}\n{further}\n"
     );
-    std::fs::write(at.join("faults.toml"), fault).unwrap();
+    let here = Folder::with(&[("faults.toml", &fault)]);
     let started = Instant::now();
     let command = format!("loopback --link {link} --faults faults.toml --junit v.xml");
-    let (code, text) = say(at, &command);
+    let ended = here.run(&command).exits(1);
     let took = started.elapsed();
-    assert_eq!(code, Some(1), "{text}");
     let (lasts, remedy) = match *further {
         "" => ("has no end", "give it a for_s, a lower value"),
         _ => ("lasts 9", " s longer and has met "),
     };
     let reported =
         format!("{link}: nothing passes any more: the fault {kind}, {direction} {lasts}");
-    for words in [&reported, " packet", remedy] {
-        assert!(text.contains(words), "no {words:?} in {text}");
-    }
+    let ended = ended.says(&[&reported, " packet", remedy]);
     // 5 s without a frame; a busy machine needs time for the frames before.
-    assert!(took < Duration::from_secs(60), "{took:?}: {text}");
-    let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
-    assert!(
-        junit.contains("<testcase name=\"run\"") && junit.contains(&reported),
-        "{junit}"
-    );
+    assert!(took < Duration::from_secs(60), "{took:?}: {}", ended.all());
+    has(&here.read("v.xml"), &["<testcase name=\"run\"", &reported]);
 }
 
-/// The emulator of a run file with a free port, in a folder.
-fn process(at: &Path, flags: &[&str]) -> Process {
-    std::fs::write(at.join("run.toml"), "[run]\nlink = \"udp://127.0.0.1:0\"\n").unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-    let command = command.args(["run", "--config", "run.toml"]).args(flags);
-    let command = command.current_dir(at).stderr(std::process::Stdio::piped());
-    Process::spawned(command, "listening on ")
+/// A folder with a run file with a free port.
+fn folder() -> Folder {
+    Folder::with(&[("run.toml", "[run]\nlink = \"udp://127.0.0.1:0\"\n")])
+}
+
+fn started(here: &Folder, flags: &str) -> Process {
+    Process::listening(here, &format!("run --config run.toml {flags}"))
 }
 
 #[test]
 fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let (code, _, log) = process(at, &["--wait-for-client", "0.2"]).end_with_log();
-    assert!(
-        code == Some(1) && log.contains("no client has come within 0.2 s"),
-        "{log}"
-    );
+    let here = folder();
+    for (flags, code, says) in [
+        (
+            "--wait-for-client 0.2",
+            1,
+            "no client has come within 0.2 s",
+        ),
+        ("--timeout 0.2", 0, ""),
+        (
+            "--timeout 0.2 --frames 2",
+            1,
+            "stopped after 0.2 s (--timeout) with 0 of 2 frames",
+        ),
+    ] {
+        started(&here, flags).end().exits(code).logs(&[says]);
+    }
     // What is no packet of the wire is no client.
-    let stranger = process(at, &["--wait-for-client", "1"]);
+    let stranger = started(&here, "--wait-for-client 1");
     let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let to = stranger.address.strip_prefix("udp://").unwrap();
     socket.send_to(b"hello, is anybody there?", to).unwrap();
-    assert_eq!(stranger.end().0, Some(1));
-    let (code, _, log) = process(at, &["--timeout", "0.2"]).end_with_log();
-    assert_eq!(code, Some(0), "{log}");
-    let (code, _, log) = process(at, &["--timeout", "0.2", "--frames", "2"]).end_with_log();
-    let says = "stopped after 0.2 s (--timeout) with 0 of 2 frames";
-    assert!(code == Some(1) && log.contains(says), "{log}");
-    // A frame that its client does not grant is given up after 2 s; one that a slow link still carries ends with the time: 5 kB at 1.25 kB/s.
-    for (rate, packets, timeout_s, least_s) in [("", 0, "60", 0), ("?rate_mbit=0.01", 1000, "3", 3)]
-    {
-        let link = format!("udp://127.0.0.1:0{rate}");
+    stranger.end().exits(1);
+    // A frame that its client does not grant is given up after 2 s; one that a slow link still carries
+    // ends with the time: 5 kB at 1.25 kB/s.
+    for (rate, packets, timeout_s, least_s) in [("", 0, 60, 0), ("?rate_mbit=0.01", 1000, 3, 3)] {
+        let link = format!("--link udp://127.0.0.1:0{rate} --output windows");
         let begun = Instant::now();
-        let served = process(
-            at,
-            &[
-                "--timeout",
-                timeout_s,
-                "--frames",
-                "1",
-                "--output",
-                "windows",
-                "--link",
-                &link,
-            ],
-        );
-        let mut client = Client::new(UdpLine::to(&served.address));
+        let served = started(&here, &format!("--timeout {timeout_s} --frames 1 {link}"));
+        let mut client = served.udp_client();
         client.window = None;
         client.send(Packet::Credit { packets });
         client.status();
         client.point(attitude(0), EPOCH);
-        let (code, table, log) = served.end_with_log();
-        let says = "0 of 1 frame sent";
-        assert!(code == Some(1) && log.contains(says), "{table}{log}");
-        assert!(!log.contains("does not read"), "{log}");
+        let ended = served.end().exits(1).logs(&["0 of 1 frame sent"]);
+        assert!(!ended.log.contains("does not read"), "{}", ended.log);
         let took = begun.elapsed().as_secs();
         assert!((least_s..least_s + 20).contains(&took), "{took} s");
     }
-    let served = process(
-        at,
-        &["--wait-for-client", "5", "--timeout", "60", "--frames", "2"],
-    );
-    let mut client = Client::new(UdpLine::to(&served.address));
+    let served = started(&here, "--wait-for-client 5 --timeout 60 --frames 2");
+    let mut client = served.udp_client();
     client.good_frame(1);
     client.good_frame(2);
-    let (code, table, log) = served.end_with_log();
-    assert_eq!(code, Some(0), "{table}{log}");
+    served.end().exits(0);
 }
 
 #[test]
 fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let file = at.join("ready.json");
+    let here = folder();
     // A killed run has left one.
-    std::fs::write(&file, "{ \"pid\": 1, \"links\": [] }").unwrap();
-    let flags = ["--ready-file", "ready.json", "--metrics", "127.0.0.1:0"];
-    let running = process(at, &flags);
+    here.write("ready.json", "{ \"pid\": 1, \"links\": [] }");
+    let running = started(&here, "--ready-file ready.json --metrics 127.0.0.1:0");
     crate::support::await_that("the file is there", || {
         std::thread::sleep(Duration::from_millis(5));
-        std::fs::read_to_string(&file).is_ok_and(|text| !text.contains("\"pid\": 1,"))
+        let text = std::fs::read_to_string(here.join("ready.json"));
+        text.is_ok_and(|text| !text.contains("\"pid\": 1,"))
     });
-    let ready: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    let ready = here.json("ready.json");
     assert_eq!(ready["pid"], running.id());
     assert_eq!(ready["links"], serde_json::json!([running.address]));
     assert_eq!(ready["heads"], serde_json::json!([]));
     let metrics = ready["metrics"].as_str().unwrap().parse().unwrap();
     assert!(!crate::support::fetched(metrics).is_empty());
-    running.signal("-INT");
-    assert_eq!(running.end().0, Some(0));
-    assert_eq!(crate::names(at), ["run.toml"]);
-    std::fs::write(&file, "{}").unwrap();
-    let (code, text) = say(at, "run --config run.toml --ready-file ready.json");
-    assert!(
-        code == Some(1) && text.contains("did not make this file"),
-        "{text}"
-    );
-    let (code, text) = say(at, "run --config run.toml --ready-file no/such");
-    assert!(
-        code == Some(1) && text.contains("--ready-file no/such: "),
-        "{text}"
-    );
+    running.end_by("-INT").exits(0);
+    assert_eq!(here.names(""), ["run.toml"]);
+    here.write("ready.json", "{}");
+    for (file, says) in [
+        ("ready.json", "did not make this file"),
+        ("no/such", "--ready-file no/such: "),
+    ] {
+        let refused = here.run(&format!("run --config run.toml --ready-file {file}"));
+        refused.exits(1).says(&[says]);
+    }
 }
