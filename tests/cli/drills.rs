@@ -6,7 +6,7 @@ use crate::run::Process;
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
 use crate::support::{EPOCH, PATIENCE, attitude, await_that};
-use crate::{Folder, has};
+use crate::{Folder, has, rows};
 use skyloop::link::capture::pcapng;
 use skyloop_protocols::{Command, Reply};
 use std::net::UdpSocket;
@@ -135,40 +135,23 @@ fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
 #[test]
 fn a_full_disk_leaves_no_file_behind() {
     let here = folder();
-    let run = "run --config run.toml";
-    let refused = here.run(&format!("{run} --capture /dev/full"));
+    let refused = here.run("run --config run.toml --capture /dev/full");
     refused.exits(1).logs(&["capture /dev/full", "has room"]);
-    let camera = "--size 64x64 --pixel 5 --focal 16 --aperture 8 --exposure 0.1 --full-well 10000";
-    for (command, names) in [
-        (
-            &format!("{run} --ready-file ready.json")[..],
-            "--ready-file ready.json",
-        ),
-        (
-            &format!("{run} --ready-file ready.json --capture c.pcapng --fault-log f.jsonl"),
-            "--ready-file ready.json",
-        ),
-        (
-            &format!("{run} --fault-log f.jsonl --capture c.pcapng"),
-            "--capture c.pcapng",
-        ),
-        (
-            "loopback --frames 1 --junit v.xml --out out",
-            "cannot write v.xml",
-        ),
-        (
-            "loopback --frames 1 --out .",
-            "cannot write ./frame_00000.fits",
-        ),
-        (
-            "render --epoch 2026-07-12T03:04:05 --radec 10,20,0 --out .",
-            "cannot write ./frame_00000.fits",
-        ),
-        (&format!("camera new c.toml {camera}"), "c.toml"),
-    ] {
-        let failed = here.run_limited(0, command).exits(1);
+    for (command, names) in rows(
+        "run --config run.toml --ready-file ready.json | --ready-file ready.json
+         run --config run.toml --ready-file ready.json --capture c.pcapng --fault-log f.jsonl
+         | --ready-file ready.json
+         run --config run.toml --fault-log f.jsonl --capture c.pcapng | --capture c.pcapng
+         loopback --frames 1 --junit v.xml --out out | cannot write v.xml
+         loopback --frames 1 --out .                 | cannot write ./frame_00000.fits
+         render --epoch 2026-07-12T03:04:05 --radec 10,20,0 --out .
+         | cannot write ./frame_00000.fits
+         camera new c.toml --size 64x64 --pixel 5 --focal 16 --aperture 8 --exposure 0.1 --full-well 9000
+         | c.toml",
+    ) {
+        let failed = here.run_limited(0, command).exits(1).logs(&names);
         // X-Val: EFBIG of Linux, errno(3).
-        failed.logs(&[names, "File too large (os error 27)"]);
+        failed.logs(&["File too large (os error 27)"]);
         let left = std::fs::read_dir(&*here).unwrap();
         let left: Vec<_> = left.map(|file| file.unwrap().file_name()).collect();
         assert_eq!(left, ["run.toml"], "{command}");

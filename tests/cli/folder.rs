@@ -25,10 +25,11 @@ pub fn has(text: &str, parts: &[&str]) {
 }
 
 /// The rows of a table: a command line, and behind each `|` a text that it must write.
-/// A line that starts with `|` continues the row above it.
+/// A line that starts with `|` continues the row above it, one with `//` is a remark.
 pub fn rows(table: &str) -> Vec<(&str, Vec<&str>)> {
     let mut rows: Vec<(&str, Vec<&str>)> = Vec::new();
-    for line in table.lines().map(str::trim).filter(|line| !line.is_empty()) {
+    let lines = table.lines().map(str::trim);
+    for line in lines.filter(|line| !line.is_empty() && !line.starts_with("//")) {
         let mut parts = line.split(" | ").map(str::trim);
         match line.strip_prefix("| ") {
             Some(more) => rows.last_mut().unwrap().1.extend(more.split(" | ")),

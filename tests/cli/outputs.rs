@@ -6,45 +6,46 @@ use crate::{EPOCH, Folder, has};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// Every option and argument of every command whose value is a path, by the command: those that are
+/// Every option and argument of every command whose value is a path: behind the command those that are
 /// read, and those that are written.
-const PATHS: &[(&str, &[&str], &[&str])] = &[
-    (
-        "loopback",
-        &["--scene", "--faults"],
-        &["--out", "--junit", "--fault-log", "--capture"],
-    ),
-    (
-        "run",
-        &["--config", "--faults"],
-        &["--ready-file", "--fault-log", "--capture"],
-    ),
-    ("soak", &["--config"], &["--junit", "--json"]),
-    (
-        "render",
-        &["--scene", "--camera", "--orbit", "--rso"],
-        &["--out"],
-    ),
-    ("plan", &["--scene", "--camera"], &[]),
-    ("cost", &["--scene"], &["--out"]),
-    ("passes", &["--scene", "--orbit"], &[]),
-    ("lightcurve", &["--scene"], &["--out"]),
-    ("catalog check", &["<FILE>"], &[]),
-    ("catalog info", &["<FILE>"], &[]),
-    ("catalog convert", &["<FILE>"], &["--out"]),
-    ("catalog synth", &[], &["--out"]),
-    ("camera check", &["<NAME|FILE>"], &[]),
-    ("camera new", &[], &["<FILE>"]),
-    ("pty", &[], &["<PATH_A>", "<PATH_B>"]),
-    ("replay", &["<FILE>", "--config", "--scene"], &[]),
-    ("man", &[], &["[DIR]"]),
-];
+const PATHS: &str = "
+    loopback        | --scene --faults                 | --out --junit --fault-log --capture
+    run             | --config --faults                | --ready-file --fault-log --capture
+    soak            | --config                         | --junit --json
+    render          | --scene --camera --orbit --rso   | --out
+    plan            | --scene --camera                 |
+    cost            | --scene                          | --out
+    passes          | --scene --orbit                  |
+    lightcurve      | --scene                          | --out
+    catalog check   | <FILE>                           |
+    catalog info    | <FILE>                           |
+    catalog convert | <FILE>                           | --out
+    catalog synth   |                                  | --out
+    camera check    | <NAME|FILE>                      |
+    camera new      |                                  | <FILE>
+    pty             |                                  | <PATH_A> <PATH_B>
+    replay          | <FILE> --config --scene          |
+    man             |                                  | [DIR]";
+
+/// Each command with its paths, those that are read and those that are written.
+fn paths() -> impl Iterator<Item = (&'static str, [Vec<&'static str>; 2])> {
+    let lines = PATHS.lines().filter(|line| !line.is_empty());
+    lines.map(|line| {
+        let columns: Vec<&str> = line.splitn(3, " |").collect();
+        let [command, inputs, outputs] = columns[..] else {
+            panic!("three columns: {line}");
+        };
+        let paths = [inputs, outputs].map(|paths| paths.split_whitespace().collect());
+        (command.trim(), paths)
+    })
+}
 
 /// How a command writes one of its outputs, and the file that it writes.
 struct Case {
-    of: (&'static str, &'static str),
+    command: String,
+    option: String,
     words: String,
-    file: &'static str,
+    file: String,
     /// Whether an earlier file of its own is replaced without --force.
     is_recognised: bool,
 }
@@ -53,7 +54,7 @@ impl Case {
     /// A folder with its inputs, and one for its file, which is not there yet.
     fn folder(&self) -> Folder {
         let here = folder();
-        std::fs::create_dir_all(here.join(self.file).parent().unwrap()).unwrap();
+        std::fs::create_dir_all(here.join(&self.file).parent().unwrap()).unwrap();
         here
     }
 }
@@ -64,77 +65,37 @@ fn cases() -> Vec<Case> {
     let soak = "soak --config soak.toml --minutes 0.005";
     let figures =
         "--size 64x64 --pixel 5 --focal 20deg --aperture f/1.4 --exposure 0.2 --full-well 12000";
-    let case = |(command, option, words, file): (_, _, &str, _)| Case {
-        of: (command, option),
-        words: words.to_string(),
-        file,
-        is_recognised: !matches!(file, "x.csv" | "x.toml" | "x.json"),
+    let render = crate::render("");
+    let table = format!(
+        "loopback        | --out        | o/labels.jsonl     | loopback --frames 1 --out o
+         loopback        | --junit      | x                  | {loopback} --junit x
+         loopback        | --fault-log  | x  | {loopback} --faults faults.toml --fault-log x
+         loopback        | --capture    | x                  | {loopback} --capture x
+         run             | --ready-file | x                  | {run} --ready-file x
+         run             | --fault-log  | x                  | {run} --fault-log x
+         run             | --capture    | x                  | {run} --capture x
+         soak            | --junit      | x                  | {soak} --junit x
+         soak            | --json       | x                  | {soak} --json x
+         render          | --out        | o/frame_00000.fits | {render}
+         cost            | --out        | o/cost.csv         | cost --frames 1 --rounds 1 --out o
+         lightcurve      | --out | o/lightcurve.png | lightcurve --object RCM-1 --step 10 --out o
+         catalog convert | --out | x.json | catalog convert sets.csv --to omm-json --out x.json
+         catalog synth   | --out        | o/population.toml  | catalog synth --objects 20 --out o
+         catalog synth   | --out        | x.csv          | catalog synth --objects 20 --out x.csv
+         camera new      | <FILE>       | x.toml             | camera new x.toml {figures}
+         man             | [DIR]        | o/skyloop-run.1    | man o"
+    );
+    let case = |(command, columns): (&str, Vec<&str>)| {
+        let [option, file, words] = [0, 1, 2].map(|column: usize| columns[column].to_string());
+        Case {
+            command: command.to_string(),
+            is_recognised: !["x.csv", "x.toml", "x.json"].contains(&file.as_str()),
+            option,
+            words,
+            file,
+        }
     };
-    let cases = [
-        (
-            "loopback",
-            "--out",
-            "loopback --frames 1 --out o",
-            "o/labels.jsonl",
-        ),
-        ("loopback", "--junit", &format!("{loopback} --junit x"), "x"),
-        (
-            "loopback",
-            "--fault-log",
-            &format!("{loopback} --faults faults.toml --fault-log x"),
-            "x",
-        ),
-        (
-            "loopback",
-            "--capture",
-            &format!("{loopback} --capture x"),
-            "x",
-        ),
-        ("run", "--ready-file", &format!("{run} --ready-file x"), "x"),
-        ("run", "--fault-log", &format!("{run} --fault-log x"), "x"),
-        ("run", "--capture", &format!("{run} --capture x"), "x"),
-        ("soak", "--junit", &format!("{soak} --junit x"), "x"),
-        ("soak", "--json", &format!("{soak} --json x"), "x"),
-        ("render", "--out", &crate::render(""), "o/frame_00000.fits"),
-        (
-            "cost",
-            "--out",
-            "cost --frames 1 --rounds 1 --out o",
-            "o/cost.csv",
-        ),
-        (
-            "lightcurve",
-            "--out",
-            "lightcurve --object RCM-1 --step 10 --out o",
-            "o/lightcurve.png",
-        ),
-        (
-            "catalog convert",
-            "--out",
-            "catalog convert sets.csv --to omm-json --out x.json",
-            "x.json",
-        ),
-        (
-            "catalog synth",
-            "--out",
-            "catalog synth --objects 20 --out o",
-            "o/population.toml",
-        ),
-        (
-            "catalog synth",
-            "--out",
-            "catalog synth --objects 20 --out x.csv",
-            "x.csv",
-        ),
-        (
-            "camera new",
-            "<FILE>",
-            &format!("camera new x.toml {figures}"),
-            "x.toml",
-        ),
-        ("man", "[DIR]", "man o", "o/skyloop-run.1"),
-    ];
-    cases.into_iter().map(case).collect()
+    crate::rows(&table).into_iter().map(case).collect()
 }
 
 /// A folder with the inputs of the cases, and no output.
@@ -197,16 +158,20 @@ fn every_path_of_the_command_line_is_in_the_table_and_every_output_has_a_case() 
         commands.extend(below.map(|command| command.trim().to_string()));
         found.extend(paths.into_iter().map(|path| (command.clone(), path)));
     }
-    let table = PATHS.iter().flat_map(|(command, inputs, outputs)| {
-        let paths = inputs.iter().chain(*outputs);
-        paths.map(|path| ((*command).to_string(), (*path).to_string()))
+    let owned = |command: &str, path: &str| (command.to_string(), path.to_string());
+    let table = paths().flat_map(|(command, paths)| {
+        let paths = paths.concat().into_iter();
+        paths.map(move |path| owned(command, path))
     });
     assert_eq!(found, table.collect());
-    let of_cases: BTreeSet<_> = cases().iter().map(|case| case.of).collect();
+    let cases = cases().into_iter();
+    let of_cases: BTreeSet<_> = cases.map(|case| (case.command, case.option)).collect();
     // tests/cli/pty.rs has the cases of pseudo-terminals, which are links to devices and no files.
-    let written = PATHS.iter().filter(|(command, ..)| *command != "pty");
-    let outputs =
-        written.flat_map(|(command, _, outputs)| outputs.iter().map(|path| (*command, *path)));
+    let written = paths().filter(|(command, _)| *command != "pty");
+    let outputs = written.flat_map(|(command, [_, outputs])| {
+        let outputs = outputs.into_iter();
+        outputs.map(move |path| owned(command, path))
+    });
     assert_eq!(of_cases, outputs.collect());
 }
 
@@ -214,17 +179,17 @@ fn every_path_of_the_command_line_is_in_the_table_and_every_output_has_a_case() 
 fn files_of_other_programs_are_replaced_by_force_only() {
     for case in cases() {
         let (here, words) = (case.folder(), &case.words);
-        here.write(case.file, "mine");
+        here.write(&case.file, "mine");
         let says = match case.is_recognised {
             true => "did not make",
             false => "exists already; element sets, camera files and CAN logs",
         };
         here.run(words).exits(1).says(&[says, "--force"]);
-        assert_eq!(here.read(case.file), "mine", "{words}");
+        assert_eq!(here.read(&case.file), "mine", "{words}");
         let is_alone = !case.file.starts_with("o/") || here.names("o").len() == 1;
         assert!(is_alone, "{words}: others are written");
         here.run(&format!("{words} --force")).lacks("--force");
-        let replaced = std::fs::read(here.join(case.file));
+        let replaced = std::fs::read(here.join(&case.file));
         // A ready file is removed at the end.
         assert!(replaced.is_err() || replaced.unwrap() != b"mine", "{words}");
         let again = here.run(words);
@@ -275,7 +240,7 @@ fn files_beside_the_named_one_are_replaced_by_force_only_too() {
 fn pipes_that_nothing_reads_do_not_hold_a_command_up() {
     for case in cases() {
         let here = case.folder();
-        here.pipe(case.file);
+        here.pipe(&case.file);
         let begin = Instant::now();
         let refused = here.run(&case.words).exits(1);
         let says = [

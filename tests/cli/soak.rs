@@ -126,7 +126,7 @@ fn what_cannot_be_soaked_is_told_before() {
         ),
         (
             "clock = \"wall\"\ntrigger = \"packet\"",
-            "--minutes 1 | run.trigger | SingleShot",
+            "--minutes 1 | run.toml | run.trigger | \"external\" | SingleShot",
         ),
         (
             "clock = \"wall\"\npriority = 100",

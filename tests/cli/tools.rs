@@ -1,7 +1,7 @@
 //! Commands around the command line: camera files, schemas, completions, manual pages, and pointing by
 //! options.
 
-use crate::{EPOCH, Folder, STATE, camera, has, with_keys};
+use crate::{EPOCH, Folder, STATE, camera, has, rows, with_keys};
 use serde_json::Value;
 use std::process::Command;
 
@@ -235,37 +235,29 @@ fn options_point_the_camera_and_say_what_is_hidden() {
     let state = format!("--state {STATE}");
     // The observer flies towards -Z at RA 169, Dec -50; at that time the Moon is at RA 250, Dec -21, the
     // Sun at RA 84, Dec +23.
-    for (options, works, words) in [
-        ("--look-at Moon --up north STATE", true, ""),
-        (
-            "--look-at Sun --up sun STATE",
-            true,
-            "parallel to up = \"sun\", and north is up instead, in 1 of 1 exposures",
-        ),
-        (
-            "--look-at 350,50 STATE",
-            true,
-            "the target is behind the Earth, in 1 of 1 exposures, the first at 2019-06-15T23:35:50",
-        ),
-        ("--look-at limb:80 --roll 10 STATE", true, ""),
-        ("--look-at limb:80", false, "the limb needs an orbit"),
-        ("--look-at Mooon STATE", false, "did you mean `Moon`?"),
-        ("--look-at Moon --up left", false, "zenith"),
-        ("--look-at Moon --nadir", false, "cannot be used with"),
-        ("--radec 0,0,0 --up north", false, "--look-at"),
-        (
-            "--look-at Sun --rates 0,0,1 STATE",
-            false,
-            "--look-at have their own: leave --rates out",
-        ),
-    ] {
-        let options = options.replace("STATE", &state);
-        let ended = here.run(&format!(
-            "render --camera fai-nir --epoch {EPOCH} --out o {options}"
-        ));
-        assert_eq!(ended.code == Some(0), works, "{}", ended.all());
-        let ended = ended.logs(&[words]);
-        assert!(!words.is_empty() || ended.log.is_empty(), "{}", ended.all());
+    let told = "
+        --look-at Moon --up north STATE
+        --look-at Sun --up sun STATE
+        | parallel to up = \"sun\", and north is up instead, in 1 of 1 exposures
+        --look-at 350,50 STATE
+        | the target is behind the Earth, in 1 of 1 exposures, the first at 2019-06-15T23:35:50
+        --look-at limb:80 --roll 10 STATE";
+    let refused = "
+        --look-at limb:80              | the limb needs an orbit
+        --look-at Mooon STATE          | did you mean `Moon`?
+        --look-at Moon --up left       | zenith
+        --look-at Moon --nadir         | cannot be used with
+        --radec 0,0,0 --up north       | --look-at
+        --look-at Sun --rates 0,0,1 STATE
+        | --look-at have their own: leave --rates out";
+    for (table, works) in [(told, true), (refused, false)] {
+        for (options, words) in rows(table) {
+            let options = options.replace("STATE", &state);
+            let render = format!("render --camera fai-nir --epoch {EPOCH} --out o {options}");
+            let ended = here.run(&render).logs(&words);
+            assert_eq!(ended.code == Some(0), works, "{}", ended.all());
+            assert_eq!(ended.log.is_empty(), words.is_empty(), "{}", ended.all());
+        }
     }
     let plan = here
         .run("plan --look-at Jupiter --up velocity --json")

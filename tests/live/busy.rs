@@ -1,8 +1,7 @@
 //! A machine whose processors have other things to do: exposures end on the grid of their periods, each is a frame or counted as missed, and the scene's
 //! time keeps pace with the client's clock.
 
-use crate::support::client::Client;
-use crate::support::{EPOCH, attitude, on_memory};
+use crate::support::{EPOCH, attitude, memory_client};
 use crate::{EXPOSURE_S, mid_s, quick, rest};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
@@ -14,8 +13,7 @@ const LENGTH: Duration = Duration::from_secs(3);
 
 #[test]
 fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
-    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Wall);
     // Between these two the first attitude came, and the scene's time began.
     let before = Instant::now();
     client.point(attitude(1), EPOCH);
@@ -38,7 +36,7 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
     client.done(Command::FrameRate { hz: 1e-3 });
     let due = before.elapsed().as_secs_f64() * RATE_HZ;
     frames.extend(rest(&mut client));
-    let counters = client.status().counters;
+    let counters = client.counters();
 
     // X-Val: protocols/docs/icd.md, section 5.5: the first exposure ends one period after the attitude.
     let mut missed = 0;

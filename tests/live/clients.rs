@@ -9,8 +9,6 @@ use skyloop::config::Clock;
 use skyloop::link;
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
-use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::time::to_epoch;
 use skyloop_protocols::Command;
 use std::ops::ControlFlow;
@@ -23,10 +21,7 @@ const IDLE_S: f64 = 0.2;
 fn next_client<L: Line>(line: L) -> Client<L> {
     let mut client = Client::new(line);
     client.window = None;
-    await_that("the next client is heard", || {
-        client.send(Command::Ping);
-        client.recv(Duration::from_millis(100)).is_some()
-    });
+    client.await_answer();
     // After a Reset no more frames come of what was said before.
     client.send(Command::Reset);
     client.start_anew();
@@ -64,7 +59,7 @@ fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
             }
             _ => is_served(&mut second),
         }
-        let counters = second.status().counters;
+        let counters = second.counters();
         // It was under way when its client went; others may have waited behind it.
         assert!(
             counters.frames_abandoned > counters.frames_dropped,
@@ -88,7 +83,7 @@ fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
     await_that("it is given up", || emulator.shot().number == 0);
     let mut second = next_client(another);
     is_served(&mut second);
-    let counters = second.status().counters;
+    let counters = second.counters();
     assert!(counters.frames_abandoned > counters.frames_dropped);
     assert!(counters.frames_dropped > 0, "frames went on meanwhile");
 }
@@ -97,19 +92,17 @@ fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
 mod terminals {
     use super::*;
     use crate::support::line::PtyLine;
-    use skyloop::link;
+    use crate::support::on_pty;
 
     /// An emulator at a pseudo-terminal of its own, and what clients open.
-    fn on_pty(folder: &tempfile::TempDir) -> (Running, String) {
-        let name = folder.path().join("tracker").display().to_string();
-        let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(5.0)).unwrap();
-        (Running::start(quick(10.0), Clock::Wall, wire), name)
+    fn served() -> (Running, tempfile::TempDir, String) {
+        let (wire, folder, name) = on_pty(&options(5.0), 3_000_000);
+        (Running::start(quick(10.0), Clock::Wall, wire), folder, name)
     }
 
     #[test]
     fn a_serial_client_that_closes_within_a_frame_is_followed_by_the_next() {
-        let folder = tempfile::tempdir().unwrap();
-        let (_emulator, name) = on_pty(&folder);
+        let (_emulator, _folder, name) = served();
         let mut first = Client::new(PtyLine::at(&name));
         first.window = None;
         first.point(attitude(1), EPOCH);
@@ -120,7 +113,7 @@ mod terminals {
         std::thread::sleep(Duration::from_secs(1));
         let mut second = next_client(PtyLine::at(&name));
         is_served(&mut second);
-        let counters = second.status().counters;
+        let counters = second.counters();
         assert!(counters.reconnects >= 1, "{counters:?}");
         // What was on its way to the first never left, or came too late for it.
         assert!(counters.lost_outbound + counters.frames_abandoned + counters.frames_dropped >= 1);
@@ -128,8 +121,7 @@ mod terminals {
 
     #[test]
     fn a_serial_client_that_does_not_read_holds_up_no_frame_and_is_served_when_it_does() {
-        let folder = tempfile::tempdir().unwrap();
-        let (emulator, name) = on_pty(&folder);
+        let (emulator, _folder, name) = served();
         let mut client = Client::new(PtyLine::at(&name));
         client.window = None;
         client.point(attitude(1), EPOCH);
@@ -144,7 +136,7 @@ mod terminals {
                 break frame;
             }
         };
-        let counters = client.status().counters;
+        let counters = client.counters();
         assert!(counters.frames_dropped > 0 && frame > 40, "{counters:?}");
         client.forget();
     }
@@ -169,17 +161,7 @@ fn who_waited_for_the_emulator_has_not_fallen_behind() {
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let zero = Instant::now();
     let start = Epoch::now().unwrap();
-    let mission = Mission {
-        start,
-        period_s: 1.0,
-        frames: 3,
-        profile: Profile::Hold(crate::unit(crate::Q)),
-        orbit: None,
-        timeout: PATIENCE,
-        pace: Pace::Wall { rate_hz: 20.0 },
-        output: None,
-        positions: None,
-    };
+    let mission = crate::mission(start, 3, PATIENCE);
     let mut config = quick(20.0);
     config.objects.clear();
     std::thread::scope(|scope| {

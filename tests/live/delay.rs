@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, on_memory, options};
+use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options};
 use crate::{mid_s, quick, rest};
 use skyloop::config::{Clock, Delay};
 use skyloop::engine::Emulator;
@@ -19,8 +19,7 @@ const RATE_HZ: f64 = 20.0;
 fn held(rate_hz: f64, delay_s: f64, jitter_s: f64) -> (Running, Client<MemoryLine>) {
     let mut config = quick(rate_hz);
     config.run.delay = Delay { delay_s, jitter_s };
-    let (emulator, line) = on_memory(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(config, Clock::Wall);
     client.window = None;
     client.status();
     (emulator, client)
@@ -100,8 +99,7 @@ fn a_jitter_is_another_for_each_frame_and_within_its_bounds() {
 fn in_step_there_is_no_delay() {
     let mut config = quick(RATE_HZ);
     config.run.delay.delay_s = 60.0;
-    let (_emulator, line) = on_memory(config, Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(config, Clock::Stepped);
     // It would come after three times what the client waits.
     client.good_frame(1);
 }
@@ -114,17 +112,16 @@ fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
     client.frame();
     // X-Val: 80 Hz are 20 frames, of 16 at most.
     client.send(Command::FrameRate { hz: 80.0 });
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    for word in ["run.delay_s", "20 frames: at most 16"] {
-        assert!(nack.detail.contains(word), "{}", nack.detail);
-    }
+    client.refused(
+        Reason::ValueOutOfRange,
+        &["run.delay_s", "20 frames: at most 16"],
+    );
     client.done(Command::FrameRate { hz: 40.0 });
     for _ in 0..30 {
         client.frame();
     }
     rest(&mut client);
-    let counters = client.status().counters;
+    let counters = client.counters();
     // A client that stands still for a while loses some. X-Val: were three frames held back of the ten, seven of ten would be lost.
     assert!(
         counters.frames_dropped < counters.frames_rendered / 2,
@@ -149,14 +146,13 @@ fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
     for clock in [Clock::Wall, Clock::External] {
         assert_eq!(fits(clock, 0.5, 0.3), Ok(()));
         let why = fits(clock, 0.5, 0.36).unwrap_err();
-        for word in [
+        let words = [
             "run.delay_s",
             "run.jitter_s",
             "at most 16",
             "timing.rate_hz",
-        ] {
-            assert!(why.contains(word), "no {word:?} in {why}");
-        }
+        ];
+        assert!(words.iter().all(|word| why.contains(word)), "{why}");
     }
     assert_eq!(fits(Clock::Stepped, 60.0, 60.0), Ok(()));
 }
@@ -165,17 +161,14 @@ fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
 #[test]
 fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser() {
     use skyloop::config::OnOverrun;
+    use skyloop::fidelity::{Coarser, Fidelity};
     let flown = |policy| {
         let mut config = quick(RATE_HZ);
         config.run.delay.delay_s = 0.12;
         config.run.latency_s = Some(0.11);
         config.run.on_overrun = policy;
-        config.run.coarsen = vec![skyloop::fidelity::Coarser::Preset(
-            "fast",
-            skyloop::fidelity::Fidelity::FAST,
-        )];
-        let (emulator, line) = on_memory(config, Clock::Wall);
-        let mut client = Client::new(line);
+        config.run.coarsen = vec![Coarser::Preset("fast", Fidelity::FAST)];
+        let (emulator, mut client) = memory_client(config, Clock::Wall);
         client.window = None;
         client.send(Command::Credit { packets: 1 << 20 });
         client.status();
@@ -194,7 +187,7 @@ fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser(
     }
     let (emulator, mut client) = flown(OnOverrun::Drop);
     await_that("exposures without a frame", || {
-        client.status().counters.exposures_missed >= 3
+        client.counters().exposures_missed >= 3
     });
     assert_eq!(emulator.end().frames_rendered, 0);
 }
@@ -205,8 +198,7 @@ fn frames_that_a_reset_gives_up_have_missed_nothing() {
     let mut config = quick(RATE_HZ);
     config.run.delay.delay_s = 0.25;
     config.run.latency_s = Some(1000.0);
-    let (emulator, line) = on_memory(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(config, Clock::Wall);
     client.window = None;
     client.send(Command::Credit { packets: 1 << 20 });
     client.point(attitude(1), EPOCH);

@@ -2,10 +2,10 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory};
-use crate::{EXPOSURE_S, PATIENCE, RATES, mid_s, quick, rest, seconds, shows, turned, xyzw};
+use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
+use crate::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
 use skyloop::config::Clock;
-use skyloop_protocols::{Attitude, Command, Mode, Reason, SyncState, WireTime};
+use skyloop_protocols::{Command, Mode, Reason, SyncState, WireTime};
 use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 20.0;
@@ -65,12 +65,8 @@ impl Pilot {
     /// Tells the attitude of an instant of its clock.
     fn tell(&mut self, time: WireTime) {
         self.sequence += 1;
-        let turning = Attitude {
-            q_icrf_to_body: xyzw(turned(seconds(EPOCH, time))),
-            rates_rad_s: RATES,
-            ..attitude(self.sequence)
-        };
-        self.client.point(turning, time);
+        let q = turned(seconds(EPOCH, time));
+        self.client.point(turning(self.sequence, q), time);
         self.stood_still |= self.told.elapsed() > STANDSTILL;
         self.told = Instant::now();
     }
@@ -78,7 +74,7 @@ impl Pilot {
     /// Middles of exposures lie on the grid of periods from `zero` on, by the client's time.
     fn on_the_grid(&mut self, frames: &[Received], zero: WireTime) {
         // An emulator that stands still misses exposures.
-        self.stood_still |= self.client.status().counters.exposures_missed > 0;
+        self.stood_still |= self.client.counters().exposures_missed > 0;
         let grow = |two: &[Received]| two[0].time < two[1].time;
         assert!(self.stood_still || frames.windows(2).all(grow));
         for frame in frames {
@@ -101,7 +97,7 @@ impl Pilot {
 
     /// Tells attitudes until the emulator has made so many frames more; the frames.
     fn frames(&mut self, more: u32) -> Vec<Received> {
-        let made = |client: &mut Client<MemoryLine>| client.status().counters.frames_delivered;
+        let made = |client: &mut Client<MemoryLine>| client.counters().frames_delivered;
         let before = made(&mut self.client);
         self.fly_until("frames", |client| made(client) >= before + more);
         (0..more).map(|_| self.client.frame()).collect()
@@ -134,10 +130,8 @@ fn frames_come_at_the_cadence_of_the_clients_time_and_on_when_it_falls_silent() 
     undisturbed(|| {
         let (_emulator, mut pilot) = flown(1.0, 1.0);
         let status = pilot.client.status();
-        assert_eq!(
-            (status.mode, status.sync),
-            (Mode::External, SyncState::Waiting)
-        );
+        assert_eq!(status.mode, Mode::External);
+        assert_eq!(status.sync, SyncState::Waiting);
         assert_eq!(status.clock_offset_s, 0.0);
         // X-Val: four periods.
         assert!(pilot.client.recv(Duration::from_millis(200)).is_none());
@@ -234,8 +228,9 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
                 Reason::TimeBackwards
             };
             let refused = pilot.client.refusals();
+            let is_doubted = |reason: &Reason| *reason == doubted;
             assert!(
-                !refused.is_empty() && refused.iter().all(|reason| *reason == doubted),
+                !refused.is_empty() && refused.iter().all(is_doubted),
                 "{refused:?}"
             );
             pilot.fly_until("frames of the other time", |client| {
@@ -310,12 +305,10 @@ fn what_comes_late_moves_neither_time_nor_frames() {
         let first = frames[0].time;
         let last = frames[frames.len() - 1].time;
         let due = (seconds(first, last) * RATE_HZ).round() as u32 + 1;
-        let end = pilot.client.status().counters;
+        let end = pilot.client.counters();
         let had = frames.len() as u32 + end.exposures_missed + end.frames_dropped;
-        assert!(
-            due <= had && frames.len() as u32 <= due,
-            "{due} due, {had} had or counted"
-        );
+        let is_counted = due <= had && frames.len() as u32 <= due;
+        assert!(is_counted, "{due} due, {had} had or counted");
         pilot
     });
 }
@@ -324,14 +317,11 @@ fn what_comes_late_moves_neither_time_nor_frames() {
 fn where_triggers_ask_for_frames_there_is_no_cadence_to_command() {
     let mut config = quick(RATE_HZ);
     config.run.trigger = skyloop::config::Trigger::Packet;
-    let (_emulator, line) = on_memory(config, Clock::External);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(config, Clock::External);
     client.point(attitude(1), EPOCH);
     for command in [Command::SingleShot, Command::FrameRate { hz: 5.0 }] {
         client.send(command);
-        let nack = client.nack();
-        assert_eq!(nack.reason, Reason::NotSupported, "{command:?}");
-        assert!(nack.detail.contains("rigger"), "{}", nack.detail);
+        client.refused(Reason::NotSupported, &["rigger"]);
     }
     // Nor does one hold up what follows it. X-Val: a period is 0.05 s: there is none that an exposure has to fit.
     client.done(Command::Exposure { seconds: 0.2 });

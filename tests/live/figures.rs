@@ -7,8 +7,16 @@ use crate::{quick, rest};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop::metrics::{self, Metrics};
-use skyloop_protocols::Reason;
+use skyloop_protocols::{Attitude, Reason};
 use std::collections::BTreeMap;
+
+/// An attitude that is refused.
+fn bad(sequence: u32) -> Attitude {
+    Attitude {
+        q_icrf_to_body: [0.0; 4],
+        ..attitude(sequence)
+    }
+}
 
 #[test]
 fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
@@ -27,14 +35,8 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let mut client = Client::new(line);
     // A refusal, so that not all counters are 0.
     client.point(attitude(1), EPOCH);
-    client.point(
-        skyloop_protocols::Attitude {
-            q_icrf_to_body: [0.0; 4],
-            ..attitude(2)
-        },
-        EPOCH,
-    );
-    assert_eq!(client.nack().reason, Reason::QuaternionNotUnit);
+    client.point(bad(2), EPOCH);
+    client.refused(Reason::QuaternionNotUnit, &[]);
     let mut frames: Vec<_> = (0..6).map(|_| client.frame()).collect();
     frames.extend(rest(&mut client));
     let status = client.status();
@@ -68,15 +70,14 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
         let bucket = of(&format!("bucket{{stage=\"{stage}\",le=\"+Inf\"}}"));
         assert_eq!((count, bucket), (all, all), "{stage}");
         // What the ends of the frames tell adds up to the sum.
-        let told: f64 = frames
-            .iter()
-            .map(|frame| match stage {
-                "first_pixel" => frame.end.timing.first_pixel_s.into(),
-                "last_pixel" => frame.end.timing.last_pixel_s.into(),
-                "first_octet" => frame.end.timing.first_octet_s.into(),
-                _ => f64::from(frame.end.timing.last_octet_s),
-            })
-            .sum();
+        let times = frames.iter().map(|frame| frame.end.timing);
+        let told = times.map(|times| match stage {
+            "first_pixel" => times.first_pixel_s.into(),
+            "last_pixel" => times.last_pixel_s.into(),
+            "first_octet" => times.first_octet_s.into(),
+            _ => f64::from(times.last_octet_s),
+        });
+        let told: f64 = told.sum();
         let sum = of(&format!("sum{{stage=\"{stage}\"}}"));
         match stage {
             // That is when it was handed over; here is when it had left.
@@ -99,14 +100,8 @@ fn what_is_counted_is_told_where_no_frame_is_made() {
         server.set_metrics(place);
     });
     let mut client = Client::new(crate::support::line::MemoryLine(port));
-    client.point(
-        skyloop_protocols::Attitude {
-            q_icrf_to_body: [0.0; 4],
-            ..attitude(1)
-        },
-        EPOCH,
-    );
-    assert_eq!(client.nack().reason, Reason::QuaternionNotUnit);
+    client.point(bad(1), EPOCH);
+    client.refused(Reason::QuaternionNotUnit, &[]);
     await_that("it is told", || {
         let found = fetched(serving.address());
         found.get("skyloop_bad_attitude_total") == Some(&1.0)

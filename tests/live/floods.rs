@@ -1,15 +1,17 @@
 //! More than can be taken, things that make no sense, and a line that spoils them: it is counted, and frames go on.
 
-use crate::support::client::{Client, moved};
+use crate::support::client::{Client, counted, moved};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory, on_udp, options};
+use crate::support::{
+    EPOCH, Running, attitude, await_that, fault, later, memory_client, on_udp, options,
+};
 use crate::{PATIENCE, frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop::link::fault::{Book, Plan, wrap};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{AttitudeSource, Command, Direction, Fault, FaultKind, Reason, Reply};
+use skyloop_protocols::{AttitudeSource, Command, Direction, FaultKind, Reason, Reply};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -69,10 +71,10 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     whole_frame(&mut client);
     // The next datagram that is taken tells how many the system threw away before it.
     await_that("the flood has passed", || {
-        let counters = client.status().counters;
+        let counters = client.counters();
         counters.attitudes + counters.overflows > sent
     });
-    let counters = client.status().counters;
+    let counters = client.counters();
     println!("{sent} attitudes in {took:?}, {frames} frames meanwhile: {counters:?}");
     assert_eq!(counters.attitudes + counters.overflows, sent + 1);
     assert_eq!(counters.time_backwards + counters.refused, 0);
@@ -88,15 +90,12 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
 #[test]
 fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     const HOUR_S: f64 = 3600.0;
-    let (_emulator, line) = on_memory(quick(20.0), Clock::Wall);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(quick(20.0), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.frame();
     // Back: it is refused, with what helps, and what was said before holds.
     client.point(attitude(2), later(EPOCH, -HOUR_S));
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::TimeBackwards);
-    assert!(nack.detail.contains("Reset"), "{}", nack.detail);
+    client.refused(Reason::TimeBackwards, &["Reset"]);
     let seen = client.status().next_frame;
     let mut frame = client.frame();
     while frame.header.frame <= seen {
@@ -110,8 +109,8 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     assert_eq!(frame.end.attitude_source, AttitudeSource::Future);
     let age_s = frame.end.timing.attitude_age_s;
     assert!(age_s < -HOUR_S as f32 + 100.0, "{age_s}");
-    let counters = client.status().counters;
-    assert_eq!((counters.time_backwards, counters.attitudes), (1, 2));
+    let counters = client.counters();
+    counted(&counters, &[("time_backwards", 1), ("attitudes", 2)]);
     assert!(counters.attitudes_future >= 1);
     // And the way out.
     client.done(Command::Reset);
@@ -124,24 +123,15 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
 
 /// Sends octets as they are, and reads until nothing comes that has to be understood.
 fn burst(client: &mut Client<MemoryLine>, kind: FaultKind, direction: Direction, value: f64) {
-    let fault = |value| {
-        Command::Fault(Fault {
-            kind,
-            direction,
-            value,
-            seconds: 0.0,
-        })
-    };
-    client.send(fault(value));
+    client.send(fault(kind, direction, value, 0.0));
     for sequence in 0..40 {
         // Times do not matter here: the same one is none that runs back.
-        let (packet, _) = client.prepare(&Command::Attitude(attitude(sequence)), EPOCH);
-        client.line.send(&packet);
+        client.send(Command::Attitude(attitude(sequence)));
         let (ping, _) = client.prepare(&Command::Ping, EPOCH);
         client.line.send(&ping);
         while client.line.recv(Duration::from_millis(1)).is_some() {}
     }
-    client.send(fault(0.0));
+    client.send(fault(kind, direction, 0.0, 0.0));
 }
 
 #[test]
@@ -154,20 +144,16 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
     client.window = None;
     client.point(attitude(1), EPOCH);
     client.frame();
-    let mut before = client.status().counters;
+    let mut before = client.counters();
     use Direction::{In, Out};
+    use FaultKind::{BitFlips, Down, Drop, Truncate};
     for (kind, direction, value, counted) in [
-        (
-            FaultKind::BitFlips,
-            In,
-            0.005,
-            &["bad_crc", "sequence_gaps"][..],
-        ),
-        (FaultKind::Drop, In, 0.5, &["sequence_gaps"]),
-        (FaultKind::Truncate, In, 0.5, &["bad_length"]),
-        (FaultKind::BitFlips, Out, 0.001, &[]),
-        (FaultKind::Drop, Out, 0.5, &[]),
-        (FaultKind::Down, In, 1.0, &["sequence_gaps", "reconnects"]),
+        (BitFlips, In, 0.005, &["bad_crc", "sequence_gaps"][..]),
+        (Drop, In, 0.5, &["sequence_gaps"]),
+        (Truncate, In, 0.5, &["bad_length"]),
+        (BitFlips, Out, 0.001, &[]),
+        (Drop, Out, 0.5, &[]),
+        (Down, In, 1.0, &["sequence_gaps", "reconnects"]),
     ] {
         let injected = book.lock().unwrap().total();
         burst(&mut client, kind, direction, value);
@@ -184,13 +170,11 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
         client = Client::new(line);
         (client.window, client.counts) = (None, counts);
         whole_frame(&mut client);
-        let after = client.status().counters;
+        let after = client.counters();
         let moved = moved(&before, &after);
         for name in counted {
-            assert!(
-                moved.iter().any(|(found, _)| found == name),
-                "{kind:?}: {moved:?}"
-            );
+            let has_moved = moved.iter().any(|(found, _)| found == name);
+            assert!(has_moved, "{kind:?}: {moved:?}");
         }
         assert!(after.frames_rendered > before.frames_rendered);
         before = after;

@@ -17,11 +17,13 @@ mod support;
 mod triggers;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use skyloop_protocols::{Command, Reply, WireTime};
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::profile::Profile;
+use skyloop_protocols::{Attitude, Command, Reply, WireTime};
 use std::time::Duration;
 use support::client::{Client, Received};
 use support::line::Line;
-use support::{EPOCH, EXPOSURE_S, PATIENCE, Q, await_that, later, quick, seconds};
+use support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
 
 /// Body rates of the tests, rad/s.
 const RATES: [f64; 3] = [0.02, -0.01, 0.03];
@@ -59,8 +61,7 @@ fn mid_s(frame: &Received) -> f64 {
 fn trigger<L: Line>(client: &mut Client<L>, number: u32, start_s: f64) {
     let start = later(EPOCH, start_s);
     let command = Command::Trigger { number, start };
-    let (packet, _) = client.prepare(&command, WireTime::default());
-    client.line.send(&packet);
+    client.send_alone(&command, WireTime::default());
 }
 
 /// Lets the cadence rest, and takes the frames that are still on their way.
@@ -70,7 +71,7 @@ fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
     let (mut looks, mut before) = (0, None);
     await_that("nothing is under way", || {
         std::thread::sleep(Duration::from_millis(60));
-        let counters = client.status().counters;
+        let counters = client.counters();
         let over = counters.frames_delivered + counters.frames_abandoned;
         let is_still = over == counters.frames_rendered && before == Some(over);
         looks = if is_still { looks + 1 } else { 0 };
@@ -82,6 +83,39 @@ fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
         frames.push(client.frame());
     }
     frames
+}
+
+/// Periods from `from` to the end of a frame's exposure: a whole number, and one at least.
+#[track_caller]
+fn whole_periods(from: WireTime, frame: &Received, rate_hz: f64) -> f64 {
+    let periods = (seconds(from, frame.time) + EXPOSURE_S / 2.0) * rate_hz;
+    let off = (periods - periods.round()).abs();
+    assert!(off < 1e-5 && periods > 0.5, "{periods}");
+    periods
+}
+
+/// The attitude of that body, turning at [`RATES`], where it has `q`.
+fn turning(sequence: u32, q: UnitQuaternion<f64>) -> Attitude {
+    Attitude {
+        q_icrf_to_body: xyzw(q),
+        rates_rad_s: RATES,
+        ..attitude(sequence)
+    }
+}
+
+/// A flight computer that holds [`Q`] and tells it 20 times a second.
+fn mission(start: hifitime::Epoch, frames: u32, timeout: Duration) -> Mission {
+    Mission {
+        start,
+        period_s: 1.0,
+        frames,
+        profile: Profile::Hold(unit(Q)),
+        orbit: None,
+        timeout,
+        pace: Pace::Wall { rate_hz: 20.0 },
+        output: None,
+        positions: None,
+    }
 }
 
 /// The next frame that is made with this attitude.

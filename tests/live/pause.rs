@@ -2,13 +2,13 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, Q, Running, attitude, await_that, later, on_memory, options};
-use crate::{mid_s, quick, seconds, trigger, unit};
+use crate::support::{
+    EPOCH, Running, attitude, await_that, later, memory_client, on_memory, options,
+};
+use crate::{mid_s, quick, seconds, trigger, whole_periods};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause};
-use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::profile::Profile;
 use skyloop_orbit::time::parse_utc;
 use skyloop_protocols::{Command, Reason, Status, SyncState, WireTime};
 use std::ops::ControlFlow;
@@ -20,22 +20,16 @@ const WHILE: Duration = Duration::from_millis(200);
 
 /// A client that takes all that it is shown, and has told one attitude.
 fn shown(clock: Clock) -> (Running, Client<MemoryLine>) {
-    let (emulator, line) = on_memory(quick(RATE_HZ), clock);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(quick(RATE_HZ), clock);
     client.window = None;
     client.send(Command::Credit { packets: 1 << 20 });
     client.point(attitude(1), EPOCH);
     (emulator, client)
 }
 
-/// How many periods of the cadence the middle of a frame's exposure, a whole number of them after its end, lies after `from`.
+/// Periods of the cadence from `from` to the end of a frame's exposure: a whole number.
 fn periods(from: WireTime, frame: &Received) -> f64 {
-    let periods = (seconds(from, frame.time) + 0.005) * RATE_HZ;
-    assert!(
-        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
-        "{periods}"
-    );
-    periods
+    whole_periods(from, frame, RATE_HZ)
 }
 
 /// Pauses, and takes what is still under way; the status then, in which nothing more comes for a while.
@@ -62,6 +56,16 @@ fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
     (frames, before)
 }
 
+/// No frame has been made or missed since.
+#[track_caller]
+fn goes_on_from(before: &Status, after: &Status) {
+    let exposures = |status: &Status| {
+        let counters = status.counters;
+        (counters.frames_rendered, counters.exposures_missed)
+    };
+    assert_eq!(exposures(before), exposures(after));
+}
+
 #[test]
 fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
     let (_emulator, mut client) = shown(Clock::Wall);
@@ -73,25 +77,15 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
     client.done(Command::Pause);
     client.done(Command::FrameRate { hz: 25.0 });
     client.send(Command::SingleShot);
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::Busy);
-    assert!(nack.detail.contains("send Resume first"), "{}", nack.detail);
+    client.refused(Reason::Busy, &["send Resume first"]);
     std::thread::sleep(WHILE);
-    let status = client.status();
-    assert_eq!(
-        status.counters.frames_rendered,
-        before.counters.frames_rendered
-    );
-    assert_eq!(
-        status.counters.exposures_missed,
-        before.counters.exposures_missed
-    );
+    goes_on_from(&before, &client.status());
     let last_s = mid_s(&frames[frames.len() - 1]);
 
     client.done(Command::Resume);
     let first = client.frame();
     // X-Val: at most two exposures of 1/50 s were under way or missed at the pause, of those missed told; then one period of 1/25 s. The pause was ten times longer.
-    let missed = f64::from(client.status().counters.exposures_missed);
+    let missed = f64::from(client.counters().exposures_missed);
     let gone_on_s = mid_s(&first) - last_s;
     assert!(
         (0.04..0.04 + (3.0 + missed) / RATE_HZ).contains(&gone_on_s),
@@ -103,13 +97,8 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
     let to = later(EPOCH, 500.0);
     client.point(attitude(2), to);
     let frame = crate::frame_of(&mut client, 2);
-    let since_s = seconds(to, frame.time);
     // X-Val: one period less half an exposure, and whole periods.
-    let periods = (since_s + 0.005) * 25.0;
-    assert!(
-        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
-        "{since_s}"
-    );
+    whole_periods(to, &frame, 25.0);
 }
 
 #[test]
@@ -120,7 +109,7 @@ fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
     let to = later(EPOCH, 300.0);
     client.point(attitude(2), to);
     std::thread::sleep(WHILE);
-    let counters = client.status().counters;
+    let counters = client.counters();
     assert_eq!(counters.attitudes, 2);
     client.done(Command::Resume);
     let frame = client.frame();
@@ -128,15 +117,14 @@ fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
     let periods = periods(to, &frame);
     // Not what passed meanwhile, by any means: but a machine that stood still may have missed some.
     assert!(
-        periods < 1.5 + f64::from(client.status().counters.exposures_missed),
+        periods < 1.5 + f64::from(client.counters().exposures_missed),
         "{periods}"
     );
 }
 
 #[test]
 fn in_step_what_asks_for_a_frame_waits() {
-    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Stepped);
     client.good_frame(1);
     client.done(Command::Pause);
     // X-Val: protocols/docs/icd.md, section 5.10: 64 wait.
@@ -144,17 +132,15 @@ fn in_step_what_asks_for_a_frame_waits() {
         client.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
     }
     client.point(attitude(66), later(EPOCH, 66.0));
-    assert_eq!(client.nack().reason, Reason::Busy);
+    client.refused(Reason::Busy, &[]);
     assert!(client.recv(WHILE).is_none());
     let status = client.status();
     assert_eq!((status.sync, status.next_frame), (SyncState::Paused, 1));
     client.done(Command::Resume);
     for sequence in 2..66 {
         let frame = client.frame();
-        assert_eq!(
-            (frame.header.attitude_sequence, frame.end.sync),
-            (sequence, SyncState::Free)
-        );
+        assert_eq!(frame.header.attitude_sequence, sequence);
+        assert_eq!(frame.end.sync, SyncState::Free);
     }
     client.point(attitude(67), later(EPOCH, 67.0));
     assert_eq!(client.frame().header.attitude_sequence, 67);
@@ -163,8 +149,7 @@ fn in_step_what_asks_for_a_frame_waits() {
 #[test]
 fn a_reset_ends_a_pause() {
     for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
-        let (_emulator, line) = on_memory(quick(RATE_HZ), clock);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = memory_client(quick(RATE_HZ), clock);
         client.done(Command::Pause);
         client.point(attitude(1), EPOCH);
         assert!(client.recv(WHILE).is_none(), "{clock:?}");
@@ -176,8 +161,7 @@ fn a_reset_ends_a_pause() {
 
 #[test]
 fn a_pause_waits_for_a_single_shot() {
-    let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(quick(1e-3), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.done(Command::Exposure { seconds: 0.3 });
     client.done(Command::SingleShot);
@@ -209,14 +193,7 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
     }
     let status = client.status();
     assert_eq!(status.sync, SyncState::Paused);
-    assert_eq!(
-        status.counters.frames_rendered,
-        before.counters.frames_rendered
-    );
-    assert_eq!(
-        status.counters.exposures_missed,
-        before.counters.exposures_missed
-    );
+    goes_on_from(&before, &status);
     client.done(Command::Resume);
     let to = later(EPOCH, 3600.0);
     client.point(attitude(5), to);
@@ -239,12 +216,7 @@ fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
         let frame = crate::frame_of(&mut client, 3);
         let since_s = seconds(back, frame.time);
         assert!((0.0..10.0).contains(&since_s), "{clock:?}: {since_s}");
-        let counters = client.status().counters;
-        assert_eq!(
-            (counters.attitudes, counters.time_backwards),
-            (3, 0),
-            "{clock:?}"
-        );
+        client.has_counted(&[("attitudes", 3), ("time_backwards", 0)]);
     }
 }
 
@@ -287,9 +259,9 @@ fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
     // Late by no more than a wire may be, and again, and set back by an hour.
     client.point(attitude(3), later(EPOCH, 99.9));
     client.point(attitude(4), later(EPOCH, 99.8));
-    assert_eq!(client.status().counters.triggers_missed, 0);
+    assert_eq!(client.counters().triggers_missed, 0);
     client.point(attitude(5), later(EPOCH, -3600.0));
-    assert_eq!(client.status().counters.triggers_missed, 1);
+    assert_eq!(client.counters().triggers_missed, 1);
     client.done(Command::Resume);
     trigger(&mut client, 8, -3599.9);
     assert_eq!(client.frame().end.trigger, 8);
@@ -310,18 +282,9 @@ fn flown_with_a_pause() -> Option<u32> {
     config.objects.clear();
     let emulator = Running::start(config, Clock::Wall, wire);
     let lasts = Duration::from_millis(600);
-    let mission = Mission {
-        start: parse_utc("2019-06-15T23:35:50").unwrap(),
-        period_s: 1.0,
-        frames: 20,
-        profile: Profile::Hold(unit(Q)),
-        orbit: None,
-        // Shorter than the pause: what does not come then is not lost.
-        timeout: Duration::from_millis(500),
-        pace: Pace::Wall { rate_hz: 20.0 },
-        output: None,
-        positions: None,
-    };
+    let start = parse_utc("2019-06-15T23:35:50").unwrap();
+    // It waits for less than the pause: what does not come then is not lost.
+    let mission = crate::mission(start, 20, Duration::from_millis(500));
     let after = Duration::from_millis(100);
     let flown = FlightComputer::new(port, mission)
         .with_pause(Some(Pause { after, lasts }))

@@ -1,12 +1,12 @@
 //! Attitudes that are too old, of the future, or out of order.
 
-use crate::support::client::{Client, Received};
+use crate::support::client::{Client, Received, counted};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory};
-use crate::{EXPOSURE_S, RATES, mid_s, quick, rest, shows, trigger, turned, xyzw};
+use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
+use crate::{EXPOSURE_S, mid_s, quick, rest, shows, trigger, turned, turning};
 use nalgebra::UnitQuaternion;
 use skyloop::config::{Clock, Config, OnStale, OutOfOrder, Staleness, Trigger};
-use skyloop_protocols::{Attitude, AttitudeSource, Counters, Reason};
+use skyloop_protocols::{AttitudeSource, Counters, Reason};
 
 /// What is told of a frame: by its end, in its label, and which counters it moves (stale, future).
 type Told = (AttitudeSource, &'static str, [u32; 2]);
@@ -32,20 +32,15 @@ fn in_step(then: OnStale, out_of_order: OutOfOrder) -> (Running, Client<MemoryLi
 
 /// Sends this attitude, turning at [`RATES`], for the time `s` after [`EPOCH`].
 fn point(client: &mut Client<MemoryLine>, sequence: u32, s: f64, q: UnitQuaternion<f64>) {
-    let turning = Attitude {
-        q_icrf_to_body: xyzw(q),
-        rates_rad_s: RATES,
-        ..attitude(sequence)
-    };
-    client.point(turning, later(EPOCH, s));
+    client.point(turning(sequence, q), later(EPOCH, s));
 }
 
 /// The frame of an exposure whose middle is `mid_s` after [`EPOCH`]; what it tells of its attitude is this.
 fn frame_at(client: &mut Client<MemoryLine>, mid_s: f64, told: Told) -> Received {
-    let before = client.status().counters;
+    let before = client.counters();
     trigger(client, 1, mid_s - EXPOSURE_S / 2.0);
     let frame = client.frame();
-    let after = client.status().counters;
+    let after = client.counters();
     let moved = |of: fn(&Counters) -> u32| of(&after) - of(&before);
     let counted = [moved(|c| c.attitudes_stale), moved(|c| c.attitudes_future)];
     let label = frame.label();
@@ -117,37 +112,14 @@ fn beyond_the_limit_each_policy_shows_and_says_what_it_does() {
     // Who turns on, and who stands still where it was at the limit.
     let carried: fn(f64) -> f64 = |s| s;
     let held: fn(f64) -> f64 = |s| s.clamp(-LIMIT_S, LIMIT_S);
+    use AttitudeSource::{Future, Held, Invalid, Stale};
     for (then, at, source, word, is_future) in [
-        (
-            OnStale::Extrapolate,
-            carried,
-            AttitudeSource::Stale,
-            "stale",
-            false,
-        ),
-        (
-            OnStale::Extrapolate,
-            carried,
-            AttitudeSource::Future,
-            "future",
-            true,
-        ),
-        (OnStale::Hold, held, AttitudeSource::Held, "held", false),
-        (OnStale::Hold, held, AttitudeSource::Held, "held", true),
-        (
-            OnStale::Invalid,
-            held,
-            AttitudeSource::Invalid,
-            "invalid",
-            false,
-        ),
-        (
-            OnStale::Invalid,
-            held,
-            AttitudeSource::Invalid,
-            "invalid",
-            true,
-        ),
+        (OnStale::Extrapolate, carried, Stale, "stale", false),
+        (OnStale::Extrapolate, carried, Future, "future", true),
+        (OnStale::Hold, held, Held, "held", false),
+        (OnStale::Hold, held, Held, "held", true),
+        (OnStale::Invalid, held, Invalid, "invalid", false),
+        (OnStale::Invalid, held, Invalid, "invalid", true),
     ] {
         let (_emulator, mut client) = in_step(then, OutOfOrder::Refuse);
         point(&mut client, 1, 0.0, turned(0.0));
@@ -178,8 +150,7 @@ fn an_attitude_before_the_last_one_is_refused() {
     let frame = frame_at(&mut client, 0.2, interpolated);
     assert_eq!(frame.header.attitude_sequence, 1);
     assert!(shows(&frame, turned(0.2)));
-    let counters = client.status().counters;
-    assert_eq!((counters.attitudes, counters.time_backwards), (2, 1));
+    client.has_counted(&[("attitudes", 2), ("time_backwards", 1)]);
 }
 
 #[test]
@@ -201,8 +172,7 @@ fn an_attitude_before_the_last_one_takes_its_place_where_that_is_allowed() {
     assert_eq!(frame.header.attitude_sequence, 1);
     assert!(frame.label()["timing"].get("out_of_order").is_none());
     assert!(crate::shown(&frame).angle_to(&halfway) < 1e-7);
-    let counters = client.status().counters;
-    assert_eq!((counters.attitudes, counters.time_backwards), (3, 1));
+    client.has_counted(&[("attitudes", 3), ("time_backwards", 1)]);
     // The last one by its time stays the last.
     let frame = frame_at(&mut client, 0.5, EXTRAPOLATED);
     assert_eq!(frame.header.attitude_sequence, 3);
@@ -217,8 +187,7 @@ fn frames_go_on_after_the_last_attitude_and_are_flagged() {
         limit_s: 0.2,
         then: OnStale::Hold,
     };
-    let (emulator, line) = on_memory(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(config, Clock::Wall);
     client.window = None;
     point(&mut client, 1, 0.0, turned(0.0));
     let mut frames = Vec::new();
@@ -254,8 +223,7 @@ fn a_stray_is_not_believed(out_of_order: OutOfOrder) {
     config.run.out_of_order = out_of_order;
     // X-Val: a machine that stands still for less makes no good one stale.
     config.run.staleness.limit_s = 5.0;
-    let (_emulator, line) = on_memory(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(config, Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.frame();
     client.point(attitude(1000), later(EPOCH, 3600.0));
@@ -271,8 +239,8 @@ fn a_stray_is_not_believed(out_of_order: OutOfOrder) {
         );
         assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
     }
-    let counters = client.status().counters;
-    assert_eq!((counters.attitudes, counters.attitudes_future), (12, 0));
+    let counters = client.counters();
+    counted(&counters, &[("attitudes", 12), ("attitudes_future", 0)]);
     assert_eq!(counters.time_backwards, 0);
     // Nor does it take over when the client falls silent.
     await_that("the last good one is stale", || {

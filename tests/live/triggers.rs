@@ -1,12 +1,11 @@
 //! Triggers: one exposure at a time that the client chooses.
 
-use crate::support::client::Client;
-use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory};
-use crate::{EXPOSURE_S, RATES, mid_s, quick, seconds, shows, trigger, turned, xyzw};
-use skyloop::config::{Clock, Config, Trigger};
-use skyloop::load::Folder;
-use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState, WireTime};
+use crate::support::client::{Client, counted};
+use crate::support::line::MemoryLine;
+use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
+use crate::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
+use skyloop::config::{Clock, Trigger};
+use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState};
 use std::time::{Duration, Instant};
 
 /// Triggers and attitudes that may wait.
@@ -23,12 +22,7 @@ fn triggered(clock: Clock) -> (Running, Client<MemoryLine>) {
 
 /// Sends the attitude of a body that turns at [`RATES`], `s` after [`EPOCH`].
 fn point(client: &mut Client<MemoryLine>, sequence: u32, s: f64) {
-    let turning = Attitude {
-        q_icrf_to_body: xyzw(turned(s)),
-        rates_rad_s: RATES,
-        ..attitude(sequence)
-    };
-    client.point(turning, later(EPOCH, s));
+    client.point(turning(sequence, turned(s)), later(EPOCH, s));
 }
 
 #[test]
@@ -38,7 +32,7 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
     for (sequence, s) in [(1, 0.0), (2, 0.4), (3, 0.8)] {
         point(&mut client, sequence, s);
     }
-    assert_eq!(client.status().counters.frames_rendered, 0, "not asked for");
+    assert_eq!(client.counters().frames_rendered, 0, "not asked for");
     // Any order, any number but 0; the same time twice is two frames.
     let asked = [(70, 0.1), (71, 0.5), (9, 0.3), (4_000_000_000, 0.3)];
     for (number, start_s) in asked {
@@ -67,8 +61,8 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
         assert!((age_s - (mid_s - told_s)).abs() < 1e-6, "{age_s}");
         assert!((f64::from(got.end.timing.attitude_age_s) - age_s).abs() < 1e-6);
     }
-    let counters = client.status().counters;
-    assert_eq!((counters.triggers, counters.triggers_missed), (4, 0));
+    let counters = client.counters();
+    counted(&counters, &[("triggers", 4), ("triggers_missed", 0)]);
     assert_eq!(counters.frames_delivered, 4);
 }
 
@@ -107,7 +101,7 @@ fn a_trigger_of_a_time_long_past_is_between_the_attitudes_around_it() {
     assert_eq!(frame.end.attitude_source, AttitudeSource::Interpolated);
     assert_eq!(frame.header.attitude_sequence, 5);
     assert!(shows(&frame, turned(1.1)));
-    assert_eq!(client.status().counters.attitudes_future, 0);
+    assert_eq!(client.counters().attitudes_future, 0);
 }
 
 #[test]
@@ -137,12 +131,9 @@ fn triggers_without_an_attitude_are_counted_and_give_nothing() {
         let (_emulator, mut client) = triggered(clock);
         let start = later(EPOCH, -1.0);
         client.send(Command::Trigger { number: 5, start });
-        await_that("it is given up", || {
-            client.status().counters.triggers_missed == 1
-        });
+        await_that("it is given up", || client.counters().triggers_missed == 1);
         let status = client.status();
-        let counters = status.counters;
-        assert_eq!((counters.triggers, counters.frames_rendered), (1, 0));
+        counted(&status.counters, &[("triggers", 1), ("frames_rendered", 0)]);
         // What the packet told of the client's time is believed all the same.
         let followed = match clock {
             Clock::External => SyncState::Locked,
@@ -182,11 +173,7 @@ fn by_the_clients_clock_frames_come_at_their_triggers_in_the_order_of_their_time
     }
     // No cadence besides: nothing comes of itself. X-Val: four periods.
     assert!(client.recv(Duration::from_millis(200)).is_none());
-    let counters = client.status().counters;
-    assert_eq!(
-        (counters.triggers_missed, counters.exposures_missed),
-        (0, 0)
-    );
+    client.has_counted(&[("triggers_missed", 0), ("exposures_missed", 0)]);
 }
 
 #[test]
@@ -198,15 +185,13 @@ fn as_many_triggers_wait_as_may_and_more_are_busy() {
         trigger(&mut client, number, 3600.0 + f64::from(number));
     }
     trigger(&mut client, 1000, 0.0);
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::Busy);
-    assert!(nack.detail.contains("64 triggers"), "{}", nack.detail);
-    let counters = client.status().counters;
-    assert_eq!((counters.triggers, counters.refused), (WAIT, 1));
+    client.refused(Reason::Busy, &["64 triggers"]);
+    let counters = client.counters();
+    counted(&counters, &[("triggers", WAIT), ("refused", 1)]);
     assert_eq!(counters.triggers_missed, 0);
     // A Reset gives them up, and there is room again.
     client.done(Command::Reset);
-    assert_eq!(client.status().counters.frames_abandoned, WAIT);
+    assert_eq!(client.counters().frames_abandoned, WAIT);
     point(&mut client, 2, 0.0);
     trigger(&mut client, 7, 0.01);
     assert_eq!(client.frame().end.trigger, 7);
@@ -218,14 +203,11 @@ fn a_trigger_of_another_year_holds_no_place() {
     point(&mut client, 1, 0.0);
     // X-Val: protocols/docs/icd.md, section 5.5: more than a day ahead is refused.
     trigger(&mut client, 1, 86_500.0);
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    assert!(nack.detail.contains("at most 86400 s"), "{}", nack.detail);
+    client.refused(Reason::ValueOutOfRange, &["at most 86400 s"]);
     trigger(&mut client, 2, 86_300.0);
     trigger(&mut client, 3, 0.01);
     assert_eq!(client.frame().end.trigger, 3);
-    let counters = client.status().counters;
-    assert_eq!((counters.triggers, counters.bad_value), (2, 1));
+    client.has_counted(&[("triggers", 2), ("bad_value", 1)]);
 }
 
 /// Where the client's clock is set, the times that triggers had asked for are those of another clock.
@@ -256,10 +238,10 @@ fn triggers_of_a_clock_that_was_set_are_missed() {
         (frame.end.trigger, frame.header.attitude_sequence),
         (100, 2)
     );
-    let counters = client.status().counters;
-    assert_eq!(
-        (counters.triggers, counters.triggers_missed),
-        (WAIT + 1, WAIT)
+    let counters = client.counters();
+    counted(
+        &counters,
+        &[("triggers", WAIT + 1), ("triggers_missed", WAIT)],
     );
     assert_eq!(counters.refused, 0);
 }
@@ -268,46 +250,16 @@ fn triggers_of_a_clock_that_was_set_are_missed() {
 fn where_frames_come_of_themselves_a_trigger_is_refused() {
     for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
         // So slow that no frame comes of itself.
-        let (_emulator, line) = on_memory(quick(1e-3), clock);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = memory_client(quick(1e-3), clock);
         client.point(attitude(1), EPOCH);
         if clock == Clock::Stepped {
             client.frame();
         }
-        let before = client.status().counters;
+        let before = client.counters();
         trigger(&mut client, 1, 0.0);
-        let nack = client.nack();
-        assert_eq!(nack.reason, Reason::NotSupported, "{clock:?}");
-        assert!(nack.detail.contains("run.trigger"), "{}", nack.detail);
-        let after = client.status().counters;
+        client.refused(Reason::NotSupported, &["run.trigger"]);
+        let after = client.counters();
         assert_eq!((after.triggers, after.refused), (0, 1));
         assert_eq!(after.frames_rendered, before.frames_rendered);
-    }
-}
-
-#[test]
-fn a_number_of_0_is_no_trigger() {
-    let (_emulator, mut client) = triggered(Clock::Stepped);
-    // X-Val: protocols/docs/icd.md, Trigger: octet 16 and the three behind it are the number, above 0.
-    let one = Command::Trigger {
-        number: 1,
-        start: EPOCH,
-    };
-    let (mut packet, _) = client.prepare(&one, WireTime::default());
-    packet[19] = 0;
-    skyloop_protocols::packet::reseal(&mut packet);
-    client.line.send(&packet);
-    assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
-    let counters = client.status().counters;
-    assert_eq!((counters.triggers, counters.bad_value), (0, 1));
-}
-
-#[test]
-fn a_file_that_asks_for_triggers_by_the_wall_clock_is_refused_with_the_remedy() {
-    let text = "[run]\nclock = \"wall\"\ntrigger = \"packet\"\n";
-    let error = Config::parse("run.toml", text, &Folder::current());
-    let error = error.unwrap_err().to_string();
-    for word in ["run.toml", "run.trigger", "\"external\"", "SingleShot"] {
-        assert!(error.contains(word), "no {word:?} in {error}");
     }
 }

@@ -1,7 +1,7 @@
 //! A flight computer written by hand against the ICD.
 
 use super::line::Line;
-use super::{EPOCH, PATIENCE, attitude};
+use super::{EPOCH, PATIENCE, attitude, await_that};
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{
@@ -228,6 +228,49 @@ impl<L: Line> Client<L> {
         }
     }
 
+    /// The next answer refuses for this reason, with these words in its text.
+    #[track_caller]
+    pub fn refused(&mut self, reason: Reason, words: &[&str]) -> Refused {
+        let nack = self.nack();
+        assert_eq!(nack.reason, reason, "{}", nack.detail);
+        for word in words {
+            assert!(nack.detail.contains(word), "no {word:?} in {}", nack.detail);
+        }
+        nack
+    }
+
+    /// The emulator's counters.
+    pub fn counters(&mut self) -> Counters {
+        self.status().counters
+    }
+
+    /// The emulator's counters of these names have these values.
+    #[track_caller]
+    pub fn has_counted(&mut self, expected: &[(&str, u32)]) {
+        counted(&self.counters(), expected);
+    }
+
+    /// Pings until the emulator answers: before, another client may have had the exchange.
+    pub fn await_answer(&mut self) {
+        await_that("this client is answered", || {
+            self.send(Command::Ping);
+            self.recv(Duration::from_millis(20)).is_some()
+        });
+    }
+
+    /// Grants no credit of its own accord.
+    pub fn unpaced(mut self) -> Client<L> {
+        self.window = None;
+        self
+    }
+
+    /// Sends a command at `time` as a packet of its own, without Credit before it.
+    pub fn send_alone(&mut self, command: &Command, time: WireTime) -> u16 {
+        let (packet, count) = self.prepare(command, time);
+        self.line.send(&packet);
+        count
+    }
+
     /// The next whole frame. Its packets come in order, hold together and fit their CRC-32.
     pub fn frame(&mut self) -> Received {
         self.frame_granting(|_, _| {})
@@ -324,4 +367,15 @@ pub fn moved(before: &Counters, after: &Counters) -> Vec<(&'static str, u32)> {
         .filter(|((name, before), (_, after))| *name != "commands" && before != after)
         .map(|((name, before), (_, after))| (name, after.wrapping_sub(before)))
         .collect()
+}
+
+/// Counters of these names have these values.
+#[track_caller]
+pub fn counted(counters: &Counters, expected: &[(&str, u32)]) {
+    let value = |name: &str| counters.iter().find(|(found, _)| *found == name);
+    let found = expected
+        .iter()
+        .map(|(name, _)| value(name).expect("a counter"));
+    let found: Vec<(&str, u32)> = found.collect();
+    assert_eq!(found, expected, "{counters:?}");
 }

@@ -4,6 +4,7 @@
 pub mod client;
 pub mod line;
 
+use client::Client;
 use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
@@ -11,7 +12,9 @@ use skyloop::link::{self, Roles, Wire};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
 use skyloop_protocols::personality::{NATIVE, Personality};
-use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
+use skyloop_protocols::{
+    Attitude, Command, Counters, Direction, Fault, FaultKind, OrbitState, Output, WireTime,
+};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -213,6 +216,68 @@ pub fn on_serial(config: Config, clock: Clock) -> (Running, PtyLine) {
     let (line, device) = PtyLine::new();
     let wire = link::open(&format!("serial://{device}?baud=921600"), &options(5.0)).unwrap();
     (Running::start(config, clock, wire), line)
+}
+
+/// An emulator at the in-process link, and its client.
+pub fn memory_client(config: Config, clock: Clock) -> (Running, Client<MemoryLine>) {
+    let (emulator, line) = on_memory(config, clock);
+    (emulator, Client::new(line))
+}
+
+/// An emulator at a free UDP port, and its client.
+pub fn udp_client(config: Config, clock: Clock, idle_s: f64) -> (Running, Client<UdpLine>) {
+    let (emulator, line) = on_udp(config, clock, idle_s);
+    (emulator, Client::new(line))
+}
+
+/// An emulator at a pseudo-terminal, and its client.
+pub fn serial_client(config: Config, clock: Clock) -> (Running, Client<PtyLine>) {
+    let (emulator, line) = on_serial(config, clock);
+    (emulator, Client::new(line))
+}
+
+/// An emulator with a UDP port for each of these roles, and a client at each.
+pub fn role_clients<const N: usize>(
+    config: Config,
+    clock: Clock,
+    roles: [&str; N],
+    idle_s: f64,
+) -> (Running, [Client<UdpLine>; N]) {
+    let urls = roles.map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let links = link::open_all(&urls, &options(idle_s)).unwrap();
+    let client = |at: usize| Client::new(UdpLine::to(&links[at].0.address));
+    let clients = std::array::from_fn(client);
+    (Running::at(config, clock, links), clients)
+}
+
+/// A link at a pseudo-terminal of its own, the folder of its name, and the name that clients open.
+pub fn on_pty(options: &link::Options, baud: u32) -> (Wire, tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("tracker").display().to_string();
+    let wire = link::open(&format!("pty://{name}?baud={baud}"), options).unwrap();
+    (wire, folder, name)
+}
+
+/// The built-in scene, whose frames come at this output level.
+pub fn scene_at(level: &str) -> Config {
+    let mut config = scene();
+    config.run.output = Output::preset(level).unwrap();
+    config
+}
+
+/// A fault that is injected for so many seconds; 0: until it is ended.
+pub fn fault(kind: FaultKind, direction: Direction, value: f64, seconds: f64) -> Command {
+    Command::Fault(Fault {
+        kind,
+        direction,
+        value,
+        seconds,
+    })
+}
+
+/// The schedule of a fault that is in force for the whole run.
+pub fn always(direction: &str, kind: &str, value: f64) -> String {
+    format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
 }
 
 /// Waits until `done`, polling `what` at most [`PATIENCE`].

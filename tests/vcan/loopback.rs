@@ -5,16 +5,9 @@ use std::process::Command;
 
 /// Runs the program; what it prints.
 fn loopback(link: &str, frames: u32, out: &str) -> String {
+    let words = format!("loopback --link {link} --frames {frames} --out {out}");
     let done = Command::new("skyloop")
-        .args([
-            "loopback",
-            "--link",
-            link,
-            "--frames",
-            &frames.to_string(),
-            "--out",
-            out,
-        ])
+        .args(words.split(' '))
         .output()
         .unwrap();
     let error = String::from_utf8_lossy(&done.stderr);

@@ -3,7 +3,7 @@
 use crate::replay::{replay, small};
 use crate::support::client::Client;
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, later, options};
+use crate::support::{EPOCH, Running, attitude, later, memory_client, options};
 use serde_json::json;
 use skyloop::config::{Clock, Config, OnOverrun};
 use skyloop::fidelity::{Coarser, Fidelity};
@@ -61,7 +61,7 @@ fn answered(client: &mut Client<MemoryLine>) -> [Duration; 3] {
     let asked = Instant::now();
     client.done(Command::Reset);
     let reset = asked.elapsed();
-    while client.status().counters.frames_abandoned == 0 {
+    while client.counters().frames_abandoned == 0 {
         assert!(asked.elapsed() < SOON, "the frame is not abandoned");
     }
     [ping, reset, asked.elapsed()]
@@ -121,18 +121,11 @@ fn a_frame_that_costs_too_much_is_refused_by_every_clock_and_the_next_is_made() 
     for clock in [Clock::Stepped, Clock::Wall] {
         let mut config = limited(0.3);
         config.camera.rate_hz = 0.9;
-        let (emulator, line) = crate::support::on_memory(config, clock);
-        let mut client = Client::new(line);
+        let (emulator, mut client) = memory_client(config, clock);
         client.point(turning(1), EPOCH);
-        let nack = client.nack();
-        assert_eq!(nack.reason, Reason::ValueOutOfRange, "{clock:?}");
-        for word in [
-            "more than 0.3 s of a core",
-            "images move by up to ",
-            "raise run.work_limit_s",
-        ] {
-            assert!(nack.detail.contains(word), "no {word:?} in {}", nack.detail);
-        }
+        let says = ["more than 0.3 s of a core", "images move by up to "];
+        let nack = client.refused(Reason::ValueOutOfRange, &says);
+        assert!(nack.detail.contains("raise run.work_limit_s"));
         client.point(attitude(2), later(EPOCH, 1.0));
         let frame = client.frame();
         assert_eq!((frame.header.frame, frame.header.attitude_sequence), (0, 2));
@@ -147,8 +140,7 @@ fn a_frame_that_costs_too_much_is_made_coarser_where_that_is_configured() {
     config.fidelity = Fidelity::REFERENCE;
     config.run.on_overrun = OnOverrun::Coarsen;
     config.run.coarsen = vec![Coarser::Preset("realtime", Fidelity::REALTIME)];
-    let (emulator, line) = crate::support::on_memory(config, Clock::Stepped);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(config, Clock::Stepped);
     client.point(attitude(1), EPOCH);
     let frame = client.frame();
     let label = frame.label();

@@ -4,67 +4,28 @@ use crate::support::{EPOCH, Q, attitude, later};
 use nalgebra::Vector3;
 use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::time::to_epoch;
-use skyloop_protocols::packet::{CRC_LENGTH, reseal};
+use skyloop_protocols::packet::CRC_LENGTH;
 use skyloop_protocols::{Attitude, Command, OrbitState, Reason, WireTime};
 
 /// A bad packet and what must come of it.
 pub struct Case {
-    pub name: &'static str,
+    /// What is wrong with the packet, where the command is sound.
+    pub damage: &'static str,
     pub command: Command,
     pub time: WireTime,
-    /// Damages the packet.
+    /// Damages the packet, which is then sealed anew, but for damages of the CRC itself.
     pub spoil: fn(&mut Vec<u8>),
     pub reason: Reason,
     pub counter: &'static str,
-    /// Words that the refusal's text must have.
-    pub says: &'static [&'static str],
-}
-
-fn case(
-    name: &'static str,
-    command: Command,
-    reason: Reason,
-    counter: &'static str,
-    says: &'static [&'static str],
-) -> Case {
-    Case {
-        name,
-        command,
-        time: EPOCH,
-        spoil: |_| {},
-        reason,
-        counter,
-        says,
-    }
-}
-
-fn spoilt(
-    name: &'static str,
-    spoil: fn(&mut Vec<u8>),
-    reason: Reason,
-    counter: &'static str,
-    says: &'static [&'static str],
-) -> Case {
-    let command = Command::Attitude(attitude(900));
-    Case {
-        name,
-        command,
-        time: EPOCH,
-        spoil,
-        reason,
-        counter,
-        says,
-    }
+    /// Words that the refusal's text must have, between bars.
+    pub says: &'static str,
 }
 
 /// An attitude whose quaternion has the norm `factor`.
 pub fn q_times(factor: f64) -> Command {
-    let unit = |q: [f64; 4]| {
-        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        q.map(|c| c / norm)
-    };
+    let norm = Q.iter().map(|c| c * c).sum::<f64>().sqrt();
     Command::Attitude(Attitude {
-        q_icrf_to_body: unit(Q).map(|c| c * factor),
+        q_icrf_to_body: Q.map(|c| c / norm * factor),
         ..attitude(901)
     })
 }
@@ -79,358 +40,212 @@ fn with_state(position_m: [f64; 3], velocity_m_s: [f64; 3]) -> Command {
     })
 }
 
+fn with_rate(rate_rad_s: f64) -> Command {
+    Command::Attitude(Attitude {
+        rates_rad_s: [0.0, rate_rad_s, 0.0],
+        ..attitude(904)
+    })
+}
+
+fn trigger(number: u32) -> Command {
+    Command::Trigger {
+        number,
+        start: EPOCH,
+    }
+}
+
 /// 1000 km above the Moon's centre at [`EPOCH`], GCRF, m.
 fn in_the_moon() -> [f64; 3] {
     let moon_m = Bodies::at(to_epoch(EPOCH)).unwrap().moon_geocentric_m;
     (moon_m + Vector3::new(0.0, 0.0, 1e6)).into()
 }
 
-/// Leaves the first `length` octets, sealed anew, with the length that the header states left as it was.
-fn cut(packet: &mut Vec<u8>, length: usize) {
-    packet.truncate(length);
-    reseal(packet);
-}
-
 /// Every bad packet.
 pub fn cases() -> Vec<Case> {
-    use Reason::*;
+    let back = Case {
+        time: later(EPOCH, -0.25),
+        reason: Reason::TimeBackwards,
+        counter: "time_backwards",
+        says: "attitude 905 | 0.250000 s before | Reset",
+        ..sound("", Command::Attitude(attitude(905)))
+    };
+    let cases = commands().into_iter().chain([back]);
+    cases.chain(damaged()).collect()
+}
+
+/// A command as the client sends it.
+fn sound(damage: &'static str, command: Command) -> Case {
+    Case {
+        damage,
+        command,
+        time: EPOCH,
+        spoil: |_| {},
+        reason: Reason::NotSupported,
+        counter: "",
+        says: "",
+    }
+}
+
+/// Commands with values that cannot be obeyed.
+fn commands() -> Vec<Case> {
     const R: [f64; 3] = [7.0e6, 0.0, 0.0];
     const V: [f64; 3] = [0.0, 7.5e3, 0.0];
-    let nan_rates = Attitude {
-        rates_rad_s: [0.0, f64::NAN, 0.0],
-        ..attitude(903)
-    };
-    let turning = Attitude {
-        rates_rad_s: [0.0, 700.0, 0.0],
-        ..attitude(904)
-    };
-    let mut back = case(
-        "time backwards",
-        Command::Attitude(attitude(905)),
-        TimeBackwards,
-        "time_backwards",
-        &["attitude 905", "0.250000 s before", "Reset"],
-    );
-    back.time = later(EPOCH, -0.25);
-    vec![
-        case(
-            "quaternion too long",
+    let infinite = with_state([f64::INFINITY, 0.0, 0.0], V);
+    let in_the_earth = with_state([1e6, 0.0, 0.0], V);
+    let in_the_moon = with_state(in_the_moon(), V);
+    let fast = with_state(R, [1e6, 0.0, 0.0]);
+    let no_position = Command::Attitude(Attitude {
+        state: None,
+        ..attitude(906)
+    });
+    let exposure = |seconds| Command::Exposure { seconds };
+    let gain = |e_per_dn| Command::Gain { e_per_dn };
+    let rate = |hz| Command::FrameRate { hz };
+    let not_unit = vec![
+        (
             q_times(1.0011),
-            QuaternionNotUnit,
-            "bad_attitude",
-            &["q_icrf_to_body", "norm", "1.00220", "normalise"],
+            "q_icrf_to_body | norm | 1.00220 | normalise",
         ),
-        case(
-            "quaternion too short",
-            q_times(0.9989),
-            QuaternionNotUnit,
-            "bad_attitude",
-            &["q_icrf_to_body", "norm"],
+        (q_times(0.9989), "q_icrf_to_body | norm"),
+        (q_times(0.0), "q_icrf_to_body | norm"),
+    ];
+    let not_finite = vec![
+        (q_times(f64::NAN), "Attitude.q_icrf_to_body | NaN"),
+        (with_rate(f64::NAN), "Attitude.rates_rad_s | NaN"),
+        (infinite, "Attitude.position_m | infinity"),
+        (with_state(R, [f64::NAN; 3]), "Attitude.velocity_m_s"),
+    ];
+    // 20 rad/s for 0.1 s are 114.6 degrees.
+    let out_of_range = vec![
+        (in_the_earth, "attitude 902 | position | at least 6356000 m"),
+        (
+            in_the_moon,
+            "attitude 902 | from the Moon's centre | 1737.4 km",
         ),
-        case(
-            "quaternion of zeros",
-            q_times(0.0),
-            QuaternionNotUnit,
-            "bad_attitude",
-            &["q_icrf_to_body", "norm"],
+        (fast, "attitude 902 | velocity | 1e5 m/s"),
+        (with_rate(700.0), "attitude 904 | rates | 628.4"),
+        (
+            with_rate(20.0),
+            "attitude 904 | 114.6 deg | 57.3 deg | lower the rates",
         ),
-        case(
-            "NaN in the quaternion",
-            q_times(f64::NAN),
-            NotFinite,
-            "bad_attitude",
-            &["Attitude.q_icrf_to_body", "NaN"],
-        ),
-        case(
-            "NaN in the rates",
-            Command::Attitude(nan_rates),
-            NotFinite,
-            "bad_attitude",
-            &["Attitude.rates_rad_s", "NaN"],
-        ),
-        case(
-            "infinite position",
-            with_state([f64::INFINITY, 0.0, 0.0], V),
-            NotFinite,
-            "bad_attitude",
-            &["Attitude.position_m", "infinity"],
-        ),
-        case(
-            "NaN velocity",
-            with_state(R, [f64::NAN; 3]),
-            NotFinite,
-            "bad_attitude",
-            &["Attitude.velocity_m_s"],
-        ),
-        case(
-            "position inside the Earth",
-            with_state([1e6, 0.0, 0.0], V),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 902", "position", "at least 6356000 m"],
-        ),
-        case(
-            "position inside the Moon",
-            with_state(in_the_moon(), V),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 902", "from the Moon's centre", "1737.4 km"],
-        ),
-        case(
-            "velocity beyond reason",
-            with_state(R, [1e6, 0.0, 0.0]),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 902", "velocity", "1e5 m/s"],
-        ),
-        case(
-            "rates beyond reason",
-            Command::Attitude(turning),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 904", "rates", "628.4"],
-        ),
-        case(
-            "turning too far during the exposure",
-            Command::Attitude(Attitude {
-                // 20 rad/s for 0.1 s: 114.6 degrees.
-                rates_rad_s: [0.0, 20.0, 0.0],
-                ..attitude(905)
-            }),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 905", "114.6 deg", "57.3 deg", "lower the rates"],
-        ),
-        case(
-            "no position to see the objects from",
-            Command::Attitude(Attitude {
-                state: None,
-                ..attitude(906)
-            }),
-            ValueOutOfRange,
-            "bad_value",
-            &["attitude 906", "no position", "send the state"],
-        ),
-        back,
-        case(
-            "exposure of zero",
-            Command::Exposure { seconds: 0.0 },
-            ValueOutOfRange,
-            "bad_value",
-            &["Exposure.seconds must be 1e-9 to 1e4 s"],
-        ),
-        case(
-            "exposure too long",
-            Command::Exposure { seconds: 1e6 },
-            ValueOutOfRange,
-            "bad_value",
-            &["Exposure.seconds", "1000000", "10000"],
-        ),
-        case(
-            "exposure NaN",
-            Command::Exposure { seconds: f64::NAN },
-            ValueOutOfRange,
-            "bad_value",
-            &["Exposure.seconds"],
-        ),
-        case(
-            "gain below zero",
-            Command::Gain { e_per_dn: -1.0 },
-            ValueOutOfRange,
-            "bad_value",
-            &["Gain.e_per_dn must be 1e-4 to 1e6 e-/DN"],
-        ),
-        case(
-            "gain too large",
-            Command::Gain { e_per_dn: 1e9 },
-            ValueOutOfRange,
-            "bad_value",
-            &["Gain.e_per_dn", "1000000000"],
-        ),
-        case(
-            "frame rate of zero",
-            Command::FrameRate { hz: 0.0 },
-            ValueOutOfRange,
-            "bad_value",
-            &["FrameRate.hz must be 1e-4 to 1e4 Hz"],
-        ),
-        case(
-            "frame rate on the stepped clock",
-            Command::FrameRate { hz: 5.0 },
-            NotSupported,
-            "refused",
-            &["FrameRate", "each Attitude gives its frame"],
-        ),
-        case(
-            "single shot on the stepped clock",
+        (no_position, "attitude 906 | no position | send the state"),
+        (exposure(0.0), "Exposure.seconds must be 1e-9 to 1e4 s"),
+        (exposure(1e6), "Exposure.seconds | 1000000 | 10000"),
+        (exposure(f64::NAN), "Exposure.seconds"),
+        (gain(-1.0), "Gain.e_per_dn must be 1e-4 to 1e6 e-/DN"),
+        (gain(1e9), "Gain.e_per_dn | 1000000000"),
+        (rate(0.0), "FrameRate.hz must be 1e-4 to 1e4 Hz"),
+        (trigger(0), "Trigger.number"),
+    ];
+    let by_the_stepped_clock = vec![
+        (rate(5.0), "FrameRate | each Attitude gives its frame"),
+        (
             Command::SingleShot,
-            NotSupported,
-            "refused",
-            &["SingleShot", "each Attitude gives its frame"],
+            "SingleShot | each Attitude gives its frame",
         ),
-        case(
-            "trigger on the stepped clock",
-            Command::Trigger {
-                number: 1,
-                start: EPOCH,
-            },
-            NotSupported,
-            "refused",
-            &["Trigger", "run.trigger = \"packet\""],
-        ),
-        case(
-            "trigger of number 0",
-            Command::Trigger {
-                number: 0,
-                start: EPOCH,
-            },
-            ValueOutOfRange,
-            "bad_value",
-            &["Trigger.number"],
-        ),
-        spoilt(
+        (trigger(1), "Trigger | run.trigger = \"packet\""),
+    ];
+    let groups = [
+        (Reason::QuaternionNotUnit, "bad_attitude", not_unit),
+        (Reason::NotFinite, "bad_attitude", not_finite),
+        (Reason::ValueOutOfRange, "bad_value", out_of_range),
+        (Reason::NotSupported, "refused", by_the_stepped_clock),
+    ];
+    let cases = groups.into_iter().flat_map(|(reason, counter, rows)| {
+        let case = move |(command, says)| Case {
+            reason,
+            counter,
+            says,
+            ..sound("", command)
+        };
+        rows.into_iter().map(case)
+    });
+    cases.collect()
+}
+
+/// A way to damage a packet.
+type Spoil = fn(&mut Vec<u8>);
+
+/// Packets that are damaged, or are none of ours: what is done to an Attitude, and the words of the
+/// refusal.
+fn damaged() -> Vec<Case> {
+    let crc: [(_, Spoil, _); 2] = [
+        (
             "wrong CRC",
             |p| *p.last_mut().unwrap() ^= 1,
-            BadCrc,
-            "bad_crc",
-            &["CRC-16", "0x", "again"],
+            "CRC-16 | 0x | again",
         ),
-        spoilt(
-            "a payload bit flipped",
-            |p| p[30] ^= 0x10,
-            BadCrc,
-            "bad_crc",
-            &["CRC-16"],
+        ("a bit flipped", |p| p[30] ^= 0x10, "CRC-16"),
+    ];
+    let version: [(_, Spoil, _); 2] = [
+        ("of the format", |p| p[14] = 9, "format version | 9 | 3"),
+        (
+            "of packets",
+            |p| p[0] |= 0x20,
+            "packet version number | 1 | 0",
         ),
-        spoilt(
-            "wrong format version",
-            |p| {
-                p[14] = 9;
-                reseal(p)
-            },
-            BadVersion,
-            "bad_version",
-            &["format version", "9", "3"],
-        ),
-        spoilt(
-            "wrong packet version",
-            |p| {
-                p[0] |= 0x20;
-                reseal(p)
-            },
-            BadVersion,
-            "bad_version",
-            &["packet version number", "1", "0"],
-        ),
-        spoilt(
-            "a header and nothing else",
-            |p| cut(p, 10),
-            BadLength,
-            "runts",
-            &["packet", "10", "17"],
-        ),
-        spoilt(
-            "cut short",
-            |p| cut(p, 60),
-            BadLength,
-            "bad_length",
-            &["packet", "60", "126"],
-        ),
-        spoilt(
-            "an octet too many",
-            |p| {
-                p.push(0);
-                reseal(p)
-            },
-            BadLength,
-            "bad_length",
-            &["packet", "127", "126"],
-        ),
-        spoilt(
-            "a layout too short",
-            |p| {
-                p.truncate(p.len() - 8);
-                p[5] -= 8;
-                reseal(p)
-            },
-            BadLength,
-            "bad_length",
-            &["Attitude"],
-        ),
-        spoilt(
-            "a layout too long",
-            |p| {
-                p.insert(p.len() - CRC_LENGTH, 0);
-                p[5] += 1;
-                reseal(p)
-            },
-            BadLength,
-            "bad_length",
-            &["Attitude"],
-        ),
-        spoilt(
-            "unknown APID",
-            |p| {
-                p[1] = 0x77;
-                reseal(p)
-            },
-            UnknownType,
-            "unknown_type",
-            &["APID 0x177"],
-        ),
-        spoilt(
+    ];
+    let runts: [(_, Spoil, _); 1] = [("a header alone", |p| p.truncate(10), "packet | 10 | 17")];
+    let length: [(_, Spoil, _); 4] = [
+        ("cut short", |p| p.truncate(60), "packet | 60 | 126"),
+        ("an octet too many", |p| p.push(0), "packet | 127 | 126"),
+        ("a layout too short", shorten, "Attitude"),
+        ("a layout too long", lengthen, "Attitude"),
+    ];
+    let of_the_emulator: Spoil = |p| p[..2].copy_from_slice(&[0x0a, 0x01]);
+    let types: [(_, Spoil, _); 5] = [
+        ("unknown APID", |p| p[1] = 0x77, "APID 0x177"),
+        (
             "an APID of the other direction",
-            |p| {
-                p[0] = 0x0a;
-                p[1] = 0x01;
-                reseal(p)
-            },
-            UnknownType,
-            "unknown_type",
-            &["APID 0x201"],
+            of_the_emulator,
+            "APID 0x201",
         ),
-        spoilt(
-            "the type bit of the other direction",
-            |p| {
-                p[0] &= !0x10;
-                reseal(p)
-            },
-            UnknownType,
-            "unknown_type",
-            &["type bit", "octet 0"],
+        (
+            "the other type bit",
+            |p| p[0] &= !0x10,
+            "type bit | octet 0",
         ),
-        spoilt(
-            "no secondary header",
-            |p| {
-                p[0] &= !0x08;
-                reseal(p)
-            },
-            UnknownType,
-            "unknown_type",
-            &["secondary header flag", "octet 0"],
+        (
+            "short header",
+            |p| p[0] &= !0x08,
+            "secondary header flag | octet 0",
         ),
-        spoilt(
-            "a segmented packet",
-            |p| {
-                p[2] &= 0x3f;
-                reseal(p)
-            },
-            UnknownType,
-            "unknown_type",
-            &["sequence flags", "octet 2"],
-        ),
-        Case {
-            command: Command::Ping,
-            ..spoilt(
-                "unknown opcode",
-                |p| {
-                    p[15] = 99;
-                    reseal(p)
-                },
-                UnknownType,
-                "unknown_type",
-                &["opcode 99", "octet 15"],
-            )
-        },
-    ]
+        ("a segment", |p| p[2] &= 0x3f, "sequence flags | octet 2"),
+    ];
+    let groups = [
+        (Reason::BadCrc, "bad_crc", &crc[..]),
+        (Reason::BadVersion, "bad_version", &version),
+        (Reason::BadLength, "runts", &runts),
+        (Reason::BadLength, "bad_length", &length),
+        (Reason::UnknownType, "unknown_type", &types),
+    ];
+    let mut cases = vec![Case {
+        spoil: |p| p[15] = 99,
+        reason: Reason::UnknownType,
+        counter: "unknown_type",
+        says: "opcode 99 | octet 15",
+        ..sound("unknown opcode", Command::Ping)
+    }];
+    for (reason, counter, rows) in groups {
+        let case = |(name, spoil, says): &(&'static str, Spoil, &'static str)| Case {
+            spoil: *spoil,
+            reason,
+            counter,
+            says,
+            ..sound(name, Command::Attitude(attitude(900)))
+        };
+        cases.extend(rows.iter().map(case));
+    }
+    cases
+}
+
+/// A layout that is shorter than its own, in a packet of the length that it states.
+fn shorten(packet: &mut Vec<u8>) {
+    packet.truncate(packet.len() - 8);
+    packet[5] -= 8;
+}
+
+fn lengthen(packet: &mut Vec<u8>) {
+    packet.insert(packet.len() - CRC_LENGTH, 0);
+    packet[5] += 1;
 }

@@ -1,5 +1,6 @@
 //! The faults around a CAN bus that is slow, full, or flooded.
 
+use crate::support::always;
 use skyloop::link::Tally;
 use skyloop::link::fault::{Book, BusFaults, Plan};
 use skyloop_firmware_sim::can::{CanBus, Sending};
@@ -90,10 +91,6 @@ impl Rig {
         let came = std::iter::from_fn(|| self.ours.recv(SHORT).unwrap());
         came.count() as u32
     }
-}
-
-fn always(direction: &str, kind: &str, value: f64) -> String {
-    format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
 }
 
 fn frame(i: u8) -> CanFrame {

@@ -4,7 +4,7 @@ use crate::support::client::{Client, moved};
 #[cfg(target_os = "linux")]
 use crate::support::line::PtyLine;
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, PATIENCE, Running, attitude, on_memory, options, scene};
+use crate::support::{EPOCH, PATIENCE, Running, attitude, memory_client, on_pty, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::link;
 use skyloop::load::Folder;
@@ -33,15 +33,14 @@ fn an_object_without_a_state_is_left_out_and_counted_in_every_frame() {
         "STOP_TIME = 2019-06-15T23:35:49.000",
     );
     for (oem, shown, counted) in [(whole, 1, [0, 0]), (&ended, 0, [1, 2])] {
-        let (_emulator, line) = on_memory(showing(oem), Clock::Stepped);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = memory_client(showing(oem), Clock::Stepped);
         for count in counted {
             let label = client.good_frame(1).label();
             let objects = label["objects"].as_array().unwrap();
             let rsos = objects.iter().filter(|object| object["kind"] == "rso");
             assert_eq!(rsos.count(), shown);
             assert!(objects.len() > 100, "the stars are there");
-            assert_eq!(client.status().counters.objects_without_state, count);
+            assert_eq!(client.counters().objects_without_state, count);
         }
     }
 }
@@ -61,32 +60,30 @@ fn a_record_refused_at_the_start_is_counted() {
         (with(elements, both), 1),
         (scene(), 0),
     ] {
-        let (_emulator, line) = on_memory(config, Clock::Stepped);
-        let mut client = Client::new(line);
-        assert_eq!(client.status().counters.rejected_records, count);
+        let (_emulator, mut client) = memory_client(config, Clock::Stepped);
+        assert_eq!(client.counters().rejected_records, count);
     }
 }
 
 #[test]
 fn a_packet_lost_on_the_way_is_counted_and_the_next_one_obeyed() {
-    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
-    assert_eq!(client.status().counters.sequence_gaps, 0);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
+    assert_eq!(client.counters().sequence_gaps, 0);
     client.prepare(&Command::Ping, EPOCH);
-    assert_eq!(client.status().counters.sequence_gaps, 1);
+    assert_eq!(client.counters().sequence_gaps, 1);
     // Each kind of packet has its own counts.
     client.good_frame(1);
     for sequence in [2, 3] {
         client.prepare(&Command::Attitude(attitude(sequence)), EPOCH);
     }
     client.good_frame(4);
-    assert_eq!(client.status().counters.sequence_gaps, 3);
+    assert_eq!(client.counters().sequence_gaps, 3);
     // A Reset starts the counts anew, wherever they stand.
     for _ in 0..10 {
         client.prepare(&Command::Ping, EPOCH);
     }
     client.done(Command::Reset);
-    assert_eq!(client.status().counters.sequence_gaps, 3);
+    assert_eq!(client.counters().sequence_gaps, 3);
 }
 
 #[test]
@@ -112,12 +109,10 @@ fn a_flood_loses_its_oldest_attitudes() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_client_that_closes_its_port_makes_room_for_the_next() {
-    let folder = tempfile::tempdir().unwrap();
-    let name = folder.path().join("tracker").display().to_string();
-    let wire = link::open(&format!("pty://{name}?baud=921600"), &options(5.0)).unwrap();
+    let (wire, _folder, name) = on_pty(&options(5.0), 921_600);
     let _emulator = Running::start(scene(), Clock::Stepped, wire);
     let counters = || {
-        let counters = Client::new(PtyLine::at(&name)).status().counters;
+        let counters = Client::new(PtyLine::at(&name)).counters();
         // Time to notice that it has gone: who opens the port at that instant goes on where the last one was.
         std::thread::sleep(PATIENCE / 20);
         counters

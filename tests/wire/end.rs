@@ -1,9 +1,9 @@
 //! The end of a run: what is under way is sent or counted.
 
-use crate::support::client::Client;
+use crate::support::client::{Client, counted};
 use crate::support::line::{MemoryLine, PtyLine};
 use crate::support::{
-    Running, attitude, await_that, fetched, on_memory, on_serial, options, scene,
+    Running, attitude, await_that, fetched, memory_client, options, scene, serial_client,
 };
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
@@ -17,15 +17,14 @@ use std::time::Duration;
 
 #[test]
 fn attitudes_that_wait_are_abandoned() {
-    let (emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.send(Command::Credit { packets: 0 });
     for sequence in 0..6 {
         client.send(Command::Attitude(attitude(sequence)));
     }
     // One that is being made would be cut short.
     await_that("they have come, and the first frame is made", || {
-        let counters = client.status().counters;
+        let counters = client.counters();
         (counters.attitudes, counters.frames_rendered) == (6, 1)
     });
     let counters = emulator.end();
@@ -62,7 +61,7 @@ fn what_a_client_never_reads_is_lost_and_counted() {
         });
     }
     let counters = emulator.end();
-    assert_eq!((counters.commands, counters.overflows), (PINGS, 0));
+    counted(&counters, &[("commands", PINGS), ("overflows", 0)]);
     // Two answers each, 256 in the queue and 1024 behind it (ICD, 5.2): all of these are lost at the end but for
     // the some 20 KiB that the pseudo-terminal swallows, 250 answers at most.
     let answers = 2 * PINGS;
@@ -76,8 +75,7 @@ fn what_a_client_never_reads_is_lost_and_counted() {
 fn what_a_client_reads_at_last_is_not_lost() {
     let mut config = scene();
     (config.camera.detector.width, config.camera.detector.height) = (64, 64);
-    let (emulator, line) = on_serial(config, Clock::Stepped);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = serial_client(config, Clock::Stepped);
     client.window = None;
     client.send(Command::Attitude(attitude(0)));
     // Some 40 kB in the link's queue, of which the pseudo-terminal swallows 20.

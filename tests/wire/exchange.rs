@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, UdpLine};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, scene,
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, scene, udp_client,
 };
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
@@ -19,17 +19,13 @@ use std::time::Duration;
 
 #[test]
 fn reset_lets_time_start_anew() {
-    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     client.good_frame(1);
     client.done(Command::Reset);
     client.point(attitude(2), later(EPOCH, -100.0));
     assert_eq!(client.frame().time, later(EPOCH, -100.0));
-    assert_eq!(
-        client.status().packets_sent,
-        client.taken,
-        "counted from the Reset"
-    );
+    let sent = client.status().packets_sent;
+    assert_eq!(sent, client.taken, "counted from the Reset");
 }
 
 #[test]
@@ -40,33 +36,27 @@ fn a_second_client_is_ignored_until_the_first_falls_silent() {
     let mut first = Client::new(line);
     // The first answer waits for the emulator to start; after the second one the client has just been heard.
     first.status();
-    let before = first.status().counters;
+    let before = first.counters();
     second.send(Command::Ping);
     second.point(attitude(5), EPOCH);
     // A Ping, and an Attitude with the Credit that goes before it.
     await_that("foreign packets are counted", || {
-        first.status().counters.foreign_packets == before.foreign_packets + 3
+        first.counters().foreign_packets == before.foreign_packets + 3
     });
-    let after = first.status().counters;
+    let after = first.counters();
     assert_eq!(after.attitudes, before.attitudes, "nothing of it was taken");
     first.good_frame(1);
     assert!(second.has_nothing_left(), "it got no answer");
     // The first falls silent; in the end the second has the emulator, and a new exchange.
-    await_that("the second client takes over", || {
-        second.send(Command::Ping);
-        second.recv(Duration::from_millis(20)).is_some()
-    });
+    second.await_answer();
     second.start_anew();
     second.point(attitude(6), later(EPOCH, -1000.0));
-    assert_eq!(
-        second.frame().header.attitude_sequence,
-        6,
-        "its time starts anew"
-    );
-    let before = second.status().counters;
+    let frame = second.frame();
+    assert_eq!(frame.header.attitude_sequence, 6, "its time starts anew");
+    let before = second.counters();
     first.send(Command::Ping);
     await_that("the first is the stranger now", || {
-        second.status().counters.foreign_packets == before.foreign_packets + 1
+        second.counters().foreign_packets == before.foreign_packets + 1
     });
     assert!(first.has_nothing_left());
 }
@@ -79,17 +69,11 @@ fn reset_hands_the_exchange_over_at_once() {
     first.done(Command::Gain { e_per_dn: 3.0 });
     first.good_frame(1);
     first.done(Command::Reset);
-    await_that("the second client takes over", || {
-        second.send(Command::Ping);
-        second.recv(Duration::from_millis(20)).is_some()
-    });
+    second.await_answer();
     second.start_anew();
     let status = second.status();
-    assert_eq!(
-        (status.gain_e_per_dn, status.packets_sent),
-        (12.0, 0),
-        "as configured"
-    );
+    assert_eq!(status.gain_e_per_dn, 12.0, "as configured");
+    assert_eq!(status.packets_sent, 0);
     second.good_frame(1);
     assert!(first.has_nothing_left());
 }
@@ -105,7 +89,7 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
     assert_eq!(header.apid, apid::NACK);
     // An hour of silence is not needed: the exchange is free.
     first.good_frame(1);
-    let bad = first.status().counters.bad_length;
+    let bad = first.counters().bad_length;
     // Junk takes the place of no client, after its Reset neither.
     for is_released in [false, true] {
         if is_released {
@@ -115,9 +99,9 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
         second.send(b"hello?");
         assert!(second.recv(Duration::from_millis(200)).is_none());
         first.good_frame(2);
-        assert_eq!(first.status().counters.bad_length, bad);
+        assert_eq!(first.counters().bad_length, bad);
     }
-    assert_eq!(first.status().counters.foreign_packets, 2);
+    assert_eq!(first.counters().foreign_packets, 2);
 }
 
 #[test]
@@ -138,7 +122,7 @@ fn what_comes_late_from_the_last_client_is_ignored() {
     second.done(Command::Output(labels));
     await_that("the late packet has come", || {
         std::thread::sleep(Duration::from_millis(50));
-        second.status().counters.foreign_packets == 1
+        second.counters().foreign_packets == 1
     });
     assert_eq!(second.status().output, labels);
 }

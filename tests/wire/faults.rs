@@ -1,25 +1,19 @@
 //! Faults between a link and the emulator: what they do, what is counted, and how long a delay lasts.
 
-use crate::support::client::{Client, moved};
-use crate::support::line::{Line, MemoryLine, UdpLine, open_port};
-use crate::support::{EPOCH, PATIENCE, Running, attitude, await_that, options, scene};
+use crate::support::client::{Client, counted, moved, packet};
+use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
+use crate::support::{
+    EPOCH, PATIENCE, Running, always, attitude, fault, memory_client, on_pty, options, scene,
+    scene_at,
+};
 use bytes::Bytes;
-use serialport::SerialPort;
 use skyloop::config::Clock;
 use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{
-    Ack, Command, Counters, Direction, Fault, FaultKind, MAX_PACKET, Output, Reason, Reply, slip,
-};
-use std::io::{Read, Write};
+use skyloop_protocols::{Ack, Command, Counters, Direction, FaultKind, Reason, Reply};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-
-/// A fault of a schedule, in force for the whole run.
-fn always(direction: &str, kind: &str, value: f64) -> String {
-    format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
-}
 
 /// Both ends of a link with faults, by name of the link.
 fn with_faults(link: &str, plan: &str) -> (Wire, Box<dyn Line + Send>) {
@@ -42,12 +36,7 @@ fn serving(plan: &str) -> (Running, Client<Box<dyn Line + Send>>) {
 }
 
 fn live(kind: FaultKind, direction: Direction, value: f64) -> Command {
-    Command::Fault(Fault {
-        kind,
-        direction,
-        value,
-        seconds: 0.0,
-    })
+    fault(kind, direction, value, 0.0)
 }
 
 /// Packets that measure one direction: three times what the delay line holds.
@@ -61,8 +50,9 @@ fn errors(mut delays: Vec<Duration>) -> Vec<f64> {
     delays.iter().map(error).collect()
 }
 
-/// Numbers of packets and times between sending and receiving them, of `PACKETS` packets, a hundred of them under way at once. They come in order;
-/// a machine that stands still for 50 ms may lose some in the queues around the delay line.
+/// Numbers of packets and times between sending and receiving them, of `PACKETS` packets, a hundred of
+/// them under way at once. They come in order; a machine that stands still for 50 ms may lose some in
+/// the queues around the delay line.
 fn measure(
     mut send: impl FnMut(Vec<u8>) + Send,
     mut recv: impl FnMut(Duration) -> Option<(Vec<u8>, Instant)>,
@@ -122,13 +112,10 @@ fn is_close(link: &str, direction: &str, delays: Vec<(usize, Duration)>) -> bool
     let errors = errors(delays.into_iter().map(|(_, delay)| delay).collect());
     let (p50, p99) = (errors[came / 2], errors[came * 99 / 100]);
     let (least, most) = (errors[0], errors[came - 1]);
+    let [p50_ms, p99_ms, most_ms, worst_ms] = [p50, p99, most, worst].map(|s| s * 1e3);
     println!(
-        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {:.3} p99 {:.3} max {:.3} ms; \
-         p50 at the worst place of the ring {:.3} ms",
-        p50 * 1e3,
-        p99 * 1e3,
-        most * 1e3,
-        worst * 1e3
+        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {p50_ms:.3} p99 {p99_ms:.3} \
+         max {most_ms:.3} ms; p50 at the worst place of the ring {worst_ms:.3} ms"
     );
     assert!(came > PACKETS * 9 / 10, "{came}");
     // Never too early. Of a busy machine no more can be said than that it is late seldom.
@@ -173,46 +160,40 @@ fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
 /// The counters that move when `PINGS` Pings and one more, which gets through, meet a fault.
 fn moved_by(kind: FaultKind, value: f64) -> Vec<(&'static str, u32)> {
     let (_emulator, mut client) = serving("");
-    let before = client.status().counters;
+    let before = client.counters();
     client.done(live(kind, Direction::In, value));
     for _ in 0..PINGS {
-        let (packet, _) = client.prepare(&Command::Ping, EPOCH);
-        client.line.send(&packet);
+        client.send(Command::Ping);
     }
     client.send(live(kind, Direction::In, 0.0));
     // Refusals, and answers of what came through.
     while client.recv(Duration::from_millis(100)).is_some() {}
-    moved(&before, &client.status().counters)
+    moved(&before, &client.counters())
 }
 
 const PINGS: u32 = 20;
 
 #[test]
 fn each_fault_moves_its_counter() {
-    // What vanishes is missing in the sequence counts.
-    for kind in [FaultKind::Drop, FaultKind::Stuck] {
-        assert_eq!(moved_by(kind, 1.0), [("sequence_gaps", PINGS)], "{kind:?}");
+    // What vanishes is missing in the sequence counts. Pings may come twice.
+    let gaps = ("sequence_gaps", PINGS);
+    for (kind, expected) in [
+        (FaultKind::Drop, &[gaps][..]),
+        (FaultKind::Stuck, &[gaps]),
+        (FaultKind::Down, &[gaps, ("reconnects", 1)]),
+        (FaultKind::Overrun, &[("overflows", PINGS), gaps]),
+        (FaultKind::Duplicate, &[]),
+    ] {
+        assert_eq!(moved_by(kind, 1.0), expected, "{kind:?}");
     }
-    let down = moved_by(FaultKind::Down, 1.0);
-    assert_eq!(down, [("sequence_gaps", PINGS), ("reconnects", 1)]);
-    let overrun = moved_by(FaultKind::Overrun, 1.0);
-    assert_eq!(overrun, [("overflows", PINGS), ("sequence_gaps", PINGS)]);
     // Every bit inverted: the lengths no longer fit, and the counts are not believed.
     let flipped = moved_by(FaultKind::BitFlips, 1.0);
     assert_eq!(flipped[0], ("bad_length", PINGS));
     // One more than a packet has at least is left at most.
     let cut = moved_by(FaultKind::Truncate, 1.0);
-    let short: u32 = cut
-        .iter()
-        .filter(|(name, _)| ["runts", "bad_length"].contains(name))
-        .map(|(_, n)| n)
-        .sum();
-    assert_eq!(short, PINGS, "{cut:?}");
-    assert_eq!(
-        moved_by(FaultKind::Duplicate, 1.0),
-        [],
-        "Pings may come twice"
-    );
+    let is_short = |(name, _): &&(&str, u32)| ["runts", "bad_length"].contains(name);
+    let short = cut.iter().filter(is_short).map(|(_, n)| n);
+    assert_eq!(short.sum::<u32>(), PINGS, "{cut:?}");
 }
 
 #[test]
@@ -220,32 +201,20 @@ fn a_live_fault_is_acknowledged_acts_and_ends() {
     let (_emulator, mut client) = serving("");
     client.done(live(FaultKind::Drop, Direction::In, 1.0));
     client.send(Command::Ping);
-    assert!(
-        client.recv(Duration::from_millis(200)).is_none(),
-        "it is lost"
-    );
+    assert!(client.recv(Duration::from_millis(200)).is_none(), "lost");
     // The command itself gets through, and ends it.
     client.done(live(FaultKind::Drop, Direction::In, 0.0));
-    assert_eq!(client.status().counters.sequence_gaps, 1);
+    assert_eq!(client.counters().sequence_gaps, 1);
     // For a time.
     let started = Instant::now();
-    client.done(Command::Fault(Fault {
-        kind: FaultKind::Stuck,
-        direction: Direction::In,
-        value: 1.0,
-        seconds: 0.3,
-    }));
-    await_that("the line is free again", || {
-        client.send(Command::Ping);
-        client.recv(Duration::from_millis(20)).is_some()
-    });
+    client.done(fault(FaultKind::Stuck, Direction::In, 1.0, 0.3));
+    client.await_answer();
     assert!(started.elapsed() >= Duration::from_millis(300));
 }
 
 /// Whether the next packet, if one comes at all, is the Ack of this command. What else was lost is not missed.
 fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) -> bool {
-    let (packet, count) = client.prepare(&command, EPOCH);
-    client.line.send(&packet);
+    let count = client.send(command);
     let Some(answer) = client.line.recv(PATIENCE) else {
         return false;
     };
@@ -266,16 +235,9 @@ fn what_comes(client: &mut Client<Box<dyn Line + Send>>) -> Vec<Vec<u8>> {
 
 #[test]
 fn whatever_befalls_the_answers_that_of_the_fault_comes_whole() {
+    use FaultKind::{BitFlips, Down, Drop, Duplicate, Overrun, Stuck, Truncate};
     let (_emulator, mut client) = serving("");
-    for kind in [
-        FaultKind::Drop,
-        FaultKind::Stuck,
-        FaultKind::Down,
-        FaultKind::BitFlips,
-        FaultKind::Truncate,
-        FaultKind::Duplicate,
-        FaultKind::Overrun,
-    ] {
+    for kind in [Drop, Stuck, Down, BitFlips, Truncate, Duplicate, Overrun] {
         let mut switch = |value| is_acknowledged(&mut client, live(kind, Direction::Out, value));
         assert!(switch(1.0), "{kind:?}");
         // In force already: the next one's comes too.
@@ -284,22 +246,16 @@ fn whatever_befalls_the_answers_that_of_the_fault_comes_whole() {
         let came = what_comes(&mut client);
         let whole = came.iter().filter(|packet| Reply::decode(packet).is_ok());
         // An Ack and a Status: lost, spoilt or there twice.
-        let whole = whole.count();
-        assert_eq!(
-            whole,
-            4 * usize::from(kind == FaultKind::Duplicate),
-            "{kind:?}"
-        );
+        let expected = 4 * usize::from(kind == FaultKind::Duplicate);
+        assert_eq!(whole.count(), expected, "{kind:?}");
         let off = live(kind, Direction::Out, 0.0);
         assert!(is_acknowledged(&mut client, off), "{kind:?}");
         assert!(what_comes(&mut client).is_empty(), "{kind:?}: once");
     }
     // In its turn where everything is late; a refusal likewise.
     let late = Instant::now();
-    assert!(is_acknowledged(
-        &mut client,
-        live(FaultKind::Delay, Direction::Out, 0.1)
-    ));
+    let delay = live(FaultKind::Delay, Direction::Out, 0.1);
+    assert!(is_acknowledged(&mut client, delay));
     client.send(Command::Ping);
     client.send(live(FaultKind::BusOff, Direction::Out, 1.0));
     let came = awaited(&mut client, 3);
@@ -317,21 +273,15 @@ fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
         (&[In, Out], ("sequence_gaps", 1)),
     ] {
         let (_emulator, mut client) = serving("");
-        let before = client.status().counters;
+        let before = client.counters();
         for direction in directions {
-            let down = Command::Fault(Fault {
-                kind: FaultKind::Down,
-                direction: *direction,
-                value: 1.0,
-                seconds: 1.0,
-            });
+            let down = fault(FaultKind::Down, *direction, 1.0, 1.0);
             assert!(is_acknowledged(&mut client, down));
         }
         client.send(Command::Ping);
         assert!(what_comes(&mut client).is_empty());
         std::thread::sleep(Duration::from_secs(1));
-        let (ping, _) = client.prepare(&Command::Ping, EPOCH);
-        client.line.send(&ping);
+        client.send(Command::Ping);
         let came = awaited(&mut client, 2);
         let Reply::Status(status) = Reply::decode(&came[1]).unwrap().1 else {
             panic!("an Ack and a Status");
@@ -347,15 +297,10 @@ fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
 fn what_cannot_be_injected_is_refused() {
     let (_emulator, mut client) = serving("");
     client.send(live(FaultKind::BusOff, Direction::In, 1.0));
-    let refused = client.nack();
-    assert_eq!(refused.reason, Reason::NotSupported);
-    assert!(refused.detail.contains("CAN"), "{}", refused.detail);
-    let (_emulator, line) = crate::support::on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    client.refused(Reason::NotSupported, &["CAN"]);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.send(live(FaultKind::Drop, Direction::In, 1.0));
-    let refused = client.nack();
-    assert_eq!(refused.reason, Reason::NotSupported);
-    assert!(refused.detail.contains("--faults"), "{}", refused.detail);
+    client.refused(Reason::NotSupported, &["--faults"]);
 }
 
 #[test]
@@ -368,7 +313,7 @@ fn a_link_that_is_down_loses_what_leaves_and_counts_it() {
     assert!(client.recv(Duration::from_millis(300)).is_none());
     let counters = emulator.end();
     // An Ack and a Status for each.
-    assert_eq!((counters.commands, counters.lost_outbound), (3, 6));
+    counted(&counters, &[("commands", 3), ("lost_outbound", 6)]);
 }
 
 /// The counters at the end of a run in which 50 answers are under way.
@@ -406,8 +351,7 @@ fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
     let later = format!("{}at_s = 1000.0\n", always("out", "drop", 1.0));
     let (_emulator, mut client) = serving(&later);
     client.good_frame(1);
-    let (_plain, line) = crate::support::on_memory(scene(), Clock::Stepped);
-    let mut plain = Client::new(line);
+    let (_plain, mut plain) = memory_client(scene(), Clock::Stepped);
     client.point(attitude(2), EPOCH);
     plain.good_frame(1);
     plain.point(attitude(2), EPOCH);
@@ -418,40 +362,20 @@ fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
 #[test]
 #[cfg(target_os = "linux")]
 fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
-    let folder = tempfile::tempdir().unwrap();
-    let name = folder.path().join("port").display().to_string();
     for faults in [false, true] {
-        let mut config = scene();
-        config.run.output = Output::preset("labels").unwrap();
-        let mut wire = link::open(&format!("pty://{name}?baud=921600"), &options(5.0)).unwrap();
+        let (mut wire, _folder, name) = on_pty(&options(5.0), 921_600);
         if faults {
-            let book = Arc::new(Mutex::new(Book::default()));
-            wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
+            wire = wrap(wire, &Plan::default(), &NATIVE, &Arc::default()).unwrap();
         }
-        let emulator = Running::start(config, Clock::Stepped, wire);
-        let mut port = open_port(&name, 921_600);
-        port.set_timeout(Duration::from_millis(500)).unwrap();
-        let mut buffer = [0; MAX_PACKET];
-        let attitude = Command::Attitude(attitude(0));
-        let length = attitude.encode(0, EPOCH, &mut buffer).unwrap();
-        let mut octets = Vec::new();
-        slip::encode(&buffer[..length], &mut |octet| octets.push(octet));
-        port.write_all(&octets).unwrap();
+        let emulator = Running::start(scene_at("labels"), Clock::Stepped, wire);
+        let mut line = PtyLine::at(&name);
+        line.send(&packet(&Command::Attitude(attitude(0)), 0, EPOCH));
         emulator.shot();
         let ending = std::thread::spawn(move || emulator.end());
         std::thread::sleep(Duration::from_millis(200));
-        let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
-        let (mut packets, mut chunk) = (0, [0; 1024]);
-        while let Ok(count @ 1..) = port.read(&mut chunk) {
-            let mut whole = |octet: &u8| matches!(decoder.push(*octet), Some(Ok(_)));
-            packets += chunk[..count].iter().filter(|octet| whole(octet)).count();
-        }
-        let counters = ending.join().unwrap();
+        let came = std::iter::from_fn(|| line.recv(Duration::from_millis(500)));
         // A FrameHeader, 12 objects, a FrameEnd.
-        assert_eq!(
-            (packets, counters.lost_outbound),
-            (3, 0),
-            "faults: {faults}"
-        );
+        assert_eq!(came.count(), 3, "faults: {faults}");
+        assert_eq!(ending.join().unwrap().lost_outbound, 0, "faults: {faults}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received, moved};
 use crate::support::line::Line;
-use crate::support::{EPOCH, attitude, on_memory, on_serial, on_udp, scene};
+use crate::support::{EPOCH, attitude, memory_client, scene, serial_client, udp_client};
 use serde_json::Value;
 use skyloop::config::Clock;
 use skyloop_protocols::pixels::unpack;
@@ -21,19 +21,15 @@ fn frame_at(
     client.point(attitude(sequence), EPOCH);
     let (header, packets, end) = client.parcel();
     // The same whatever is sent, and by the stepped clock without times.
-    assert_eq!(
-        end,
-        FrameEnd {
-            frame: header.frame,
-            pixels_crc32: end.pixels_crc32,
-            ..FrameEnd::default()
-        }
-    );
+    let expected = FrameEnd {
+        frame: header.frame,
+        pixels_crc32: end.pixels_crc32,
+        ..FrameEnd::default()
+    };
+    assert_eq!(end, expected);
     assert_eq!(header.attitude_sequence, sequence);
-    assert_eq!(
-        (header.pixel_level, header.label_level),
-        (output.pixels, output.labels)
-    );
+    let levels = (header.pixel_level, header.label_level);
+    assert_eq!(levels, (output.pixels, output.labels));
     (header, packets, end.pixels_crc32)
 }
 
@@ -49,10 +45,8 @@ fn only(pixels: PixelLevel, labels: LabelLevel) -> Output {
 fn by_brightness(whole: &Received) -> Vec<Value> {
     let label = whole.label();
     let objects = label["objects"].as_array().unwrap().iter();
-    let mut objects: Vec<Value> = objects
-        .filter(|object| object["in_frame"] == true)
-        .cloned()
-        .collect();
+    let seen = objects.filter(|object| object["in_frame"] == true);
+    let mut objects: Vec<Value> = seen.cloned().collect();
     let electrons = |object: &Value| object["electrons"].as_f64().unwrap();
     objects.sort_by(|a, b| electrons(b).total_cmp(&electrons(a)));
     objects
@@ -91,8 +85,7 @@ fn crop(whole: &Received, [column, row]: [u16; 2], size: u8) -> Vec<u16> {
 
 #[test]
 fn labels_alone_are_the_brightest_objects_of_the_label_text() {
-    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let expected = by_brightness(&whole);
     for count in [0_u16, 1, 12, 60, 65535] {
@@ -135,13 +128,10 @@ fn labels_alone_are_the_brightest_objects_of_the_label_text() {
 
 #[test]
 fn windows_are_cut_from_the_frame_around_its_brightest_stars() {
-    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     let whole = client.good_frame(7);
-    let stars: Vec<Value> = by_brightness(&whole)
-        .into_iter()
-        .filter(|object| object["kind"] == "star")
-        .collect();
+    let mut stars = by_brightness(&whole);
+    stars.retain(|object| object["kind"] == "star");
     for (size, count) in [(11, 20), (1, 255), (25, 3), (2, 0)] {
         let output = Output {
             window_size: size,
@@ -171,8 +161,7 @@ fn windows_are_cut_from_the_frame_around_its_brightest_stars() {
 
 #[test]
 fn windows_lie_around_listed_positions_and_inside_the_frame() {
-    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let centres = [[0, 0], [100, 50], [255, 255], [250, 3]];
     client.done(Command::Positions(Positions::new(&centres).unwrap()));
@@ -186,13 +175,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
         assert_eq!(*pixels, crop(&whole, *place, 11));
     }
     client.send(Command::Positions(Positions::new(&[[256, 0]]).unwrap()));
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    assert!(
-        nack.detail.contains("(256, 0)") && nack.detail.contains("256 x 256"),
-        "{}",
-        nack.detail
-    );
+    client.refused(Reason::ValueOutOfRange, &["(256, 0)", "256 x 256"]);
     client.done(Command::Positions(Positions::new(&[]).unwrap()));
     let (header, ..) = frame_at(&mut client, output, 7);
     assert_eq!(header.windows, 20, "the brightest stars again");
@@ -200,8 +183,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
 
 #[test]
 fn a_compressed_frame_is_the_frame_in_fewer_octets() {
-    let (_emulator, line) = on_serial(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = serial_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let output = only(PixelLevel::Compressed, LabelLevel::None);
     let (header, packets, _) = frame_at(&mut client, output, 7);
@@ -222,8 +204,7 @@ fn a_compressed_frame_is_the_frame_in_fewer_octets() {
 
 #[test]
 fn packets_of_the_last_two_frames_come_again_as_they_were() {
-    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.window = None;
     client.point(attitude(1), EPOCH);
     let (first, packets, end) = client.parcel();
@@ -260,15 +241,12 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     client.point(attitude(3), EPOCH);
     client.parcel();
     client.send(resend(first.frame, 0, 1));
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    assert!(nack.detail.contains("Resend.frame = 0"), "{}", nack.detail);
+    client.refused(Reason::ValueOutOfRange, &["Resend.frame = 0"]);
 }
 
 #[test]
 fn settings_of_the_output_are_told_and_end_with_a_reset() {
-    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     assert_eq!(client.status().output, Output::default());
     let output = Output {
         pixels: PixelLevel::Windows,
@@ -289,8 +267,7 @@ fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithm
     let mut config = scene();
     config.run.output = only(PixelLevel::Windows, LabelLevel::None);
     config.camera.rate_hz = 1.0;
-    let (_emulator, line) = on_serial(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = serial_client(config, Clock::Wall);
     client.send(Command::Output(only(PixelLevel::Frame, LabelLevel::None)));
     let nack = client.nack();
     assert_eq!(nack.reason, Reason::ValueOutOfRange);
@@ -308,23 +285,16 @@ fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithm
     client.send(Command::Exposure { seconds: 0.01 });
     client.next(false);
     client.send(Command::FrameRate { hz: 20.0 });
-    let nack = client.nack();
-    for word in [
+    let says = [
         "FrameRate: 20 windows of 11 x 11 of 5",
         "takes 0.05",
         "20 Hz leaves 0.050 s",
-        "at most 17.",
-    ] {
-        assert!(nack.detail.contains(word), "{word:?} in {:?}", nack.detail);
-    }
+    ];
+    let nack = client.refused(Reason::ValueOutOfRange, &says);
+    assert!(nack.detail.contains("at most 17."), "{}", nack.detail);
     let centres: Vec<[u16; 2]> = (0..64).map(|n| [n, n]).collect();
     client.send(Command::Positions(Positions::new(&centres).unwrap()));
-    let nack = client.nack();
-    assert!(
-        nack.detail.contains("Positions: 64 windows"),
-        "{}",
-        nack.detail
-    );
+    client.refused(Reason::ValueOutOfRange, &["Positions: 64 windows"]);
     client.done(Command::Positions(Positions::new(&centres[..3]).unwrap()));
     // Three windows leave in time where twenty did not.
     client.done(Command::FrameRate { hz: 20.0 });

@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, on_memory, scene};
+use crate::support::{EPOCH, Running, attitude, await_that, memory_client, scene};
 use serde_json::{Value, json};
 use skyloop::config::{Clock, Config, OnOverrun};
 use skyloop::fidelity::{Coarser, Fidelity};
@@ -46,8 +46,7 @@ fn flown_by(
     config.camera.rate_hz = rate_hz;
     config.run.on_overrun = policy;
     config.run.coarsen = steps;
-    let (emulator, line) = on_memory(config, Clock::Wall);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(config, Clock::Wall);
     // The cadence starts with the attitude: the emulator must be there by then.
     client.status();
     client.point(attitude(1), EPOCH);

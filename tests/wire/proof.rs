@@ -4,8 +4,10 @@ use crate::abandoned::{limited, turning};
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, quick, scene,
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, quick,
+    role_clients, scene, udp_client,
 };
+use crate::withheld::balance;
 use skyloop::config::Clock;
 use skyloop::link::open_all;
 use skyloop_protocols::apid::{PIXEL_BLOCK, STATUS};
@@ -68,8 +70,7 @@ fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
 
 #[test]
 fn a_client_that_sends_nothing_any_more_gets_no_stream() {
-    let (_emulator, line) = on_udp(scene(), Clock::Wall, 1.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(scene(), Clock::Wall, 1.0);
     client.status();
     client.good_frame(1);
     // Credit is not what holds the stream back.
@@ -89,10 +90,7 @@ fn a_client_that_sends_nothing_any_more_gets_no_stream() {
     // Whoever sends the Challenges back has it again.
     let mut client = Client::new(deaf.0);
     client.window = None;
-    await_that("it is heard again", || {
-        client.send(Command::Ping);
-        client.recv(Duration::from_millis(50)).is_some()
-    });
+    client.await_answer();
 }
 
 /// A Challenge that was made for another address or time is known as one: its refusal says so, on any link.
@@ -184,13 +182,10 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
         first: 0,
         count: u32::MAX,
     });
-    assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
+    client.refused(Reason::ValueOutOfRange, &[]);
     client.good_frame(1);
-    let (stats, _) = emulator.measured();
-    let account = &stats.accounts[0].1;
-    let why: Vec<_> = account.withheld.iter().collect();
-    assert_eq!((account.requested, account.delivered), (2, 1));
-    assert_eq!(why, [(&"address not proved", &1)]);
+    let withheld = [("address not proved", 1)];
+    balance("proved late", emulator, 2, &[(1, &withheld)]);
 }
 
 /// A frame of some 40 kB takes 3 s at 12.5 kB/s; the proof holds for 1 s. What the client has sent before would pay for all of it (3 x 15 kB).
@@ -230,13 +225,9 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
         matches!(&reply, Reply::Nack(nack) if nack.reason == Reason::Busy),
         "{reply:?}"
     );
-    let (stats, counters) = emulator.measured();
-    let account = &stats.accounts[0].1;
-    let why: Vec<_> = account.withheld.iter().collect();
-    assert_eq!((account.requested, account.delivered), (1, 0));
-    assert_eq!(why, [(&"address not proved", &1)]);
-    let frames = (counters.frames_delivered, counters.frames_abandoned);
-    assert_eq!(frames, (0, 1), "{counters:?}");
+    let withheld = [("address not proved", 1)];
+    let counters = balance("proof lapses", emulator, 1, &[(0, &withheld)]);
+    assert_eq!(counters.frames_abandoned, 1, "{counters:?}");
     assert!(counters.lost_outbound > 0);
 }
 
@@ -244,12 +235,10 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
 #[test]
 fn a_link_whose_client_proves_late_gets_the_next_frames() {
     for is_refused in [false, true] {
-        let urls =
-            ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
-        let links = open_all(&urls, &options(60.0)).unwrap();
-        let [line, late] = [0, 1].map(|at| UdpLine::to(&links[at].0.address));
-        let emulator = Running::at(limited(0.3), Clock::Stepped, links);
-        let (mut client, mut late) = (Client::new(line), Client::new(Silent(late)));
+        let roles = ["truth+labels", "pixels"];
+        let (emulator, [mut client, late]) =
+            role_clients(limited(0.3), Clock::Stepped, roles, 60.0);
+        let mut late = Client::new(Silent(late.line));
         late.send(Command::Ping);
         client.point(attitude(0), EPOCH);
         client.parcel();
@@ -292,12 +281,9 @@ fn a_client_that_has_closed_its_socket_leaves_the_place_at_once() {
     first.good_frame(1);
     first.send(Command::Credit { packets: 1 << 30 });
     drop(first);
-    await_that("the second client has the place", || {
-        second.send(Command::Ping);
-        second.recv(Duration::from_millis(20)).is_some()
-    });
+    second.await_answer();
     second.start_anew();
-    let before = second.status().counters;
+    let before = second.counters();
     second.good_frame(2);
     // What did not reach the first is lost, or was never sent.
     assert!(before.frames_abandoned + before.lost_outbound + before.deadlines_missed > 0);

@@ -2,7 +2,7 @@
 
 use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, attitude, await_that, later, on_udp, options, quick, scene};
+use crate::support::{EPOCH, attitude, await_that, later, options, quick, scene, udp_client};
 use crate::withheld::{SHORT, beside};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
@@ -21,8 +21,7 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
         (Command::Ping, 1, 0x66, Withheld::None),
         (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
     ] {
-        let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 60.0);
         client.point(attitude(0), EPOCH);
         client.good_frame(0);
         let mut packet = client::packet(&command, 5, EPOCH);
@@ -37,33 +36,24 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
 /// The causes that no client brings about on a link that also answers it: they are told over the link of the truth.
 #[test]
 fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
-    for (link, speaks, personality, clock, cause, name) in [
-        (
-            "memory",
-            false,
-            &NATIVE,
-            Clock::Stepped,
-            Withheld::NoClient,
-            "no client",
-        ),
+    // 10 bits a byte: on the slow line 1,400 bytes take 1.5 s, and frames come 10 times a second.
+    const SLOW: &str = "pty?baud=9600";
+    for (link, speaks, personality, cause, name) in [
+        ("memory", false, &NATIVE, Withheld::NoClient, "no client"),
         (
             "memory",
             true,
             &SHORT,
-            Clock::Stepped,
             Withheld::TooLong,
             "cannot be encoded",
         ),
-        // 10 bits a byte: 1,400 bytes take 1.5 s, and frames come 10 times a second.
-        (
-            "pty?baud=9600",
-            true,
-            &NATIVE,
-            Clock::Wall,
-            Withheld::SlowLink,
-            "link too slow",
-        ),
+        (SLOW, true, &NATIVE, Withheld::SlowLink, "link too slow"),
     ] {
+        let clock = if link == SLOW {
+            Clock::Wall
+        } else {
+            Clock::Stepped
+        };
         let (frames, port) = link::loopback(link, &options(5.0)).unwrap();
         let (emulator, mut client) = beside(quick(10.0), clock, frames, personality);
         let mut other = Client::new(MemoryLine(port));
@@ -71,14 +61,14 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
             other.send(Command::Credit { packets: 1 << 30 });
         }
         await_that("the other client is heard", || {
-            client.status().counters.commands > u32::from(speaks)
+            client.counters().commands > u32::from(speaks)
         });
         client.point(attitude(1), EPOCH);
         await_that(&format!("Status tells {cause:?}"), || {
             client.status().withheld == cause
         });
         await_that(&format!("a frame is counted under {name}"), || {
-            let counters = client.status().counters;
+            let counters = client.counters();
             counters.frames_abandoned + counters.frames_dropped > 0
         });
         let (stats, _) = emulator.measured();
@@ -102,16 +92,14 @@ fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
     ] {
         let mut config = scene();
         config.run.trigger = Trigger::Packet;
-        let (_emulator, line) = on_udp(config, Clock::External, 60.0);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = udp_client(config, Clock::External, 60.0);
         if when == "after" {
             client.point(attitude(0), EPOCH);
             std::thread::sleep(Duration::from_secs(3));
         }
         // The client's time goes on.
         let time = later(EPOCH, if when == "after" { 3.0 } else { 0.0 });
-        let (packet, _) = client.prepare(&refused, time);
-        client.line.send(&packet);
+        client.send_alone(&refused, time);
         client.nack();
         if when == "before" {
             client.point(attitude(0), EPOCH);
@@ -128,8 +116,7 @@ fn status_says_that_attitudes_come_and_no_trigger() {
     for (trigger, is_reported) in [(Trigger::Packet, true), (Trigger::Own, false)] {
         let mut config = scene();
         config.run.trigger = trigger;
-        let (_emulator, line) = on_udp(config, Clock::Stepped, 60.0);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = udp_client(config, Clock::Stepped, 60.0);
         client.point(attitude(0), EPOCH);
         let mut says = || client.status().withheld == Withheld::NoTrigger;
         if is_reported {

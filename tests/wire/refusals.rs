@@ -1,10 +1,11 @@
 //! Bad packets: each is refused by name, counted once, and costs nothing else.
 
-use crate::bad_packets::{Case, cases, q_times};
+use crate::bad_packets::{cases, q_times};
 use crate::support::client::{Client, moved};
 use crate::support::line::{Line, PtyLine};
-use crate::support::{EPOCH, Q, attitude, later, on_every_link, on_serial, on_udp, scene};
+use crate::support::{EPOCH, Q, attitude, later, on_every_link, scene, serial_client, udp_client};
 use skyloop::config::Clock;
+use skyloop_protocols::packet::reseal;
 use skyloop_protocols::slip::{self, END, ESC};
 use skyloop_protocols::{Attitude, Command, OrbitState, Reason};
 
@@ -13,57 +14,38 @@ fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
     for (link, _emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let reference = client.good_frame(1);
-        for Case {
-            name,
-            command,
-            time,
-            spoil,
-            reason,
-            counter,
-            says,
-        } in cases()
-        {
-            let name = format!("{link}: {name}");
-            let before = client.status().counters;
+        for case in cases() {
+            let name = format!("{link}: {} {:?}", case.damage, case.command);
+            let before = client.counters();
             let counts = client.counts.clone();
-            let (mut packet, count) = client.prepare(&command, time);
-            spoil(&mut packet);
+            let (mut packet, count) = client.prepare(&case.command, case.time);
+            (case.spoil)(&mut packet);
+            if case.counter != "bad_crc" {
+                reseal(&mut packet);
+            }
             let stated = u16::from_be_bytes([packet[0], packet[1]]) & 0x7ff;
-            if stated != command.apid() {
+            if stated != case.command.apid() {
                 // Another APID has counts of its own.
                 client.counts = counts;
             }
             client.line.send(&packet);
-            let nack = client.nack();
+            println!("{name}");
+            let says: Vec<&str> = case.says.split(" | ").collect();
+            let nack = client.refused(case.reason, &says);
             assert_eq!((nack.apid, nack.sequence_count), (stated, count), "{name}");
-            assert_eq!(nack.reason, reason, "{name}: {}", nack.detail);
-            for word in says {
-                assert!(
-                    nack.detail.contains(word),
-                    "{name}: {:?} in {:?}",
-                    word,
-                    nack.detail
-                );
-            }
-            let after = client.status().counters;
-            assert_eq!(moved(&before, &after), [(counter, 1)], "{name}");
-            assert_eq!(
-                after.commands,
-                before.commands + 1,
-                "{name}: the second Ping alone"
-            );
+            let after = client.counters();
+            assert_eq!(moved(&before, &after), [(case.counter, 1)], "{name}");
+            let of_pings = after.commands - before.commands;
+            assert_eq!(of_pings, 1, "{name}: the second Ping alone");
             let frame = client.good_frame(1);
-            assert!(
-                frame.pixels == reference.pixels,
-                "{name}: the next frame is as before"
-            );
-            let sound = client.status().counters;
+            let is_same = frame.pixels == reference.pixels;
+            assert!(is_same, "{name}: the next frame is as before");
             let expected = [
                 ("attitudes", 1),
                 ("frames_rendered", 1),
                 ("frames_delivered", 1),
             ];
-            assert_eq!(moved(&after, &sound), expected, "{name}");
+            assert_eq!(moved(&after, &client.counters()), expected, "{name}");
         }
         assert!(client.has_nothing_left(), "{link}");
     }
@@ -71,8 +53,7 @@ fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
 
 #[test]
 fn a_quaternion_within_the_tolerance_is_normalised() {
-    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     let Command::Attitude(long) = q_times(1.0009) else {
         unreachable!()
     };
@@ -89,14 +70,13 @@ fn a_quaternion_within_the_tolerance_is_normalised() {
     assert!((norm - 1.0).abs() < 1e-12, "{norm}");
     // X-Val: the same direction as Q, whose own norm is 1 within 1e-6.
     assert!(q.iter().zip(Q).all(|(a, b)| (a - b).abs() < 2e-6), "{q:?}");
-    assert_eq!(client.status().counters.bad_attitude, 0);
+    assert_eq!(client.counters().bad_attitude, 0);
 }
 
 #[test]
 fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
-    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
-    let mut client = Client::new(line);
-    let mut before = client.status().counters;
+    let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
+    let mut before = client.counters();
     for length in [0, 1, 16, 1401, 9000] {
         client.line.send(&vec![0; length]);
         let nack = client.nack();
@@ -107,7 +87,7 @@ fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
             nack.detail
         );
         let counter = if length < 17 { "runts" } else { "oversize" };
-        let after = client.status().counters;
+        let after = client.counters();
         assert_eq!(moved(&before, &after), [(counter, 1)], "{length}");
         before = after;
     }
@@ -116,8 +96,7 @@ fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
 
 #[test]
 fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
-    let (_emulator, line) = on_serial(scene(), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = serial_client(scene(), Clock::Stepped);
     let reference = client.good_frame(1);
     let whole = |client: &mut Client<PtyLine>| {
         let (packet, _) = client.prepare(&Command::Ping, EPOCH);
@@ -147,24 +126,23 @@ fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
         ("octets lost", "bad_crc", cut),
     ];
     for (name, counter, octets) in damaged {
-        let before = client.status().counters;
+        let before = client.counters();
         client.line.raw(&octets);
-        let mut found = moved(&before, &client.status().counters);
+        let mut found = moved(&before, &client.counters());
         // A packet that was damaged on the way is missing in the client's counts, too.
         found.retain(|(counter, _)| *counter != "sequence_gaps");
         assert_eq!(found, [(counter, 1)], "{name}");
         assert!(client.good_frame(1).pixels == reference.pixels, "{name}");
     }
     // Empty frames and line noise between packets: nothing at all is counted.
-    let before = client.status().counters;
+    let before = client.counters();
     client.line.raw(&[END, END, END]);
-    assert_eq!(moved(&before, &client.status().counters), []);
+    assert_eq!(moved(&before, &client.counters()), []);
 }
 
 #[test]
 fn a_state_that_leaves_its_range_within_the_exposure_is_refused_as_if_it_had_never_come() {
-    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     client.done(Command::Exposure { seconds: 600.0 });
     let falling = OrbitState {
         position_m: [6_600_000.0, 0.0, 0.0],
@@ -175,11 +153,8 @@ fn a_state_that_leaves_its_range_within_the_exposure_is_refused_as_if_it_had_nev
         ..attitude(1)
     };
     client.point(falling, later(EPOCH, 10_000.0));
-    let nack = client.nack();
-    assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    assert!(nack.detail.contains("carried on to"), "{}", nack.detail);
-    let counters = client.status().counters;
-    assert_eq!((counters.attitudes, counters.bad_value), (0, 1));
+    client.refused(Reason::ValueOutOfRange, &["carried on to"]);
+    client.has_counted(&[("attitudes", 0), ("bad_value", 1)]);
     client.done(Command::Exposure { seconds: 0.1 });
     client.good_frame(2);
 }

@@ -1,18 +1,19 @@
 //! A recorded run is fed to an emulator again: the same, or the first difference named.
 
+use crate::support::client::{counted, packet};
 use crate::support::line::{Line, UdpLine, is_challenge};
-use crate::support::{EPOCH, PATIENCE, Running, attitude, later, options, scene};
+use crate::support::{EPOCH, PATIENCE, Running, attitude, fault, later, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
-use skyloop::link;
-use skyloop::link::capture::replay::{Progress, Replay, load};
+use skyloop::link::capture::replay::{Progress, Replay, Same, load};
 use skyloop::link::capture::{Capture, Origin};
 use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::link::{self, Wire};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{
-    Command, Counters, Direction, Fault, FaultKind, MAX_PACKET, Reason, Reply,
-};
+use skyloop_protocols::sequence::SequenceCounts;
+use skyloop_protocols::{Command, Counters, Direction, FaultKind, MAX_PACKET, Reason, Reply};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -41,23 +42,50 @@ pub fn small() -> Config {
     config
 }
 
+/// Records in `file` what passes these links, which have these names.
+fn recorder<'w>(
+    file: &Path,
+    names: &[String],
+    wires: impl IntoIterator<Item = &'w mut Wire>,
+) -> Capture {
+    let mut capture = Capture::packets(file, false, names).unwrap();
+    capture.begin(&Origin::default()).unwrap();
+    for (number, wire) in (0..).zip(wires) {
+        capture.tap(wire, number);
+    }
+    capture
+}
+
+/// An emulator at a UDP port with the faults of `plan`, if any, which is recorded in `file`; a
+/// client's end.
+fn recorded(file: &Path, plan: Option<(&Plan, &Arc<Mutex<Book>>)>) -> (Running, UdpLine, Capture) {
+    let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+    let line = UdpLine::to(&wire.address);
+    if let Some((plan, book)) = plan {
+        wire = wrap(wire, plan, &NATIVE, book).unwrap();
+    }
+    let capture = recorder(file, &[wire.address.clone()], [&mut wire]);
+    (Running::start(small(), Clock::Stepped, wire), line, capture)
+}
+
+/// Likewise at two ports, one for truth and labels, one for pixels.
+fn two_recorded(file: &Path) -> (Running, [UdpLine; 2], Capture) {
+    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let mut links = link::open_all(&urls, &options(5.0)).unwrap();
+    let lines = [0, 1].map(|at: usize| UdpLine::to(&links[at].0.address));
+    let capture = recorder(file, &urls, links.iter_mut().map(|(wire, _)| wire));
+    let emulator = Running::at(small(), Clock::Stepped, links);
+    (emulator, lines, capture)
+}
+
 /// A run over a bad line, recorded in `file`: its counters, and what the line did.
 fn record(file: &Path) -> (Counters, u64) {
     let plan = Plan::parse("faults.toml", BAD_LINE, false).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));
-    let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
-    let mut line = UdpLine::to(&wire.address);
-    let mut wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
-    let mut capture = Capture::packets(file, false, std::slice::from_ref(&wire.address)).unwrap();
-    capture.begin(&Origin::default()).unwrap();
-    capture.tap(&mut wire, 0);
-    let emulator = Running::start(small(), Clock::Stepped, wire);
-    let mut buffer = [0; MAX_PACKET];
-    let mut counts = skyloop_protocols::sequence::SequenceCounts::new();
+    let (emulator, mut line, capture) = recorded(file, Some((&plan, &book)));
+    let mut counts = SequenceCounts::new();
     let mut send = |line: &mut UdpLine, command: Command, time| {
-        let count = counts.next(command.apid());
-        let length = command.encode(count, time, &mut buffer).unwrap();
-        line.send(&buffer[..length]);
+        line.send(&packet(&command, counts.next(command.apid()), time));
     };
     let mut delivered = 0;
     for i in 0..ATTITUDES {
@@ -109,21 +137,38 @@ pub fn replay(file: &Path, mut config: Config) -> Progress {
     replay.progress()
 }
 
-/// Alters the first packet of the recording that `choose` takes, by the octet that it says.
-fn alter(from: &Path, to: &Path, choose: impl Fn(&Reply<'_>) -> Option<usize>) {
-    let mut octets = std::fs::read(from).unwrap();
-    let events = load(from, &NATIVE).unwrap().events;
+/// A recording comes again as it was; so many packets, and its frames.
+#[track_caller]
+fn is_same(file: &Path) -> Progress {
+    let same = replay(file, small());
+    assert_eq!(same.difference, None);
+    same
+}
+
+/// A recording of which the first packet that `choose` takes is altered, by the octet that it says,
+/// differs in these words.
+#[track_caller]
+fn differs(file: &Path, says: &[&str], choose: impl Fn(&Reply<'_>) -> Option<usize>) {
+    let mut octets = std::fs::read(file).unwrap();
+    let events = load(file, &NATIVE).unwrap().events;
     let place = events.iter().find_map(|event| {
         let (_, reply) = Reply::decode(&event.item).ok()?;
         Some((event.item.clone(), choose(&reply)?))
     });
     let (packet, octet) = place.expect("there is such a packet");
-    let at = octets
-        .windows(packet.len())
-        .position(|window| window == &packet[..])
-        .unwrap();
+    let mut windows = octets.windows(packet.len());
+    let at = windows.position(|window| window == &packet[..]).unwrap();
     octets[at + octet] ^= 1;
-    std::fs::write(to, octets).unwrap();
+    let spoilt = file.with_file_name("spoilt.pcapng");
+    std::fs::write(&spoilt, octets).unwrap();
+    has(&replay(&spoilt, small()).difference.unwrap(), says);
+}
+
+#[track_caller]
+fn has(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "no {word:?} in {text}");
+    }
 }
 
 #[test]
@@ -137,62 +182,49 @@ fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
         "{counters:?}"
     );
     assert!(counters.frames_delivered > ATTITUDES / 2, "{counters:?}");
-    let same = replay(&file, small());
-    assert_eq!(same.difference, None);
+    let same = is_same(&file);
     let whole = same.frames.iter().filter(|frame| frame.whole).count();
     assert_eq!(whole as u32, counters.frames_delivered);
     println!(
-        "{injected} faults, {} frames, {} packets the same",
-        whole, same.packets
+        "{injected} faults, {whole} frames, {} packets the same",
+        same.packets
     );
     // The hashes tell frames apart and repeat.
-    let mut hashes: Vec<u32> = same.frames.iter().map(|frame| frame.crc32).collect();
     assert_eq!(replay(&file, small()).frames, same.frames);
-    hashes.sort_unstable();
-    hashes.dedup();
+    let hashes: BTreeSet<u32> = same.frames.iter().map(|frame| frame.crc32).collect();
     assert_eq!(hashes.len(), same.frames.len());
 
     // Another seed: named by field and both values.
     let mut other = small();
     other.seed += 1;
     let difference = replay(&file, other).difference.unwrap();
-    for word in ["FrameHeader of frame 0", "seed: recorded 1, replayed 2"] {
-        assert!(difference.contains(word), "no {word:?} in {difference}");
-    }
+    has(
+        &difference,
+        &["FrameHeader of frame 0", "seed: recorded 1, replayed 2"],
+    );
     // A pixel: of the third block, whose octets start after 15 of header and 15 of layout.
-    let spoilt = folder.path().join("spoilt.pcapng");
-    alter(&file, &spoilt, |reply| match reply {
-        Reply::PixelBlock(block) if block.frame == 3 && block.index == 1 => Some(15 + 15 + 201),
-        _ => None,
-    });
-    let difference = replay(&spoilt, small()).difference.unwrap();
-    for word in [
+    let says = [
         "PixelBlock 1 of frame 3",
         "pixel (column ",
         "row ",
         "recorded ",
         "replayed ",
-    ] {
-        assert!(difference.contains(word), "no {word:?} in {difference}");
-    }
-    // A label.
-    alter(&file, &spoilt, |reply| match reply {
+    ];
+    differs(&file, &says, |reply| match reply {
+        Reply::PixelBlock(block) if block.frame == 3 && block.index == 1 => Some(15 + 15 + 201),
+        _ => None,
+    });
+    let says = ["Labels 4 of frame 2: text from its byte 40"];
+    differs(&file, &says, |reply| match reply {
         Reply::Labels(part) if part.frame == 2 && part.part == 4 => Some(15 + 8 + 40),
         _ => None,
     });
-    let difference = replay(&spoilt, small()).difference.unwrap();
-    assert!(
-        difference.contains("Labels 4 of frame 2: text from its byte 40"),
-        "{difference}"
-    );
 }
 
 /// What a client has to say before anything comes over its link.
 fn says(line: &mut UdpLine, commands: &[Command]) {
-    let mut buffer = [0; MAX_PACKET];
     for (count, command) in (0..).zip(commands) {
-        let length = command.encode(count, EPOCH, &mut buffer).unwrap();
-        line.send(&buffer[..length]);
+        line.send(&packet(command, count, EPOCH));
     }
 }
 
@@ -209,16 +241,7 @@ fn return_challenge(line: &mut UdpLine) {
 fn several_links_are_replayed_together() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
-    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
-    let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let mut capture = Capture::packets(&file, false, &urls).unwrap();
-    capture.begin(&Origin::default()).unwrap();
-    let mut lines = Vec::new();
-    for (number, (wire, _)) in (0..).zip(&mut links) {
-        lines.push(UdpLine::to(&wire.address));
-        capture.tap(wire, number);
-    }
-    let emulator = Running::at(small(), Clock::Stepped, links);
+    let (emulator, mut lines, capture) = two_recorded(&file);
     let grant = Command::Credit { packets: 100_000 };
     says(&mut lines[1], &[grant, Command::Ping]);
     assert!(lines[1].recv(PATIENCE).is_some(), "the Ping's Ack");
@@ -231,30 +254,20 @@ fn several_links_are_replayed_together() {
     for line in &mut lines {
         while line.recv(Duration::from_millis(200)).is_some() {}
     }
-    let counters = emulator.end();
-    assert_eq!(counters.frames_delivered, 3);
+    assert_eq!(emulator.end().frames_delivered, 3);
     capture.finish().unwrap();
-    let same = replay(&file, small());
-    assert_eq!(same.difference, None);
     // A frame's pixels went over one link, its labels over the other.
-    let frames: Vec<(u32, usize, bool)> = same
-        .frames
-        .iter()
-        .map(|frame| (frame.frame, frame.link, frame.whole))
-        .collect();
-    for i in 0..3 {
-        assert!(
-            frames.contains(&(i, 0, true)) && frames.contains(&(i, 1, true)),
-            "{frames:?}"
-        );
-    }
+    let frames = is_same(&file).frames;
+    let has = |number, link| {
+        let is_it = |frame: &Same| (frame.frame, frame.link, frame.whole) == (number, link, true);
+        frames.iter().any(is_it)
+    };
+    assert!((0..3).all(|i| has(i, 0) && has(i, 1)), "{frames:?}");
 }
 
 /// Sends a command and awaits the reason of its refusal; none if it is obeyed.
 fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason, String)> {
-    let mut buffer = [0; MAX_PACKET];
-    let length = command.encode(count, EPOCH, &mut buffer).unwrap();
-    line.send(&buffer[..length]);
+    line.send(&packet(command, count, EPOCH));
     let packet = line.recv(PATIENCE).expect("an answer");
     match Reply::decode(&packet).unwrap().1 {
         Reply::Nack(nack) => Some((nack.reason, nack.detail.to_string())),
@@ -263,45 +276,26 @@ fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason,
     }
 }
 
-fn fault(kind: FaultKind) -> Command {
-    Command::Fault(Fault {
-        kind,
-        direction: Direction::Out,
-        value: 0.0,
-        seconds: 0.0,
-    })
-}
-
 /// With faults and without: bus-off is refused on UDP, a delay is where none are injected. Acks follow.
 #[test]
 fn refused_faults_are_refused_again() {
     let folder = tempfile::tempdir().unwrap();
+    let (plan, book) = (Plan::default(), Arc::default());
     for injected in [false, true] {
         let file = folder.path().join(format!("{injected}.pcapng"));
-        let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
-        let mut line = UdpLine::to(&wire.address);
-        if injected {
-            let book = Arc::new(Mutex::new(Book::default()));
-            wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
-        }
-        let mut capture =
-            Capture::packets(&file, false, std::slice::from_ref(&wire.address)).unwrap();
-        capture.begin(&Origin::default()).unwrap();
-        capture.tap(&mut wire, 0);
-        let emulator = Running::start(small(), Clock::Stepped, wire);
+        let faults = injected.then_some((&plan, &book));
+        let (emulator, mut line, capture) = recorded(&file, faults);
+        let fault = |kind| fault(kind, Direction::Out, 0.0, 0.0);
         let delay = refused(&mut line, 0, &fault(FaultKind::Delay));
         assert_eq!(delay.is_some(), !injected, "{delay:?}");
         let off = refused(&mut line, 1, &fault(FaultKind::BusOff)).unwrap();
         assert_eq!(off.0, Reason::NotSupported);
         assert_eq!(off.1.contains("use down"), injected, "{off:?}");
-        assert_eq!(
-            refused(&mut line, 2, &Command::Exposure { seconds: 0.05 }),
-            None
-        );
+        let exposure = Command::Exposure { seconds: 0.05 };
+        assert_eq!(refused(&mut line, 2, &exposure), None);
         emulator.end();
         capture.finish().unwrap();
-        let same = replay(&file, small());
-        assert_eq!((same.difference, same.packets), (None, 3));
+        assert_eq!(is_same(&file).packets, 3);
     }
 }
 
@@ -310,44 +304,29 @@ fn refused_faults_are_refused_again() {
 fn addresses_in_refusals_are_not_compared() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
-    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
-    let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let mut capture = Capture::packets(&file, false, &urls).unwrap();
-    capture.begin(&Origin::default()).unwrap();
-    capture.tap(&mut links[0].0, 0);
-    capture.tap(&mut links[1].0, 1);
-    let mut line = UdpLine::to(&links[1].0.address);
-    let emulator = Running::at(small(), Clock::Stepped, links);
+    let (emulator, [_, mut line], capture) = two_recorded(&file);
     let (reason, detail) = refused(&mut line, 0, &Command::SingleShot).unwrap();
     assert_eq!(reason, Reason::NotSupported);
     assert!(detail.contains("send them over udp://"), "{detail}");
     assert_eq!(refused(&mut line, 1, &Command::Reset), None);
     emulator.end();
     capture.finish().unwrap();
-    let same = replay(&file, small());
-    assert_eq!((same.difference, same.packets), (None, 2));
+    assert_eq!(is_same(&file).packets, 2);
     // All else is: what it answers, its words.
-    let spoilt = folder.path().join("spoilt.pcapng");
     for (octet, says) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
-        alter(&file, &spoilt, |reply| {
+        differs(&file, &[says], |reply| {
             matches!(reply, Reply::Nack(_)).then_some(octet)
         });
-        let difference = replay(&spoilt, small()).difference.unwrap();
-        assert!(difference.contains(says), "{octet}: {difference}");
     }
 }
 
-/// The client takes 5 packets of a frame and stands still; 2 s later the frame is given up. Another one follows.
+/// The client takes 5 packets of a frame and stands still; 2 s later the frame is given up. Another one
+/// follows.
 #[test]
 fn a_frame_that_was_given_up_is_given_up_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
-    let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
-    let mut line = UdpLine::to(&wire.address);
-    let mut capture = Capture::packets(&file, false, std::slice::from_ref(&wire.address)).unwrap();
-    capture.begin(&Origin::default()).unwrap();
-    capture.tap(&mut wire, 0);
-    let emulator = Running::start(small(), Clock::Stepped, wire);
+    let (emulator, mut line, capture) = recorded(&file, None);
     says(&mut line, &[Command::Credit { packets: 5 }]);
     return_challenge(&mut line);
     says(&mut line, &[Command::Attitude(attitude(0))]);
@@ -357,27 +336,19 @@ fn a_frame_that_was_given_up_is_given_up_again() {
     emulator.shot();
     while line.recv(Duration::from_millis(200)).is_some() {}
     let counters = emulator.end();
-    assert_eq!(
-        (counters.frames_abandoned, counters.frames_delivered),
-        (1, 1)
+    counted(
+        &counters,
+        &[("frames_abandoned", 1), ("frames_delivered", 1)],
     );
     capture.finish().unwrap();
-    let same = replay(&file, small());
-    assert_eq!(same.difference, None);
-    let frames: Vec<_> = same
-        .frames
-        .iter()
-        .map(|frame| (frame.frame, frame.whole))
-        .collect();
-    assert_eq!(frames, [(0, false), (1, true)]);
-    // A sequence count that nothing explains is named: of the header, whose last octet of the count is the fourth.
-    let spoilt = folder.path().join("spoilt.pcapng");
-    alter(&file, &spoilt, |reply| match reply {
+    let same = is_same(&file);
+    let frames = same.frames.iter().map(|frame| (frame.frame, frame.whole));
+    assert_eq!(frames.collect::<Vec<_>>(), [(0, false), (1, true)]);
+    // A sequence count that nothing explains is named: of the header, whose last octet of the count is
+    // the fourth.
+    let says = ["PixelBlock 0 of frame 1", "header octet 3"];
+    differs(&file, &says, |reply| match reply {
         Reply::PixelBlock(block) if block.frame == 1 && block.index == 0 => Some(3),
         _ => None,
     });
-    let difference = replay(&spoilt, small()).difference.unwrap();
-    for word in ["PixelBlock 0 of frame 1", "header octet 3"] {
-        assert!(difference.contains(word), "no {word:?} in {difference}");
-    }
 }

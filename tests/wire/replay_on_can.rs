@@ -12,7 +12,7 @@ use skyloop_protocols::can::{Lane, Node, Side};
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Command, Direction, Reply};
+use skyloop_protocols::{Command, Direction, Reply, WireTime};
 use std::path::Path;
 use std::time::Duration;
 
@@ -54,43 +54,70 @@ fn log(exchange: &Exchange) -> String {
     text
 }
 
+/// A client's end, and the packets that have crossed it.
+struct Recorded {
+    line: MemoryLine,
+    counts: SequenceCounts,
+    exchange: Exchange,
+}
+
+impl Recorded {
+    fn new(line: MemoryLine) -> Recorded {
+        Recorded {
+            line,
+            counts: SequenceCounts::new(),
+            exchange: Vec::new(),
+        }
+    }
+
+    fn say(&mut self, command: Command) {
+        self.say_at(command, EPOCH);
+    }
+
+    fn say_at(&mut self, command: Command, time: WireTime) {
+        let packet = packet(&command, self.counts.next(command.apid()), time);
+        self.line.send(&packet);
+        self.exchange.push((Direction::In, packet));
+    }
+
+    /// Takes so many packets.
+    fn hear(&mut self, packets: u32) {
+        for _ in 0..packets {
+            let packet = self.line.recv(PATIENCE).expect("the packet comes");
+            self.exchange.push((Direction::Out, packet));
+        }
+    }
+
+    /// Takes a whole frame, which nothing follows; how many packets it has.
+    fn frame(&mut self) -> u32 {
+        self.hear(1);
+        let (_, first) = self.exchange.last().unwrap();
+        let Ok((_, Reply::FrameHeader(header))) = Reply::decode(first) else {
+            panic!("a frame begins with its header");
+        };
+        let packets = header.packets();
+        self.hear(packets - 1);
+        packets
+    }
+}
+
 /// Two frames, and packets 1 to 3 of the first twice: at once, and after the header of the second.
 fn exchange() -> Exchange {
-    let (_emulator, mut line) = on_memory(small(), Clock::Stepped);
-    let mut exchange = Vec::new();
-    let say = |line: &mut MemoryLine, exchange: &mut Exchange, command: Command, i: u16| {
-        let packet = packet(&command, i, later(EPOCH, f64::from(i) / 10.0));
-        line.send(&packet);
-        exchange.push((Direction::In, packet));
-    };
-    let hear = |line: &mut MemoryLine, exchange: &mut Exchange, packets: u32| {
-        for _ in 0..packets {
-            let packet = line.recv(PATIENCE).expect("the packet comes");
-            exchange.push((Direction::Out, packet));
-        }
-    };
+    let (_emulator, line) = on_memory(small(), Clock::Stepped);
+    let mut client = Recorded::new(line);
     let again = Command::Resend {
         frame: 0,
         first: 1,
         count: 3,
     };
     for i in 0..2 {
-        say(
-            &mut line,
-            &mut exchange,
-            Command::Attitude(attitude(i)),
-            i as u16,
-        );
-        hear(&mut line, &mut exchange, 1);
-        let (_, last) = exchange.last().unwrap();
-        let Ok((_, Reply::FrameHeader(header))) = Reply::decode(last) else {
-            panic!("a frame begins with its header");
-        };
-        hear(&mut line, &mut exchange, header.packets() - 1);
-        say(&mut line, &mut exchange, again, i as u16);
-        hear(&mut line, &mut exchange, 3);
+        let time = later(EPOCH, f64::from(i) / 10.0);
+        client.say_at(Command::Attitude(attitude(i)), time);
+        client.frame();
+        client.say_at(again, time);
+        client.hear(3);
     }
-    exchange
+    client.exchange
 }
 
 /// What comes of an exchange: the first difference, whole frames, frames of which packets are missing.
@@ -147,61 +174,41 @@ fn frames_of_which_packets_were_sent_again_are_compared() {
 /// packets of it wait for the bus: what there is of them is compared, and those that follow are whole.
 #[test]
 fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
-    let (emulator, mut line) = on_memory(small(), Clock::Stepped);
-    let mut exchange = Vec::new();
-    let mut counts = SequenceCounts::new();
-    let mut say = |line: &mut MemoryLine, exchange: &mut Exchange, command: Command| {
-        let packet = packet(&command, counts.next(command.apid()), EPOCH);
-        line.send(&packet);
-        exchange.push((Direction::In, packet));
-    };
-    let hear = |line: &mut MemoryLine, exchange: &mut Exchange, packets: u32| {
-        for _ in 0..packets {
-            let packet = line.recv(PATIENCE).expect("the packet comes");
-            exchange.push((Direction::Out, packet));
-        }
-    };
-    // Its packets; nothing follows them.
-    let whole = |line: &mut MemoryLine, exchange: &mut Exchange| {
-        hear(line, exchange, 1);
-        let Reply::FrameHeader(header) = Reply::decode(&exchange.last().unwrap().1).unwrap().1
-        else {
-            panic!("a frame begins with its header");
-        };
-        let more = header.packets() - 1;
-        hear(line, exchange, more);
-        emulator.shot();
-        1 + more
-    };
+    let (emulator, line) = on_memory(small(), Clock::Stepped);
+    let mut client = Recorded::new(line);
     let grant = |packets| Command::Credit { packets };
-    say(&mut line, &mut exchange, grant(1000));
-    say(&mut line, &mut exchange, Command::Attitude(attitude(0)));
-    let packets = whole(&mut line, &mut exchange);
-    exchange.remove(2 + 4);
-    say(&mut line, &mut exchange, Command::Reset);
-    hear(&mut line, &mut exchange, 1);
-    say(&mut line, &mut exchange, grant(5));
-    say(&mut line, &mut exchange, Command::Attitude(attitude(1)));
-    hear(&mut line, &mut exchange, 5);
+    client.say(grant(1000));
+    client.say(Command::Attitude(attitude(0)));
+    let packets = client.frame();
+    emulator.shot();
+    client.exchange.remove(2 + 4);
+    client.say(Command::Reset);
+    client.hear(1);
+    client.say(grant(5));
+    client.say(Command::Attitude(attitude(1)));
+    client.hear(5);
     emulator.shot();
     // Enough for the next one (as long, a few more), and not for the rest of the one before too.
-    say(&mut line, &mut exchange, grant(5 + packets + 2));
-    say(&mut line, &mut exchange, Command::Attitude(attitude(2)));
-    whole(&mut line, &mut exchange);
-    say(&mut line, &mut exchange, Command::Reset);
-    hear(&mut line, &mut exchange, 1);
-    say(&mut line, &mut exchange, grant(4));
-    say(&mut line, &mut exchange, Command::Attitude(attitude(3)));
-    hear(&mut line, &mut exchange, 4);
-    // Two of the four were still queued when it came.
-    let reset = exchange.len();
-    say(&mut line, &mut exchange, Command::Reset);
-    exchange[reset - 2..].rotate_right(1);
-    hear(&mut line, &mut exchange, 1);
+    client.say(grant(5 + packets + 2));
+    client.say(Command::Attitude(attitude(2)));
+    client.frame();
     emulator.shot();
-    say(&mut line, &mut exchange, Command::Attitude(attitude(4)));
-    whole(&mut line, &mut exchange);
+    client.say(Command::Reset);
+    client.hear(1);
+    client.say(grant(4));
+    client.say(Command::Attitude(attitude(3)));
+    client.hear(4);
+    // Two of the four were still queued when it came.
+    let reset = client.exchange.len();
+    client.say(Command::Reset);
+    client.exchange[reset - 2..].rotate_right(1);
+    client.hear(1);
+    emulator.shot();
+    client.say(Command::Attitude(attitude(4)));
+    client.frame();
+    emulator.shot();
 
+    let mut exchange = client.exchange;
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(replayed(folder.path(), &exchange), (None, 2, 3));
     // One pixel of the frame that was given up.

@@ -1,58 +1,42 @@
 //! Several links a run: truth in, pixels out, labels out.
 
-use crate::support::client::Client;
+use crate::support::client::{Client, counted};
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, PATIENCE, Running, attitude, await_that, options, scene};
+use crate::support::{
+    EPOCH, PATIENCE, Running, attitude, await_that, options, role_clients, scene_at,
+};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reason};
 use std::time::Instant;
 
-/// An emulator at as many UDP ports as there are roles, and a client at each. Frames are small enough for the buffers
-/// of sockets that nobody reads for a while.
-fn at(roles: &[&str]) -> (Running, Vec<Client<UdpLine>>) {
-    let urls: Vec<String> = roles
-        .iter()
-        .map(|roles| format!("udp://127.0.0.1:0?roles={roles}"))
-        .collect();
-    let links = link::open_all(&urls, &options(5.0)).unwrap();
-    let clients = links
-        .iter()
-        .map(|(wire, _)| Client::new(UdpLine::to(&wire.address)))
-        .collect();
-    let mut config = scene();
-    config.run.output = Output::preset("windows").unwrap();
-    (Running::at(config, Clock::Stepped, links), clients)
+/// An emulator at as many UDP ports as there are roles, and a client at each. Frames are small enough
+/// for the buffers of sockets that nobody reads for a while.
+fn at<const N: usize>(roles: [&str; N]) -> (Running, [Client<UdpLine>; N]) {
+    role_clients(scene_at("windows"), Clock::Stepped, roles, 5.0)
 }
 
 #[test]
 fn truth_pixels_and_labels_each_have_their_link() {
-    let (_one, mut all) = at(&["truth+pixels+labels"]);
-    all[0].point(attitude(7), EPOCH);
-    let (_, packets, whole) = all[0].parcel();
-    let (_three, mut clients) = at(&["truth", "pixels", "labels"]);
-    let [truth, pixels, labels] = &mut clients[..] else {
-        panic!("three clients");
-    };
+    let (_one, [mut all]) = at(["truth+pixels+labels"]);
+    all.point(attitude(7), EPOCH);
+    let (_, packets, whole) = all.parcel();
+    let (_three, [mut truth, mut pixels, mut labels]) = at(["truth", "pixels", "labels"]);
     // Each says that it is there, and how much it takes.
-    for client in [&mut *pixels, &mut *labels] {
+    for client in [&mut pixels, &mut labels] {
         client.window = None;
         client.done(Command::Ping);
         client.next(false);
     }
     truth.point(attitude(7), EPOCH);
     let (header, blocks, end) = pixels.parcel();
-    assert_eq!(
-        (header.pixel_level, header.label_level),
-        (PixelLevel::Windows, LabelLevel::None)
-    );
+    let levels = (header.pixel_level, header.label_level);
+    assert_eq!(levels, (PixelLevel::Windows, LabelLevel::None));
     assert_eq!(end, whole);
     assert_eq!(payloads(&blocks), payloads(&packets[..4]));
     let (header, parts, end) = labels.parcel();
-    assert_eq!(
-        (header.pixel_level, header.label_level),
-        (PixelLevel::None, LabelLevel::Objects)
-    );
+    let levels = (header.pixel_level, header.label_level);
+    assert_eq!(levels, (PixelLevel::None, LabelLevel::Objects));
     assert_eq!(end, whole);
     assert_eq!(payloads(&parts), payloads(&packets[4..]));
     assert!(
@@ -69,23 +53,18 @@ fn truth_pixels_and_labels_each_have_their_link() {
     truth.point(attitude(8), EPOCH);
     assert_eq!(pixels.parcel().0.windows, 3);
     assert_eq!(labels.parcel().0.label_level, LabelLevel::Objects);
-    assert_eq!(truth.status().counters.frames_delivered, 2);
+    assert_eq!(truth.counters().frames_delivered, 2);
 }
 
 /// What stands between header and CRC.
 fn payloads(packets: &[Vec<u8>]) -> Vec<&[u8]> {
-    packets
-        .iter()
-        .map(|packet| &packet[15..packet.len() - 2])
-        .collect()
+    let payload = packets.iter().map(|packet| &packet[15..packet.len() - 2]);
+    payload.collect()
 }
 
 #[test]
 fn only_the_truth_link_points_and_sets_the_camera() {
-    let (_emulator, mut clients) = at(&["pixels", "truth+labels"]);
-    let [pixels, truth] = &mut clients[..] else {
-        panic!("two clients");
-    };
+    let (_emulator, [mut pixels, mut truth]) = at(["pixels", "truth+labels"]);
     truth.done(Command::Exposure { seconds: 0.2 });
     pixels.window = None;
     for command in [
@@ -96,13 +75,7 @@ fn only_the_truth_link_points_and_sets_the_camera() {
         Command::SingleShot,
     ] {
         pixels.send(command);
-        let nack = pixels.nack();
-        assert_eq!(nack.reason, Reason::NotSupported, "{command:?}");
-        assert!(
-            nack.detail.contains("send them over udp://127.0.0.1:"),
-            "{}",
-            nack.detail
-        );
+        pixels.refused(Reason::NotSupported, &["send them over udp://127.0.0.1:"]);
     }
     pixels.done(Command::Reset);
     assert_eq!(
@@ -116,10 +89,7 @@ fn only_the_truth_link_points_and_sets_the_camera() {
 
 #[test]
 fn a_client_that_stops_reading_costs_the_others_no_frame() {
-    let (emulator, mut clients) = at(&["truth+labels", "pixels"]);
-    let [truth, pixels] = &mut clients[..] else {
-        panic!("two clients");
-    };
+    let (emulator, [mut truth, mut pixels]) = at(["truth+labels", "pixels"]);
     // It takes one packet, and no more.
     pixels.window = None;
     pixels.send(Command::Credit { packets: 1 });
@@ -142,35 +112,30 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     truth.point(attitude(14), EPOCH);
     assert_eq!(pixels.parcel().0.attitude_sequence, 14);
     assert_eq!(truth.parcel().0.attitude_sequence, 14);
-    let counters = emulator.end();
-    assert_eq!(
-        (counters.frames_delivered, counters.frames_abandoned),
-        (13, 1)
+    counted(
+        &emulator.end(),
+        &[("frames_delivered", 13), ("frames_abandoned", 1)],
     );
 }
 
 #[test]
 fn a_frame_that_nobody_is_there_for_counts_as_abandoned() {
-    let (emulator, mut clients) = at(&["truth", "pixels+labels"]);
-    let [truth, frames] = &mut clients[..] else {
-        panic!("two clients");
-    };
+    let (emulator, [mut truth, mut frames]) = at(["truth", "pixels+labels"]);
     truth.point(attitude(1), EPOCH);
     await_that("the frame is given up", || {
-        truth.status().counters.frames_abandoned == 1
+        truth.counters().frames_abandoned == 1
     });
     frames.done(Command::Ping);
     frames.next(false);
     truth.point(attitude(2), EPOCH);
     assert_eq!(frames.parcel().0.attitude_sequence, 2);
-    let counters = emulator.end();
-    assert_eq!(
-        (
-            counters.frames_rendered,
-            counters.frames_delivered,
-            counters.frames_abandoned
-        ),
-        (2, 1, 1)
+    counted(
+        &emulator.end(),
+        &[
+            ("frames_rendered", 2),
+            ("frames_delivered", 1),
+            ("frames_abandoned", 1),
+        ],
     );
 }
 

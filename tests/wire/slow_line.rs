@@ -4,9 +4,9 @@
 mod flight;
 
 use crate::replay::small;
-use crate::support::client::Client;
+use crate::support::client::{Client, counted};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, on_memory, options, scene};
+use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::link;
 use skyloop_protocols::{Command, LabelLevel, Output, Reply, Withheld};
@@ -48,10 +48,9 @@ fn what_is_on_its_way_is_waited_for() {
     let (emulator, mut client) = on("pty?baud=38400", 108);
     let longest = by_whole_windows(&mut client, 8);
     assert!(longest > Duration::from_millis(2_500), "{longest:?}");
-    let counters = emulator.end();
-    assert_eq!(
-        (counters.frames_delivered, counters.frames_abandoned),
-        (1, 0)
+    counted(
+        &emulator.end(),
+        &[("frames_delivered", 1), ("frames_abandoned", 0)],
     );
 }
 
@@ -65,8 +64,7 @@ fn a_frame_is_slow_by_the_bytes_of_its_packets() {
             config.run.output = Output::preset(level).unwrap();
             config
         };
-        let (_emulator, line) = on_memory(config(), Clock::Stepped);
-        let mut client = Client::new(line);
+        let (_emulator, mut client) = memory_client(config(), Clock::Stepped);
         client.window = None;
         client.point(attitude(0), EPOCH);
         let (mut bytes, mut packets) = (0.0, 0);
@@ -154,7 +152,7 @@ fn answers_keep_no_frame_waiting() {
     let begun = Instant::now();
     // Octets leave all the time, but none of frame packets.
     await_that("the frame is abandoned", || {
-        client.status().counters.frames_abandoned == 1
+        client.counters().frames_abandoned == 1
     });
     let took = begun.elapsed();
     assert!(took > Duration::from_secs(2), "{took:?}");

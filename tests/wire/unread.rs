@@ -4,9 +4,9 @@ use crate::proof::Silent;
 use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, quick,
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_pty, options, quick, udp_client,
 };
-use crate::withheld::beside;
+use crate::withheld::{balance, beside};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop_protocols::personality::NATIVE;
@@ -16,27 +16,19 @@ use std::time::{Duration, Instant};
 /// A frame is given up after 2 s (ICD, section 5.3), whatever its client sends meanwhile; the frames after it wait for nothing.
 #[test]
 fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("tracker").display().to_string();
-    for (url, command, cause) in [
-        ("udp://127.0.0.1:0", None, "address not proved"),
-        (
-            "udp://127.0.0.1:0",
-            Some(Command::Ping),
-            "address not proved",
-        ),
-        // Labels of some 30 kB: the pseudo-terminal and the queue of the link take three.
-        (
-            &format!("pty://{name}?baud=3000000"),
-            None,
-            "client does not read",
-        ),
+    let udp = || {
+        let wire = link::open("udp://127.0.0.1:0", &options(3600.0)).unwrap();
+        let line: Box<dyn Line> = Box::new(Silent(UdpLine::to(&wire.address)));
+        (wire, line)
+    };
+    // Labels of some 30 kB: the pseudo-terminal and the queue of the link take three.
+    let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
+    let pty: (_, Box<dyn Line>) = (wire, Box::new(PtyLine::at(&name)));
+    for ((wire, line), command, cause) in [
+        (udp(), None, "address not proved"),
+        (udp(), Some(Command::Ping), "address not proved"),
+        (pty, None, "client does not read"),
     ] {
-        let wire = link::open(url, &options(3600.0)).unwrap();
-        let line: Box<dyn Line> = match wire.address.starts_with("udp") {
-            true => Box::new(Silent(UdpLine::to(&wire.address))),
-            false => Box::new(PtyLine::at(&name)),
-        };
         let (truth, port) = link::loopback("memory", &options(5.0)).unwrap();
         let links = [(truth, "truth+pixels"), (wire, "labels")];
         let links = links.map(|(wire, roles)| (wire, Roles::parse(roles).unwrap()));
@@ -46,11 +38,11 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
         let mut other = Client::new(line);
         other.window = None;
         other.send(Command::Ping);
-        await_that("it is heard", || client.status().counters.commands >= 2);
+        await_that("it is heard", || client.counters().commands >= 2);
         let (begun, mut asked, mut packets) = (Instant::now(), 0, 1 << 20);
         // Of twelve frames the queue of the link takes three. The others, with 2 s each, would take 18 s.
         await_that("all frames have ended", || {
-            let counters = client.status().counters;
+            let counters = client.counters();
             let ended = counters.frames_delivered + counters.frames_abandoned;
             if ended == asked && asked < 12 {
                 client.point(attitude(asked), later(EPOCH, f64::from(asked)));
@@ -62,21 +54,19 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
             ended == 12
         });
         let took = begun.elapsed();
-        assert!(took < Duration::from_secs(8), "{url} {command:?}: {took:?}");
-        let account = &emulator.measured().0.accounts[1].1;
         assert!(
-            account.withheld[cause] >= 5,
-            "{url} {command:?}: {account:?}"
+            took < Duration::from_secs(8),
+            "{cause} {command:?}: {took:?}"
         );
+        let account = &emulator.measured().0.accounts[1].1;
+        assert!(account.withheld[cause] >= 5, "{command:?}: {account:?}");
     }
 }
 
 /// Frames of which all packets are in the queue of a link that is not read, by Status over another link.
 #[test]
 fn a_client_that_does_not_read_what_is_queued_is_reported() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("tracker").display().to_string();
-    let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(3600.0)).unwrap();
+    let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
     let (emulator, mut client) = beside(quick(1.0), Clock::Stepped, wire, &NATIVE);
     let mut other = Client::new(PtyLine::at(&name));
     other.window = None;
@@ -85,14 +75,13 @@ fn a_client_that_does_not_read_what_is_queued_is_reported() {
     await_that("it is reported", || {
         client.status().withheld == Withheld::NotRead
     });
-    assert_eq!(client.status().counters.frames_abandoned, 0);
+    assert_eq!(client.counters().frames_abandoned, 0);
     // One that reads then has all of it.
     other.parcel();
     await_that("Status says so", || {
         client.status().withheld == Withheld::None
     });
-    let account = &emulator.measured().0.accounts[0].1;
-    assert_eq!((account.requested, account.delivered), (1, 1));
+    balance("read late", emulator, 1, &[(1, &[])]);
 }
 
 /// By the wall clock frames give way to newer ones: because the client does not read, not because the link is slow.
@@ -100,9 +89,7 @@ fn a_client_that_does_not_read_what_is_queued_is_reported() {
 fn a_fast_link_that_is_not_read_is_not_called_slow() {
     // The pseudo-terminal takes 20 kB, in 0.07 s. Of the large frames two fill the queue of the link: the fourth gives way within 0.1 s of the last byte.
     for (side, rate_hz) in [(64, 5.0), (256, 20.0)] {
-        let here = tempfile::tempdir().unwrap();
-        let name = here.path().join("tracker").display().to_string();
-        let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(3600.0)).unwrap();
+        let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
         let mut config = quick(rate_hz);
         (config.camera.detector.width, config.camera.detector.height) = (side, side);
         let emulator = Running::start(config, Clock::Wall, wire);
@@ -142,29 +129,25 @@ fn a_frame_of_a_slow_link_ends_with_the_run() {
             client.send(Command::Credit { packets: 1 << 20 });
         }
         client.next(true);
-        let (stats, _) = emulator.measured();
-        let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
-        assert_eq!(withheld, [(&"run ended", &1)], "{waits_for_credit}");
+        let name = format!("{waits_for_credit}");
+        balance(&name, emulator, 1, &[(0, &[("run ended", 1)])]);
     }
 }
 
 /// A refused attitude, and what cannot be an attitude, where frames come by the one before.
 #[test]
 fn a_late_attitude_withholds_no_frame_by_the_wall_clock() {
-    let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 3600.0);
-    let mut client = Client::new(line);
+    let (_emulator, mut client) = udp_client(quick(20.0), Clock::Wall, 3600.0);
     client.send(Command::Credit { packets: 1 << 30 });
     client.point(attitude(0), later(EPOCH, 10.0));
-    await_that("frames come", || {
-        client.status().counters.frames_delivered > 0
-    });
+    await_that("frames come", || client.counters().frames_delivered > 0);
     client.point(attitude(1), later(EPOCH, 9.9));
     client.nack();
     let begun = Instant::now();
-    let before = client.status().counters.frames_delivered;
+    let before = client.counters().frames_delivered;
     assert_eq!(client.status().withheld, Withheld::None);
     await_that("frames go on", || {
         assert!(begun.elapsed() < PATIENCE);
-        client.status().counters.frames_delivered > before
+        client.counters().frames_delivered > before
     });
 }

@@ -1,26 +1,32 @@
 //! Frames that a client does not get: each is counted under its cause, and none is missing from the sum.
 
 use crate::abandoned::{in_the_midst, limited, turning};
-use crate::support::client::Client;
+use crate::support::client::{Client, counted};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
-    EPOCH, Running, attitude, await_that, fetched, later, on_memory, on_serial, on_udp, options,
-    quick, scene,
+    EPOCH, Running, attitude, await_that, fetched, later, memory_client, on_pty, on_udp, options,
+    quick, role_clients, scene, scene_at, serial_client,
 };
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
 use skyloop::metrics::{self, Metrics};
 use skyloop::stats::FrameAccount;
 use skyloop_protocols::personality::{NATIVE, Personality};
-use skyloop_protocols::{Attitude, Command, EncodeError, Output, Reply, Withheld};
+use skyloop_protocols::{Attitude, Command, Counters, EncodeError, Reply, Withheld};
 use std::time::{Duration, Instant};
 
 /// What one link is expected to have delivered, and withheld by cause.
-type Expected<'e> = (usize, &'e [(&'static str, usize)]);
+pub type Expected<'e> = (usize, &'e [(&'static str, usize)]);
 
-/// Ends a run and checks the rule of README.md, "Frames withheld": on each link the requests are the frames delivered and those withheld by cause. The run's
-/// counters say the same of all links together.
-fn balance(name: &str, emulator: Running, requested: usize, links: &[Expected<'_>]) {
+/// Ends a run and checks the rule of README.md, "Frames withheld": on each link the requests are the
+/// frames delivered and those withheld by cause. The run's counters say the same of all links together.
+#[track_caller]
+pub fn balance(
+    name: &str,
+    emulator: Running,
+    requested: usize,
+    links: &[Expected<'_>],
+) -> Counters {
     let (stats, counters) = emulator.measured();
     let found = &stats.accounts;
     assert_eq!(found.len(), links.len(), "{name}: {found:?}");
@@ -35,15 +41,14 @@ fn balance(name: &str, emulator: Running, requested: usize, links: &[Expected<'_
         assert_eq!(requested, delivered + sum, "{name}");
     }
     if let [(_, account)] = &found[..] {
-        assert_eq!(
-            counters.frames_delivered as usize, account.delivered,
-            "{name}: {counters:?}"
-        );
+        let delivered = counters.frames_delivered as usize;
+        assert_eq!(delivered, account.delivered, "{name}: {counters:?}");
     }
     let table = stats.rows();
     let rows = table.iter().filter(|(row, _)| row == "frames withheld");
     let some = links.iter().filter(|(_, withheld)| !withheld.is_empty());
     assert_eq!(rows.count(), some.count(), "{name}: {table:?}");
+    counters
 }
 
 /// A client whose first frame, in step, waits for credit after 3 packets.
@@ -59,13 +64,10 @@ fn waiting(line: impl Line) -> Client<impl Line> {
     client
 }
 
-/// Two links that bring frames, the first with the truth too, and a client at each. The second client is silent.
-fn two_links(config: Config, clock: Clock) -> (Running, Vec<Client<UdpLine>>) {
-    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
-    let links = link::open_all(&urls, &options(60.0)).unwrap();
-    let lines = links.iter().map(|(wire, _)| UdpLine::to(&wire.address));
-    let clients = lines.map(Client::new).collect();
-    (Running::at(config, clock, links), clients)
+/// Two links that bring frames, the first with the truth too, and a client at each. The second client
+/// is silent.
+fn two_links(config: Config, clock: Clock) -> (Running, [Client<UdpLine>; 2]) {
+    role_clients(config, clock, ["truth+labels", "pixels"], 60.0)
 }
 
 /// Three attitudes besides that of [`waiting`], which wait for its frame.
@@ -73,9 +75,7 @@ fn wait_behind<L: Line>(client: &mut Client<L>) {
     for n in 1..4 {
         client.point(attitude(n), later(EPOCH, f64::from(n)));
     }
-    await_that("they are accepted", || {
-        client.status().counters.attitudes == 4
-    });
+    await_that("they are accepted", || client.counters().attitudes == 4);
 }
 
 #[test]
@@ -93,13 +93,15 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     client.done(Command::Reset);
     client.forget();
     client.window = Some(32);
-    client.good_frame(1);
+    // Those that waited were never made.
+    assert_eq!(client.good_frame(1).header.frame, 1);
+    assert_eq!(client.counters().frames_abandoned, 4);
     balance("Reset", emulator, 5, &[(1, &[("client sent Reset", 4)])]);
 
     let (emulator, line) = stepped();
     let mut client = waiting(line);
     await_that("the frame is given up", || {
-        client.status().counters.frames_abandoned == 1
+        client.counters().frames_abandoned == 1
     });
     balance("no credit", emulator, 1, &[(0, &[("no credit", 1)])]);
 
@@ -109,10 +111,7 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     let mut first = waiting(line);
     wait_behind(&mut first);
     drop(first);
-    await_that("the second client is answered", || {
-        second.send(Command::Ping);
-        second.recv(Duration::from_millis(20)).is_some()
-    });
+    second.await_answer();
     balance("another client", emulator, 4, &[(0, &[("client gone", 4)])]);
 
     let (emulator, line) = stepped();
@@ -121,8 +120,7 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     balance("signal", emulator, 4, &[(0, &[("run ended", 4)])]);
 
     // Each frame has some 40 kB, of which the pseudo-terminal takes 20 in all; the queue of the link takes the others.
-    let (emulator, line) = on_serial(quick(1.0), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = serial_client(quick(1.0), Clock::Stepped);
     client.window = None;
     for sequence in 0..3 {
         client.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
@@ -133,23 +131,19 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
 
 #[test]
 fn requests_add_up_on_two_links_one_of_which_has_no_client() {
-    let windows = || {
-        let mut config = scene();
-        config.run.output = Output::preset("windows").unwrap();
-        config
-    };
-    let (emulator, mut clients) = two_links(windows(), Clock::Stepped);
+    let windows = || scene_at("windows");
+    let (emulator, [mut truth, _silent]) = two_links(windows(), Clock::Stepped);
     for n in 0..2 {
-        clients[0].point(attitude(n), later(EPOCH, f64::from(n)));
-        clients[0].parcel();
+        truth.point(attitude(n), later(EPOCH, f64::from(n)));
+        truth.parcel();
     }
     // A refused one gives no link a frame.
     let bad = Attitude {
         q_icrf_to_body: [0.0; 4],
         ..attitude(2)
     };
-    clients[0].point(bad, EPOCH);
-    clients[0].nack();
+    truth.point(bad, EPOCH);
+    truth.nack();
     let withheld: [Expected<'_>; 2] = [
         (2, &[("refused", 1)]),
         (0, &[("no client", 2), ("refused", 1)]),
@@ -157,10 +151,7 @@ fn requests_add_up_on_two_links_one_of_which_has_no_client() {
     balance("no client", emulator, 3, &withheld);
 
     // The second client takes a part of the frame; a Reset of the first one is not its own.
-    let (emulator, mut clients) = two_links(windows(), Clock::Stepped);
-    let [truth, pixels] = &mut clients[..] else {
-        panic!("two clients");
-    };
+    let (emulator, [mut truth, mut pixels]) = two_links(windows(), Clock::Stepped);
     pixels.window = None;
     pixels.send(Command::Credit { packets: 1 });
     pixels.status();
@@ -193,8 +184,7 @@ fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
         balance(name, emulator, 1, &[(0, &[(cause, 1)])]);
     }
     // The second costs too much, the third lies before the first.
-    let (emulator, line) = on_memory(limited(0.3), Clock::Stepped);
-    let mut client = Client::new(line);
+    let (emulator, mut client) = memory_client(limited(0.3), Clock::Stepped);
     client.good_frame(0);
     client.point(turning(1), later(EPOCH, 1.0));
     client.nack();
@@ -202,8 +192,7 @@ fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
     client.nack();
     client.point(attitude(3), later(EPOCH, 2.0));
     client.frame();
-    let counters = client.status().counters;
-    assert_eq!((counters.exposures_missed, counters.time_backwards), (1, 1));
+    client.has_counted(&[("exposures_missed", 1), ("time_backwards", 1)]);
     balance("refused", emulator, 4, &[(2, &[("refused", 2)])]);
 }
 
@@ -212,8 +201,7 @@ fn requests_are_triggers_where_these_give_the_frames() {
     for clock in [Clock::Stepped, Clock::External] {
         let mut config = quick(20.0);
         config.run.trigger = Trigger::Packet;
-        let (emulator, line) = on_memory(config, clock);
-        let mut client = Client::new(line);
+        let (emulator, mut client) = memory_client(config, clock);
         let trigger = |client: &mut Client<_>, s| {
             let start = later(EPOCH, s);
             client.send(Command::Trigger { number: 1, start });
@@ -227,23 +215,19 @@ fn requests_are_triggers_where_these_give_the_frames() {
         client.status();
         client.done(Command::Reset);
         trigger(&mut client, 1000.0);
-        let (requested, withheld): (_, &[_]) = match clock {
-            // There is no attitude since the Reset.
-            Clock::Stepped => (
-                3,
-                &[
-                    ("client sent Reset", 1),
-                    ("no attitude for the exposure", 1),
-                ],
-            ),
-            _ => (3, &[("client sent Reset", 1), ("run ended", 1)]),
+        // There is no attitude since the Reset.
+        let last = match clock {
+            Clock::Stepped => "no attitude for the exposure",
+            _ => "run ended",
         };
         client.status();
-        balance(&format!("{clock:?}"), emulator, requested, &[(1, withheld)]);
+        let withheld = [("client sent Reset", 1), (last, 1)];
+        balance(&format!("{clock:?}"), emulator, 3, &[(1, &withheld)]);
     }
 }
 
-/// A Trigger whose frame is being made counts as missed, whatever ends it. The frames of [`turning`] take minutes.
+/// A Trigger whose frame is being made counts as missed, whatever ends it. The frames of [`turning`]
+/// take minutes.
 #[test]
 fn triggers_whose_frames_are_being_made_are_missed() {
     let config = || {
@@ -258,7 +242,7 @@ fn triggers_whose_frames_are_being_made_are_missed() {
         client.send(Command::Trigger { number: 1, start });
         client.status();
         std::thread::sleep(Duration::from_millis(300));
-        assert_eq!(client.status().counters.frames_abandoned, 0);
+        assert_eq!(client.counters().frames_abandoned, 0);
     };
     for (clock, cause) in [
         (Clock::Stepped, "client sent Reset"),
@@ -273,32 +257,23 @@ fn triggers_whose_frames_are_being_made_are_missed() {
         trigger(&mut client, clock);
         match cause {
             "client sent Reset" => client.done(Command::Reset),
-            "client gone" => await_that("the second client is answered", || {
-                second.send(Command::Ping);
-                second.recv(Duration::from_millis(20)).is_some()
-            }),
+            "client gone" => second.await_answer(),
             _ => {}
         }
         let (stats, counters) = emulator.measured();
         let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
         assert_eq!(withheld, [(&cause, &1)], "{clock:?}");
-        assert_eq!(
-            (counters.triggers, counters.triggers_missed),
-            (1, 1),
-            "{clock:?} {cause}: {counters:?}"
-        );
+        counted(&counters, &[("triggers", 1), ("triggers_missed", 1)]);
     }
 }
 
-/// By a clock each exposure of the cadence that has ended is a request. How many there are is counted otherwise: each has a number or is missed.
+/// By a clock each exposure of the cadence that has ended is a request. How many there are is counted
+/// otherwise: each has a number or is missed.
 #[test]
 fn requests_are_exposures_where_a_clock_gives_the_frames() {
     for clock in [Clock::Wall, Clock::External] {
         for silent in [false, true] {
-            let (emulator, mut clients) = two_links(quick(50.0), clock);
-            let [truth, pixels] = &mut clients[..] else {
-                panic!("two clients");
-            };
+            let (emulator, [mut truth, mut pixels]) = two_links(quick(50.0), clock);
             if !silent {
                 // It takes a frame and a half.
                 pixels.window = None;
@@ -348,14 +323,11 @@ fn figures_show_the_accounts() {
     let mut client = Client::new(line);
     client.good_frame(0);
     for n in 1..3 {
-        let rates_rad_s = [f64::NAN; 3];
-        client.point(
-            Attitude {
-                rates_rad_s,
-                ..attitude(n)
-            },
-            EPOCH,
-        );
+        let bad = Attitude {
+            rates_rad_s: [f64::NAN; 3],
+            ..attitude(n)
+        };
+        client.point(bad, EPOCH);
         client.nack();
     }
     let name = |what: &str| format!("skyloop_link_frames_{what}");
@@ -366,8 +338,7 @@ fn figures_show_the_accounts() {
             && of("delivered_total") == Some(1.0)
             && of("withheld_total{cause=\"refused\"}") == Some(2.0)
     });
-    let counters = client.status().counters;
-    assert_eq!((counters.frames_delivered, counters.bad_attitude), (1, 2));
+    client.has_counted(&[("frames_delivered", 1), ("bad_attitude", 2)]);
     balance("figures", emulator, 3, &[(1, &[("refused", 2)])]);
 }
 
@@ -398,19 +369,16 @@ pub fn beside(
     (emulator, Client::new(MemoryLine(port)))
 }
 
-/// A client closes its socket (ICMP unreachable) or its pseudo-terminal while a frame is on its way. That frame may have left; no later one counts as not read.
+/// A client closes its socket (ICMP unreachable) or its pseudo-terminal while a frame is on its way.
+/// That frame may have left; no later one counts as not read.
 #[test]
 fn frames_for_a_client_that_has_gone_are_counted_so() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("tracker").display().to_string();
-    for url in ["udp://127.0.0.1:0", &format!("pty://{name}?baud=115200")] {
-        let mut config = scene();
-        config.run.output = Output::preset("windows").unwrap();
-        let wire = link::open(url, &options(3600.0)).unwrap();
-        let line: Box<dyn Line> = match wire.address.starts_with("udp") {
-            true => Box::new(UdpLine::to(&wire.address)),
-            false => Box::new(PtyLine::at(&name)),
-        };
+    let udp = link::open("udp://127.0.0.1:0", &options(3600.0)).unwrap();
+    let udp_line: Box<dyn Line> = Box::new(UdpLine::to(&udp.address));
+    let (pty, _folder, name) = on_pty(&options(3600.0), 115_200);
+    let pty_line: Box<dyn Line> = Box::new(PtyLine::at(&name));
+    for (url, wire, line) in [("udp", udp, udp_line), ("pty", pty, pty_line)] {
+        let config = scene_at("windows");
         let (emulator, mut client) = beside(config, Clock::Stepped, wire, &NATIVE);
         let mut other = Client::new(line);
         other.window = None;
