@@ -254,7 +254,7 @@ impl<L: Line> Client<L> {
     pub fn await_answer(&mut self) {
         await_that("this client is answered", || {
             self.send(Command::Ping);
-            self.recv(Duration::from_millis(20)).is_some()
+            self.recv(Duration::from_millis(100)).is_some()
         });
     }
 
