@@ -18,8 +18,10 @@ fn the_readmes_example_prints_what_it_says() {
     let (commands, table): (Vec<&str>, Vec<&str>) =
         lines.partition(|line| line.starts_with("skyloop "));
     assert_eq!((commands.len(), table.len()), (2, 7));
-    let run = |command: &&str| here.run(command.strip_prefix("skyloop ").unwrap()).quiet();
-    let last = commands.iter().map(run).last().unwrap();
+    let mut last = String::new();
+    for command in commands {
+        last = here.run(command.strip_prefix("skyloop ").unwrap()).quiet();
+    }
     let now: Vec<&str> = last.lines().collect();
     assert_eq!(now.len(), table.len());
     for (line, now) in table.iter().zip(now) {
