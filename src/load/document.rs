@@ -134,20 +134,14 @@ pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
 
 /// Gives the entry of a misspelt key the name that is meant, unless that is there.
 pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
-    let Some((table, name)) = table_around(document, key) else {
-        return false;
-    };
-    if table.contains_key(meant) {
-        return false;
-    }
-    let Some((old, value)) = table.remove_entry(name) else {
-        return false;
-    };
-    table.insert(
-        Spanned::new(old.span(), Cow::Owned(meant.to_string())),
-        value,
-    );
-    true
+    let entry = table_around(document, key).and_then(|(table, name)| {
+        let is_free = !table.contains_key(meant);
+        let (old, value) = is_free.then(|| table.remove_entry(name))??;
+        let name = Cow::Owned(meant.to_string());
+        table.insert(Spanned::new(old.span(), name), value);
+        Some(())
+    });
+    entry.is_some()
 }
 
 /// A value without places, so that none of them is taken for a place in another text.
@@ -156,10 +150,12 @@ pub(super) fn placeless<'i>(value: &DeValue<'i>) -> DeValue<'i> {
     match value {
         DeValue::Array(values) => DeValue::Array(values.iter().map(spanned).collect()),
         DeValue::Table(table) => {
+            let key = |key: &Spanned<Cow<'i, str>>| Spanned::new(0..0, key.get_ref().clone());
             let keys = table.iter();
-            let keys = keys
-                .map(|(key, value)| (Spanned::new(0..0, key.get_ref().clone()), spanned(value)));
-            DeValue::Table(keys.collect())
+            DeValue::Table(
+                keys.map(|(name, value)| (key(name), spanned(value)))
+                    .collect(),
+            )
         }
         other => other.clone(),
     }

@@ -66,8 +66,6 @@ pub const DEFAULT_SCENE: (&str, &str) = ("scenes/rcm-2019-06-15", "scene.toml");
 
 /// The text of a built-in file.
 pub fn file(path: &str) -> Option<&'static str> {
-    FILES
-        .iter()
-        .find(|(p, _)| *p == path)
-        .map(|(_, text)| *text)
+    let file = FILES.iter().find(|(known, _)| *known == path);
+    file.map(|(_, text)| *text)
 }

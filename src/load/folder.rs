@@ -33,11 +33,10 @@ impl Folder {
     /// The scene or run file at a path of the command line, of a folder its `scene.toml`: the folder that holds it, the name to use
     /// for it in messages, and its text.
     pub fn open(path: &Path) -> Result<(Folder, String, String), ConfigError> {
+        let of_folder =
+            "a folder stands for the scene.toml in it: name the file, or a folder that has one";
         let (path, remedy) = match path.is_dir() {
-            true => (
-                path.join(SCENE),
-                "a folder stands for the scene.toml in it: name the file, or a folder that has one",
-            ),
+            true => (path.join(SCENE), of_folder),
             false => (path.to_path_buf(), "check the path"),
         };
         let shown = path_text(&path);
@@ -109,6 +108,10 @@ impl Folder {
     /// The file called `name`, of at most `most` bytes, likewise.
     pub fn read_within(&self, name: &str, most: u64) -> Result<(String, String), ConfigError> {
         let failed = |file: String, source: std::io::Error| {
+            let remedy = match most {
+                LARGEST_FILE => skyloop_orbit::remedy(&source),
+                _ => too_long(&source),
+            };
             let path = match self {
                 Folder::Disk(folder) if folder.as_os_str().is_empty() => "check the path",
                 _ => {
@@ -117,12 +120,7 @@ impl Folder {
             };
             ConfigError::Read {
                 file,
-                remedy: match most {
-                    LARGEST_FILE => skyloop_orbit::remedy(&source),
-                    _ => too_long(&source),
-                }
-                .unwrap_or(path)
-                .to_string(),
+                remedy: remedy.unwrap_or(path).to_string(),
                 source,
             }
         };
@@ -142,7 +140,7 @@ impl Folder {
                 let path = format!("{folder}/{name}");
                 match embedded::file(&path) {
                     Some(text) => Ok((format!("configs/{path}"), text.to_string())),
-                    None => Err(failed(path, std::io::ErrorKind::NotFound.into())),
+                    None => Err(failed(path, ErrorKind::NotFound.into())),
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Limits of the values of a file: one table a room, read by the checks and by the JSON Schema.
+//! Limits of the values of a file, read by the checks and by the JSON Schema.
 
 use super::document::steps;
 use schemars::Schema;
@@ -126,14 +126,10 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
         let node = schema.pointer(pointer);
         return node.map_or(Vec::new(), |node| forms(schema, node));
     }
-    let choices = node
-        .get("anyOf")
-        .or(node.get("oneOf").filter(|_| node.get("type").is_none()));
+    let one_of = node.get("oneOf").filter(|_| node.get("type").is_none());
+    let choices = node.get("anyOf").or(one_of);
     match choices.and_then(Value::as_array) {
-        Some(choices) => choices
-            .iter()
-            .flat_map(|choice| forms(schema, choice))
-            .collect(),
+        Some(choices) => choices.iter().flat_map(|one| forms(schema, one)).collect(),
         None if node.get("type") == Some(&json!("null")) => Vec::new(),
         None => vec![node],
     }
@@ -162,12 +158,8 @@ pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
 
 /// Whether `key` is one of those that `pattern` stands for.
 pub(super) fn matches(pattern: &str, key: &str) -> bool {
-    let Some(at) = pattern
-        .find("[]")
-        .into_iter()
-        .chain(pattern.find('*'))
-        .min()
-    else {
+    let wild = [pattern.find("[]"), pattern.find('*')];
+    let Some(at) = wild.into_iter().flatten().min() else {
         return pattern == key;
     };
     let (head, rest) = pattern.split_at(at);
@@ -176,9 +168,8 @@ pub(super) fn matches(pattern: &str, key: &str) -> bool {
     };
     if let Some(rest) = rest.strip_prefix('*') {
         // A name may have dots.
-        return key
-            .char_indices()
-            .any(|(end, _)| matches(rest, &key[end..]));
+        let mut ends = key.char_indices().map(|(end, _)| end);
+        return ends.any(|end| matches(rest, &key[end..]));
     }
     let index = key.strip_prefix('[').and_then(|key| key.split_once(']'));
     index.is_some_and(|(index, key)| index.parse::<usize>().is_ok() && matches(&rest[2..], key))
@@ -206,30 +197,27 @@ pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
 
 impl Allowed {
     fn write(&self, node: &mut Map<String, Value>) {
+        let mut set = |key: &str, value: Value| drop(node.insert(key.into(), value));
         match self {
             Allowed::Number(range) => {
-                node.insert("minimum".into(), json!(range.start()));
-                node.insert("maximum".into(), json!(range.end()));
+                set("minimum", json!(range.start()));
+                set("maximum", json!(range.end()));
             }
-            Allowed::Word(words) => {
-                node.insert("enum".into(), json!(words()));
-            }
+            Allowed::Word(words) => set("enum", json!(words())),
             Allowed::Count(range) => {
-                node.insert("minItems".into(), json!(range.start()));
+                set("minItems", json!(range.start()));
                 if *range.end() < usize::MAX {
-                    node.insert("maxItems".into(), json!(range.end()));
+                    set("maxItems", json!(range.end()));
                 }
             }
             Allowed::Length(range) => {
-                node.insert("minLength".into(), json!(range.start()));
-                node.insert("maxLength".into(), json!(range.end()));
+                set("minLength", json!(range.start()));
+                set("maxLength", json!(range.end()));
             }
-            Allowed::Form(pattern) => {
-                node.insert("pattern".into(), json!(pattern()));
-            }
+            Allowed::Form(pattern) => set("pattern", json!(pattern())),
             Allowed::OneOf(keys) => {
                 let keys: Vec<Value> = keys.iter().map(|key| is_given(key, &[])).collect();
-                node.insert("oneOf".into(), json!(keys));
+                set("oneOf", json!(keys));
             }
             Allowed::NotBoth(keys) => {
                 let keys = keys.map(|key| is_given(key, &zeros()));
@@ -251,8 +239,8 @@ impl Allowed {
             }
             Allowed::Kind(key, kinds) => {
                 let all: Vec<&str> = kinds.iter().flat_map(own_keys).collect();
-                let rules: Vec<Value> = kinds.iter().map(|kind| rule(key, kind, &all)).collect();
-                add_rules(node, rules);
+                let rules = kinds.iter().map(|kind| rule(key, kind, &all));
+                add_rules(node, rules.collect());
                 let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
                 let properties = node.get_mut("properties");
                 if let Some(Value::Object(own)) = properties.and_then(|all| all.get_mut(key)) {

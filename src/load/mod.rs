@@ -105,8 +105,8 @@ pub enum ConfigError {
     },
 }
 
-/// A text in one line of at most 2,000 characters: of a longer one the middle is left out, so that key and remedy stand. Keys and values may have any
-/// characters.
+/// A text in one line of at most 2,000 characters. Of a longer one the middle is left out: key and
+/// remedy stay.
 fn line(text: &str) -> String {
     const ENDS: [usize; 2] = [1300, 600];
     let escaped = |c: char| match c.is_control() {
@@ -124,10 +124,9 @@ fn line(text: &str) -> String {
 
 /// Whether there may be more than are listed.
 fn more(faults: &[ConfigError]) -> &'static str {
-    if faults.len() < MAX_FAULTS {
-        ""
-    } else {
-        " or more"
+    match faults.len() < MAX_FAULTS {
+        true => "",
+        false => " or more",
     }
 }
 
@@ -230,12 +229,10 @@ impl<'a> Check<'a> {
     fn of(file: &'a str) -> Check<'a> {
         Check {
             file,
-            notices: RefCell::new(Vec::new()),
+            notices: RefCell::default(),
         }
     }
-}
 
-impl Check<'_> {
     /// Notes a value that is allowed, but hardly meant; reported if the file is valid.
     pub fn notice(&self, text: fmt::Arguments) {
         let notice = format!("{}: {text}", self.file);
@@ -244,14 +241,11 @@ impl Check<'_> {
 
     /// `value` if it lies within the limit of `key` in the table (NaN never does).
     pub fn limit(&self, limits: &[Limit], key: &str, value: f64) -> Result<f64, ConfigError> {
-        let range = limits::range_of(limits, key);
-        let unknown = || {
-            self.explain(
-                key,
-                "has no limit in the tables of skyloop: please report it",
-            )
-        };
-        self.range(key, value, range.ok_or_else(unknown)?)
+        let unknown = "has no limit in the tables of skyloop: please report it";
+        match limits::range_of(limits, key) {
+            Some(range) => self.range(key, value, range),
+            None => Err(self.explain(key, unknown)),
+        }
     }
 
     /// `values` if each lies within the limit of `key[]`; the error names the first that does not.
@@ -287,7 +281,7 @@ impl Check<'_> {
     }
 
     /// The error of `key` where another message says what is wrong.
-    pub fn explain(&self, key: &str, reason: impl std::fmt::Display) -> ConfigError {
+    pub fn explain(&self, key: &str, reason: impl fmt::Display) -> ConfigError {
         ConfigError::Key {
             file: self.file.to_string(),
             key: key.to_string(),
@@ -310,7 +304,7 @@ impl Check<'_> {
     pub fn refuse(
         &self,
         key: &str,
-        value: impl std::fmt::Display,
+        value: impl fmt::Display,
         allowed: impl Into<String>,
     ) -> ConfigError {
         ConfigError::Value {

@@ -6,22 +6,23 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::ErrorKind;
 
 use skyloop_orbit::{
-    Contents, Loaded, Object, Orbit, Rejected, Source, United, file_and_name, parse_contents, unite,
+    Contents, Loaded, Object, Rejected, Source, United, file_and_name, parse_contents, unite,
 };
 
-/// Objects that a line names at most.
+/// Largest number of objects that a line names.
 const NAMED: usize = 3;
 
 /// Refusals and notices of orbit files.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Findings {
-    /// Records that were refused, one line each.
+    /// Refused records, one line each.
     pub rejected: Vec<String>,
-    /// Files that were passed over, and assumptions, one line each.
+    /// Skipped files and assumptions, one line each.
     pub notices: Vec<String>,
 }
 
-/// Orbit files of a scene, read before the records of each object are joined: which are of one object may show in the last file only.
+/// All orbit files of a scene. Records of an object are joined when all are read: the last file may show
+/// that earlier records are of one object.
 #[derive(Debug, Default)]
 pub struct Pool {
     sources: Vec<Source>,
@@ -32,18 +33,17 @@ pub struct Pool {
 impl Pool {
     /// Adds an object.
     pub fn push(&mut self, object: Object, rank: u8) {
-        let objects = vec![object];
         self.sources.push(Source {
-            objects,
+            objects: vec![object],
             rank,
             ..Source::default()
         });
         self.names.push(String::new());
     }
 
-    /// Adds every object of a file, or of all files in a folder, each of which is a source of its own. `rank` is that of [`Source`].
+    /// Adds every object of a file, or of all files in a folder, each a source with this rank.
     ///
-    /// Errors: a file that cannot be read, or nothing that can be used.
+    /// Errors: a file that cannot be read, or no usable object.
     pub fn read(
         &mut self,
         folder: &Folder,
@@ -69,9 +69,8 @@ impl Pool {
             self.names.push(file);
         }
         if is_empty {
-            let rejected = refused;
             let nothing = Loaded {
-                rejected,
+                rejected: refused,
                 ..Loaded::default()
             };
             let why = nothing.pick(None).err().unwrap_or_default();
@@ -97,42 +96,40 @@ impl Pool {
         self.sources.is_empty()
     }
 
-    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused: it would be drawn twice.
+    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused: the
+    /// object would be drawn twice.
     pub fn unite(self, findings: &mut Findings) -> United {
         let united = unite(self.sources);
-        let refused = united.refused.iter();
-        let lines = refused.map(|refused| match self.names.get(refused.source) {
-            Some(name) if !name.is_empty() => {
-                format!("{name}:{}: {}", refused.line, refused.reason(&self.names))
-            }
-            _ => refused.reason(&self.names),
-        });
-        findings.rejected.extend(lines);
+        findings
+            .rejected
+            .extend(united.refused.iter().map(|refused| {
+                let reason = refused.reason(&self.names);
+                match self.names.get(refused.source) {
+                    Some(name) if !name.is_empty() => format!("{name}:{}: {reason}", refused.line),
+                    _ => reason,
+                }
+            }));
         united
     }
 }
 
-/// Says of how many objects there are several element sets, if there are any.
+/// Reports how many objects have several element sets, if any.
 pub fn several_sets(objects: &[Object]) -> Option<String> {
-    let several = |object: &&Object| match &object.orbit {
-        Orbit::Elements(_, others) => !others.is_empty(),
-        Orbit::Ephemeris(_) => false,
+    let several = objects.iter().filter(|object| object.sets().count() > 1);
+    let several: Vec<&Object> = several.collect();
+    let what = match several.len() {
+        0 => return None,
+        1 => "1 object has".to_owned(),
+        count => format!("{count} objects have"),
     };
-    let several: Vec<&Object> = objects.iter().filter(several).collect();
-    let (named, count) = (named(&several), several.len());
-    let what = if count == 1 {
-        "object has"
-    } else {
-        "objects have"
-    };
-    (count > 0).then(|| {
-        format!(
-            "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
-        )
-    })
+    let rule = "the one whose epoch is nearest to an exposure counts";
+    Some(format!(
+        "{what} several element sets ({}): {rule}",
+        named(&several)
+    ))
 }
 
-/// Names that several objects have which have nothing else, with their counts.
+/// Names that several objects without any other identity share, with their counts.
 pub fn shared_names(objects: &[Object]) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for object in objects.iter().filter(|o| o.identity.has_name_alone()) {
@@ -142,7 +139,7 @@ pub fn shared_names(objects: &[Object]) -> BTreeMap<String, usize> {
     counts
 }
 
-/// Says which names several objects have, if any do.
+/// Reports the names that several objects share, if any.
 pub fn of_one_name(shared: &BTreeMap<String, usize>) -> Option<String> {
     let named = shared.iter().take(NAMED);
     let named = named.map(|(name, count)| format!("{name}: {count}"));
@@ -214,7 +211,7 @@ fn add_new(all: &mut Vec<String>, lines: impl Iterator<Item = String>) {
     all.extend(lines.filter(|line| !known.contains(line)));
 }
 
-/// Says what a folder holds beside files of orbits, if there is anything.
+/// Reports what a folder has besides files of orbits, if anything.
 pub fn passed_over(names: &[String]) -> Option<String> {
     let more = if names.len() > NAMED { ", ..." } else { "" };
     let mut named: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -232,7 +229,7 @@ pub fn passed_over(names: &[String]) -> Option<String> {
     ))
 }
 
-/// A file, or all files of a folder, of which those that are in no format of orbits are passed over; each with its name.
+/// A file, or all files of a folder without those that are not of orbits, each with its name.
 fn load(
     folder: &Folder,
     name: &str,

@@ -1,8 +1,9 @@
-//! Reads a TOML file and reports everything that is wrong with it at once, a line for each fault.
+//! Reads a TOML file and reports all its faults at once, one line each.
 //!
-//! Parser and checks stop at the first fault. Here each faulty key is then replaced by that of an example file, or removed where the example
-//! has none, and the file is read again until it is valid. Faults that only follow from a replaced key are not reported. Values that no check
-//! came to, because a rule between keys or another key of their table failed before, are compared with their limits last.
+//! Parser and checks stop at the first fault. The faulty key is then replaced by that of an example
+//! file, or removed, and the file is read again until it is valid. Faults that follow from a replaced
+//! key are not reported. At last all values are compared with their limits, since a check may have been
+//! skipped after another fault.
 
 use super::document::{
     as_entry, each_leaf, key_in, parent, placeless, remove_at, rename, set, span_of, value_at,
@@ -18,16 +19,16 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue, Deserializer, ValueDeserializer};
 
-/// Faults that are listed at most.
+/// Largest number of faults that are listed.
 pub(super) const MAX_FAULTS: usize = 30;
-/// Times that a file is read at most.
+/// Largest number of times that a file is read.
 const MAX_READS: usize = 100;
 
-/// A value and what was noticed while it was checked, a line each.
+/// A value and the notices of its checks, one line each.
 pub(crate) type Noticed<T> = (T, Vec<String>);
 
-/// Parses `text`, the contents of `file`, and checks it with `validate`. `example`: a valid file with all required keys, and in its table `spare`
-/// values of others; `limits`: of its keys. What is noticed of a valid file is logged.
+/// Parses `text`, the contents of `file`, checks it with `validate`, and logs notices of a valid file.
+/// `example` is a valid file with all required keys, and in its table `spare` values of others.
 pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
@@ -42,7 +43,7 @@ pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
     Ok(value)
 }
 
-/// The same; what is noticed is returned instead of logged.
+/// The same; notices are returned instead of logged.
 pub(crate) fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
@@ -53,7 +54,16 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     let original = DeTable::parse(text).map_err(|error| not_toml(file, text, &error))?;
     let example = DeTable::parse(example).map_err(|error| not_toml("example", example, &error))?;
     let schema = LazyCell::new(|| schema_of::<Raw>("", limits));
-    let mut report = Report::of(file, text, &original);
+    let mut report = Report {
+        file,
+        text,
+        original: &original,
+        document: original.clone(),
+        faults: Vec::new(),
+        repaired: Vec::new(),
+        meant_keys: Vec::new(),
+        misread: Vec::new(),
+    };
     for _ in 0..MAX_READS {
         let check = Check::of(file);
         let raw = Raw::deserialize(Deserializer::from(report.document.clone()));
@@ -77,11 +87,11 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     Err(report.into_error())
 }
 
-/// A fault, the key that it is of, and where that stands.
+/// A fault of a key.
 struct Fault {
-    /// As the file has it.
+    /// The key in the file.
     key: String,
-    /// In the repaired document.
+    /// The key in the repaired document.
     place: String,
     span: Range<usize>,
     error: ConfigError,
@@ -103,20 +113,7 @@ struct Report<'a> {
     misread: Vec<String>,
 }
 
-impl<'a> Report<'a> {
-    fn of(file: &'a str, text: &'a str, original: &'a Spanned<DeTable<'a>>) -> Report<'a> {
-        Report {
-            file,
-            text,
-            original,
-            document: original.clone(),
-            faults: Vec::new(),
-            repaired: Vec::new(),
-            meant_keys: Vec::new(),
-            misread: Vec::new(),
-        }
-    }
-
+impl Report<'_> {
     /// A key of the repaired document as the file has it.
     fn given(&self, place: &str) -> String {
         key_in(self.original.get_ref(), self.document.get_ref(), place)
@@ -156,14 +153,11 @@ impl<'a> Report<'a> {
             span,
             error,
         } = &fault;
-        // Of a key that does not belong here no value is right.
+        // No value is right for a key that does not belong here.
         let is_value = error.is_of_value();
         let unknown = error.unknown_key().map(|_| (key.clone(), span.clone()));
-        let is_guess = !is_value
-            && self
-                .meant_keys
-                .iter()
-                .any(|meant| meant == without_indices(key));
+        let mut meant_keys = self.meant_keys.iter();
+        let is_guess = !is_value && meant_keys.any(|meant| meant == without_indices(key));
         let place = place.clone();
         if !is_guess && !self.follows(key, error) {
             let renamed = error.meant().is_some_and(|meant| {
@@ -194,8 +188,8 @@ impl<'a> Report<'a> {
         self.repair(place, is_value, example, schema)
     }
 
-    /// Whether a fault of `key` follows from what was repaired, or is of a table with an unknown key, which may be what it lacks, or of a rule that
-    /// needs a key that such a table lacks.
+    /// Whether a fault of `key` follows from a repair, is of a table with an unknown key, which may be
+    /// the one that it lacks, or of a rule that needs a key that such a table lacks.
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
@@ -215,10 +209,7 @@ impl<'a> Report<'a> {
         lacks_more
             || self.meant_keys.iter().any(speaks_of_guess)
             || needs.iter().any(is_misread)
-            || self
-                .repaired
-                .iter()
-                .any(|done| follows_from(key, error, done))
+            || (self.repaired.iter()).any(|done| follows_from(key, error, done))
     }
 
     /// Replaces the key, or the first table or list around it that has not been replaced before; false if there is none.
@@ -253,8 +244,9 @@ impl<'a> Report<'a> {
         set(self.document.get_mut(), &place, value)
     }
 
-    /// What a faulty key gets: a number in a list, which may need as many, 0; a key, or the only entry of a list, what the example has, or
-    /// where its value is wrong (`is_value`) or missing what the example's table `spare` has. Anything else is removed.
+    /// The replacement of a faulty key: 0 for a number in a list, which may need its length; for a key,
+    /// or the only entry of a list, the value in the example, or in its table `spare` where the value
+    /// is wrong (`is_value`) or missing. Anything else is removed.
     fn replacement(
         &self,
         place: &str,
@@ -281,7 +273,7 @@ impl<'a> Report<'a> {
         Some(placeless(value.get_ref()))
     }
 
-    /// Adds the values that are out of their limits and of which nothing has been reported.
+    /// Adds unreported values that are out of their limits.
     fn compare_with(&mut self, limits: &[&[Limit]]) {
         let check = Check::of(self.file);
         let mut found = Vec::new();
@@ -347,13 +339,12 @@ fn beyond(
     })
 }
 
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, or is of the list that holds it, of a rule that needs it or
-/// whose message speaks of it, as that of a table does where a key of its own is missing.
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is of the list that
+/// holds it, or of a rule that needs it or whose message names it.
 fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
+    let is_of = |need: &String| within(need, done) || within(done, need);
     if let ConfigError::Rule { needs, .. } = error
-        && needs
-            .iter()
-            .any(|need| within(need, done) || within(done, need))
+        && needs.iter().any(is_of)
     {
         return true;
     }
@@ -367,12 +358,10 @@ fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
         let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');
         words.any(|word| word == name)
     };
-    let is_of_list = done
-        .strip_prefix(key)
-        .is_some_and(|rest| rest.starts_with('['));
-    let misses = done
-        .rsplit_once('.')
-        .is_some_and(|(table, name)| table == key && speaks_of(without_indices(name)));
+    let is_of_list = (done.strip_prefix(key)).is_some_and(|rest| rest.starts_with('['));
+    let around = done.rsplit_once('.');
+    let misses =
+        around.is_some_and(|(table, name)| table == key && speaks_of(without_indices(name)));
     within(key, done) || is_of_list || misses || (done.contains('.') && message.contains(done))
 }
 

@@ -137,92 +137,37 @@ mod tests {
 
     #[test]
     fn errors_are_a_line_with_place_and_key() {
-        for (text, message) in [
-            (
-                "seed = 1\npoints = [[0, 1], [2, 3, 4]]",
-                "f:2:19: points[1]: must have 2 values, not 3",
-            ),
-            (
-                "seed = 1\npoints = [[0]]",
-                "f:2:11: points[0]: must have 2 values, not 1",
-            ),
-            (
-                "seed = 1\npoints = 5",
-                "f:2:10: points: must be a list in brackets, not 5",
-            ),
-            (
-                "seed = 1\n[table]\nrows = [{ q = [0, 0, 0, 1] }, { q = [0, 0, 0, 1, 0] }]",
-                "f:3:37: table.rows[1].q: must have 4 values, not 5",
-            ),
-            (
-                "seed = 1\n[[table.rows]]\nq = [0, 0, 0, \"ä\", 1]",
-                "f:3:15: table.rows[0].q[3]: must be a number, not \"ä\"",
-            ),
-            (
-                "seed = 1\n[table]\nsead = 3\nrows = []",
-                "f:3:1: table.sead: unknown key `sead`, known: rows, inner",
-            ),
-            (
-                "seed = 1\n[table]",
-                "f:2:1: table: the key `rows` is missing",
-            ),
-            (
-                "seed = 1\n[table.inner]\nsize = 1.0",
-                "f:2:2: table: the key `rows` is missing",
-            ),
-            (
-                "seed = 1\ntable.inner.size = 1.0",
-                "f:2:1: table: the key `rows` is missing",
-            ),
-            (
-                "seed = 1\n[table]\nrows = []\n[table.inner]",
-                "f:4:1: table.inner: the key `size` is missing",
-            ),
-            (
-                "seed = 1\n[[table.rows]]",
-                "f:2:1: table.rows[0]: the key `q` is missing",
-            ),
-            (
-                "seed = 1\ntabel.rows = []",
-                "f:2:1: tabel: unknown key `tabel`: did you mean `table`?",
-            ),
-            ("points = []\n", "f:1:1: the key `seed` is missing"),
-            ("", "f:1:1: the key `seed` is missing"),
-            (
-                "seed = 1\nöl = one",
-                "f:2:1: not TOML: öl = one: texts stand in quotes, öl = \"one\"",
-            ),
-            (
-                "seed = -1",
-                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not -1",
-            ),
-            (
-                "seed = 1.5",
-                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not 1.5",
-            ),
-            (
-                "seed = [1]",
-                "f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not a list",
-            ),
-            (
-                "seed = 1\npoints = [7]",
-                "f:2:11: points[0]: must be a list of 2 values, not 7",
-            ),
-            (
-                "seed = 1\ntable = 3",
-                "f:2:9: table: must be a table of keys, not 3",
-            ),
-            (
-                "seed =",
-                "f:1:7: not TOML: seed has no value: write seed = value",
-            ),
-            (
-                "seed = 1\nname = one",
-                "f:2:8: not TOML: name = one: texts stand in quotes, name = \"one\"",
-            ),
-        ] {
-            let error = read("f", text, "", &[], |raw: Raw, _| Ok(raw)).unwrap_err();
-            assert_eq!(error.to_string(), message);
+        // Lines of a file, each behind a `;` after the seed, and the error.
+        let table = r#"
+            ;points = [[0, 1], [2, 3, 4]]    | f:2:19: points[1]: must have 2 values, not 3
+            ;points = [[0]]                  | f:2:11: points[0]: must have 2 values, not 1
+            ;points = 5                      | f:2:10: points: must be a list in brackets, not 5
+            ;points = [7]                    | f:2:11: points[0]: must be a list of 2 values, not 7
+            ;[table];rows = [{ q = [1] }]    | f:3:15: table.rows[0].q: must have 4 values, not 1
+            ;[[table.rows]];q = [0, "ä", 1]  | f:3:9: table.rows[0].q[1]: must be a number, not "ä"
+            ;[table];sead = 3;rows = []      | f:3:1: table.sead: unknown key `sead`, known: rows, inner
+            ;[table]                         | f:2:1: table: the key `rows` is missing
+            ;[table.inner];size = 1.0        | f:2:2: table: the key `rows` is missing
+            ;table.inner.size = 1.0          | f:2:1: table: the key `rows` is missing
+            ;[table];rows = [];[table.inner] | f:4:1: table.inner: the key `size` is missing
+            ;[[table.rows]]                  | f:2:1: table.rows[0]: the key `q` is missing
+            ;tabel.rows = []                 | f:2:1: tabel: unknown key `tabel`: did you mean `table`?
+            ;table = 3                       | f:2:9: table: must be a table of keys, not 3
+            ;öl = one                        | f:2:1: not TOML: öl = one: texts stand in quotes, öl = "one"
+            ;x = one                         | f:2:5: not TOML: x = one: texts stand in quotes, x = "one"
+            points = []                      | f:1:1: the key `seed` is missing
+                                             | f:1:1: the key `seed` is missing
+            seed = -1  | f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not -1
+            seed = 1.5 | f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not 1.5
+            seed = [1] | f:1:8: seed: must be a whole number, 0 to 18446744073709551615, not a list
+            seed =     | f:1:7: not TOML: seed has no value: write seed = value"#;
+        for (text, message) in table.lines().filter_map(|row| row.split_once("| ")) {
+            let text = match text.trim() {
+                text if text.starts_with(';') => format!("seed = 1{text}").replace(';', "\n"),
+                text => text.to_string(),
+            };
+            let error = read("f", &text, "", &[], |raw: Raw, _| Ok(raw)).unwrap_err();
+            assert_eq!(error.to_string(), message, "{text}");
         }
         let text = "seed = 1\npoints = [[0, 1], [2, 3.5]]";
         let raw: Raw = read("f", text, "", &[], |raw, _| Ok(raw)).unwrap();

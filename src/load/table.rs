@@ -1,4 +1,5 @@
-//! Tables of keys that a list cannot stand for: serde takes the values of a list for the keys of a struct, in their order.
+//! Tables of keys that must not be lists: serde accepts a list of values for a struct, in the order of
+//! its keys. The functions are for `#[serde(deserialize_with = ...)]`.
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{
@@ -8,30 +9,21 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// For `#[serde(deserialize_with = ...)]`: a table, not a list.
-///
-/// # Errors
-/// It is something else, or those of `T`.
+/// A table, not a list.
 pub(crate) fn table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<T, D::Error> {
     from.deserialize_map(Keys(PhantomData))
 }
 
-/// The same for an optional table.
-///
-/// # Errors
-/// As of [`table`].
+/// An optional table.
 pub(crate) fn some_table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
     table(from).map(Some)
 }
 
-/// The same for a list of tables.
-///
-/// # Errors
-/// As of [`table`], of an entry.
+/// A list of tables.
 pub(crate) fn tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Vec<T>, D::Error> {
@@ -39,20 +31,14 @@ pub(crate) fn tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     Ok(entries.into_iter().map(|Entry(entry)| entry).collect())
 }
 
-/// The same for an optional list of tables.
-///
-/// # Errors
-/// As of [`tables`].
+/// An optional list of tables.
 pub(crate) fn some_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<Vec<T>>, D::Error> {
     tables(from).map(Some)
 }
 
-/// The same for tables by name.
-///
-/// # Errors
-/// As of [`table`], of an entry.
+/// Tables by name.
 pub(crate) fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<BTreeMap<String, T>, D::Error> {
@@ -61,8 +47,8 @@ pub(crate) fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     Ok(entries.map(|(name, Entry(entry))| (name, entry)).collect())
 }
 
-/// A value that is a text or a list, or a whole number where `number` makes something of it. Serde's untagged enums refuse a list as a whole; here
-/// the error is of the entry.
+/// A value that is a text or a list, or a whole number where `number` accepts one. Serde's untagged
+/// enums refuse a list as a whole; here the error is of the entry.
 pub(crate) struct TextOrList<T, L> {
     /// What the value is, in errors.
     pub expected: &'static str,
@@ -94,17 +80,11 @@ impl<'de, T, L: Deserialize<'de>> Visitor<'de> for TextOrList<T, L> {
 }
 
 /// A choice of words: serde takes tables for them too.
-///
-/// # Errors
-/// It is no text, or none of the words of `T`.
 pub(crate) fn word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     T::deserialize(String::deserialize(from)?.into_deserializer())
 }
 
-/// The same for an optional word.
-///
-/// # Errors
-/// As of [`word`].
+/// An optional word.
 pub(crate) fn some_word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
