@@ -1,15 +1,17 @@
-//! A cone that is looked into from frame to frame, and how long nobody of a block comes into it.
+//! A cone of view that moves from frame to frame, and how long the objects of a block stay out of
+//! it.
 //!
-//! Whoever is a distance D away from a cone stays out of it while he and its apex together come less than D, less what its turning
-//! sweeps at his range. That needs no place of his: most of a catalogue is not asked for one for minutes.
+//! An object at distance D from the cone stays out while object and apex together move less than D,
+//! less what the cone's rotation sweeps at the object's range. This needs no new position: most of
+//! a catalogue is not evaluated for minutes.
 
 use crate::sgp4_batch::Row;
 use std::f64::consts::FRAC_PI_2;
 
-/// Faster than whatever the Earth holds, km/s.
+/// More than the escape velocity, km/s.
 pub const FASTEST_KM_S: f64 = 11.3;
 
-/// A cone, as it stands for an instant, in the axes of the places that are tested.
+/// A cone at an instant, in the axes of the tested positions.
 #[derive(Clone, Copy, Debug)]
 pub struct Cone {
     apex_km: [f64; 3],
@@ -19,14 +21,14 @@ pub struct Cone {
     cos: f64,
     /// cos |cos|
     cos2: f64,
-    /// 1 where all of it lies before its apex, else 0.
+    /// 1 where all of it lies in front of its apex, else 0.
     before: f64,
-    /// Who is no further from it than this is in it, too, km.
+    /// Objects within this distance of it count as inside, km.
     pub way_km: f64,
 }
 
 impl Cone {
-    /// The cone of that apex (km), axis (unit vector) and half angle (rad, up to pi), and what is no further than `way_km` from it.
+    /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `way_km`.
     pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, way_km: f64) -> Cone {
         let (sin, cos) = libm::sincos(angle);
         Cone {
@@ -41,14 +43,15 @@ impl Cone {
         }
     }
 
-    /// Its apex, km.
+    /// Apex, km.
     pub fn apex_km(&self) -> [f64; 3] {
         self.apex_km
     }
 
-    /// Whether that place (km) is no further from it than its way. With half angle A, a point `z` along the axis and `p` from it is
-    /// `p cos A - z sin A` away from where the surface is nearest: p cos A <= w + z sin A, which holds for what is made of both by u |u|, too. Behind a
-    /// cone that opens by less than a half space it is `-z` away at least.
+    /// Whether a position (km) is within its margin w. With half angle A, a point at `z` along the
+    /// axis and `p` across is `p cos A - z sin A` from the surface: inside is p cos A <= w + z sin
+    /// A, compared by u |u| of both sides. Behind a cone narrower than a half space the distance is
+    /// at least `-z`.
     #[inline(always)]
     pub fn holds(&self, place_km: [f64; 3]) -> bool {
         let (along, range2) = self.seen(place_km);
@@ -57,7 +60,7 @@ impl Cone {
             & (-along * self.before <= self.way_km)
     }
 
-    /// How far that place (km) is outside of it, at least, as [`Cone::holds`] has it, and the square of the range from its apex.
+    /// Least distance of a position (km) from it, as in [`Cone::holds`], and the squared range.
     fn outside_km(&self, place_km: [f64; 3]) -> (f64, f64) {
         let (along, range2) = self.seen(place_km);
         let across = (range2 - along * along).max(0.0).sqrt();
@@ -65,7 +68,7 @@ impl Cone {
         (beside.max(-along * self.before), range2)
     }
 
-    /// How far along the axis from its apex a place (km) is, and the square of the range.
+    /// Coordinate of a position (km) along the axis, and the squared range from the apex.
     #[inline(always)]
     fn seen(&self, [x, y, z]: [f64; 3]) -> (f64, f64) {
         let (x, y, z) = (
@@ -77,7 +80,7 @@ impl Cone {
         (along, x * x + y * y + z * z)
     }
 
-    /// How far its apex comes to that of another, km, and what its axis and angle turn by, rad.
+    /// Distance of the apexes, km, and change of axis and half angle, rad.
     fn to(&self, other: &Cone) -> (f64, f64) {
         let between = |a: &[f64; 3], b: &[f64; 3]| {
             let [x, y, z] = [0, 1, 2].map(|i| a[i] - b[i]);
@@ -89,18 +92,18 @@ impl Cone {
     }
 }
 
-/// How far cones and whoever is tested may have come since the first of them.
+/// How far the cone and any object may have moved since the first frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moved {
     last: Option<(Cone, i64)>,
     /// Apex and objects together, km.
     km: f64,
-    /// What the cone turned by, rad.
+    /// Rotation and opening of the cone, rad.
     rad: f64,
 }
 
 impl Moved {
-    /// On to a cone at that time, ns.
+    /// Adds the motion to a cone at time `ns`.
     pub fn on_to(&mut self, cone: &Cone, ns: i64) {
         if let Some((last, then)) = &self.last {
             let (km, rad) = last.to(cone);
@@ -112,26 +115,26 @@ impl Moved {
     }
 }
 
-/// Until when nobody of a block comes into the cone.
+/// How long no object of a block can enter the cone.
 #[derive(Clone, Copy, Debug)]
 pub struct Leeway {
-    /// What [`Moved`] was when it was found, and the least distance, km.
+    /// [`Moved`] when it was found, plus the least distance, km.
     until_km: f64,
-    /// What the cone had turned by then, rad.
+    /// Rotation of the cone until then, rad.
     rad: f64,
-    /// The greatest range, km.
+    /// Largest range, km.
     range_km: f64,
 }
 
 impl Leeway {
-    /// None at all.
+    /// No time at all.
     pub const NONE: Leeway = Leeway {
         until_km: f64::NEG_INFINITY,
         rad: 0.0,
         range_km: 0.0,
     };
 
-    /// That of who is at these places, km, give or take `error_km`.
+    /// For objects at these positions, km, within `error_km`.
     pub fn of(places_km: &[Row; 3], cone: &Cone, error_km: f64, moved: &Moved) -> Leeway {
         let [x, y, z] = places_km;
         let places = x.iter().zip(y).zip(z);
@@ -147,11 +150,12 @@ impl Leeway {
         }
     }
 
-    /// Whether it lasts. Who is r away and an angle a beside a cone that turned by b, and comes d, meets it if asin(d / r) >= a - b: not while
-    /// d < r sin(a) - r b, or d < r - r b where a is beyond a right angle. No distance above is greater than these.
+    /// Whether it still holds. An object at range r and angle a from a cone that turned by b meets
+    /// it after moving d if asin(d / r) >= a - b: not while d < r sin(a) - r b, or d < r - r b
+    /// where a is above a right angle. The distances above are not greater than these.
     #[inline(always)]
     pub fn lasts(&self, moved: &Moved, cone: &Cone) -> bool {
-        // What has moved since is added up in steps with rounding of their own, some 1e-16 of the sum each.
+        // Motion is summed in steps, each rounded to some 1e-16 of the sum.
         const ROUNDING: f64 = 1e-9;
         let swept_km = (moved.rad - self.rad) * self.range_km;
         self.until_km - moved.km * (1.0 + ROUNDING) > swept_km + cone.way_km

@@ -1,15 +1,18 @@
-//! The whole catalogue from frame to frame: where everything is, within centimetres, in a tenth of the time that it takes to ask anew.
+//! Positions of a whole catalogue from frame to frame, within centimetres, in a tenth of SGP4's
+//! time.
 //!
 //! ```text
-//! t -> blocks of which nobody can have come into the cone that is looked into: nothing
-//!   -> blocks whose segment holds t: its cubic
-//!   -> others: SGP4; a share of them gets a segment, so that no frame pays for all
+//! t -> blocks that cannot have reached the cone in view: nothing
+//!   -> blocks whose segment contains t: its cubic
+//!   -> others: SGP4; in each frame a share of them gets a segment
 //! ```
 //!
-//! A segment is [`SEGMENT_S`] of a block's positions: the cubic through four instants, its ends among them. SGP4's velocity is not the
-//! derivative of its position under drag: positions alone are laid through. A fifth instant, the middle, where cubic and orbit are
-//! furthest apart, is the proof: an object that is off by more than [`TOLERANCE_KM`] there, or fails at any of the five, is asked
-//! anew every time. With the rounding of coefficients the positions are within [`BOUND_KM`]. They decide who may be in the field; who is, is asked of SGP4 itself.
+//! A segment is a cubic through four positions of [`SEGMENT_S`], its ends among them. Velocities
+//! are not used: under drag SGP4's velocity is not the derivative of its position. At the middle,
+//! where the cubic is farthest off, a fifth position checks it. An object that is off by more than
+//! [`TOLERANCE_KM`] there, or fails at any of the five, is propagated in every frame. With the
+//! rounding of coefficients positions are within [`BOUND_KM`]: they select candidates, SGP4 gives
+//! their states.
 
 use crate::StateVector;
 use crate::cone::{Cone, FASTEST_KM_S, Leeway, Moved};
@@ -19,26 +22,26 @@ use hifitime::{Duration, Epoch};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-/// How long a cubic holds, s.
+/// Length of a segment, s.
 pub const SEGMENT_S: i64 = 20;
-/// The cubic may be off by this in the middle, km: 1.3 m times (rate/0.07 deg/s)^4 of a circular orbit, see below.
+/// Largest error of a cubic at its middle, km: of a circular orbit 1.3 m times (rate/0.07 deg/s)^4.
 pub const TOLERANCE_KM: f64 = 1e-5;
-/// What is off at most, km: twice the tolerance, and the rounding of coefficients to 24 bits (6e-8 of the way in half a segment, 110 km at
-/// 11 km/s).
+/// Largest error of positions, km: twice the tolerance, and coefficients rounded to 24 bits (6e-8
+/// of the path in half a segment, 110 km at 11 km/s).
 pub const BOUND_KM: f64 = 3e-5;
 
 /// Blocks of a task.
 const CHUNK: usize = 32;
-/// Every so many frames a block without a segment gets one.
+/// A block without a segment gets one after at most this many frames.
 const TURNS: usize = 16;
-/// A segment takes five propagations: where frames are further apart than this part of it, it is not worth it.
+/// A segment takes five propagations. It pays only where frames are closer than this part of it.
 const WORTH: i64 = 8;
 
-/// A catalogue on its way.
+/// A catalogue with its segments.
 #[derive(Debug, Default)]
 pub struct Tracks {
     batch: Batch,
-    /// Whether every position is asked of SGP4.
+    /// Whether every position is SGP4's.
     pub exact: bool,
     watches: Vec<Watch>,
     segments: Vec<Segment>,
@@ -47,109 +50,102 @@ pub struct Tracks {
     frame: usize,
 }
 
-/// Where the objects of a block are at an instant, TEME.
+/// Positions of a block at an instant, TEME.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Places<'a> {
-    /// x, y, z, km, within [`BOUND_KM`]; 0 of those that have none.
+    /// x, y, z, km, within [`BOUND_KM`]; 0 of failed objects.
     pub position_km: [Row; 3],
     /// 0, or SGP4's code of a failure, see [`States::get`](crate::sgp4_batch::States::get).
     pub code: [u8; BLOCK],
-    /// Which objects of the catalogue they are, [`NOBODY`](crate::sgp4_batch::NOBODY) where the block is filled up.
+    /// Indices in the catalogue, [`NOBODY`](crate::sgp4_batch::NOBODY) in unused places.
     pub objects: &'a [u32],
 }
 
-/// What is looked for among the places of a catalogue.
+/// A search among the positions of a catalogue.
 pub trait Look: Sync {
-    /// What is found.
+    /// Result for an object.
     type Found: Send;
 
-    /// Nobody outside of it is looked for.
+    /// Objects outside of it are not searched for.
     fn cone(&self) -> &Cone;
 
-    /// Puts down what is found of a block; whether anybody of it may be in the cone. Inlined, it is done with the vector instructions that the
-    /// catalogue is worked out with.
+    /// Adds what is found of a block, and returns whether any object of it may be in the cone.
+    /// Inlined, it uses the vector instructions of the catalogue's level.
     fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool;
 }
 
-/// What is known of a block before its segment is read.
+/// What decides whether a block's segment is read.
 #[derive(Clone, Debug)]
 struct Watch {
-    /// The segment's middle, ns since 1900 TAI; [`NEVER`] before there is one.
+    /// Middle of the segment, ns since 1900 TAI, or [`NEVER`].
     middle_ns: i64,
     leeway: Leeway,
 }
 
-/// A stretch of a block's ways: numbers first, so that none of their rows lies in two lines of the cache.
+/// A segment of a block's paths. Numbers come first: no row lies in two cache lines.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 struct Segment {
-    /// In the middle, km.
+    /// At the middle, km.
     middle_km: [Row; 3],
-    /// Times half segments since then, their squares and their cubes, km.
+    /// Factors of the time from the middle in half segments, of its square and its cube, km.
     rates_km: [[Rates; 3]; 3],
-    /// Codes of those that fail all through; their positions are 0.
+    /// Codes of objects that fail throughout; their positions are 0.
     code: [u8; BLOCK],
-    /// For whom it does not hold: SGP4 is asked.
+    /// Objects for which SGP4 is used instead.
     asks: [bool; BLOCK],
-    /// Whether all have places all through, and none is faster than [`FASTEST_KM_S`].
+    /// Whether no object fails, and none is faster than [`FASTEST_KM_S`].
     is_calm: bool,
 }
 
-// Frames take as long as memory takes to tell of all segments.
+// The time of a frame is that of reading all segments from memory.
 const _: () = assert!(size_of::<Segment>() == 512);
 
-/// No segment is near to that.
+/// The middle of no segment.
 const NEVER: i64 = i64::MIN;
 
 /// A coefficient of each object of a block, km.
 type Rates = [f32; BLOCK];
 
-/// At which a segment is laid and proved.
+/// Instants of the positions that fit and check a segment.
 const INSTANTS: usize = 5;
 
 /// Half a segment, ns.
 const HALF_NS: i64 = SEGMENT_S * 500_000_000;
 
-/// What is asked of all blocks alike.
+/// Times that are the same for all blocks.
 #[derive(Clone, Copy)]
 struct Frame {
     t: Epoch,
     ns: i64,
-    /// When was asked before, if that is so near that segments are worth it.
+    /// The frame before, where it is so near that segments pay.
     last: Option<i64>,
-    /// Whose turn it is.
+    /// Blocks with this remainder of [`TURNS`] get a segment.
     turn: usize,
 }
 
 impl Tracks {
-    /// Of the element sets, in their order.
-    ///
     /// Errors: the first set that the model cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Tracks, ModelError> {
         let batch = Batch::new(sets)?;
         Ok(Tracks {
-            watches: Vec::new(),
-            segments: Vec::new(),
-            moved: Moved::default(),
-            exact: false,
-            last: None,
-            frame: 0,
             batch,
+            ..Tracks::default()
         })
     }
 
-    /// How many objects there are.
+    /// Number of objects.
     pub fn len(&self) -> usize {
         self.batch.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no objects.
     pub fn is_empty(&self) -> bool {
         self.batch.is_empty()
     }
 
-    /// Which instructions are used.
+    /// The instructions that are used.
     pub fn level(&self) -> Level {
         self.batch.level()
     }
@@ -159,15 +155,15 @@ impl Tracks {
         self.batch.set_level(level);
     }
 
-    /// Octets of memory that the catalogue takes.
+    /// Memory of the catalogue, bytes.
     pub fn octets(&self) -> usize {
         self.batch.octets()
             + self.segments.capacity() * size_of::<Segment>()
             + self.watches.capacity() * size_of::<Watch>()
     }
 
-    /// Calls `each` with the states of some objects by SGP4, in that order, each at the same `N` instants, up to [`BLOCK`]: TEME, m and m/s, or
-    /// the code of a failure.
+    /// Calls `each` with SGP4's states of some objects in turn, at the same `N` instants, up to
+    /// [`BLOCK`]: TEME, m and m/s, or the code of a failure.
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],
@@ -190,7 +186,6 @@ impl Tracks {
         (self.last, self.frame) = (Some(ns), self.frame.wrapping_add(1));
         self.batch.advance_to(t);
         self.moved.on_to(look.cone(), ns);
-        // An exact catalogue has blocks whose segments never hold.
         let blocks = self.batch.blocks();
         self.segments.resize(blocks, Segment::NONE);
         self.watches.resize(blocks, Watch::NONE);
@@ -237,7 +232,7 @@ impl Tracks {
     }
 }
 
-/// Some blocks, looked at one after another.
+/// Blocks of a task.
 struct Chunk<'a, L: Look> {
     batch: &'a Batch,
     first: usize,
@@ -257,7 +252,7 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
         let Frame { t, ns, .. } = self.frame;
         let (cone, moved) = (self.look.cone(), self.moved);
         let held = self.watches.iter().filter(|w| w.holds(ns)).count();
-        // Many blocks at a time take less time than one by one.
+        // Many blocks together take less time than one by one.
         let mut all = Vec::new();
         if 2 * held < self.segments.len() {
             all.resize_with(self.segments.len(), BlockStates::default);
@@ -303,7 +298,7 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
 }
 
 impl Frame {
-    /// Whether a block is to get a segment now: where it had one until now, or it is its turn.
+    /// Whether a block gets a new segment now: its last one has just ended, or it is its turn.
     fn is_due(&self, block: usize, watch: &Watch) -> bool {
         self.last
             .is_some_and(|last| watch.holds(last) || block % TURNS == self.turn)
@@ -316,14 +311,14 @@ impl Watch {
         leeway: Leeway::NONE,
     };
 
-    /// Whether the segment holds then.
+    /// Whether the segment contains an instant.
     fn holds(&self, ns: i64) -> bool {
         self.middle_ns != NEVER && (ns - self.middle_ns).abs() <= HALF_NS
     }
 
-    /// Begins the segment of `block` that holds `ns`, one block after another; at which instants it asks for the block.
+    /// Begins the segment of `block` that contains `ns`, and returns the instants that it needs.
     fn begin(&mut self, block: usize, ns: i64) -> [Asked; INSTANTS] {
-        // The golden section spreads any number of blocks evenly.
+        // The golden section distributes the starts of any number of blocks evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let phase = ((block as f64 * GOLDEN).fract() * (2 * HALF_NS) as f64) as i64;
         let start = (ns - phase).div_euclid(2 * HALF_NS) * (2 * HALF_NS) + phase;
@@ -345,7 +340,7 @@ impl Segment {
         is_calm: false,
     };
 
-    /// Lays it through those states.
+    /// Fits the cubics.
     fn lay(&mut self, [a, b, m, c, d]: &[BlockStates; INSTANTS]) {
         let mut fits = [true; BLOCK];
         let mut speed2 = [0.0; BLOCK];
@@ -381,11 +376,12 @@ impl Segment {
             && speed2.iter().all(|speed2| *speed2 <= fastest * fastest);
     }
 
-    /// Where everybody is, as far as it holds.
+    /// Positions at an instant.
     #[inline(always)]
     fn place(&self, ns: i64, middle_ns: i64, position_km: &mut [Row; 3]) {
         let s = ((ns - middle_ns) as f64 / HALF_NS as f64) as f32;
-        // x = p0 + s (p1 + s (p2 + s p3)), in one loop: that is worked out in lanes, three of eight places each may not be.
+        // x = p0 + s (p1 + s (p2 + s p3)); the compiler vectorises one loop, but not three of
+        // eight.
         let [p1, p2, p3] = self.rates_km.each_ref().map(|rates| rates.as_flattened());
         let places = position_km.as_flattened_mut().iter_mut();
         let places = places.zip(self.middle_km.as_flattened());

@@ -1,5 +1,5 @@
-//! Deep-space orbits (periods of 225 min and above): Sun and Moon, and Lyddane's form near the equator; with or without resonance.
-//! Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate's transcript.
+//! Deep-space orbits (periods of 225 min and above): Sun and Moon, Lyddane's form near the equator,
+//! resonance. Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate.
 
 use super::figures::{Figures, Method, Perturber};
 use super::lanes::{Lanes, Part, Row};
@@ -55,8 +55,8 @@ impl Pull {
 
     #[inline(always)]
     fn effects<S: Simd>(&self, part: Part<S>, [e, n]: [f64; 2], t: Lanes<S>) -> Effects<S> {
-        // M = M0 + n t; f = M + 2 e sin M. M0 is up to 1e4 rad, and its last digits count in level orbits, where p5 / sin I is
-        // large: it is rounded as in the scalar model.
+        // M = M0 + n t; f = M + 2 e sin M. M0 is up to 1e4 rad, and its last digits matter at low
+        // inclinations, where p5 / sin I is large: it is rounded as in the scalar model.
         let m = part.load(&self.mean_anomaly) + t * n;
         let (sin_m, _) = m.sin_cos();
         let f = m + sin_m * (2.0 * e);
@@ -131,11 +131,11 @@ impl<R: Resonance> Model for Deep<R> {
         let Unperturbed {
             a: p28,
             mean_anomaly: p29,
-            well,
+            is_valid,
         } = self
             .resonance
             .unperturbed(part, &self.secular, t, [p22, p23]);
-        failed.unless(well, 2);
+        failed.unless(is_valid, 2);
 
         let sun = self.sun.effects(part, SUN, t);
         let moon = self.moon.effects(part, MOON, t);
@@ -150,8 +150,9 @@ impl<R: Resonance> Model for Deep<R> {
         let mut perigee = cos_i.neg_mul_add(shift, p23 + p4);
         let flat = inclination.less_than(part.splat(LYDDANE));
         if flat.any() {
-            // node = atan2(sin I sin p22 + p5 cos p22 + dI cos I sin p22, sin I cos p22 - p5 sin p22 + dI cos I cos p22), which is
-            // p22 + atan2(p5, sin I + dI cos I); w = p23 + p4 + cos I (p22 - node) - dI p22 sin I
+            // node = atan2(sin I sin p22 + p5 cos p22 + dI cos I sin p22,
+            // sin I cos p22 - p5 sin p22 + dI cos I cos p22) = p22 + atan2(p5, sin I + dI cos I);
+            // w = p23 + p4 + cos I (p22 - node) - dI p22 sin I
             let shift = p5.angle_above(di.mul_add(cos_i, sin_i));
             let slow = (di * sin_i).neg_mul_add(p22.remainder_of_turns(), p23 + p4);
             node = flat.select(p22 + shift, node);

@@ -1,8 +1,8 @@
 //! The constants of one object, as the `sgp4` crate works them out.
 //!
-//! Its `Constants` keep their fields to themselves but serialise: they are written out as octets and read into the structures of
-//! this file, which have the same fields in the same order. The octets carry no names: a crate with another order would be caught by every test of the batch
-//! against that crate.
+//! Its `Constants` have private fields but can be serialised. They are written as bytes and read
+//! into the structures of this file, which have the same fields in the same order. Another order in
+//! the crate would fail every test of the batch.
 
 use crate::elements::ModelError;
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! Arithmetic on several objects side by side, written like that on one.
 //!
-//! What depends on the order of operands or on the processor is left out: no minimum, no maximum, no estimate. A product
-//! and a sum are fused where `mul_add` stands and nowhere else.
+//! Operations that depend on the order of operands or on the processor are not used: no minimum,
+//! maximum or estimate. A product and a sum are fused in `mul_add` only.
 
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Neg, Sub};

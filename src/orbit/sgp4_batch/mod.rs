@@ -4,20 +4,22 @@
 //! Elements -> sgp4 crate: constants -> rows of blocks of 8 -> lanes of 1, 2, 4 or 8 -> position, velocity, code
 //! ```
 //!
-//! Orbits of one kind stand together: near the Earth, deep in space, and there in resonance with a day or with half a day. All other
-//! cases are lanes and masks. The constants are those of the `sgp4` crate, whose propagation is the scalar twin ([`Elements::state_teme`]) that tests hold this to:
+//! Blocks are sorted by kind of orbit: near the Earth, deep space, and there resonant with a day or
+//! half a day. All other cases are masks. The constants are those of the `sgp4` crate, whose scalar
+//! propagation ([`Elements::state_teme`]) is the reference in tests:
 //!
 //! | module | what |
 //! |---|---|
-//! | `level` | which vector instructions the processor has |
+//! | `level` | vector instructions of the processor |
 //! | `lanes`, `trig` | arithmetic on several objects side by side |
-//! | `figures` | the constants of one object |
-//! | `site` | which kind of orbit it is on |
+//! | `figures` | constants of one object |
+//! | `site` | kind of orbit |
 //! | `secular`, `near`, `deep`, `resonance` | perturbed mean elements |
 //! | `short_period` | from these to positions and velocities |
 //! | `propagate` | many blocks at a time, step by step |
 //!
-//! What an object's state is depends on nothing but its elements and the time: not on threads, on the processor, on the objects beside it, or on what was asked before.
+//! A state depends on elements and time alone: not on threads, processor, neighbours or earlier
+//! calls.
 
 mod deep;
 mod figures;
@@ -54,9 +56,10 @@ use std::sync::OnceLock;
 
 /// The reference's code of a position inside the Earth.
 pub const DECAYED: u8 = 6;
-/// Beside the reference's codes: too far from the epoch of the elements ([`MAX_ELAPSED_DAYS`](crate::elements::MAX_ELAPSED_DAYS)).
+/// Not a code of the reference: farther from the epoch than
+/// [`MAX_ELAPSED_DAYS`](crate::elements::MAX_ELAPSED_DAYS).
 pub const TOO_FAR: u8 = 7;
-/// Beside the reference's codes: numbers that are not finite.
+/// Not a code of the reference: numbers that are not finite.
 pub const UNKNOWN: u8 = 8;
 
 /// Blocks that a thread takes at a time.
@@ -70,13 +73,13 @@ pub struct Batch {
     deep: Vec<Deep<Free>>,
     one_day: Vec<Deep<OneDay>>,
     half_day: Vec<Deep<HalfDay>>,
-    /// Where each object of the input stands.
+    /// The place of each object of the input.
     places: Vec<u32>,
-    /// Which object of the input stands there; `NOBODY` fills blocks up.
+    /// The object in each place, or [`NOBODY`].
     objects: Vec<u32>,
 }
 
-/// Stands in the places that fill a block up.
+/// Marks the unused places of a block.
 pub const NOBODY: u32 = u32::MAX;
 
 /// The states of a block, TEME; zero where the code is not.
@@ -91,19 +94,19 @@ pub struct BlockStates {
     pub code: Row,
 }
 
-/// The states of a catalogue, for use again and again.
+/// The states of a catalogue. Its memory is reused.
 #[derive(Clone, Debug, Default)]
 pub struct States {
     blocks: Vec<BlockStates>,
     places: Vec<u32>,
 }
 
-/// A kind of orbits: how a block is filled, and how its mean elements are at an instant.
+/// A block of one kind of orbits.
 trait Model: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
-    /// Brings what runs on in steps near to an instant, for good.
+    /// Integrates to near an instant, and keeps the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
     fn secular(&self) -> &Secular;
     /// The mean elements `t` min after the epochs, with all but their short-period perturbations.
@@ -111,8 +114,6 @@ trait Model: Default + Send + Sync {
 }
 
 impl Batch {
-    /// The element sets, in their order.
-    ///
     /// Errors: the first set that the model cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
         let sites = sets.par_iter().map(Site::of);
@@ -120,12 +121,8 @@ impl Batch {
         let sites: Vec<Site> = sites.into_iter().collect::<Result<_, _>>()?;
         let mut batch = Batch {
             level: Level::best(),
-            near: Vec::new(),
-            deep: Vec::new(),
-            one_day: Vec::new(),
-            half_day: Vec::new(),
             places: vec![NOBODY; sets.len()],
-            objects: Vec::new(),
+            ..Batch::default()
         };
         batch.near = batch.fill(sets, &sites)?;
         batch.deep = batch.fill(sets, &sites)?;
@@ -134,13 +131,11 @@ impl Batch {
         Ok(batch)
     }
 
-    /// The blocks of one kind. What is worked out of an object goes to its place at once: it is some 600 octets, and catalogues are long.
+    /// The blocks of one kind. An object's constants (600 bytes) are written straight to their
+    /// place.
     fn fill<M: Model>(&mut self, sets: &[Elements], sites: &[Site]) -> Result<Vec<M>, ModelError> {
-        let ours = sites
-            .iter()
-            .enumerate()
-            .filter(|(_, site)| **site == M::SITE);
-        let ours: Vec<usize> = ours.map(|(at, _)| at).collect();
+        let ours = (0..sites.len()).filter(|at| sites[*at] == M::SITE);
+        let ours: Vec<usize> = ours.collect();
         let members = ours.chunks(BLOCK);
         for object in members.flat_map(|members| (0..BLOCK).map(|i| members.get(i).copied())) {
             if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
@@ -152,7 +147,7 @@ impl Batch {
         let block = |members: &[usize]| {
             let mut block = M::default();
             for i in 0..BLOCK {
-                // The last one fills the block up.
+                // The last one fills unused places.
                 let member = members.get(i).or(members.last());
                 let Some(elements) = member.and_then(|&at| sets.get(at)) else {
                     continue;
@@ -168,28 +163,28 @@ impl Batch {
         failed.into_inner().map_or(Ok(blocks), Err)
     }
 
-    /// How many objects there are.
+    /// Number of objects.
     pub fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no objects.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// How many blocks there are.
+    /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.objects.len() / BLOCK
     }
 
-    /// Which objects of the input stand in a block's places, [`NOBODY`] where it is filled up.
+    /// The objects of the input in a block's places, or [`NOBODY`].
     pub fn objects_of(&self, block: usize) -> &[u32] {
         let from = block * BLOCK;
         self.objects.get(from..from + BLOCK).unwrap_or(&[])
     }
 
-    /// Which instructions are used.
+    /// The instructions that are used.
     pub fn level(&self) -> Level {
         self.level
     }
@@ -199,7 +194,7 @@ impl Batch {
         self.level = level;
     }
 
-    /// Octets of memory that the catalogue takes.
+    /// Memory of the catalogue, bytes.
     pub fn octets(&self) -> usize {
         fn of<M>(blocks: &Vec<M>) -> usize {
             blocks.capacity() * size_of::<M>()
@@ -238,7 +233,7 @@ impl Batch {
         found
     }
 
-    /// Brings near to an instant what is integrated step by step. States do not depend on it, the time that they take does.
+    /// Integrates resonances to near an instant. States do not depend on it, but their time does.
     pub(crate) fn advance_to(&mut self, t: Epoch) {
         self.advance(When::At(Instant::of(t)));
     }
@@ -259,7 +254,7 @@ impl Batch {
 }
 
 impl BlockStates {
-    /// Before anything is known.
+    /// Nothing is known yet.
     pub(crate) const NONE: BlockStates = BlockStates {
         position_km: [[0.0; BLOCK]; 3],
         velocity_km_s: [[0.0; BLOCK]; 3],
@@ -279,8 +274,9 @@ impl BlockStates {
 }
 
 impl States {
-    /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of the reference (1 mean eccentricity,
-    /// 2 mean motion, 3 perturbed eccentricity, 4 semi-latus rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], which is that of an index without an object, too.
+    /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of
+    /// the reference (1 mean eccentricity, 2 mean motion, 3 perturbed eccentricity, 4 semi-latus
+    /// rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], also for an index without an object.
     pub fn get(&self, object: usize) -> Result<StateVector, u8> {
         let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
         let states = self.blocks.get(place / BLOCK);

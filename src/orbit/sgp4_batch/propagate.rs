@@ -1,5 +1,5 @@
-//! Many blocks at a time. Each step is done for all of them before the next: a processor works on several side by side, which a single
-//! block's long chain of sums and products does not let it do.
+//! Many blocks at a time. Each step is done for all of them before the next: the long dependent
+//! chain of a single block would leave the processor waiting.
 
 use super::lanes::{BLOCK, Part};
 use super::secular::{Instant, Instants, When};
@@ -90,8 +90,8 @@ impl Batch {
         }
     }
 
-    /// Some objects, each at the same `N` instants, up to [`BLOCK`]; in less time each the more of them there are. `each` gets the states of one
-    /// after the other, in that order.
+    /// Calls `each` with the states of some objects in turn, at the same `N` instants, up to
+    /// [`BLOCK`].
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],

@@ -1,8 +1,8 @@
-//! Resonance of deep-space orbits with the Earth's turning: integrated from the epoch in steps of 720 min (Vallado et al., AIAA
-//! 2006-6753; Hujsak 1979).
+//! Resonance of deep-space orbits with the Earth's rotation, integrated from the epoch in steps of
+//! 720 min (Vallado et al., AIAA 2006-6753; Hujsak 1979).
 //!
-//! Where the integrator stands depends on the number of steps alone: it may go on from where it stood, and begins anew where the time asked lies
-//! before that.
+//! The integrator's state depends on the number of steps alone. It continues from its last state,
+//! and restarts at the epoch where the requested time lies before that.
 
 use super::Site;
 use super::figures;
@@ -12,7 +12,7 @@ use pulp::Simd;
 
 /// Length of a step, min.
 const STEP: f64 = 720.0;
-/// The Earth's turning, rad/min.
+/// Rotation of the Earth, rad/min.
 const SIDEREAL_SPEED: f64 = 4.375_269_088_011_3e-3;
 const KE: f64 = sgp4::WGS72.ke;
 
@@ -26,20 +26,23 @@ const G44: f64 = 1.801_499_8;
 const G52: f64 = 1.050_833_0;
 const G54: f64 = 4.410_889_8;
 
-/// Semi-major axis (Earth radii) and mean anomaly (rad) before Sun, Moon and drag; and where there are any.
+/// Mean elements before Sun, Moon and drag.
 pub struct Unperturbed<S: Simd> {
+    /// Semi-major axis, Earth radii.
     pub a: Lanes<S>,
+    /// rad
     pub mean_anomaly: Lanes<S>,
-    pub well: Truth<S>,
+    /// Where the mean motion is above 0.
+    pub is_valid: Truth<S>,
 }
 
-/// How the mean anomaly runs on.
+/// How mean anomaly and semi-major axis change with time.
 pub trait Resonance: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant);
 
-    /// Stands near `t` min after the epoch from now on.
+    /// Integrates to near `t` min after the epoch, and keeps the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: &Secular, _: Lanes<S>) {}
 
     /// `t` min after the epoch; the node p22 and the perigee p23 are those of that time.
@@ -78,14 +81,39 @@ impl Resonance for Free {
         Unperturbed {
             a: part.load(&self.a0),
             mean_anomaly: secular.mean_anomaly_at(part, t),
-            well: t.at_most(t),
+            is_valid: t.at_most(t),
         }
     }
 }
 
-/// The integrator of a block: where it began, and where it stands.
+/// Resonance with one day.
+pub type OneDay = Resonant<OneDayTerms>;
+/// Resonance with half a day.
+pub type HalfDay = Resonant<HalfDayTerms>;
+
+/// The terms of a resonance.
+pub trait Terms: Default + Send + Sync {
+    const SITE: Site;
+
+    fn set(&mut self, i: usize, figures: &figures::Resonance);
+
+    /// n' and its derivative by lambda, at lambda (rad) and `at` min after the epoch.
+    fn pull<S: Simd>(
+        &self,
+        part: Part<S>,
+        secular: &Secular,
+        lambda: Lanes<S>,
+        at: Lanes<S>,
+    ) -> Pull<S>;
+
+    /// p29, the mean anomaly, from lambda, the node p22, the perigee p23 and sidereal time.
+    fn mean_anomaly<S: Simd>(lambda: Lanes<S>, p22_p23: [Lanes<S>; 2], theta: Lanes<S>)
+    -> Lanes<S>;
+}
+
+/// Resonant orbits: where the integrator starts, and its state.
 #[derive(Clone, Debug, Default)]
-struct Integrator {
+pub struct Resonant<T> {
     mean_motion_0: Row,
     lambda_0: Row,
     lambda_dot: Row,
@@ -94,105 +122,41 @@ struct Integrator {
     t: Row,
     mean_motion: Row,
     lambda: Row,
+    terms: T,
 }
 
-/// Resonance with a whole day.
-#[derive(Clone, Debug, Default)]
-pub struct OneDay {
-    integrator: Integrator,
-    dr: [Row; 3],
-}
-
-/// Resonance with half a day.
-#[derive(Clone, Debug, Default)]
-pub struct HalfDay {
-    integrator: Integrator,
-    d: [Row; 10],
-    /// k14: the perigee's rate by the Earth alone, rad/min.
-    perigee_dot: Row,
-}
-
-/// Where an integrator stands: min after the epoch, rad/min, rad.
-struct Standing<S: Simd> {
+/// State of an integrator: min after the epoch, rad/min, rad.
+struct Integrated<S: Simd> {
     at: Lanes<S>,
     n: Lanes<S>,
     lambda: Lanes<S>,
 }
 
-impl Integrator {
-    /// Sets an object, and gives its resonance.
-    fn set<'a>(
-        &mut self,
-        i: usize,
-        mean_motion: f64,
-        figures: &'a figures::Resonant,
-    ) -> Option<&'a figures::Resonance> {
-        let figures::Resonant::Yes {
-            lambda,
-            lambda_dot,
-            sidereal_time,
-            resonance,
-        } = figures
-        else {
-            return None;
-        };
-        (self.mean_motion_0[i], self.mean_motion[i]) = (mean_motion, mean_motion);
-        (self.lambda_0[i], self.lambda[i]) = (*lambda, *lambda);
-        self.lambda_dot[i] = *lambda_dot;
-        self.sidereal_time[i] = *sidereal_time;
-        self.a0[i] = libm::cbrt(KE / mean_motion).powi(2);
-        self.t[i] = 0.0;
-        Some(resonance)
-    }
-
-    /// Where it stands.
+impl<T: Terms> Resonant<T> {
+    /// The state within a step before `t`.
     #[inline(always)]
-    fn standing<S: Simd>(&self, part: Part<S>) -> Standing<S> {
-        Standing {
-            at: part.load(&self.t),
-            n: part.load(&self.mean_motion),
-            lambda: part.load(&self.lambda),
-        }
-    }
-
-    /// Stands near `t` from now on.
-    #[inline(always)]
-    fn advance<S: Simd>(&mut self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) {
-        let Standing { at, n, lambda } = self.near(part, t, &terms);
-        part.store(&mut self.t, at);
-        part.store(&mut self.mean_motion, n);
-        part.store(&mut self.lambda, lambda);
-    }
-
-    /// Where it stands within a step before `t`.
-    #[inline(always)]
-    fn near<S: Simd>(&self, part: Part<S>, t: Lanes<S>, terms: &impl Terms<S>) -> Standing<S> {
+    fn near<S: Simd>(&self, part: Part<S>, secular: &Secular, t: Lanes<S>) -> Integrated<S> {
         let zero = part.splat(0.0);
-        let Standing {
-            mut at,
-            mut n,
-            mut lambda,
-        } = self.standing(part);
-        // Anew, where t lies before, or on the other side of the epoch.
+        // From the epoch, where t lies before the last state or on the other side of the epoch.
+        let at = part.load(&self.t);
         let onward = zero.at_most(at * t).and(at.abs().at_most(t.abs()));
-        at = onward.select(at, zero);
-        n = onward.select(n, part.load(&self.mean_motion_0));
-        lambda = onward.select(lambda, part.load(&self.lambda_0));
+        let mut at = onward.select(at, zero);
+        let mut n = onward.select(part.load(&self.mean_motion), part.load(&self.mean_motion_0));
+        let mut lambda = onward.select(part.load(&self.lambda), part.load(&self.lambda_0));
 
         let lambda_dot = part.load(&self.lambda_dot);
-        let step = zero
-            .less_than(t)
-            .select(part.splat(STEP), part.splat(-STEP));
+        let forward = zero.less_than(t);
+        let step = forward.select(part.splat(STEP), part.splat(-STEP));
         let half = part.splat(STEP * STEP / 2.0);
         loop {
             let on = step.abs().at_most((t - at).abs());
             if !on.any() {
-                return Standing { at, n, lambda };
+                return Integrated { at, n, lambda };
             }
-            // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2, rounded as in the scalar model: a century has 73,000
-            // steps, whose rounding would outweigh all else.
+            // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2, rounded as in the
+            // scalar model: a century has 73,000 steps, whose rounding would outweigh all else.
             let rate = n + lambda_dot;
-            let Pull { n_dot, slope } = terms.pull(lambda, at);
+            let Pull { n_dot, slope } = self.terms.pull(part, secular, lambda, at);
             let next = n + (n_dot * step + slope * rate * half);
             let further = lambda + (rate * step + n_dot * half);
             n = on.select(next, n);
@@ -200,33 +164,65 @@ impl Integrator {
             at = on.select(at + step, at);
         }
     }
+}
 
-    /// At `t`: a, and lambda as the mean anomaly.
+impl<T: Terms> Resonance for Resonant<T> {
+    const SITE: Site = T::SITE;
+
+    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
+        let figures::Resonant::Yes {
+            lambda,
+            lambda_dot,
+            sidereal_time,
+            resonance,
+        } = figures
+        else {
+            return;
+        };
+        (self.mean_motion_0[i], self.mean_motion[i]) = (mean_motion, mean_motion);
+        (self.lambda_0[i], self.lambda[i]) = (*lambda, *lambda);
+        self.lambda_dot[i] = *lambda_dot;
+        self.sidereal_time[i] = *sidereal_time;
+        self.a0[i] = libm::cbrt(KE / mean_motion).powi(2);
+        self.t[i] = 0.0;
+        self.terms.set(i, resonance);
+    }
+
     #[inline(always)]
-    fn run<S: Simd>(&self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) -> Unperturbed<S> {
-        let Standing { at, n, lambda } = self.near(part, t, &terms);
+    fn advance<S: Simd>(&mut self, part: Part<S>, secular: &Secular, t: Lanes<S>) {
+        let Integrated { at, n, lambda } = self.near(part, secular, t);
+        part.store(&mut self.t, at);
+        part.store(&mut self.mean_motion, n);
+        part.store(&mut self.lambda, lambda);
+    }
+
+    #[inline(always)]
+    fn unperturbed<S: Simd>(
+        &self,
+        part: Part<S>,
+        secular: &Secular,
+        t: Lanes<S>,
+        p22_p23: [Lanes<S>; 2],
+    ) -> Unperturbed<S> {
+        let Integrated { at, n, lambda } = self.near(part, secular, t);
         let rate = n + part.load(&self.lambda_dot);
-        let Pull { n_dot, slope } = terms.pull(lambda, at);
+        let Pull { n_dot, slope } = self.terms.pull(part, secular, lambda, at);
         let left = t - at;
         let half = left * left * 0.5;
         // p28 = (ke / (n + n' dt + n'' dt^2 / 2))^(2/3); lambda + lambda' dt + n' dt^2 / 2
         let motion = (slope * rate).mul_add(half, n_dot.mul_add(left, n));
+        let lambda = lambda + rate * left + n_dot * half;
+        let theta = t * SIDEREAL_SPEED + part.load(&self.sidereal_time);
         Unperturbed {
             a: major_axis(motion, part.load(&self.a0)),
-            mean_anomaly: lambda + rate * left + n_dot * half,
-            well: part.splat(0.0).less_than(motion),
+            mean_anomaly: T::mean_anomaly(lambda, p22_p23, theta.within_a_turn()),
+            is_valid: part.splat(0.0).less_than(motion),
         }
-    }
-
-    /// The Earth's turning at `t`, rad, within a turn.
-    #[inline(always)]
-    fn sidereal_time_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
-        let angle = t * SIDEREAL_SPEED + part.load(&self.sidereal_time);
-        angle.within_a_turn()
     }
 }
 
-/// a = (ke / n)^(2/3), Earth radii, by Newton's method on a^3 n^2 = ke^2 from a guess; anything where n is not above 0.
+/// a = (ke / n)^(2/3), Earth radii, by Newton's method on a^3 n^2 = ke^2 from a guess; undefined
+/// where n is not above 0.
 #[inline(always)]
 fn major_axis<S: Simd>(n: Lanes<S>, guess: Lanes<S>) -> Lanes<S> {
     const STEPS: usize = 60;
@@ -247,108 +243,20 @@ fn major_axis<S: Simd>(n: Lanes<S>, guess: Lanes<S>) -> Lanes<S> {
     a
 }
 
-impl OneDay {
-    #[inline(always)]
-    fn terms<S: Simd>(&self, part: Part<S>) -> OneDayTerms<S> {
-        OneDayTerms {
-            dr: part.load_three(&self.dr),
-        }
-    }
-}
-
-impl Resonance for OneDay {
-    const SITE: Site = Site::OneDay;
-
-    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
-        if let Some(figures::Resonance::OneDay(dr)) = self.integrator.set(i, mean_motion, figures) {
-            for (row, dr) in self.dr.iter_mut().zip(dr) {
-                row[i] = *dr;
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn advance<S: Simd>(&mut self, part: Part<S>, _: &Secular, t: Lanes<S>) {
-        let terms = self.terms(part);
-        self.integrator.advance(part, t, terms);
-    }
-
-    #[inline(always)]
-    fn unperturbed<S: Simd>(
-        &self,
-        part: Part<S>,
-        _: &Secular,
-        t: Lanes<S>,
-        [p22, p23]: [Lanes<S>; 2],
-    ) -> Unperturbed<S> {
-        let theta = self.integrator.sidereal_time_at(part, t);
-        let mut there = self.integrator.run(part, t, self.terms(part));
-        // p29 = lambda - p22 - p23 + theta
-        there.mean_anomaly = there.mean_anomaly - p22 - p23 + theta;
-        there
-    }
-}
-
-impl HalfDay {
-    #[inline(always)]
-    fn terms<S: Simd>(&self, part: Part<S>, secular: &Secular) -> HalfDayTerms<S> {
-        let mut d = [part.splat(0.0); 10];
-        for (d, row) in d.iter_mut().zip(&self.d) {
-            *d = part.load(row);
-        }
-        HalfDayTerms {
-            d,
-            perigee_0: part.load(&secular.perigee),
-            perigee_dot: part.load(&self.perigee_dot),
-        }
-    }
-}
-
-impl Resonance for HalfDay {
-    const SITE: Site = Site::HalfDay;
-
-    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
-        if let Some(figures::Resonance::HalfDay(figures)) =
-            self.integrator.set(i, mean_motion, figures)
-        {
-            let [d @ .., k14] = figures;
-            for (row, d) in self.d.iter_mut().zip(d) {
-                row[i] = *d;
-            }
-            self.perigee_dot[i] = *k14;
-        }
-    }
-
-    #[inline(always)]
-    fn advance<S: Simd>(&mut self, part: Part<S>, secular: &Secular, t: Lanes<S>) {
-        let terms = self.terms(part, secular);
-        self.integrator.advance(part, t, terms);
-    }
-
-    #[inline(always)]
-    fn unperturbed<S: Simd>(
-        &self,
-        part: Part<S>,
-        secular: &Secular,
-        t: Lanes<S>,
-        [p22, _]: [Lanes<S>; 2],
-    ) -> Unperturbed<S> {
-        let theta = self.integrator.sidereal_time_at(part, t);
-        let mut there = self.integrator.run(part, t, self.terms(part, secular));
-        // p29 = lambda - 2 p22 + 2 theta
-        there.mean_anomaly = there.mean_anomaly - (p22 + p22) + (theta + theta);
-        there
-    }
-}
-
 /// n', and d n' / d lambda.
-struct Pull<S: Simd> {
+pub struct Pull<S: Simd> {
     n_dot: Lanes<S>,
     slope: Lanes<S>,
 }
 
 impl<S: Simd> Pull<S> {
-    /// With a term more: d sin(angle), whose angle turns `m` times as fast as lambda.
+    #[inline(always)]
+    fn none(part: Part<S>) -> Self {
+        let (n_dot, slope) = (part.splat(0.0), part.splat(0.0));
+        Pull { n_dot, slope }
+    }
+
+    /// Adds a term d sin(angle), whose angle changes `m` times as fast as lambda.
     #[inline(always)]
     fn and(self, d: Lanes<S>, angle: Lanes<S>, m: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
@@ -359,48 +267,73 @@ impl<S: Simd> Pull<S> {
     }
 }
 
-/// What pulls at the mean motion.
-trait Terms<S: Simd> {
-    /// At lambda (rad), `at` min after the epoch.
-    fn pull(&self, lambda: Lanes<S>, at: Lanes<S>) -> Pull<S>;
-}
+/// dr1, dr2, dr3.
+#[derive(Clone, Debug, Default)]
+pub struct OneDayTerms([Row; 3]);
 
-struct OneDayTerms<S: Simd> {
-    dr: [Lanes<S>; 3],
-}
+impl Terms for OneDayTerms {
+    const SITE: Site = Site::OneDay;
 
-impl<S: Simd> Terms<S> for OneDayTerms<S> {
+    fn set(&mut self, i: usize, figures: &figures::Resonance) {
+        if let figures::Resonance::OneDay(dr) = figures {
+            for (row, dr) in self.0.iter_mut().zip(dr) {
+                row[i] = *dr;
+            }
+        }
+    }
+
     /// n' = dr1 sin(l - l31) + dr2 sin 2(l - l22) + dr3 sin 3(l - l33).
     #[inline(always)]
-    fn pull(&self, lambda: Lanes<S>, _: Lanes<S>) -> Pull<S> {
-        let [dr1, dr2, dr3] = self.dr;
-        let zero = lambda.splat(0.0);
-        let none = Pull {
-            n_dot: zero,
-            slope: zero,
-        };
-        none.and(dr1, lambda - lambda.splat(LAMBDA31), 1.0)
-            .and(dr2, (lambda - lambda.splat(LAMBDA22)) * 2.0, 2.0)
-            .and(dr3, (lambda - lambda.splat(LAMBDA33)) * 3.0, 3.0)
+    fn pull<S: Simd>(&self, part: Part<S>, _: &Secular, lambda: Lanes<S>, _: Lanes<S>) -> Pull<S> {
+        let [dr1, dr2, dr3] = part.load_three(&self.0);
+        Pull::none(part)
+            .and(dr1, lambda - part.splat(LAMBDA31), 1.0)
+            .and(dr2, (lambda - part.splat(LAMBDA22)) * 2.0, 2.0)
+            .and(dr3, (lambda - part.splat(LAMBDA33)) * 3.0, 3.0)
+    }
+
+    /// p29 = lambda - p22 - p23 + theta.
+    #[inline(always)]
+    fn mean_anomaly<S: Simd>(
+        lambda: Lanes<S>,
+        [p22, p23]: [Lanes<S>; 2],
+        theta: Lanes<S>,
+    ) -> Lanes<S> {
+        lambda - p22 - p23 + theta
     }
 }
 
-struct HalfDayTerms<S: Simd> {
-    d: [Lanes<S>; 10],
-    perigee_0: Lanes<S>,
-    perigee_dot: Lanes<S>,
+#[derive(Clone, Debug, Default)]
+pub struct HalfDayTerms {
+    d: [Row; 10],
+    /// k14: the perigee's rate by the Earth alone, rad/min.
+    perigee_dot: Row,
 }
 
-impl<S: Simd> Terms<S> for HalfDayTerms<S> {
+impl Terms for HalfDayTerms {
+    const SITE: Site = Site::HalfDay;
+
+    fn set(&mut self, i: usize, figures: &figures::Resonance) {
+        if let figures::Resonance::HalfDay([d @ .., k14]) = figures {
+            for (row, d) in self.d.iter_mut().zip(d) {
+                row[i] = *d;
+            }
+            self.perigee_dot[i] = *k14;
+        }
+    }
+
     /// n' = sum D sin((l - 2p) w + m/2 lambda - G).
     #[inline(always)]
-    fn pull(&self, lambda: Lanes<S>, at: Lanes<S>) -> Pull<S> {
-        let w = self.perigee_dot.mul_add(at, self.perigee_0);
-        let zero = lambda.splat(0.0);
-        let mut all = Pull {
-            n_dot: zero,
-            slope: zero,
-        };
+    fn pull<S: Simd>(
+        &self,
+        part: Part<S>,
+        secular: &Secular,
+        lambda: Lanes<S>,
+        at: Lanes<S>,
+    ) -> Pull<S> {
+        let perigee_dot = part.load(&self.perigee_dot);
+        let w = perigee_dot.mul_add(at, part.load(&secular.perigee));
+        let mut all = Pull::none(part);
         // factors of w and lambda, and phases
         const TERMS: [(f64, f64, f64); 10] = [
             (2.0, 1.0, G22),
@@ -415,9 +348,19 @@ impl<S: Simd> Terms<S> for HalfDayTerms<S> {
             (-1.0, 2.0, G54),
         ];
         for (d, (of_w, of_lambda, phase)) in self.d.iter().zip(TERMS) {
-            let angle = w * of_w + lambda * of_lambda - lambda.splat(phase);
-            all = all.and(*d, angle, of_lambda);
+            let angle = w * of_w + lambda * of_lambda - part.splat(phase);
+            all = all.and(part.load(d), angle, of_lambda);
         }
         all
+    }
+
+    /// p29 = lambda - 2 p22 + 2 theta.
+    #[inline(always)]
+    fn mean_anomaly<S: Simd>(
+        lambda: Lanes<S>,
+        [p22, _]: [Lanes<S>; 2],
+        theta: Lanes<S>,
+    ) -> Lanes<S> {
+        lambda - (p22 + p22) + (theta + theta)
     }
 }

@@ -75,8 +75,8 @@ pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
     sin_i * (-0.25 * J3 / J2) * cos_i.mul_add(sin_i.splat(5.0), sin_i.splat(3.0)) / divisor
 }
 
-/// A block on its way from mean elements to states. A processor works on several blocks at a time if each step takes them one after
-/// another: alone, each block would wait for its own results.
+/// Intermediate results of a block, from mean elements to states. Each step is done for many
+/// blocks: a single block would wait for its own results.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Way {
@@ -248,8 +248,8 @@ fn turned<S: Simd>(sin: Lanes<S>, cos: Lanes<S>, by: Lanes<S>) -> (Lanes<S>, Lan
     (sin.mul_add(c, cos * s), cos.mul_add(c, -(sin * s)))
 }
 
-/// Sine and cosine of E + w from Kepler's equation p38 = (E + w) + ayn cos(E + w) - axn sin(E + w), by Newton's method. Who has
-/// arrived stands still, so that nobody's result depends on who is beside him.
+/// Sine and cosine of E + w from Kepler's equation p38 = (E + w) + ayn cos(E + w) - axn sin(E + w),
+/// by Newton's method. Converged lanes stay fixed: results do not depend on neighbours.
 #[inline(always)]
 fn kepler<S: Simd>(p38: Lanes<S>, axn: Lanes<S>, ayn: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let one = p38.splat(1.0);
