@@ -61,14 +61,7 @@ pub fn is_message(text: &str) -> bool {
 ///
 /// Errors: the line, and what is wrong there.
 pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
-    let mut reader = Reader {
-        message: AttitudeMessage::default(),
-        is_second: false,
-        object: None,
-        body: None,
-        first_start: None,
-        section: Section::Outside,
-    };
+    let mut reader = Reader::default();
     let mut last = 0;
     for (number, line) in lines::numbered(text) {
         last = number;
@@ -86,6 +79,7 @@ pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
     Ok(reader.message)
 }
 
+#[derive(Default)]
 struct Reader {
     message: AttitudeMessage,
     /// Whether it is of version 2.0.
@@ -98,7 +92,9 @@ struct Reader {
     section: Section,
 }
 
+#[derive(Default)]
 enum Section {
+    #[default]
     Outside,
     Meta(Meta),
     Data(Data),
@@ -118,20 +114,16 @@ struct Data {
 
 impl Reader {
     fn line(&mut self, number: usize, line: &str) -> At<()> {
-        let section = std::mem::replace(&mut self.section, Section::Outside);
-        self.section = match (line, section) {
-            ("META_START", section) => {
-                self.section = section;
-                self.close(number)?;
-                Section::Meta(Meta::new(number))
-            }
+        let is_in_data = matches!(self.section, Section::Data(_));
+        let is_end = line == "META_START" || line == "DATA_STOP" && is_in_data;
+        if is_end {
+            self.close(number)?;
+        }
+        self.section = match (line, std::mem::take(&mut self.section)) {
+            ("META_START", _) => Section::Meta(Meta::new(number)),
+            (_, Section::Outside) if is_end => Section::Outside,
             ("META_STOP", Section::Meta(meta)) => Section::Data(self.data(&meta)?),
             ("DATA_START", Section::Data(data)) => Section::Data(data),
-            ("DATA_STOP", section @ Section::Data(_)) => {
-                self.section = section;
-                self.close(number)?;
-                Section::Outside
-            }
             (_, Section::Meta(mut meta)) => {
                 meta.add(number, line)?;
                 Section::Meta(meta)
@@ -150,11 +142,9 @@ impl Reader {
 
     fn header(&mut self, number: usize, line: &str) -> At<()> {
         let Some((key, value)) = line.split_once('=') else {
-            let line = shorten(line);
-            return Err((
-                number,
-                format!("'{line}' outside of every segment; a segment starts with META_START"),
-            ));
+            let rule = "a segment starts with META_START";
+            let reason = format!("'{}' outside of every segment; {rule}", shorten(line));
+            return Err((number, reason));
         };
         if key.trim() == VERSION {
             check_version(VERSION, value).map_err(|reason| (number, reason))?;
@@ -165,16 +155,14 @@ impl Reader {
 
     /// Ends the section that is open, at line `number`.
     fn close(&mut self, number: usize) -> At<()> {
-        match std::mem::replace(&mut self.section, Section::Outside) {
+        match std::mem::take(&mut self.section) {
             Section::Outside => Ok(()),
             Section::Meta(meta) => Err((meta.line, "META_START without META_STOP".to_owned())),
             Section::Data(Data { segment, .. }) => {
-                if segment.attitudes.len() < 2 {
-                    let count = segment.attitudes.len();
-                    let reason = format!(
-                        "{count} attitudes in a segment; give two at least, nothing is extrapolated"
-                    );
-                    return Err((number, reason));
+                let count = segment.attitudes.len();
+                if count < 2 {
+                    let rule = "give two at least, nothing is extrapolated";
+                    return Err((number, format!("{count} attitudes in a segment; {rule}")));
                 }
                 self.message.segments.push(segment);
                 Ok(())
@@ -212,12 +200,10 @@ impl Reader {
         let more = self.columns(meta)?;
         let (from_a, is_scalar_first) = self.order(meta)?;
         let (axes, a_is_body, assumed) = frames(meta, ut1)?;
-        let body = meta.need(if a_is_body {
-            "REF_FRAME_A"
-        } else {
-            "REF_FRAME_B"
-        })?;
-        self.check_body(body)?;
+        self.check_body(meta.need(match a_is_body {
+            true => "REF_FRAME_A",
+            false => "REF_FRAME_B",
+        })?)?;
         for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
             self.remark(meta.line, assumed);
         }
@@ -263,14 +249,11 @@ impl Reader {
     /// How many numbers follow the quaternion in a line.
     fn columns(&mut self, meta: &Meta) -> At<usize> {
         let (given, line) = meta.need("ATTITUDE_TYPE")?;
-        let known = TYPES
-            .iter()
-            .find(|(name, _)| given.eq_ignore_ascii_case(name));
-        let Some((name, more)) = known else {
+        let mut known = TYPES.iter();
+        let Some((name, more)) = known.find(|(name, _)| given.eq_ignore_ascii_case(name)) else {
             let (given, names) = (shorten(given), TYPES.map(|(name, _)| name).join(", "));
-            let reason = format!(
-                "ATTITUDE_TYPE '{given}'; read are {names}: export the attitudes as QUATERNION"
-            );
+            let remedy = "export the attitudes as QUATERNION";
+            let reason = format!("ATTITUDE_TYPE '{given}'; read are {names}: {remedy}");
             return Err((line, reason));
         };
         if *more > 0 {
@@ -290,29 +273,24 @@ impl Reader {
         }
     }
 
-    /// Whether the quaternion is of the rotation from REF_FRAME_A to REF_FRAME_B, and whether its scalar comes first. Version 1.0
-    /// says both by keywords; version 2.0 has none and fixes A to B and the scalar as the last (504.0-B-2, tables 4-3 and 4-4).
+    /// Whether the quaternion is of the rotation from REF_FRAME_A to REF_FRAME_B, and whether its
+    /// scalar comes first: keywords of version 1.0. Version 2.0 has A to B and the scalar last
+    /// (504.0-B-2, tables 4-3 and 4-4).
     fn order(&self, meta: &Meta) -> At<(bool, bool)> {
-        let one_of = |key: &str, yes: &str, no: &str| -> At<Option<bool>> {
-            let Some((text, line)) = meta.find(key) else {
-                return Ok(None);
-            };
-            match text.to_ascii_uppercase() {
-                text if text == yes => Ok(Some(true)),
-                text if text == no => Ok(Some(false)),
-                _ => Err((
-                    line,
-                    format!("{key} '{}' is not {yes} or {no}", shorten(text)),
-                )),
+        let one_of = |key: &str, yes: &str, no: &str| match meta.find(key) {
+            None => Ok(None),
+            Some((text, _)) if text.eq_ignore_ascii_case(yes) => Ok(Some(true)),
+            Some((text, _)) if text.eq_ignore_ascii_case(no) => Ok(Some(false)),
+            Some((text, line)) => {
+                let text = shorten(text);
+                Err((line, format!("{key} '{text}' is not {yes} or {no}")))
             }
         };
         let from_a = one_of("ATTITUDE_DIR", "A2B", "B2A")?;
         let is_scalar_first = one_of("QUATERNION_TYPE", "FIRST", "LAST")?;
         let missing = |key: &str| {
-            (
-                meta.line,
-                format!("the metadata have no {key}, which version 1.0 needs"),
-            )
+            let reason = format!("the metadata have no {key}, which version 1.0 needs");
+            (meta.line, reason)
         };
         match (self.is_second, from_a, is_scalar_first) {
             (true, None | Some(true), None | Some(false)) => Ok((true, false)),
@@ -361,23 +339,21 @@ impl Data {
         let &[first, second, third, fourth, ..] = numbers.as_slice() else {
             return Err(bad("no quaternion".to_owned()));
         };
-        if numbers.len() != self.columns {
-            let (columns, count) = (self.columns, numbers.len());
-            return Err(bad(format!(
-                "{count} values, not {columns} as ATTITUDE_TYPE says,"
-            )));
+        let (columns, count) = (self.columns, numbers.len());
+        if count != columns {
+            let what = format!("{count} values, not {columns} as ATTITUDE_TYPE says,");
+            return Err(bad(what));
         }
         let attitudes = &mut self.segment.attitudes;
         if attitudes.last().is_some_and(|last| last.epoch >= epoch) {
             return Err(bad("an epoch that is not after the one before".to_owned()));
         }
-        let q = if self.is_scalar_first {
-            Quaternion::new(first, second, third, fourth)
-        } else {
-            Quaternion::new(fourth, first, second, third)
+        let q = match self.is_scalar_first {
+            true => Quaternion::new(first, second, third, fourth),
+            false => Quaternion::new(fourth, first, second, third),
         };
-        // A message's quaternion from frame A to frame B turns the axes of A into those of B: it takes coordinates in A to those
-        // in B by v_B = q^-1 v_A q (504.0-B-2, annex F2), where here v_B = q v_A q^-1.
+        // A message's quaternion from frame A to B transforms coordinates by v_B = q^-1 v_A q
+        // (504.0-B-2, annex F2), where here v_B = q v_A q^-1.
         let to_body = if self.is_from_body { q } else { q.conjugate() };
         // q_icrf_to_body = q_frame_to_body q_icrf_to_frame
         let from_icrf = Rotation3::from_matrix_unchecked(self.axes.to_gcrf(epoch).transpose());
@@ -419,16 +395,8 @@ mod tests {
             ("20001A", "SC_BODY_1", None),
             ("2020-001B", "SC_BODY_1", Some("another OBJECT_ID")),
             ("45000", "SC_BODY_1", Some("another OBJECT_ID")),
-            (
-                "2020-001A",
-                "SC_BODY_2",
-                Some("body frame 'SC_BODY_2', and SC_BODY_1 in line"),
-            ),
-            (
-                "2020-001A",
-                "SC_BODY",
-                Some("body frame 'SC_BODY', and SC_BODY_1 in line"),
-            ),
+            ("2020-001A", "SC_BODY_2", Some("'SC_BODY_2', and SC_BODY_1")),
+            ("2020-001A", "SC_BODY", Some("'SC_BODY', and SC_BODY_1")),
         ] {
             let read = parse(&message(&first, &of(id, body)));
             let found = read.err().map(|(_, reason)| reason);

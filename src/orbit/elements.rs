@@ -1,15 +1,13 @@
-//! One set of mean elements and its SGP4/SDP4 propagation, one object at a time.
-//!
-//! The model is the one of Vallado et al., AIAA 2006-6753, with the constants
-//! of WGS72 from which the published elements are made. Against that paper's
-//! vectors: at most 4.3 mm and 1.9e-6 m/s (`tests/sgp4_verification.rs`).
+//! A set of mean elements, and its propagation by SGP4/SDP4 (Vallado et al., AIAA 2006-6753) with
+//! the constants of WGS72. Against that paper's vectors: at most 4.3 mm and 1.9e-6 m/s
+//! (`tests/sgp4_verification.rs`).
 
 use crate::{StateVector, time};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 
-/// Farthest from its epoch that a set is propagated, days: a century. SGP4 has no meaning
-/// there; the bound keeps the deep-space integrator's work bounded.
+/// Farthest from its epoch that a set is propagated, days: a century. The bound limits the work of
+/// the deep-space integrator.
 pub const MAX_ELAPSED_DAYS: f64 = 100.0 * 365.25;
 
 /// Radius of the Earth in the model, m (WGS72).
@@ -70,8 +68,9 @@ pub enum PropagationError {
     /// The semi-latus rectum is below 0.
     #[error("the semi-latus rectum is below 0")]
     SemiLatusRectum,
-    /// The position is inside the Earth. Where J2 makes the radius negative the reference says so too; the `sgp4` crate gives the point
-    /// beyond the centre, and [`sgp4_batch`](crate::sgp4_batch) alone says that it has decayed (1 of 392,157 answers on public catalogues).
+    /// The position is inside the Earth. Where J2 makes the radius negative, the `sgp4` crate gives
+    /// the point beyond the centre; [`sgp4_batch`](crate::sgp4_batch) reports it as decayed, as the
+    /// reference does (1 of 392,157 answers on public catalogues).
     #[error("the object has decayed: SGP4 puts it {depth_km:.1} km inside the Earth")]
     Decayed {
         /// Depth below the equatorial radius, km.
@@ -92,8 +91,7 @@ pub enum PropagationError {
 }
 
 impl PropagationError {
-    /// The code that the reference implementation (Vallado et al., and PyPI sgp4) gives the same failure; 0 for what it
-    /// does not know.
+    /// The code of the reference implementation (Vallado et al., and PyPI sgp4); 0 if it has none.
     pub fn code(&self) -> u8 {
         match self {
             Self::Eccentricity { .. } => 1,
@@ -121,7 +119,7 @@ impl From<sgp4::Error> for PropagationError {
 }
 
 impl Elements {
-    /// What the model starts from: Brouwer's mean elements. Fails where [`Elements::constants`] does, and costs a tenth.
+    /// Brouwer's mean elements. Fails where [`Elements::constants`] does, at a tenth of the cost.
     pub fn orbit(&self) -> Result<sgp4::Orbit, ModelError> {
         let orbit = sgp4::Orbit::from_kozai_elements(
             &sgp4::WGS72,
@@ -140,13 +138,14 @@ impl Elements {
         Ok(orbit)
     }
 
-    /// The model's constants for these elements: WGS72, and the sidereal time of the IAU, which together meet the
-    /// published vectors.
+    /// The model's constants: WGS72 and the IAU sidereal time, which together meet the published
+    /// vectors.
     pub fn constants(&self) -> Result<sgp4::Constants, ModelError> {
         sgp4::Constants::new(
             sgp4::WGS72,
             sgp4::iau_epoch_to_sidereal_time,
-            julian_years_since_j2000(self.epoch),
+            // UTC years of 365.25 days since J2000
+            time::utc_days_since_j2000(self.epoch) / 365.25,
             self.drag,
             self.orbit()?,
         )
@@ -189,9 +188,4 @@ impl Elements {
         }
         Ok(state)
     }
-}
-
-/// UTC years of 365.25 days since 2000-01-01T12:00, as the model's sidereal time takes them.
-fn julian_years_since_j2000(epoch: Epoch) -> f64 {
-    time::utc_days_since_j2000(epoch) / 365.25
 }

@@ -26,8 +26,8 @@ pub(crate) struct Segment {
     pub remarks: Vec<(usize, String)>,
 }
 
-/// How states between the nodes are found, and through how many nodes; near the ends of a segment these lie to one side, and a
-/// segment with fewer takes all that it has.
+/// Interpolation and its number of nodes. Near the ends of a segment the nodes lie to one side; a
+/// segment with fewer nodes uses all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Method {
     /// Lagrange's polynomial, of degree `n - 1`, through `n` positions, and another through their velocities.
@@ -78,28 +78,19 @@ pub struct NotCovered {
 }
 
 impl Ephemeris {
-    /// Counts lines from so many lines before.
-    pub(crate) fn move_lines(&mut self, lines: usize) {
-        for segment in &mut self.segments {
-            segment.line += lines;
-            let remarks = segment.remarks.iter_mut();
-            remarks.for_each(|(line, _)| *line += lines);
-        }
-    }
-
     /// The state at `t`, GCRF, m and m/s, interpolated as the file says.
     ///
     /// Error: `t` is in no segment; nothing is extrapolated.
     pub fn state(&self, t: Epoch) -> Result<StateVector, NotCovered> {
         let ns = t.to_tai_duration().total_nanoseconds();
         match self.segments.iter().find(|s| s.distance_ns(ns) == 0) {
-            Some(segment) => Ok(segment.interpolate(ns)),
+            Some(segment) => Ok(segment.interpolate(segment.method, ns)),
             None => Err(self.nearest(ns)),
         }
     }
 
-    /// What was assumed where the file leaves it open, such as the Earth's rotation: the line of its first segment that this is
-    /// true of, and the text.
+    /// Assumptions where the file leaves something open, such as the Earth's rotation: the line of
+    /// the first segment with it, and the text.
     pub fn remarks(&self) -> Vec<(usize, &str)> {
         let mut all: Vec<(usize, &str)> = Vec::new();
         for (line, text) in self.segments.iter().flat_map(|segment| &segment.remarks) {
@@ -130,10 +121,8 @@ impl Ephemeris {
             }
             joins
         });
-        spans
-            .into_iter()
-            .map(|span| span.map(time::from_tai_ns))
-            .collect()
+        let spans = spans.into_iter();
+        spans.map(|span| span.map(time::from_tai_ns)).collect()
     }
 
     fn nearest(&self, ns: i128) -> NotCovered {
@@ -152,17 +141,16 @@ impl Segment {
         (self.start_ns - ns).max(ns - self.stop_ns).max(0)
     }
 
-    /// Half way between neighbours, the farthest that the interpolation is off where it does not converge, m: where a higher degree
-    /// changes the position by more than the step to the degree below it did, and by more than [`DIVERGED_M`].
+    /// The largest error half way between neighbours where the interpolation does not converge, m:
+    /// where a higher degree changes the position by more than the step to the degree below it did,
+    /// and by more than [`DIVERGED_M`].
     pub fn divergence_m(&self) -> Option<f64> {
         let lower = self.method.lower()?;
         let lowest = lower.lower()?;
-        let pairs = self.nodes.windows(2).filter_map(|pair| match pair {
-            [a, b] => Some(a.tai_ns + (b.tai_ns - a.tai_ns) / 2),
-            _ => None,
-        });
-        let off_m = pairs.filter_map(|ns| {
-            let at = |method| self.interpolate_by(method, ns).position_m;
+        let pairs = self.nodes.iter().zip(self.nodes.iter().skip(1));
+        let middles = pairs.map(|(a, b)| a.tai_ns + (b.tai_ns - a.tai_ns) / 2);
+        let off_m = middles.filter_map(|ns| {
+            let at = |method| self.interpolate(method, ns).position_m;
             let middle = at(lower);
             let [up, down] = [self.method, lowest].map(|method| (at(method) - middle).norm());
             // NaN is no convergence.
@@ -172,11 +160,7 @@ impl Segment {
         off_m.max_by(f64::total_cmp)
     }
 
-    fn interpolate(&self, ns: i128) -> StateVector {
-        self.interpolate_by(self.method, ns)
-    }
-
-    fn interpolate_by(&self, method: Method, ns: i128) -> StateVector {
+    fn interpolate(&self, method: Method, ns: i128) -> StateVector {
         let (Method::Lagrange(count) | Method::Hermite(count)) = method;
         let window = self.window(count, ns);
         // Seconds from the given instant: small numbers, exact differences
@@ -186,15 +170,9 @@ impl Segment {
             velocity_m_s: Vector3::zeros(),
         };
         for (j, node) in window.iter().enumerate() {
-            let (
-                xj,
-                StateVector {
-                    position_m: r,
-                    velocity_m_s: v,
-                },
-            ) = (x(node), node.state);
-            // Lagrange's basis L_j(t) = prod_{k != j} (t - x_k) / (x_j - x_k): its value and derivative at t = 0,
-            // and its derivative at x_j, sum_{k != j} 1 / (x_j - x_k)
+            let (xj, r, v) = (x(node), node.state.position_m, node.state.velocity_m_s);
+            // Lagrange's basis L_j(t) = prod_{k != j} (t - x_k) / (x_j - x_k): its value and
+            // derivative at t = 0, and its derivative at x_j, sum_{k != j} 1 / (x_j - x_k)
             let (mut value, mut slope, mut own_slope) = (1.0, 0.0, 0.0);
             for (_, other) in window.iter().enumerate().filter(|&(k, _)| k != j) {
                 let per = 1.0 / (xj - x(other));

@@ -56,6 +56,10 @@ impl Format {
         matches!(self, Format::OemKvn | Format::OemXml)
     }
 
+    pub(crate) fn is_xml(self) -> bool {
+        matches!(self, Format::OmmXml | Format::OemXml)
+    }
+
     /// The format of a text, by its first line that says something; nothing where it is none of these.
     pub(crate) fn of(text: &str) -> Option<Format> {
         let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());

@@ -1,10 +1,9 @@
 //! From the frames in which orbits are published to the GCRF.
 //!
-//! TEME ("true equator, mean equinox") is the frame of SGP4: its z axis is the
-//! true pole of date, and its x axis is the origin from which the IAU 1982
-//! Greenwich mean sidereal time is counted (Vallado et al., AIAA 2006-6753,
-//! appendix C). The true-of-date frame counts Greenwich APPARENT sidereal time
-//! from the true equinox, so the two differ by a turn about the pole.
+//! TEME ("true equator, mean equinox") is the frame of SGP4: its z axis is the true pole of date,
+//! its x axis the origin of IAU 1982 Greenwich mean sidereal time (Vallado et al., AIAA 2006-6753,
+//! appendix C). Greenwich apparent sidereal time is counted from the true equinox: the two frames
+//! differ by a rotation about the pole.
 
 use crate::StateVector;
 use crate::time::utc_duration;
@@ -19,13 +18,12 @@ pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 
 /// Rotation from TEME of date to GCRF: 3 x 3, `r_gcrf = teme_to_gcrf(t) * r_teme`.
 ///
-/// Precession, nutation and frame bias are IAU 2006/2000A; the equinox turn is
-/// GAST 2006 - GMST 1982. UT1 is taken equal to UTC: the two sidereal times
-/// share the Earth's rotation, and what is left of a 1 s error in UT1 is
-/// 7e-12 rad, 0.3 mm at the geostationary belt. The corrections to the celestial
-/// pole observed since (0.3 milliarcsecond) are left out: 6 cm there.
-/// Measured against two independent libraries out to that belt (`tests/frames.rs`):
-/// at most 3.0 mm over 1960 to 2060 (skyfield), 2.5 mm over 1975 to 2026 (astropy).
+/// Precession, nutation and frame bias are IAU 2006/2000A, the angle about the pole GAST 2006 -
+/// GMST
+/// 1982. UT1 is taken as UTC: in the difference 1 s is 7e-12 rad, 0.3 mm at the geostationary belt.
+/// Observed corrections of the celestial pole (0.3 milliarcsecond) are left out: 6 cm there.
+/// Measured out to that belt (`tests/frames.rs`): at most 3.0 mm over 1960 to 2060 (skyfield), 2.5
+/// mm over 1975 to 2026 (astropy).
 pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     let tt = days_of_tt(t);
     let ut1 = days_since_j2000(utc_duration(t).total_nanoseconds());
@@ -38,8 +36,8 @@ pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     (about_z(angle) * matrix(&npb)).transpose()
 }
 
-/// Rotation from EME2000 (mean equator and equinox of J2000.0) to GCRF: the
-/// constant frame bias of IAU 2000, 23 milliarcseconds (0.8 m at 7,000 km).
+/// Rotation from EME2000 (mean equator and equinox of J2000.0) to GCRF: the frame bias of IAU 2000,
+/// 23 milliarcseconds (0.8 m at 7,000 km).
 pub fn eme2000_to_gcrf() -> Matrix3<f64> {
     // r_eme2000 = B r_gcrf
     let (bias, _, _) = sofars::pnp::bp06(DJ00, 0.0);
@@ -49,7 +47,7 @@ pub fn eme2000_to_gcrf() -> Matrix3<f64> {
 /// Mean angular velocity of the Earth, rad/s: 2 pi 1.00273781191135448 / 86400 (IERS Conventions 2010, Eq. 5.15).
 const EARTH_RATE: f64 = 7.292_115_146_706_98e-5;
 
-/// The axes of the reference frames in which messages give states. The origin is the Earth's centre.
+/// Axes of reference frames about the Earth's centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Axes {
     /// GCRF; ICRF about the Earth's centre has the same axes.
@@ -74,8 +72,8 @@ pub(crate) const FRAMES: &str =
     "GCRF, ICRF, EME2000, J2000, MOD, TOD, TEME, ITRF (of any year), WGS84, TDR, GTOD and PEF";
 
 impl Axes {
-    /// By the name that CCSDS messages use, in any case of letters: `ITRF2014`, `ITRF-97`. Realisations of the ITRF differ by
-    /// less than 0.2 m.
+    /// By the name in CCSDS messages, in any case of letters: `ITRF2014`, `ITRF-97`. Realisations
+    /// of the ITRF differ by less than 0.2 m.
     pub fn named(name: &str, ut1_tai: Duration) -> Option<Axes> {
         let name = name.to_ascii_uppercase();
         let year = name.strip_prefix("ITRF");

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 
-/// Names without their numbers that many objects share: pieces, and what Space-Track calls unidentified objects.
+/// Names, without their numbers, that many objects share: pieces and unidentified objects.
 const GENERIC: [&[&str]; 6] = [
     &["DEB"],
     &["DEBRIS"],
@@ -39,7 +39,7 @@ pub fn catalogue_number(text: &str) -> Option<u32> {
     alpha_5(&unlabelled(text, "NORAD").to_ascii_uppercase())
 }
 
-/// A text without quotes, `#`, and a label such as `NORAD`, `NORAD ID` or `COSPAR` before it.
+/// A text without quotes, `#`, and a label such as `NORAD`, `NORAD ID` or `COSPAR`.
 pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
     let without = |text: &'a str, word: &str| {
         let (head, rest) = text.split_at_checked(word.len())?;
@@ -48,10 +48,8 @@ pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
         // `NORAD-5` and `NORAD - 5` are 5; `NORAD -5` is a negative number.
         let ends_in_minus = between.ends_with(" -") || between.ends_with(":-");
         let is_negative = ends_in_minus && bare.starts_with(|c: char| c.is_ascii_digit());
-        let rest = match is_negative {
-            true => rest.split_at_checked(between.len() - 1)?.1,
-            false => bare,
-        };
+        let minus = usize::from(is_negative);
+        let (_, rest) = rest.split_at_checked(between.len() - minus)?;
         head.eq_ignore_ascii_case(word).then_some(rest)
     };
     let text = text.trim().trim_matches(['"', '\'']).trim();
@@ -79,7 +77,8 @@ pub struct Identity {
 enum Word {
     /// The id: an OBJECT_ID may be any text.
     Id,
-    /// The name, where the id is a placeholder: of segments of one file. Of records, which may be of many satellites, the orbit with it.
+    /// The name, where the id is a placeholder: of segments of one file. Of records, which may be
+    /// of many satellites, the name with the orbit.
     Name,
     /// The orbit alone, where the name is a placeholder too.
     #[default]
@@ -93,13 +92,11 @@ impl Identity {
         Identity {
             number,
             designator: Designator::parse(designator),
-            // Catalogues are long: an object with a number needs no name.
-            word: if number.is_some() {
-                Word::Name
-            } else if agency_id(designator).is_some() {
-                Word::Id
-            } else {
-                Word::of_name(name)
+            word: match number {
+                // Catalogues are long: an object with a number needs no name.
+                Some(_) => Word::Name,
+                None if agency_id(designator).is_some() => Word::Id,
+                None => Word::of_name(name),
             },
         }
     }
@@ -109,10 +106,9 @@ impl Identity {
         Identity {
             number: catalogue_number(id).and_then(assigned),
             designator: Designator::parse(id),
-            word: if is_placeholder(id) {
-                Word::of_name(name)
-            } else {
-                Word::Id
+            word: match is_placeholder(id) {
+                true => Word::of_name(name),
+                false => Word::Id,
             },
         }
     }
@@ -142,10 +138,9 @@ impl Identity {
 
 impl Word {
     fn of_name(name: &str) -> Self {
-        if is_placeholder(name) || is_generic(name) {
-            Word::Orbit
-        } else {
-            Word::Name
+        match is_placeholder(name) || is_generic(name) {
+            true => Word::Orbit,
+            false => Word::Name,
         }
     }
 }
@@ -160,10 +155,9 @@ pub(crate) fn agency_id(text: &str) -> Option<&str> {
 
 /// The id of an object without a number: `UNKNOWN`, or `NORAD 0` with its name behind it.
 pub(crate) fn unnumbered_id(placeholder: &str, name: &str) -> String {
-    if is_placeholder(name) {
-        placeholder.to_owned()
-    } else {
-        format!("{placeholder} {name}")
+    match is_placeholder(name) {
+        true => placeholder.to_owned(),
+        false => format!("{placeholder} {name}"),
     }
 }
 
@@ -231,12 +225,12 @@ impl Key {
     }
 }
 
-/// The keys of a set of objects: of each the catalogue number or, where it has none, the number that another of them has beside the same
-/// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name
-/// and the orbit. They do not depend on the order of the objects.
+/// The keys of a set of objects, which do not depend on their order: the catalogue number, or the
+/// number that another of them has beside the same international designator; else the designator;
+/// else the OBJECT_ID or, where that is a placeholder, name and orbit.
 #[derive(Debug, Default)]
 pub(crate) struct Keys {
-    /// Designators of objects without a number, and the smallest number that any object has beside each.
+    /// Designators of objects without a number, and the smallest number of any object with each.
     numbers: HashMap<Designator, Option<u32>>,
 }
 
@@ -280,7 +274,7 @@ pub fn is_same(one: &Object, other: &Object) -> bool {
     keys.key(one) == keys.key(other)
 }
 
-/// The object that each of a list belongs to: their numbers, counted from 0 in the order in which they first appear.
+/// The object that each of a list belongs to, counted from 0 in the order of first appearance.
 pub fn places<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Vec<usize> {
     // Catalogues are long: where each has a number of its own, no map is made.
     let mut numbers: Vec<Option<u32>> = objects.clone().map(|o| o.identity.number()).collect();
@@ -300,25 +294,23 @@ pub fn places<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Vec<usiz
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::texts::{OMM, oem, omm_json};
 
-    fn read(text: String) -> Object {
-        let mut loaded = crate::parse(&text, "here").unwrap();
-        loaded.objects.swap_remove(0)
+    fn read(text: &str) -> Object {
+        crate::parse(text, "here").unwrap().objects.swap_remove(0)
     }
 
     fn ephemeris(id: &str) -> Object {
-        read(format!(
-            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
-             TIME_SYSTEM = UTC\nSTART_TIME = 2000-06-27T00:00:00\nSTOP_TIME = 2000-06-27T00:00:10\nMETA_STOP\n\
-             2000-06-27T00:00:00 7000 0 0 0 7.5 0\n2000-06-27T00:00:10 7000 75 0 0 7.5 0\n"
-        ))
+        let states = [
+            "2019-06-15T00:00:00 7000 0 0 1 0 0",
+            "2019-06-15T00:00:10 7010 0 0 1 0 0",
+        ];
+        read(&oem(&format!("OBJECT_ID = {id}\n"), &states))
     }
 
     fn set(number: u32, designator: &str) -> Object {
-        read(format!(
-            "OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
-             {designator},2026-07-12T03:04:05,15.2,.001,97.5,120,90,270,{number},0\n"
-        ))
+        let text = omm_json(OMM).replace("2026-101A", designator);
+        read(&text.replace("100001", &number.to_string()))
     }
 
     /// Of an OMM NORAD_CAT_ID is optional (CCSDS 502.0-B-3, Table 4-3).
@@ -346,51 +338,17 @@ mod tests {
             there
         };
         let vanguard = set(5, "1958-002B");
-        let calls = [
-            "1958-002B",
-            "58002B",
-            "1958-2B",
-            "1958-02b",
-            "1958-002-B",
-            "1958/002B",
-            "COSPAR 1958-002B",
-            "COSPAR ID: 1958-002B",
-            "\"1958-002B\"",
-        ];
-        let numbers = [
-            "5",
-            "00005",
-            "NORAD 5",
-            "NORAD5",
-            "norad 5",
-            "Norad_00005",
-            "NORAD ID 5",
-            "NORAD_CAT_ID 5",
-            "#5",
-            "NORAD #5",
-            "NORAD-5",
-            "NORAD - 5",
-            "NORAD_-5",
-            "'5'",
-        ];
-        for id in calls.iter().chain(&numbers) {
-            assert!(alike(&vanguard, &ephemeris(id)), "{id}");
-        }
-        for same in [&calls[..], &numbers] {
-            for other in same {
-                assert!(alike(&ephemeris(same[0]), &ephemeris(other)), "{other}");
+        let calls = "1958-002B,58002B,1958-2B,1958-02b,1958-002-B,1958/002B,COSPAR 1958-002B,\
+                     COSPAR ID: 1958-002B,\"1958-002B\"";
+        let numbers = "5,00005,NORAD 5,NORAD5,norad 5,Norad_00005,NORAD ID 5,NORAD_CAT_ID 5,#5,\
+                       NORAD #5,NORAD-5,NORAD - 5,NORAD_-5,'5'";
+        for (first, same) in [("1958-002B", calls), ("5", numbers)] {
+            for id in same.split(',') {
+                assert!(alike(&vanguard, &ephemeris(id)), "{id}");
+                assert!(alike(&ephemeris(first), &ephemeris(id)), "{id}");
             }
         }
-        for other in [
-            "1958-002A",
-            "1958-20B",
-            "6",
-            "NORAD 55",
-            "NORADIA 5",
-            "NORAD -5",
-            "NORAD ID: -5",
-            "A",
-        ] {
+        for other in "1958-002A,1958-20B,6,NORAD 55,NORADIA 5,NORAD -5,NORAD ID: -5,A".split(',') {
             assert!(!alike(&vanguard, &ephemeris(other)), "{other}");
             assert!(
                 !alike(&ephemeris("1958-002B"), &ephemeris(other)),

@@ -2,8 +2,8 @@
 
 use memchr::memchr2;
 
-/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR; blanks at their ends are left out, and byte
-/// order marks at their beginnings, which joined files have.
+/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR. Blanks at
+/// their ends are removed, and byte order marks at their beginnings, which joined files have.
 pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
     let mut rest = text;
     let mut number = 0;
@@ -37,7 +37,7 @@ pub(crate) fn start(text: &str) -> usize {
     })
 }
 
-/// Finds the lines of offsets in rising order; each part of the text is read once.
+/// Finds the lines of offsets in rising order, reading the text once.
 pub(crate) struct LineFinder<'a> {
     text: &'a [u8],
     at: usize,
@@ -45,15 +45,17 @@ pub(crate) struct LineFinder<'a> {
 }
 
 impl<'a> LineFinder<'a> {
-    pub fn new(text: &'a str) -> Self {
+    /// For a text with `lines_before` lines before it.
+    pub fn new(text: &'a str, lines_before: usize) -> Self {
         LineFinder {
             text: text.as_bytes(),
             at: 0,
-            line: 1,
+            line: lines_before + 1,
         }
     }
 
-    /// The line of the byte at `offset`, counted from 1. An offset before an earlier call's has the line of that call.
+    /// The line of the byte at `offset`, counted from 1. An offset before that of an earlier call
+    /// gives the line of that call.
     pub fn line(&mut self, offset: usize) -> usize {
         let passed = self.text.get(self.at..offset).unwrap_or_default();
         for (i, byte) in (self.at..).zip(passed) {
@@ -81,7 +83,7 @@ mod tests {
             lines,
             [(1, "a"), (2, "b"), (3, ""), (4, "c"), (5, ""), (6, "d")]
         );
-        let mut finder = LineFinder::new(text);
+        let mut finder = LineFinder::new(text, 0);
         for (number, letter) in [(1, 'a'), (2, 'b'), (4, 'c'), (6, 'd')] {
             assert_eq!(finder.line(text.find(letter).unwrap()), number, "{letter}");
         }

@@ -1,16 +1,16 @@
 //! From a file to the objects in it.
 
 use crate::format::Format;
-use crate::lines::LineFinder;
 use crate::parts::{Part, parts};
-use crate::record::{Found, Record, shorten};
+use crate::record::{At, Record, shorten};
+use crate::unread::Unread;
 use crate::{
-    Identity, Object, Orbit, Source, lines, oem, omm, path_text, printable_line, read_text, remedy,
+    Identity, Object, Orbit, Source, oem, omm, path_text, printable_line, read_text, remedy,
     server, theory, tle, unite, unread, xml,
 };
 use hifitime::Epoch;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -38,8 +38,12 @@ pub struct Contents {
     pub rejected: Vec<Rejected>,
     /// What was assumed of records that were read, a line for each kind.
     pub assumed: Vec<String>,
+    /// Name of the text in messages.
+    source: String,
+    /// How many records of the part were read or refused so far.
+    taken: usize,
     /// START_TIME of the first segment of an OEM in the text.
-    first_start: Option<Epoch>,
+    pub(crate) first_start: Option<Epoch>,
 }
 
 /// A record that could not be read. Shown as `file:line: reason`.
@@ -74,7 +78,11 @@ impl fmt::Display for Rejected {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("cannot read the orbit file {}: {error}{}", path_text(path), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
+    #[error(
+        "cannot read the orbit file {}: {error}{}",
+        path_text(path),
+        remedy_of(error)
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -82,73 +90,37 @@ pub enum LoadError {
         #[source]
         error: std::io::Error,
     },
-    /// There is nothing in the file.
-    #[error("{source_name}: empty; fetch the file again")]
-    Empty {
+    /// The text holds no orbit that can be read.
+    #[error("{source_name}: {reason}")]
+    Nothing {
         /// The source's name.
         source_name: String,
-    },
-    /// The text is in no format that is read.
-    #[error(
-        "{source_name}: no orbit found, it begins with \"{begins}\"; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
-         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..., or in XML"
-    )]
-    NoOrbit {
-        /// The source's name.
-        source_name: String,
-        /// Its first words.
-        begins: String,
-    },
-    /// The text is a server's answer in place of orbits.
-    #[error(
-        "{source_name}: no orbits, but the answer of a server: \"{says}\"; fetch the file again"
-    )]
-    Answer {
-        /// The source's name.
-        source_name: String,
-        /// The server's words.
-        says: String,
-    },
-    /// The text is in a known format that is not read.
-    #[error("{source_name}: {found}")]
-    Unread {
-        /// The source's name.
-        source_name: String,
-        /// What it is, and the remedy.
-        found: String,
-        /// Whether it holds orbits, or attitudes alone.
-        has_orbits: bool,
-    },
-    /// An OEM with a header and no segment.
-    #[error("{source_name}: an OEM without a segment; a segment is {segment}")]
-    NoSegment {
-        /// The source's name.
-        source_name: String,
-        /// What a segment is in the text's notation.
-        segment: &'static str,
-    },
-    /// The text has the form of element sets and holds none.
-    #[error("{source_name}: {format}, and no record in it")]
-    NoRecord {
-        /// The source's name.
-        source_name: String,
-        /// Its format.
-        format: Format,
+        /// What the text is, and the remedy.
+        reason: String,
+        /// Whether it is of another kind than orbits, such as other files in the same folder. A
+        /// file that has lost its records, or an unread format of orbits, is not.
+        is_foreign: bool,
     },
 }
 
+fn remedy_of(error: &std::io::Error) -> String {
+    remedy(error).map_or(String::new(), |remedy| format!("; {remedy}"))
+}
+
 impl LoadError {
-    /// Whether this is no file of orbits at all, such as others in the same folder: no text, or one in no format that is read.
+    /// Whether this is not a file of orbits at all: not text, or a text of another kind.
     pub fn is_foreign(&self) -> bool {
         match self {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
-            LoadError::NoOrbit { .. } => true,
-            LoadError::Unread { has_orbits, .. } => !has_orbits,
-            // A file that has lost its records is a loss.
-            LoadError::Empty { .. }
-            | LoadError::Answer { .. }
-            | LoadError::NoRecord { .. }
-            | LoadError::NoSegment { .. } => false,
+            LoadError::Nothing { is_foreign, .. } => *is_foreign,
+        }
+    }
+
+    fn lost(source: &str, reason: impl Into<String>) -> Self {
+        LoadError::Nothing {
+            source_name: source.to_owned(),
+            reason: reason.into(),
+            is_foreign: false,
         }
     }
 }
@@ -179,9 +151,7 @@ pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
 pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {
-        return Err(LoadError::Empty {
-            source_name: source.to_owned(),
-        });
+        return Err(LoadError::lost(source, "empty; fetch the file again"));
     }
     let format = format(text, source)?;
     let mut all = Contents {
@@ -190,199 +160,168 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         ephemerides: Vec::new(),
         rejected: Vec::new(),
         assumed: Vec::new(),
+        source: source.to_owned(),
+        taken: 0,
         first_start: None,
     };
-    // Texts in brackets are one part, whatever their lines begin with.
-    let is_bracketed = !matches!(
-        format,
-        Format::Tle | Format::ThreeLine | Format::OmmKvn | Format::OemKvn
-    );
-    let parts = if is_bracketed && Format::of(text) == Some(format) {
-        Vec::new()
-    } else {
-        parts(text)
+    let whole = Part {
+        text,
+        lines_before: 0,
     };
-    if parts.len() > 1 {
-        let mut unread = BTreeMap::new();
-        for part in parts {
-            all.add_part(&part, source, &mut unread);
-        }
-        all.reject_unread(unread, source);
-    } else {
-        all.add(text, format, source, 0);
-        if matches!(format, Format::OmmXml | Format::OemXml) {
-            all.reject_unread(unread::messages(text), source);
-        }
+    // A text in brackets is one part, whatever its lines begin with.
+    let is_bracketed = matches!(format, Format::OmmJson | Format::OmmCsv) || format.is_xml();
+    let parts = match is_bracketed && Format::of(text) == Some(format) {
+        true => vec![whole],
+        false => parts(text),
+    };
+    let mut unread = Unread::new();
+    match parts.as_slice() {
+        [part] => all.add(part, format, &mut unread),
+        parts => parts
+            .iter()
+            .for_each(|part| all.add_part(part, &mut unread)),
+    }
+    if parts.len() > 1 || format.is_xml() {
+        all.reject_unread(unread);
     }
     if all.len() == 0 {
-        return Err(no_record(format, source));
+        return Err(LoadError::lost(source, lack(format)));
     }
     all.assumed = theory::assumptions(&all.records, source);
     let remarks = all.ephemerides.iter().flat_map(Object::remarks);
-    all.assumed
-        .extend(remarks.map(|(line, remark)| format!("{source}:{line}: {remark}")));
+    let remarks = remarks.map(|(line, remark)| format!("{source}:{line}: {remark}"));
+    all.assumed.extend(remarks);
     Ok(all)
 }
 
-/// The error of a text in a format that holds nothing.
-fn no_record(format: Format, source: &str) -> LoadError {
-    let source_name = source.to_owned();
+/// What a text in a format lacks that holds nothing.
+fn lack(format: Format) -> String {
     let segment = match format {
         Format::OemKvn => "META_START ... META_STOP and its states",
         Format::OemXml => "<segment> with <metadata> and <data>",
-        _ => {
-            return LoadError::NoRecord {
-                source_name,
-                format,
-            };
-        }
+        _ => return format!("{format}, and no record in it"),
     };
-    LoadError::NoSegment {
-        source_name,
-        segment,
-    }
+    format!("an OEM without a segment; a segment is {segment}")
 }
 
 /// The format of a text or, of one in parts, of the first that is read.
 fn format(text: &str, source: &str) -> Result<Format, LoadError> {
-    let source_name = || source.to_owned();
     let named = unread::by_header(text);
     let format = Format::of(text).filter(|_| named.is_none());
-    let may_answer = matches!(format, None | Some(Format::OmmJson));
-    if let Some(says) = may_answer.then(|| server::words(text, source)).flatten() {
-        return Err(LoadError::Answer {
-            source_name: source_name(),
-            says,
-        });
+    if matches!(format, None | Some(Format::OmmJson))
+        && let Some(says) = server::words(text, source)
+    {
+        let answer = format!("the answer of a server: \"{says}\"; fetch the file again");
+        return Err(LoadError::lost(source, format!("no orbits, but {answer}")));
     }
     if let Some(format) = format {
         return Ok(format);
     }
     let parts = parts(text);
-    if named.is_none()
-        && let Some(format) = parts.iter().skip(1).find_map(|part| Format::of(part.text))
-    {
-        return Ok(format);
-    }
-    let mut found: Vec<String> = named.into_iter().collect();
+    let mut found = Vec::from_iter(named);
     if found.is_empty() {
-        found.extend(parts.iter().filter_map(|part| unread::found(part.text)));
-        found.extend(unread::messages(text).into_keys());
+        if let Some(format) = parts.iter().skip(1).find_map(|part| Format::of(part.text)) {
+            return Ok(format);
+        }
+        let mut messages = Unread::new();
+        for part in &parts {
+            found.extend(unread::found(part.text));
+            unread::add_messages(part, &mut messages);
+        }
+        found.extend(messages.into_keys());
     }
     let mut known = BTreeSet::new();
     found.retain(|kind| known.insert(kind.clone()));
-    if found.is_empty() {
-        return Err(LoadError::NoOrbit {
-            source_name: source_name(),
-            begins: server::quoted(text).chars().take(40).collect(),
-        });
-    }
-    Err(LoadError::Unread {
-        source_name: source_name(),
-        found: found.join("; "),
-        has_orbits: parts.iter().any(|part| unread::has_orbits(part.text)),
+    let begins: String = server::quoted(text).chars().take(40).collect();
+    Err(LoadError::Nothing {
+        source_name: source.to_owned(),
+        reason: match found.is_empty() {
+            true => format!(
+                "no orbit found, it begins with \"{begins}\"; expected two-line element sets (TLE, \
+                 3LE), OMM in KVN, XML, JSON or CSV, or a CCSDS OEM in KVN, whose first line is \
+                 CCSDS_OEM_VERS = ..., or in XML"
+            ),
+            false => found.join("; "),
+        },
+        is_foreign: !parts.iter().any(|part| unread::has_orbits(part.text)),
     })
 }
 
 impl Contents {
-    /// The number of records, read or refused.
+    /// How many records there are, read or refused.
     fn len(&self) -> usize {
         self.records.len() + self.ephemerides.len() + self.rejected.len()
     }
 
-    /// Adds what a text in a known format holds, which has some lines of its file before it.
-    fn add(&mut self, text: &str, format: Format, source: &str, lines_before: usize) {
-        let mut found = Found::new(source);
-        let mut ephemerides = Vec::new();
+    /// Adds the next record of a part. Errors get its number: a file may have one line for all.
+    pub(crate) fn take(&mut self, record: At<Record>) {
+        self.taken += 1;
+        match record {
+            Ok(record) => self.records.push(record),
+            Err((line, reason)) => self.reject(line, format!("record {}: {reason}", self.taken)),
+        }
+    }
+
+    pub(crate) fn reject(&mut self, line: usize, reason: impl AsRef<str>) {
+        let rejected = Rejected::new(&self.source, line, reason.as_ref());
+        self.rejected.push(rejected);
+    }
+
+    /// Adds what a part in a known format holds.
+    fn add(&mut self, part: &Part, format: Format, unread: &mut Unread) {
+        self.taken = 0;
         match format {
-            Format::Tle | Format::ThreeLine => tle::read(text, &mut found),
-            Format::OmmKvn => omm::kvn::read(text, &mut found),
-            Format::OmmXml => omm::xml::read(text, &mut found),
-            Format::OmmJson => omm::json::read(text, &mut found),
-            Format::OmmCsv => omm::csv::read(text, &mut found),
-            Format::OemKvn => {
-                let loaded = oem::parse(text, source, &mut self.first_start);
-                add_ephemerides(loaded, &mut ephemerides, &mut found);
-            }
+            Format::Tle | Format::ThreeLine => tle::read(part, self),
+            Format::OmmKvn => omm::kvn::read(part, self),
+            Format::OmmXml => omm::xml::read(part, self),
+            Format::OmmJson => omm::json::read(part, self),
+            Format::OmmCsv => omm::csv::read(part, self),
+            Format::OemKvn => oem::read(part, self),
             Format::OemXml => {}
         }
+        if !format.is_xml() {
+            return;
+        }
         // An NDM may hold messages of both kinds.
-        if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
-            let loaded = oem::xml::parse(text, source, &mut self.first_start);
-            add_ephemerides(loaded, &mut ephemerides, &mut found);
+        if oem::xml::looks_like(part.text) {
+            oem::xml::read(part, self);
         }
-        if matches!(format, Format::OmmXml | Format::OemXml) {
-            let mut finder = LineFinder::new(text);
-            for (offset, rest) in xml::between(text) {
-                let line = finder.line(offset);
-                let at = line + lines_before;
-                let reason = format!(
-                    "'{}' behind a message in XML: remove it, or split the file at line {at}",
-                    shorten(rest)
-                );
-                found.reject(line, reason);
-            }
+        let mut finder = part.finder();
+        for (offset, rest) in xml::between(part.text) {
+            let (line, rest) = (finder.line(offset), shorten(rest));
+            let remedy = format!("remove it, or split the file at line {line}");
+            self.reject(line, format!("'{rest}' behind a message in XML: {remedy}"));
         }
-        for record in &mut found.records {
-            record.line += lines_before;
-        }
-        for rejected in &mut found.rejected {
-            rejected.line += lines_before;
-        }
-        for object in &mut ephemerides {
-            if let Orbit::Ephemeris(ephemeris) = &mut object.orbit {
-                ephemeris.move_lines(lines_before);
-            }
-        }
-        self.records.append(&mut found.records);
-        self.rejected.append(&mut found.rejected);
-        self.ephemerides.append(&mut ephemerides);
+        unread::add_messages(part, unread);
     }
 
     /// Adds a part of a text in several formats.
-    fn add_part(
-        &mut self,
-        part: &Part,
-        source: &str,
-        unread: &mut BTreeMap<String, (usize, usize)>,
-    ) {
+    fn add_part(&mut self, part: &Part, unread: &mut Unread) {
         let line = part.lines_before + 1;
         match (Format::of(part.text), unread::found(part.text)) {
             (Some(format), _) => {
                 let count = self.len();
-                self.add(part.text, format, source, part.lines_before);
-                if matches!(format, Format::OmmXml | Format::OemXml) {
-                    for (found, (count, line)) in unread::messages(part.text) {
-                        let first = (0, line + part.lines_before);
-                        unread.entry(found).or_insert(first).0 += count;
-                    }
-                }
+                self.add(part, format, unread);
                 if self.len() == count {
-                    let reason = no_record(format, source).to_string();
-                    let reason = reason.trim_start_matches(source).trim_start_matches(": ");
-                    self.rejected.push(Rejected::new(source, line, reason));
+                    self.reject(line, lack(format));
                 }
             }
             (None, Some(found)) => {
-                let messages = lines::numbered(part.text)
-                    .filter(|(_, line)| line.trim_start().starts_with("CCSDS_"));
+                let lines = part.lines().map(|(_, line)| line.trim_start());
+                let messages = lines.filter(|line| line.starts_with("CCSDS_"));
                 unread.entry(found).or_insert((0, line)).0 += messages.count().max(1);
             }
-            (None, None) => {
-                let reason = "a message without orbits: remove it";
-                self.rejected.push(Rejected::new(source, line, reason));
-            }
+            (None, None) => self.reject(line, "a message without orbits: remove it"),
         }
     }
 
-    /// Reports messages of kinds that are not read: how many of each, and the line of the first.
-    fn reject_unread(&mut self, unread: BTreeMap<String, (usize, usize)>, source: &str) {
+    /// Rejects messages of kinds that are not read, in the order of the text.
+    fn reject_unread(&mut self, unread: Unread) {
         for (found, (count, line)) in unread {
-            let reason = match count {
-                1 => found,
-                count => format!("{count} messages, each {found}"),
-            };
-            self.rejected.push(Rejected::new(source, line, &reason));
+            match count {
+                1 => self.reject(line, found),
+                _ => self.reject(line, format!("{count} messages, each {found}")),
+            }
         }
         self.rejected.sort_by_key(|rejected| rejected.line);
     }
@@ -405,11 +344,6 @@ impl Contents {
             rank,
         }
     }
-}
-
-fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
-    ephemerides.extend(loaded.objects);
-    found.rejected.extend(loaded.rejected);
 }
 
 impl From<Contents> for Loaded {
@@ -444,8 +378,9 @@ impl From<Record> for Object {
 }
 
 impl Object {
-    /// Adds the element sets and names of `other`, the same object from another record or file, where they differ. Of sets of one epoch the
-    /// first counts, so that one with a state then goes before one without. An ephemeris is not changed.
+    /// Adds the element sets and names of `other`, the same object in another record or file, where
+    /// they differ. Of sets of one epoch the first is used: one with a state goes before one
+    /// without.
     pub fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)

@@ -15,8 +15,8 @@ const GIVE_UT1: &str = "give --ut1-utc SECONDS (IERS Bulletin A has it), or COMM
 /// UT1 - UTC (s) of files that do not give it.
 static UT1_UTC_S: OnceLock<f64> = OnceLock::new();
 
-/// Sets UT1 - UTC in s, from -1 to 1, of all files that do not give it in a comment: a program does this once, before it reads any.
-/// False if it was set before.
+/// Sets UT1 - UTC in s, from -1 to 1, of all files without a comment that gives it, before any is
+/// read. False if it was set before.
 ///
 /// Errors: says what is wrong with the value.
 pub fn set_ut1_utc(seconds: f64) -> Result<bool, String> {
@@ -89,9 +89,9 @@ pub(crate) fn is_significant(line: &str, in_metadata: bool) -> bool {
     !lines::is_remark(line) || in_metadata && is_comment()
 }
 
-/// What to report of segments that overlap in their usable time, which the standards do not allow (CCSDS 502.0-B-3, Table 5-3, and
-/// 504.0-B-2, Table 4-3: "except for a common end"): the line of the first that does, and the times. Spans are start and stop, ns since
-/// 1900 TAI, and a line, in the order of the file.
+/// Reports segments whose usable times overlap, against the standards (CCSDS 502.0-B-3, Table 5-3,
+/// and 504.0-B-2, Table 4-3: "except for a common end"): the line of the first, and a text. Spans
+/// are start and stop, ns since 1900 TAI, and a line, in the order of the file.
 pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, String)> {
     spans.sort_by_key(|(start, _, _)| *start);
     let mut overlaps = Vec::new();
@@ -119,8 +119,10 @@ pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, Str
 
 impl Meta {
     pub fn new(line: usize) -> Self {
-        let pairs = Vec::new();
-        Meta { line, pairs }
+        Meta {
+            line,
+            pairs: Vec::new(),
+        }
     }
 
     /// Adds a line of text: `KEY = VALUE`, or a comment.
@@ -191,13 +193,13 @@ impl Meta {
         let number = text.trim_end_matches("[s]").trim_end_matches('s').trim();
         let value = number.parse().ok();
         let value = value.filter(|value: &f64| value.abs() <= LARGEST_UT1_UTC_S);
-        let reason = || {
-            format!(
-                "UT1-UTC '{}' is not a number of seconds from -1 to 1",
-                shorten(text)
+        value.map(Some).ok_or_else(|| {
+            let text = shorten(text);
+            (
+                line,
+                format!("UT1-UTC '{text}' is not a number of seconds from -1 to 1"),
             )
-        };
-        value.map(Some).ok_or_else(|| (line, reason()))
+        })
     }
 
     /// Whether times or axes depend on UT1.
@@ -205,23 +207,25 @@ impl Meta {
         let is_fixed = |key| {
             let axes = self
                 .find(key)
-                .map(|(name, _)| Axes::named(name, Duration::ZERO));
-            matches!(axes, Some(Some(Axes::EarthFixed { .. })))
+                .and_then(|(name, _)| Axes::named(name, Duration::ZERO));
+            matches!(axes, Some(Axes::EarthFixed { .. }))
         };
         let mut keys = ["REF_FRAME", "REF_FRAME_A", "REF_FRAME_B"].into_iter();
         Ok(self.scale()?.is_none() || keys.any(is_fixed))
     }
 
-    /// UT1 - UTC: a comment's, and 0 where none is given, at the START_TIME of its segment; the program's at that of the first segment of the
-    /// file that uses it, which `first` stores.
+    /// UT1 - UTC of a comment, or 0, at the START_TIME of the segment; that of the program at the
+    /// START_TIME of the first segment of the file that uses it, which is stored in `first`.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
         // UT1 is read as UTC here: it only decides on which side of a leap second the instant lies.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
         let comment_s = self.ut1_utc_s()?;
         if !self.uses_ut1()? {
-            let utc_s = None;
-            return Ok(Ut1 { utc_s, at: start });
+            return Ok(Ut1 {
+                utc_s: None,
+                at: start,
+            });
         }
         let first = *first.get_or_insert(start);
         let (utc_s, at) = match (comment_s, UT1_UTC_S.get().copied()) {
@@ -252,10 +256,8 @@ impl Meta {
             "TDB" => TimeScale::TDB,
             "UT1" => return Ok(None),
             _ => {
-                let name = shorten(name);
-                let reason = format!(
-                    "TIME_SYSTEM '{name}'; read are UTC, TAI, TT, GPS, TDB and UT1: give the times in one of them"
-                );
+                let known = "UTC, TAI, TT, GPS, TDB and UT1: give the times in one of them";
+                let reason = format!("TIME_SYSTEM '{}'; read are {known}", shorten(name));
                 return Err((line, reason));
             }
         }))
@@ -305,17 +307,16 @@ impl Meta {
     pub fn axes(&self, key: &str, ut1: Ut1) -> At<(Axes, Option<String>)> {
         let (name, line) = self.need(key)?;
         let axes = Axes::named(name, ut1.minus_tai()).ok_or_else(|| {
-            let name = shorten(name);
+            let remedy = "give the data in one of them, GCRF at best";
             (
                 line,
-                format!(
-                    "{key} '{name}'; read are {FRAMES}: give the data in one of them, GCRF at best"
-                ),
+                format!("{key} '{}'; read are {FRAMES}: {remedy}", shorten(name)),
             )
         })?;
-        if let Some((epoch, line)) = self
+        let epoch = self
             .find("REF_FRAME_EPOCH")
-            .filter(|(text, _)| !text.is_empty())
+            .filter(|(text, _)| !text.is_empty());
+        if let Some((epoch, line)) = epoch
             && axes.are_of_date()
         {
             let epoch = shorten(epoch);

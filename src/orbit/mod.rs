@@ -1,22 +1,18 @@
-//! Where an object is: position and velocity in the Geocentric Celestial
-//! Reference Frame (GCRF), in metres and metres per second.
+//! Orbits: position and velocity of objects in the Geocentric Celestial Reference Frame (GCRF), m
+//! and m/s.
 //!
 //! ```text
 //! bytes -> load/parse -> Object -> state(t) -> StateVector (GCRF)
 //! ```
 //!
-//! Three sources of motion, one answer:
-//!
-//! | module | source | model | frame it comes in |
+//! | module | source | model | frame of the source |
 //! |---|---|---|---|
 //! | [`elements`] | TLE, 3LE, OMM | SGP4/SDP4 | TEME, turned by [`frames`] |
 //! | [`ephemeris`] | CCSDS OEM (KVN, XML) | Hermite or Lagrange interpolation | turned at loading |
 //! | [`two_body`] | one state | two bodies and J2 | GCRF |
 //!
-//! [`synth`] makes populations for scale tests, with the mix of the real one.
-//!
-//! Nothing here panics on what a file says: a record that cannot be read is
-//! [`Rejected`] with its line and reason, and the rest of the file loads.
+//! [`synth`] makes synthetic populations for scale tests. A record that cannot be read is
+//! [`Rejected`] with its line and reason, and the rest of the file loads; no file causes a panic.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -59,6 +55,10 @@ mod unread;
 mod write;
 mod xml;
 
+#[cfg(test)]
+#[path = "tests/support/texts.rs"]
+mod texts;
+
 pub use age::{Ages, FRESH_DAYS};
 pub use designator::Designator;
 pub use format::Format;
@@ -84,7 +84,7 @@ pub use unread::{found as unread_format, not_attitudes};
 pub use write::{Written, write};
 
 use elements::{Elements, PropagationError};
-use ephemeris::Ephemeris;
+use ephemeris::{Ephemeris, NotCovered};
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
@@ -102,17 +102,14 @@ pub struct StateVector {
 impl StateVector {
     /// Whether all six numbers are finite.
     pub fn is_finite(&self) -> bool {
-        self.position_m
-            .iter()
-            .chain(self.velocity_m_s.iter())
-            .all(|x| x.is_finite())
+        let numbers = self.position_m.iter().chain(self.velocity_m_s.iter());
+        numbers.into_iter().all(|x| x.is_finite())
     }
 
     /// The same state in axes turned by `rotation` (3 x 3, new = rotation * old).
     ///
-    /// The velocity is turned alike: the slow turning of the axes themselves
-    /// (precession and nutation, about 1e-11 rad/s) is left out, which is
-    /// below 1 mm/s out to the geostationary belt.
+    /// The rotation of the axes with time (precession and nutation, about 1e-11 rad/s) is left out
+    /// of the velocity: below 1 mm/s out to the geostationary belt.
     pub fn rotated(&self, rotation: &Matrix3<f64>) -> Self {
         Self {
             position_m: rotation * self.position_m,
@@ -121,15 +118,15 @@ impl StateVector {
     }
 }
 
-/// A thing in orbit: what it is called and how it moves.
+/// An object in orbit.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. Where that is a placeholder, with the name behind it:
-    /// `NORAD 0 CUBE`, `UNKNOWN CUBE`.
+    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. A placeholder has the name
+    /// behind it: `NORAD 0 CUBE`, `UNKNOWN CUBE`.
     pub id: String,
     /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
     pub names: Vec<String>,
-    /// What tells it from all others.
+    /// What distinguishes it from others.
     pub identity: Identity,
     /// Its motion.
     pub orbit: Orbit,
@@ -138,7 +135,7 @@ pub struct Object {
 /// How an object's motion is given.
 #[derive(Clone, Debug)]
 pub enum Orbit {
-    /// Mean elements, propagated by SGP4/SDP4: a set, and further ones. The one nearest in time counts.
+    /// Mean elements for SGP4/SDP4: one or more sets, of which the nearest in time is used.
     Elements(Elements, Vec<Elements>),
     /// Tabulated states, interpolated.
     Ephemeris(Ephemeris),
@@ -155,37 +152,39 @@ impl Object {
         }
     }
 
-    /// [`Object::state`] with the rotation of [`frames::teme_to_gcrf`] at `t`
-    /// given by the caller: many objects at one instant pay for it once.
+    /// [`Object::state`] with the rotation [`frames::teme_to_gcrf`] at `t`, computed once for many
+    /// objects.
     pub fn state_with(
         &self,
         t: Epoch,
         teme_to_gcrf: &Matrix3<f64>,
     ) -> Result<StateVector, OrbitError> {
-        let state = match &self.orbit {
-            Orbit::Elements(set, others) => nearest(set, others, t)
-                .state_teme(t)
-                .map(|state| state.rotated(teme_to_gcrf))
-                .map_err(|reason| OrbitError::Propagation {
+        match &self.orbit {
+            Orbit::Elements(set, others) => match nearest(set, others, t).state_teme(t) {
+                Ok(state) => Ok(state.rotated(teme_to_gcrf)),
+                Err(reason) => Err(self.no_state(t, reason)),
+            },
+            Orbit::Ephemeris(ephemeris) => {
+                let outside = |NotCovered { start, stop }| OrbitError::OutsideInterval {
                     object: self.label(),
                     epoch: t,
-                    reason,
-                })?,
-            Orbit::Ephemeris(ephemeris) => {
-                ephemeris
-                    .state(t)
-                    .map_err(|gap| OrbitError::OutsideInterval {
-                        object: self.label(),
-                        epoch: t,
-                        start: gap.start,
-                        stop: gap.stop,
-                    })?
+                    start,
+                    stop,
+                };
+                ephemeris.state(t).map_err(outside)
             }
-        };
-        Ok(state)
+        }
     }
 
-    /// Why it has no state at `t`, where the batch gives that code of a failure.
+    fn no_state(&self, epoch: Epoch, reason: PropagationError) -> OrbitError {
+        OrbitError::Propagation {
+            object: self.label(),
+            epoch,
+            reason,
+        }
+    }
+
+    /// The error at `t`, where the batch gives this code of a failure.
     pub fn failure(&self, t: Epoch, code: u8) -> OrbitError {
         let reason = match self.state_with(t, &Matrix3::identity()) {
             Err(error) => return error,
@@ -195,29 +194,23 @@ impl Object {
             },
             Ok(_) => PropagationError::NotFinite,
         };
-        OrbitError::Propagation {
-            object: self.label(),
-            epoch: t,
-            reason,
-        }
+        self.no_state(t, reason)
     }
 
     /// The first and the last instant at which it may have a state.
     pub fn span(&self) -> Option<(Epoch, Epoch)> {
+        if let Orbit::Ephemeris(ephemeris) = &self.orbit {
+            return ephemeris.interval();
+        }
         let reach = Unit::Day * elements::MAX_ELAPSED_DAYS;
-        let sets = self
-            .sets()
-            .map(|set| (set.epoch - reach, set.epoch + reach));
-        let covered = match &self.orbit {
-            Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
-            Orbit::Elements(..) => None,
-        };
-        let all = sets.chain(covered);
-        all.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))
+        let epochs = self.sets().map(|set| set.epoch);
+        let (first, last) = epochs.clone().min().zip(epochs.max())?;
+        Some((first - reach, last + reach))
     }
 
-    /// Instants, in order, between which its states begin and end, however shortly: the middle of each time that an ephemeris covers, and of each gap
-    /// between two; of element sets the changes from one to the next, of which one may have no state.
+    /// Instants, in order, between which its states begin and end, however shortly: the middle of
+    /// each interval that an ephemeris covers and of each gap; of element sets both sides of each
+    /// change from one to the next, of which one may have no state.
     pub fn span_middles(&self) -> Vec<Epoch> {
         let middle = |[start, end]: [Epoch; 2]| start + (end - start) * 0.5;
         if let Orbit::Ephemeris(ephemeris) = &self.orbit {
@@ -229,14 +222,13 @@ impl Object {
         }
         let mut epochs: Vec<Epoch> = self.sets().map(|set| set.epoch).collect();
         epochs.sort_unstable();
-        let neighbours = epochs.windows(2);
-        let changes = neighbours.map(|pair| middle([pair[0], pair[1]]));
+        let changes = epochs.windows(2).map(|pair| middle([pair[0], pair[1]]));
         let beside = |change: Epoch| [-1, 1].map(|ns| change + Unit::Nanosecond * ns);
         changes.flat_map(beside).collect()
     }
 
     /// Its element sets, in their order; none of an ephemeris.
-    pub fn sets(&self) -> impl Iterator<Item = &Elements> {
+    pub fn sets(&self) -> impl Iterator<Item = &Elements> + Clone {
         let (first, others) = match &self.orbit {
             Orbit::Elements(set, others) => (Some(set), others.as_slice()),
             Orbit::Ephemeris(_) => (None, &[][..]),
@@ -244,7 +236,7 @@ impl Object {
         first.into_iter().chain(others)
     }
 
-    /// What was assumed where its ephemeris leaves it open: lines of its file, and a text each. None of element sets.
+    /// Assumptions where its ephemeris leaves something open: a line of its file and a text each.
     pub fn remarks(&self) -> Vec<(usize, &str)> {
         match &self.orbit {
             Orbit::Elements(..) => Vec::new(),
@@ -252,7 +244,7 @@ impl Object {
         }
     }
 
-    /// Which of its element sets counts at `t`, in their order; 0 where there is no choice.
+    /// Index of the element set that is used at `t`; 0 where there is only one.
     pub fn number_at(&self, t: Epoch) -> usize {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => {
@@ -265,7 +257,7 @@ impl Object {
         }
     }
 
-    /// The object with the one element set that counts at `t`: within an exposure it must not change.
+    /// The object with the element set of `t` alone: it must not change within an exposure.
     pub fn settled(&self, t: Epoch) -> Cow<'_, Object> {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
@@ -281,11 +273,8 @@ impl Object {
     /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`; the identifier alone where it has the name.
     pub fn label(&self) -> String {
         let is_part = |name: &&String| self.id.split(' ').any(|part| part == name.as_str());
-        match self
-            .names
-            .first()
-            .filter(|name| !is_part(name) && **name != self.id)
-        {
+        let name = self.names.first().filter(|name| !is_part(name));
+        match name.filter(|name| **name != self.id) {
             Some(name) => format!("{} ({name})", self.id),
             None => self.id.clone(),
         }
@@ -299,15 +288,10 @@ fn bounded_name(name: &str) -> String {
     letters.take(100).collect()
 }
 
-/// The set whose epoch is nearest to `t`.
+/// The set whose epoch is nearest to `t`; the first of several.
 fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Elements {
-    others.iter().fold(set, |best, other| {
-        if (other.epoch - t).abs() < (best.epoch - t).abs() {
-            other
-        } else {
-            best
-        }
-    })
+    let all = std::iter::once(set).chain(others);
+    all.min_by_key(|one| (one.epoch - t).abs()).unwrap_or(set)
 }
 
 /// Why an object has no state at an epoch.
@@ -344,10 +328,8 @@ pub enum OrbitError {
 impl OrbitError {
     /// The label of the object that has no state.
     pub fn object(&self) -> &str {
-        match self {
-            OrbitError::OutsideInterval { object, .. } | OrbitError::Propagation { object, .. } => {
-                object
-            }
-        }
+        let (OrbitError::OutsideInterval { object, .. } | OrbitError::Propagation { object, .. }) =
+            self;
+        object
     }
 }

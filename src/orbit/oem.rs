@@ -5,11 +5,11 @@ pub(crate) mod xml;
 use crate::ephemeris::{Ephemeris, Method, Node, Segment};
 use crate::frames::Axes;
 use crate::identity::{Key, unnumbered_id};
-use crate::load::{Loaded, Rejected};
 use crate::meta::{Clock, Meta, overlap};
+use crate::parts::Part;
 use crate::record::{At, check_version, shorten};
 use crate::unite::Ids;
-use crate::{Identity, Object, Orbit, StateVector, is_placeholder, lines, meta};
+use crate::{Contents, Identity, Object, Orbit, StateVector, is_placeholder, meta};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use std::collections::HashMap;
@@ -22,8 +22,8 @@ const MAX_DEGREE: usize = 25;
 const NEAREST_M: f64 = 1e6;
 const FARTHEST_M: f64 = 4e9;
 const FASTEST_M_S: f64 = 1e5;
-/// Steps along less than this share of the radius tell whether velocities belong to the positions: on a circle the mean of two
-/// velocities and the chord between them differ by its square over 12, here 2 %.
+/// Longest step, as a share of the radius, for which velocities are compared with positions: on a
+/// circle the mean of two velocities and the chord differ by its square over 12, here 2 %.
 const SHORT_STEP: f64 = 0.5;
 /// Steps must be longer than this, m, to tell it: positions may be rounded to 1 m.
 const LEAST_STEP_M: f64 = 1e3;
@@ -40,16 +40,16 @@ pub(crate) fn begins(line: &str) -> bool {
 
 /// Reads every segment; segments of one OBJECT_ID become one object.
 ///
-/// Covariance sections, comments and accelerations are passed over. A segment
-/// with a line that cannot be read is rejected whole, and the rest loads.
-pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -> Loaded {
+/// Covariance sections, comments and accelerations are skipped. A segment with a line that cannot
+/// be read is rejected as a whole, and the rest loads.
+pub(crate) fn read(part: &Part, contents: &mut Contents) {
     let mut reader = Reader {
-        read: Segments::new(source, first_start),
+        read: Segments::new(contents),
         section: Section::Outside,
         is_unknown: false,
     };
-    let mut last = 0;
-    for (number, line) in lines::numbered(text) {
+    let mut last = part.lines_before;
+    for (number, line) in part.lines() {
         last = number;
         let line = line.trim_start();
         if meta::is_significant(line, matches!(reader.section, Section::Meta(_))) {
@@ -57,17 +57,14 @@ pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -
         }
     }
     reader.close(last);
-    reader.read.finish()
+    reader.read.finish();
 }
 
 /// Whether a line is `KEYWORD = value`, as the header's are.
 fn is_header(line: &str) -> bool {
-    line.split_once('=').is_some_and(|(keyword, _)| {
-        keyword
-            .trim()
-            .bytes()
-            .all(|b| b.is_ascii_uppercase() || b == b'_')
-    })
+    let keyword = line.split_once('=').map(|(keyword, _)| keyword.trim());
+    let is_letter = |b: u8| b.is_ascii_uppercase() || b == b'_';
+    keyword.is_some_and(|keyword| keyword.bytes().all(is_letter))
 }
 
 struct Reader<'a> {
@@ -77,20 +74,22 @@ struct Reader<'a> {
     is_unknown: bool,
 }
 
-/// What was read of a message so far.
+/// Adds the segments of a text to its contents.
 struct Segments<'a> {
-    source: &'a str,
-    loaded: Loaded,
-    /// Places of the objects in `loaded`.
+    contents: &'a mut Contents,
+    /// Ephemerides in the contents before those of this text.
+    before: usize,
+    has_rejected: bool,
+    /// Places of the objects in the contents.
     places: HashMap<Key, usize>,
     ids: Ids,
-    /// START_TIME of the first segment of the file.
-    first_start: &'a mut Option<Epoch>,
 }
 
 /// Where in the message the reader is.
+#[derive(Default)]
 enum Section {
     /// In the header, or in a segment that was rejected.
+    #[default]
     Outside,
     Meta(Meta),
     Data(Data),
@@ -116,20 +115,15 @@ struct Data {
 
 impl Reader<'_> {
     fn line(&mut self, number: usize, line: &str) {
-        let section = std::mem::replace(&mut self.section, Section::Outside);
-        let next = match (line, section) {
-            ("META_START", section) if !self.is_unknown => {
-                self.section = section;
-                self.close(number);
-                Ok(Section::Meta(Meta::new(number)))
-            }
+        if begins(line) || line == "META_START" && !self.is_unknown {
+            self.close(number);
+        }
+        let next = match (line, std::mem::take(&mut self.section)) {
+            ("META_START", _) if !self.is_unknown => Ok(Section::Meta(Meta::new(number))),
             // Another message, behind the first in one file.
-            (line, section) if begins(line) => {
-                self.section = section;
-                self.close(number);
+            (line, _) if begins(line) => {
                 let version = line.split_once('=').map(|(_, version)| version);
-                let checked = version.map(|text| check_version(VERSION, text));
-                let checked = checked.unwrap_or(Ok(()));
+                let checked = version.map_or(Ok(()), |text| check_version(VERSION, text));
                 self.is_unknown = checked.is_err();
                 checked
                     .map(|()| Section::Outside)
@@ -137,12 +131,12 @@ impl Reader<'_> {
             }
             (_, section) if self.is_unknown => Ok(section),
             ("META_STOP", Section::Meta(meta)) => {
-                Data::new(&meta, self.read.first_start).map(Section::Data)
+                Data::new(&meta, &mut self.read.contents.first_start).map(Section::Data)
             }
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
             // The rest of a segment that was rejected is passed over: one record, one reason.
-            (_, Section::Outside) if !self.read.loaded.rejected.is_empty() => Ok(Section::Outside),
+            (_, Section::Outside) if self.read.has_rejected => Ok(Section::Outside),
             (line, Section::Outside) if is_header(line) => Ok(Section::Outside),
             (_, Section::Outside) => Err((
                 number,
@@ -160,7 +154,7 @@ impl Reader<'_> {
 
     /// Ends the section that is open, at line `number`.
     fn close(&mut self, number: usize) {
-        match std::mem::replace(&mut self.section, Section::Outside) {
+        match std::mem::take(&mut self.section) {
             Section::Outside => {}
             Section::Meta(_) => {
                 let reason = "META_START without META_STOP; restore the metadata block";
@@ -172,19 +166,19 @@ impl Reader<'_> {
 }
 
 impl<'a> Segments<'a> {
-    fn new(source: &'a str, first_start: &'a mut Option<Epoch>) -> Self {
+    fn new(contents: &'a mut Contents) -> Self {
         Segments {
-            source,
-            loaded: Loaded::default(),
+            before: contents.ephemerides.len(),
+            contents,
+            has_rejected: false,
             places: HashMap::new(),
             ids: Ids::new(),
-            first_start,
         }
     }
 
-    /// What was read, with a remark where segments of an object overlap.
-    fn finish(mut self) -> Loaded {
-        for object in &mut self.loaded.objects {
+    /// Adds a remark where segments of an object overlap.
+    fn finish(self) {
+        for object in self.contents.ephemerides.iter_mut().skip(self.before) {
             let Orbit::Ephemeris(Ephemeris { segments }) = &mut object.orbit else {
                 continue;
             };
@@ -197,7 +191,6 @@ impl<'a> Segments<'a> {
                 segment.remarks.push((line, remark));
             }
         }
-        self.loaded
     }
 
     /// Adds a segment whose states are all read.
@@ -211,22 +204,17 @@ impl<'a> Segments<'a> {
     fn keep(&mut self, id: String, name: String, segment: Segment) {
         let mut object = Object {
             identity: Identity::of_ephemeris(&id, &name),
-            id: if is_placeholder(&id) {
-                unnumbered_id(&id, &name)
-            } else {
-                id
+            id: match is_placeholder(&id) {
+                true => unnumbered_id(&id, &name),
+                false => id,
             },
-            names: Some(name)
-                .filter(|name| !is_placeholder(name))
-                .into_iter()
-                .collect(),
+            names: Vec::from_iter(Some(name).filter(|name| !is_placeholder(name))),
             orbit: Orbit::Ephemeris(Ephemeris {
                 segments: vec![segment],
             }),
         };
-        let objects = &mut self.loaded.objects;
-        let key = Key::of_segment(&object);
-        let place = *self.places.entry(key).or_insert(objects.len());
+        let objects = &mut self.contents.ephemerides;
+        let place = *(self.places.entry(Key::of_segment(&object))).or_insert(objects.len());
         if let Some(known) = objects.get_mut(place) {
             known.extend(object);
         } else {
@@ -236,8 +224,8 @@ impl<'a> Segments<'a> {
     }
 
     fn reject(&mut self, line: usize, reason: &str) {
-        let rejected = Rejected::new(self.source, line, reason);
-        self.loaded.rejected.push(rejected);
+        self.has_rejected = true;
+        self.contents.reject(line, reason);
     }
 }
 
@@ -247,11 +235,8 @@ impl Data {
         meta.check_once()?;
         let (center, line) = meta.need("CENTER_NAME")?;
         if !center.eq_ignore_ascii_case("EARTH") {
-            let center = shorten(center);
-            let reason = format!(
-                "CENTER_NAME '{center}'; only EARTH is read: give the states from the Earth's centre"
-            );
-            return Err((line, reason));
+            let remedy = "only EARTH is read: give the states from the Earth's centre";
+            return Err((line, format!("CENTER_NAME '{}'; {remedy}", shorten(center))));
         }
         let ut1 = meta.ut1(first_start)?;
         let clock = meta.clock(ut1)?;
@@ -279,15 +264,15 @@ impl Data {
         let bad = |what: &str| (number, format!("{what} in '{}'", shorten(line)));
         if is_header(line) {
             return Err(bad(
-                "a keyword behind the states; another message starts with its CCSDS_..._VERS: add that, or split the file here",
+                "a keyword behind the states; another message starts with its CCSDS_..._VERS: add \
+                 that, or split the file here",
             ));
         }
         let mut words = line.split_whitespace();
         let epoch = words.next().unwrap_or_default();
-        let numbers: Vec<f64> = words
-            .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
-            .collect::<Option<_>>()
-            .ok_or_else(|| bad("a value that is not a number"))?;
+        let numbers = words.map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()));
+        let numbers: Option<Vec<f64>> = numbers.collect();
+        let numbers = numbers.ok_or_else(|| bad("a value that is not a number"))?;
         self.state(epoch, &numbers).map_err(|what| bad(&what))
     }
 
@@ -329,9 +314,11 @@ impl Data {
             return Err((self.line, "the segment has no states".to_owned()));
         };
         if self.nodes.len() == 1 {
-            let reason =
-                "the segment has a single state, and nothing is extrapolated: give two at least";
-            return Err((self.line, reason.to_owned()));
+            let rule = "nothing is extrapolated: give two at least";
+            return Err((
+                self.line,
+                format!("the segment has a single state, and {rule}"),
+            ));
         }
         // nothing is extrapolated: the states bound the stated interval
         let start_ns = self.start.to_tai_duration().total_nanoseconds();
@@ -380,29 +367,26 @@ impl Data {
 
 /// The interpolation that metadata ask for: without INTERPOLATION Hermite's, without a degree that of 7.
 fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
-    let degree = match meta.find("INTERPOLATION_DEGREE") {
-        None => DEFAULT_DEGREE,
-        Some((text, line)) => {
-            let degree = text
-                .parse()
-                .ok()
-                .filter(|degree| (1..=MAX_DEGREE).contains(degree));
-            degree.ok_or_else(|| {
-                let text = shorten(text);
-                let reason = format!(
-                    "INTERPOLATION_DEGREE '{text}' is not 1 to {MAX_DEGREE}: write one of these"
-                );
-                (line, reason)
-            })?
-        }
-    };
+    let mut degree = DEFAULT_DEGREE;
+    if let Some((text, line)) = meta.find("INTERPOLATION_DEGREE") {
+        let given = text
+            .parse()
+            .ok()
+            .filter(|degree| (1..=MAX_DEGREE).contains(degree));
+        degree = given.ok_or_else(|| {
+            let rule = format!("is not 1 to {MAX_DEGREE}: write one of these");
+            (
+                line,
+                format!("INTERPOLATION_DEGREE '{}' {rule}", shorten(text)),
+            )
+        })?;
+    }
     let (name, line) = meta.find("INTERPOLATION").unwrap_or(("HERMITE", meta.line));
     match name.to_ascii_uppercase().as_str() {
         "LINEAR" => {
             if degree > 1 && meta.find("INTERPOLATION_DEGREE").is_some() {
-                let remark =
-                    format!("INTERPOLATION LINEAR is of degree 1, not {degree}: 1 is taken");
-                remarks.push((line, remark));
+                let remark = format!("of degree 1, not {degree}: 1 is taken");
+                remarks.push((line, format!("INTERPOLATION LINEAR is {remark}")));
             }
             Ok(Method::Lagrange(2))
         }
@@ -412,19 +396,17 @@ fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
             let states = (degree / 2 + 1).max(2);
             let taken = 2 * states - 1;
             if taken != degree {
-                let remark = format!(
-                    "INTERPOLATION HERMITE is of degree 3, 5, 7 and so on, not {degree}: {taken} is taken"
-                );
-                remarks.push((line, remark));
+                let remark = format!("of degree 3, 5, 7 and so on, not {degree}: {taken} is taken");
+                remarks.push((line, format!("INTERPOLATION HERMITE is {remark}")));
             }
             Ok(Method::Hermite(states))
         }
         _ => {
-            let name = shorten(name);
-            let reason = format!(
-                "INTERPOLATION '{name}'; read are LAGRANGE, HERMITE and LINEAR: name one of them, or none for HERMITE"
-            );
-            Err((line, reason))
+            let known = "LAGRANGE, HERMITE and LINEAR: name one of them, or none for HERMITE";
+            Err((
+                line,
+                format!("INTERPOLATION '{}'; read are {known}", shorten(name)),
+            ))
         }
     }
 }

@@ -1,16 +1,16 @@
-//! Output files. One rule for all of them: an input is never replaced, a file that skyloop did not write only by force, and
-//! opening one never waits.
+//! Output files. An input is never replaced, a file that skyloop did not write only by force, and
+//! opening one never blocks.
 
 use crate::read::not_input;
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// How a file that skyloop wrote is recognised: it begins with the first text and has the others within its first bytes. Without any, the format
-/// has no room for a mark, and an earlier file is always replaced by force only.
+/// Marks a file that skyloop wrote: it begins with the first text and has the others in its first
+/// bytes. A format without room for a mark has none: an earlier file is replaced by force only.
 pub type Mark = &'static [&'static str];
 
-/// The mark of formats that cannot have one: element sets, logs of candump; and of files that people edit.
+/// For formats without room for a mark (element sets, logs of candump), and files that people edit.
 pub const NO_MARK: Mark = &[];
 
 /// Bytes in which a mark is looked for.
@@ -21,23 +21,24 @@ const HEAD: u64 = 1024;
 pub struct OutputFile {
     file: File,
     path: PathBuf,
-    /// It did not exist before, and nothing was written yet: it is removed again.
+    /// New and nothing written yet: removed when dropped.
     is_unused: bool,
-    /// Its whole contents could not be written: it is removed.
+    /// Not written completely: removed when dropped.
     is_broken: bool,
-    /// It is there already and lacks the mark.
+    /// It existed without the mark.
     is_foreign: bool,
 }
 
 impl OutputFile {
     /// Opens the file and changes nothing in it. With `force` a file without the `mark` is accepted too.
     ///
-    /// Errors: it cannot be written; this process has read it, or skyloop did not write it ([`ErrorKind::InvalidInput`]); a pipe that no program
-    /// reads; a block device.
+    /// Errors: it cannot be written; this process has read it, or skyloop did not write it
+    /// ([`ErrorKind::InvalidInput`]); a pipe that no program reads; a block device.
     pub fn open(path: &Path, mark: Mark, force: bool) -> Result<OutputFile> {
         if path == Path::new("-") {
-            let why = "this option has no standard output: give /dev/stdout, or ./- for a file of this name";
-            return Err(Error::new(ErrorKind::InvalidInput, why));
+            return Err(invalid(
+                "this option has no standard output: give /dev/stdout, or ./- for a file of this name",
+            ));
         }
         not_input(path)?;
         let is_foreign = !may_replace(path, mark);
@@ -61,8 +62,7 @@ impl OutputFile {
             opened => (opened?, true),
         };
         if is_block_device(file.metadata()?.file_type()) {
-            let why = "this is a disk: name a file";
-            return Err(Error::new(ErrorKind::InvalidInput, why));
+            return Err(invalid("this is a disk: name a file"));
         }
         Ok(OutputFile {
             file,
@@ -102,7 +102,8 @@ impl OutputFile {
         Ok(())
     }
 
-    /// Writes the whole contents, in place of the earlier ones. A regular file that could not be written whole is removed in the end.
+    /// Replaces the contents. A regular file that is not written completely is removed when
+    /// dropped.
     ///
     /// Errors: those of [`OutputFile::begin`], and what the system says.
     pub fn write(&mut self, contents: &[u8]) -> Result<()> {
@@ -113,7 +114,8 @@ impl OutputFile {
         Ok(())
     }
 
-    /// Adds a text behind what is written. One that cannot be written whole is cut off again, and an empty file is removed in the end.
+    /// Appends a text. After an error what was written of it is cut off, and an empty file is
+    /// removed when dropped.
     ///
     /// Errors: what the system says.
     pub fn append(&mut self, text: &[u8]) -> Result<()> {
@@ -127,7 +129,7 @@ impl OutputFile {
         written
     }
 
-    /// After an error: an empty file is removed in the end. What has been written of a longer one stays.
+    /// After an error: an empty file is removed when dropped; a longer one stays.
     pub fn discard_empty(&mut self) {
         let about = self.file.metadata();
         self.is_broken |= about.is_ok_and(|about| about.is_file() && about.len() == 0);
@@ -165,7 +167,7 @@ pub fn may_replace(path: &Path, mark: Mark) -> bool {
     if !about.is_file() || about.len() == 0 {
         return true;
     }
-    let Some(head) = head_of(path) else {
+    let Ok(head) = head_of(path) else {
         return false;
     };
     let head = String::from_utf8_lossy(&head);
@@ -173,26 +175,28 @@ pub fn may_replace(path: &Path, mark: Mark) -> bool {
     first && mark.iter().all(|part| head.contains(part))
 }
 
-/// The first bytes of a regular file that can be read.
-fn head_of(path: &Path) -> Option<Vec<u8>> {
+/// The first bytes of a file.
+fn head_of(path: &Path) -> Result<Vec<u8>> {
     let mut head = Vec::new();
-    let file = File::open(path).ok()?;
-    file.take(HEAD).read_to_end(&mut head).ok()?;
-    Some(head)
+    File::open(path)?.take(HEAD).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+fn invalid(why: &str) -> Error {
+    Error::new(ErrorKind::InvalidInput, why)
 }
 
 /// The error where an output would replace a file that skyloop did not write.
 #[must_use]
 pub fn foreign() -> Error {
-    let why = "skyloop did not make this file: name another, or replace it with --force";
-    Error::new(ErrorKind::InvalidInput, why)
+    invalid("skyloop did not make this file: name another, or replace it with --force")
 }
 
 /// The error where an output of a format without a mark would replace a file: skyloop may have made it.
 fn unmarked() -> Error {
-    let why =
-        "exists already; element sets, camera files and CAN logs are replaced with --force only";
-    Error::new(ErrorKind::InvalidInput, why)
+    invalid(
+        "exists already; element sets, camera files and CAN logs are replaced with --force only",
+    )
 }
 
 /// Opens for writing without waiting for the other end: that of a pipe may never come.
@@ -203,11 +207,10 @@ fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
     options.custom_flags(OFlags::NONBLOCK.bits() as i32);
     let file = options.open(path).map_err(|error| {
         let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
-        if error.raw_os_error() == no_reader {
-            let why = "no program reads this pipe: start that one first";
-            return Error::new(ErrorKind::InvalidInput, why);
+        match error.raw_os_error() == no_reader {
+            true => invalid("no program reads this pipe: start that one first"),
+            false => error,
         }
-        error
     })?;
     fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
     Ok(file)

@@ -1,6 +1,7 @@
 //! A text in parts that each hold messages of one kind: files are often made by joining others.
 
-use crate::{lines, omm, tle, xml};
+use crate::lines::{self, LineFinder};
+use crate::{omm, tle, xml};
 use memchr::{memchr, memchr3, memmem};
 
 /// A stretch of a text.
@@ -8,6 +9,19 @@ pub(crate) struct Part<'a> {
     pub text: &'a str,
     /// Lines of the whole text before it.
     pub lines_before: usize,
+}
+
+impl<'a> Part<'a> {
+    /// Its lines with their numbers in the whole text.
+    pub fn lines(&self) -> impl Iterator<Item = (usize, &'a str)> + Clone + use<'a> {
+        let before = self.lines_before;
+        lines::numbered(self.text).map(move |(number, line)| (number + before, line))
+    }
+
+    /// Finds lines of the whole text by offsets in this part.
+    pub fn finder(&self) -> LineFinder<'a> {
+        LineFinder::new(self.text, self.lines_before)
+    }
 }
 
 /// What a stretch of lines holds.
@@ -27,8 +41,8 @@ enum Kind<'a> {
     Table,
 }
 
-/// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, at lines that begin XML, JSON or a table of CSV, and at two-line
-/// element sets behind any of these, with their name.
+/// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, at lines that begin XML,
+/// JSON or a table of CSV, and at two-line element sets behind any of these, with their name.
 pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     let mut cuts = vec![(0, 0)];
     let mut kind = Kind::Start;
@@ -62,19 +76,13 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
         }
         before = Some((number, whole));
     }
-    let ends = cuts
-        .iter()
-        .skip(1)
-        .map(|(offset, _)| *offset)
-        .chain([text.len()]);
-    let parts = cuts
-        .iter()
-        .zip(ends)
-        .map(|((start, lines_before), end)| Part {
-            text: text.get(*start..end).unwrap_or_default(),
-            lines_before: *lines_before,
-        });
-    parts.collect()
+    let ends = cuts.iter().skip(1).map(|(offset, _)| *offset);
+    let parts = cuts.iter().zip(ends.chain([text.len()]));
+    let part = |(&(start, lines_before), end)| Part {
+        text: text.get(start..end).unwrap_or_default(),
+        lines_before,
+    };
+    parts.map(part).collect()
 }
 
 /// The kind of message that a line starts, with the text from it on.
@@ -106,14 +114,14 @@ fn is_name(line: &str, kind: Kind) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const SET: &str = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
-                       2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+    use crate::texts::SET;
 
     #[test]
     fn a_text_is_cut_where_another_kind_begins() {
         let oem = "CCSDS_OEM_VERS = 2.0\nMETA_STOP\n2000-06-27T00:00:00 7000 0 0 0 7.5 0\n";
         let omm = "CCSDS_OMM_VERS = 2.0\nBSTAR = 0\n";
+        let xml = "<?xml version=\"1.0\"?>\n<omm/>\n";
+        let json = "[\n{\"EPOCH\":1}\n]\n";
         for (texts, wanted) in [
             (vec![oem], vec![0]),
             (vec![oem, oem], vec![0]),
@@ -124,19 +132,11 @@ mod tests {
             (vec![oem, "A NAME\n", SET, omm], vec![0, 3, 6]),
             (vec![oem, "A NAME\n\n", SET], vec![0, 3]),
             (vec![omm, SET, SET], vec![0, 2]),
-            (
-                vec![SET, "<?xml version=\"1.0\"?>\n<omm/>\n", SET],
-                vec![0, 2, 4],
-            ),
-            (
-                vec![SET, "[\n{\"EPOCH\":1}\n]\n", "A NAME\n", SET],
-                vec![0, 2, 5],
-            ),
+            (vec![SET, xml, SET], vec![0, 2, 4]),
+            (vec![SET, json, "A NAME\n", SET], vec![0, 2, 5]),
             (vec![SET, "NORAD_CAT_ID,EPOCH\n1,2\n", SET], vec![0, 2, 4]),
-            (
-                vec!["[A] NAME, 1\n", SET, "<B>\n", SET, "{C\n", SET],
-                vec![0],
-            ),
+            (vec!["[A] NAME, 1\n", SET, "<B>\n", SET], vec![0]),
+            (vec!["<B>\n", SET, "{C\n", SET], vec![0]),
             (vec![omm, "\u{feff}", oem], vec![0, 2]),
             (vec![""], vec![0]),
         ] {

@@ -5,8 +5,7 @@ use crate::{Designator, Loaded, Object, Rejected, catalogue_number};
 /// Objects that a message names at most.
 const SHOWN: usize = 8;
 
-/// File and object that `FILE` or `FILE:NAME` selects. Colons may belong to either name: the file is the longest
-/// that `exists` knows.
+/// File and object that `FILE` or `FILE:NAME` selects: the longest file that `exists`.
 pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Option<&str>) {
     let colons = selector.rmatch_indices(':');
     let mut parts = colons.map(|(at, _)| (&selector[..at], Some(&selector[at + 1..])));
@@ -19,9 +18,9 @@ pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Op
 }
 
 impl Loaded {
-    /// The object called `name` (its id, the number in it, or one of its names, in any case of letters), and what
-    /// was refused beside it. Without a name the file must hold one object and nothing refused, which could be
-    /// the one that is meant.
+    /// The object called `name` (its id, the number in it, or one of its names, in any case of
+    /// letters), and what was rejected. Without a name the file must have one object and nothing
+    /// rejected.
     ///
     /// Errors: says what there is, and what was refused.
     pub fn pick(mut self, name: Option<&str>) -> Result<(Object, Vec<Rejected>), String> {
@@ -124,6 +123,7 @@ impl Object {
 #[cfg(test)]
 mod tests {
     use super::file_and_name;
+    use crate::texts::{OMM, oem, rows};
 
     /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251; the last digits of the
     /// third set's lines are wrong.
@@ -181,68 +181,60 @@ mod tests {
 
     #[test]
     fn what_is_not_clear_is_refused_with_what_there_is() {
-        let has = |error: Result<String, String>, words: &[&str]| {
-            let error = error.unwrap_err();
-            assert!(words.iter().all(|word| error.contains(word)), "{error}");
-        };
-        has(
-            pick(0..6, None),
-            &[
-                "2 usable objects",
-                "FILE:NAME",
-                "NORAD 5 (VANGUARD 1)",
-                "6251",
-            ],
-        );
-        has(pick(3..9, None), &["1 usable", "sets.tle", "checksum"]);
-        has(pick(6..9, None), &["no usable object", "checksum"]);
-        has(
-            pick(0..9, Some("ISS")),
-            &["no object called \"ISS\"", "VANGUARD", "checksum"],
-        );
-        has(pick(0..3, Some("ISS")), &["it has NORAD 5"]);
-        // An OEM has a number in its OBJECT_ID, or none.
-        let oem = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ISS\nOBJECT_ID = 1998-067-A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
-                   TIME_SYSTEM = UTC\nSTART_TIME = 2026-06-27T00:00:00\nSTOP_TIME = 2026-06-27T00:00:10\nMETA_STOP\n\
-                   2026-06-27T00:00:00 7000 0 0 0 7.5 0\n2026-06-27T00:00:10 7000 75 0 0 7.5 0\n";
-        let oem = crate::parse(oem, "iss.oem").unwrap();
-        for (name, remedy) in [
-            (
-                "25544",
-                "1 of 1 has no catalogue number: use an id or a name",
-            ),
-            ("X", ""),
-        ] {
-            let why = oem.find(Some(name)).unwrap_err();
-            assert!(
-                why.contains("it has 1998-067-A (ISS)") && why.contains(remedy),
-                "{why}"
-            );
-            assert_eq!(
-                why.contains("catalogue number"),
-                !remedy.is_empty(),
-                "{why}"
-            );
+        // Lines of the sets, the name, and what the refusal says.
+        for [lines, name, says] in rows(
+            r#"
+            0 6 |        | 2 usable objects, FILE:NAME, NORAD 5 (VANGUARD 1), 6251
+            3 9 |        | 1 usable, sets.tle, checksum
+            6 9 |        | no usable object, checksum
+            0 9 | ISS    | no object called "ISS", VANGUARD, checksum
+            0 3 | ISS    | it has NORAD 5
+            0 9 | Deltan | it has NORAD 6251 (DELTA 1 DEB)
+            "#,
+        ) {
+            let (from, to) = lines.split_once(' ').unwrap();
+            let lines = from.parse().unwrap()..to.parse().unwrap();
+            let why = pick(lines, Some(&*name).filter(|name| !name.is_empty())).unwrap_err();
+            assert!(says.split(", ").all(|part| why.contains(part)), "{why}");
+            assert!(name != "Deltan" || !why.contains("VANGUARD"), "{why}");
         }
-        let near = pick(0..9, Some("Deltan")).unwrap_err();
-        assert!(near.contains("it has NORAD 6251 (DELTA 1 DEB)"), "{near}");
-        assert!(!near.contains("VANGUARD"), "{near}");
+        // An OEM has a number in its OBJECT_ID, or none.
+        let states = [
+            "2019-06-15T00:00:00 7000 0 0 1 0 0",
+            "2019-06-15T00:00:10 7010 0 0 1 0 0",
+        ];
+        let oem = crate::parse(&oem("", &states), "iss.oem").unwrap();
+        let remedy = "1 of 1 has no catalogue number: use an id or a name";
+        for (name, has_remedy) in [("25544", true), ("X", false)] {
+            let why = oem.find(Some(name)).unwrap_err();
+            assert!(why.contains("it has 2019-001A (MADE UP)"), "{why}");
+            assert_eq!(why.contains(remedy), has_remedy, "{why}");
+            assert_eq!(why.contains("catalogue number"), has_remedy, "{why}");
+        }
         // An id counts before the number in it.
-        let two = "EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
-                   2026-07-12T03:04:05,15.2,.001,97.5,120,90,270,99999,0\n2026-07-12T03:04:05,15.3,.001,97.5,120,90,270,99999,0\n";
-        let two = crate::parse(two, "two.csv").unwrap();
-        for id in ["NORAD 99999", "NORAD 99999 #2"] {
+        let other = OMM.replace("15.2", "15.3");
+        let two = format!("{OMM}{other}").replace("2026-101A", "UNKNOWN");
+        let two = two.replace("100001", "99999").replace("MADE UP", "DEB");
+        let two = crate::parse(&two, "two.omm").unwrap();
+        for id in ["NORAD 99999 DEB", "NORAD 99999 DEB #2"] {
             assert_eq!(two.find(Some(id)).unwrap().id, id);
         }
-        let why = two.find(Some("99999")).unwrap_err();
-        assert!(
-            why.contains("by its id") && why.contains("NORAD 99999 #2"),
-            "{why}"
-        );
         let twice = SETS.replace("VANGUARD 1", "DELTA 1 DEB");
         let twice = crate::parse(&twice, "sets.tle").unwrap();
-        let why = twice.pick(Some("delta 1 deb")).unwrap_err();
-        let parts = ["2 objects called", "by its id", "NORAD 5", "NORAD 6251"];
-        assert!(parts.iter().all(|part| why.contains(part)), "{why}");
+        for (loaded, name, says) in [
+            (
+                &two,
+                "99999",
+                ["2 objects called", "by its id", "NORAD 99999 DEB #2"],
+            ),
+            (
+                &twice,
+                "delta 1 deb",
+                ["2 objects called", "by its id", "NORAD 5"],
+            ),
+        ] {
+            let why = loaded.find(Some(name)).unwrap_err();
+            assert!(says.iter().all(|part| why.contains(part)), "{why}");
+        }
     }
 }

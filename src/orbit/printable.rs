@@ -10,8 +10,8 @@ pub fn steers(character: char) -> bool {
         || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Text that a terminal shows as it stands. Ends of lines and tabs stay; other controls and direction marks are written as
-/// JSON escapes, such as `\u001b`, so that JSON keeps its meaning.
+/// Text that is safe on a terminal. Line ends and tabs stay; other controls and direction marks
+/// become JSON escapes, such as `\u001b`: JSON keeps its meaning.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |character| {

@@ -35,8 +35,7 @@ pub struct Input {
 /// Length and CRC-32 of each file read, by path.
 static INPUTS: Mutex<BTreeMap<PathBuf, (u64, u32)>> = Mutex::new(BTreeMap::new());
 
-/// All files that this process has read so far, in order of path. No output may replace one of them, and a recording
-/// lists them.
+/// All files that this process has read, in order of path. No output may replace one of them.
 #[must_use]
 pub fn inputs() -> Vec<Input> {
     let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -66,8 +65,8 @@ pub fn not_input(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether two paths lead to one regular file, which need not exist yet. Links, hard links and other spellings of a
-/// path count as the same. A device or a pipe may be used twice.
+/// Whether two paths lead to one regular file, which need not exist yet. Links and other spellings
+/// of a path count as the same. A device or a pipe may be used twice.
 #[must_use]
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
     match (a.metadata(), b.metadata()) {
@@ -102,11 +101,12 @@ fn is_one_path(a: &Path, b: &Path) -> bool {
     real(a).is_some_and(|a| real(b) == Some(a))
 }
 
-/// The bytes of a file of at most `most` bytes, or of a pipe of at most [`LARGEST_PIPE`]. `check` sees the first 64 KiB
-/// before the rest is read.
+/// The bytes of a file of at most `most` bytes, or of a pipe of at most [`LARGEST_PIPE`]. `check`
+/// gets the first 64 KiB before the rest is read.
 ///
-/// Errors: what opening says; [`ErrorKind::IsADirectory`]; [`ErrorKind::InvalidInput`] for a device or a socket;
-/// [`ErrorKind::FileTooLarge`]; [`ErrorKind::TimedOut`] for a pipe that brings nothing for 10 s; what `check` says.
+/// Errors: of opening; [`ErrorKind::IsADirectory`]; [`ErrorKind::InvalidInput`] for a device or
+/// socket; [`ErrorKind::FileTooLarge`]; [`ErrorKind::TimedOut`] for a pipe without data for 10 s;
+/// of `check`.
 pub fn read_bytes(
     path: &Path,
     most: u64,

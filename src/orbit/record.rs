@@ -3,7 +3,7 @@
 use crate::elements::Elements;
 use crate::identity::{agency_id, assigned, unnumbered_id};
 use crate::is_placeholder;
-use crate::{Designator, Rejected, Theory};
+use crate::{Designator, Theory};
 
 /// An element set and its metadata.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,40 +47,6 @@ impl Record {
 /// A reason with its line.
 pub(crate) type At<T> = Result<T, (usize, String)>;
 
-/// What a reader has found so far.
-pub(crate) struct Found<'a> {
-    pub source: &'a str,
-    pub records: Vec<Record>,
-    pub rejected: Vec<Rejected>,
-    /// Records that were given by [`Found::take`].
-    taken: usize,
-}
-
-impl<'a> Found<'a> {
-    pub fn new(source: &'a str) -> Self {
-        Found {
-            source,
-            records: Vec::new(),
-            rejected: Vec::new(),
-            taken: 0,
-        }
-    }
-
-    /// Adds the next record of the file. Errors get its number, since a file may have one line for all.
-    pub fn take(&mut self, record: At<Record>) {
-        self.taken += 1;
-        match record {
-            Ok(record) => self.records.push(record),
-            Err((line, reason)) => self.reject(line, format!("record {}: {reason}", self.taken)),
-        }
-    }
-
-    pub fn reject(&mut self, line: usize, reason: String) {
-        let rejected = Rejected::new(self.source, line, &reason);
-        self.rejected.push(rejected);
-    }
-}
-
 /// An international designator in the long form, `1998-067A`; any other text as it is.
 pub(crate) fn long_designator(text: &str) -> String {
     match Designator::parse(text) {
@@ -89,8 +55,8 @@ pub(crate) fn long_designator(text: &str) -> String {
     }
 }
 
-/// What stands in the columns of a TLE for an international designator, blank for a placeholder; nothing where they cannot hold it, or the text is
-/// another id.
+/// An international designator in the columns of a TLE, blank for a placeholder; nothing where they
+/// cannot hold it, or for another id.
 pub(crate) fn short_designator(text: &str) -> Option<String> {
     match Designator::parse(text) {
         Some(designator) => designator.short(),

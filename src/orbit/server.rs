@@ -1,7 +1,7 @@
 //! What a server says in place of the orbits that were fetched: in JSON, on a page, or in a line of text.
 
 use crate::lines;
-use crate::omm::index_of;
+use crate::omm::Key;
 use crate::omm::json::is_element_line;
 use serde_json::{Map, Value};
 
@@ -97,7 +97,7 @@ fn object(value: &Value) -> String {
     };
     if pairs
         .keys()
-        .any(|key| index_of(key).is_some() || is_element_line(key))
+        .any(|key| Key::of(key).is_some() || is_element_line(key))
     {
         return String::new();
     }
@@ -176,62 +176,41 @@ fn page(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::texts::rows;
 
     #[test]
     fn a_servers_answer_is_given_in_its_own_words() {
-        for (text, wanted) in [
+        for [text, wanted] in rows(
+            r#"
             // As Space-Track answers without a login, and beyond its limit.
-            (
-                r#"{"error":"You must be logged in to complete this action"}"#,
-                "You must be logged in to complete this action",
-            ),
-            (
-                r#"[{"error":"Query rate limit exceeded"}]"#,
-                "Query rate limit exceeded",
-            ),
-            (
-                r#"{"Error":{"code":401,"message":"Invalid\nkey \u001b[31m"}}"#,
-                "Invalid key [31m",
-            ),
-            (r#"{"detail":"Not found.","status":404}"#, "Not found."),
-            (r#"{"status":"error"}"#, r#"{"status":"error"}"#),
-            (
-                r#"{"Success":false,"data":[]}"#,
-                r#"{"Success":false,"data":[]}"#,
-            ),
-            (r#"{"code":404}"#, r#"{"code":404}"#),
-            (r#"{"error":1}"#, r#"{"error":1}"#),
-            (
-                "HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\n\r\n<html></html>",
-                "HTTP/1.1 404 Not Found",
-            ),
-            ("HTTP/2 503\r\n\r\n", "HTTP/2 503"),
-            (
-                r#"{"errors":["one","two"],"message":"three"}"#,
-                "one: two: three",
-            ),
+            {"error":"You must be logged in to continue"} | You must be logged in to continue
+            [{"error":"Query rate limit exceeded"}]  | Query rate limit exceeded
+            {"Error":{"code":401,"message":"Invalid\tkey \u001b[31m"}} | Invalid key [31m
+            {"detail":"Not found.","status":404}     | Not found.
+            {"status":"error"}                       | {"status":"error"}
+            {"Success":false,"data":[]}              | {"Success":false,"data":[]}
+            {"code":404}                             | {"code":404}
+            {"error":1}                              | {"error":1}
+            {"errors":["one","two"],"message":"three"} | one: two: three
+            HTTP/1.1 404 Not Found\nContent-Type: text/html\n\n<html></html> | HTTP/1.1 404 Not Found
+            HTTP/2 503\n\n                           | HTTP/2 503
             // As CelesTrak answers.
-            ("No GP data found\r\n", "No GP data found"),
-            (
-                "Invalid query: \"CATNR=x&FORMAT=tle\" (CATNR=x)",
-                "Invalid query: \"CATNR=x&FORMAT=tle\" (CATNR=x)",
-            ),
-            (
-                "GP data has not updated since your last successful download of GROUP=active at 2026-07-12 03:04:05 UTC.\nData is updated once every 2 hours.",
-                "GP data has not updated since your last successful download of GROUP=active at 2026-07-12 03:04:05 UTC. Data is updated once every 2 hours.",
-            ),
-            (
-                "<!DOCTYPE html>\n<html><head><title>503 Service Unavailable</title><style>p > a {}</style>\
-                 <SCRIPT>if (a < b) {}</SCRIPT></head><body><!-- <p> --><p>Try again<br>later</body></html>",
-                "503 Service Unavailable Try again later",
-            ),
-            (
-                "<?xml version=\"1.0\"?><error>No such object</error>",
-                "No such object",
-            ),
-        ] {
-            assert_eq!(words(text, "iss.tle").as_deref(), Some(wanted), "{text}");
+            No GP data found\n                       | No GP data found
+            Invalid query: "CATNR=x" (CATNR=x)       | Invalid query: "CATNR=x" (CATNR=x)
+            GP data has not updated.\nIt is updated. | GP data has not updated. It is updated.
+            <?xml version="1.0"?><error>No such object</error> | No such object
+            "#,
+        ) {
+            assert_eq!(words(&text, "iss.tle"), Some(wanted), "{text}");
         }
+        let page = "<!DOCTYPE html>\n<html><head><title>503 Service Unavailable</title>\
+                    <style>p > a {}</style><SCRIPT>if (a < b) {}</SCRIPT></head><body><!-- <p> -->\
+                    <p>Try again<br>later</body></html>";
+        let shown = words(page, "iss.tle");
+        assert_eq!(
+            shown.as_deref(),
+            Some("503 Service Unavailable Try again later")
+        );
     }
 
     #[test]

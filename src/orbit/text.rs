@@ -11,9 +11,8 @@ pub fn read_text(path: &Path) -> Result<String> {
     read_text_within(path, LARGEST_FILE)
 }
 
-/// The text of a file of at most `most` bytes, without its byte order mark. Where that says so it is UTF-16, as some
-/// programs of Windows write it. Names in it may be in any encoding (what is no UTF-8 is replaced); all that is read as
-/// numbers is ASCII.
+/// The text of a file of at most `most` bytes, without its byte order mark: UTF-8, or UTF-16 by its
+/// mark. Other bytes are replaced: names may be in any encoding, numbers are ASCII.
 ///
 /// Errors: as of [`read_bytes`], and where the file is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
 pub fn read_text_within(path: &Path, most: u64) -> Result<String> {

@@ -44,15 +44,9 @@ impl Theory {
     fn assumed(self) -> Option<&'static str> {
         match self {
             Theory::Sgp4 => None,
-            Theory::Sgp => {
-                Some("MEAN_ELEMENT_THEORY = SGP: flown by SGP4, with the drag that BSTAR gives")
-            }
-            Theory::Tle => {
-                Some("MEAN_ELEMENT_THEORY = TLE: taken as SGP4, whose elements a TLE has")
-            }
-            Theory::Gp => {
-                Some("MEAN_ELEMENT_THEORY = GP: taken as SGP4, the theory of published GP elements")
-            }
+            Theory::Sgp => Some("SGP: flown by SGP4, with the drag that BSTAR gives"),
+            Theory::Tle => Some("TLE: taken as SGP4, whose elements a TLE has"),
+            Theory::Gp => Some("GP: taken as SGP4, the theory of published GP elements"),
         }
     }
 }
@@ -72,19 +66,25 @@ pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
 
 /// What was assumed of records, a line for each kind.
 pub(crate) fn assumptions(records: &[Record], source: &str) -> Vec<String> {
-    let mut kinds: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+    const ODD: &str =
+        "1, 2 or 3: taken as 0, with Kozai's mean motion (Brouwer's differs by up to 0.1 %)";
+    // By text: the number of records and the line of the first.
+    let mut kinds: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for record in records {
-        let odd = (record.ephemeris_type > 0).then_some(
-            "ephemeris type 1, 2 or 3: taken as 0, with Kozai's mean motion (Brouwer's differs by up to 0.1 %)",
-        );
-        for kind in record.theory.assumed().into_iter().chain(odd) {
+        let theory = record
+            .theory
+            .assumed()
+            .map(|text| ("MEAN_ELEMENT_THEORY = ", text));
+        let odd = (record.ephemeris_type > 0).then_some(("ephemeris type ", ODD));
+        for kind in theory.into_iter().chain(odd) {
             kinds.entry(kind).or_insert((0, record.line)).0 += 1;
         }
     }
-    let kinds = kinds.iter();
-    let lines = kinds.map(|(kind, (count, line))| match count {
-        1 => format!("{source}:{line}: {kind}"),
-        _ => format!("{source}:{line}: {kind}; so in {count} records"),
-    });
+    let lines = kinds
+        .iter()
+        .map(|((key, kind), (count, line))| match count {
+            1 => format!("{source}:{line}: {key}{kind}"),
+            _ => format!("{source}:{line}: {key}{kind}; so in {count} records"),
+        });
     lines.collect()
 }

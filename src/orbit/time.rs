@@ -6,8 +6,7 @@ use hifitime::{Duration, Epoch, TimeScale, Unit};
 /// Nanoseconds of a second.
 const SECOND_NS: i128 = 1_000_000_000;
 
-/// `s` seconds to the nearest nanosecond, where hifitime cuts off what is less than one; none of NaN, and no more than a duration
-/// can be.
+/// `s` seconds to the nearest nanosecond, where hifitime truncates; 0 for NaN, saturating.
 pub fn seconds(s: f64) -> Duration {
     let whole = (s.trunc() as i128).saturating_mul(SECOND_NS);
     let rest = (s.fract() * SECOND_NS as f64).round() as i128;
@@ -27,8 +26,9 @@ pub fn leap_seconds(from: Epoch, to: Epoch) -> i32 {
         .round() as i32
 }
 
-/// TDB - TT at the Earth's centre, s, within 10 us from 1900 to 2100 (USNO Circular 179, Eq. 2.6; hifitime's is off by up to 36 us):
-/// `sum of a sin(w T + p) + 1e-5 T sin(628.3076 T + 4.2490)`, T Julian centuries of TT since J2000.0.
+/// TDB - TT at the Earth's centre, s, within 10 us from 1900 to 2100 (USNO Circular 179, Eq. 2.6;
+/// hifitime's is off by up to 36 us): `sum of a sin(w T + p) + 1e-5 T sin(628.3076 T + 4.2490)`, T
+/// Julian centuries of TT since J2000.0.
 pub(crate) fn tdb_minus_tt_s(tt: Epoch) -> f64 {
     /// a (s), w (rad/century), p (rad).
     const TERMS: [[f64; 3]; 6] = [
@@ -46,8 +46,8 @@ pub(crate) fn tdb_minus_tt_s(tt: Epoch) -> f64 {
 }
 
 /// Reads a CCSDS ASCII time, code A `YYYY-MM-DDThh:mm:ss[.d..]` or code B
-/// `YYYY-DDDThh:mm:ss[.d..]`, with or without a closing `Z` (CCSDS 301.0-B,
-/// section 3.5). Digits past the nanosecond are dropped.
+/// `YYYY-DDDThh:mm:ss[.d..]`, with or without a closing `Z` (CCSDS 301.0-B, section 3.5). Digits
+/// past the nanosecond are dropped.
 pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
     let text = text.strip_suffix('Z').unwrap_or(text);
     let (date, clock) = text.split_once('T')?;
@@ -69,13 +69,12 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
         return None;
     }
 
-    // hifitime tells leap seconds by a floating-point number of seconds since 1900, which is rounded by up to a quarter of a microsecond: of
-    // whole seconds it is exact
+    // hifitime looks up leap seconds by a rounded number of seconds, which is exact for whole ones
     let epoch = Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, 0, scale)
         .ok()?
         .to_time_scale(TimeScale::TAI);
     // hifitime gives 23:59:60 the instant of 23:59:59
-    let leap = if second == 60 { 1 } else { 0 };
+    let leap = i64::from(second == 60);
     Some(epoch + leap * Unit::Second + Duration::from_total_nanoseconds(nanoseconds))
 }
 
@@ -141,8 +140,8 @@ fn no_such_day(text: &str) -> Option<String> {
     (!is_there).then(|| format!("{span} has days 1 to {days}"))
 }
 
-/// UTC since 1900-01-01T00:00, in days of 86,400 s; a leap second counts as the second before it. hifitime's own is 1 s early from as many
-/// seconds before a leap second as TAI is ahead of UTC.
+/// UTC since 1900-01-01T00:00, in days of 86,400 s; a leap second counts as the second before it.
+/// hifitime's own is 1 s early in the TAI - UTC seconds before a leap second.
 pub fn utc_duration(epoch: Epoch) -> Duration {
     let (whole, fraction) = in_whole_seconds(epoch);
     #[allow(clippy::disallowed_methods)]
@@ -167,24 +166,20 @@ pub fn utc_mjd(epoch: Epoch) -> f64 {
         Epoch::from_utc_duration(Duration::from_total_nanoseconds(day * DAY_NS)).to_tai_duration()
     });
     // In hifitime UTC steps by 10 s at 1972: before it days have 86,400 s.
-    let length_s = (end - start).to_seconds();
-    let length_s = if length_s > 86_401.0 {
-        86_400.0
-    } else {
-        length_s
+    let length_s = match (end - start).to_seconds() {
+        86_402.0.. => 86_400.0,
+        length_s => length_s,
     };
     let part = (epoch.to_tai_duration() - start).to_seconds() / length_s;
     (day + MJD_1900) as f64 + part
 }
 
-/// An epoch in whole seconds of TAI, of which hifitime's leap seconds are exact, and what it is later than these.
+/// An epoch in whole seconds of TAI, for which hifitime's leap seconds are exact, and the fraction.
 fn in_whole_seconds(epoch: Epoch) -> (Epoch, Duration) {
     let ns = epoch.to_tai_duration().total_nanoseconds();
     let fraction = ns.rem_euclid(SECOND_NS);
-    (
-        from_tai_ns(ns - fraction),
-        Duration::from_total_nanoseconds(fraction),
-    )
+    let whole = from_tai_ns(ns - fraction);
+    (whole, Duration::from_total_nanoseconds(fraction))
 }
 
 /// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
@@ -229,11 +224,7 @@ fn scaled_fraction(fraction: &str, unit: i128) -> Option<i128> {
     }
     // 15 digits of a day are 86 ps
     let kept = &fraction[..fraction.len().min(15)];
-    let value: i128 = if kept.is_empty() {
-        0
-    } else {
-        kept.parse().ok()?
-    };
+    let value: i128 = format!("0{kept}").parse().ok()?;
     Some(value * unit / 10_i128.pow(kept.len() as u32))
 }
 
@@ -258,7 +249,7 @@ fn month_lengths(year: i32) -> [u16; 12] {
 /// An unsigned number written with exactly `count` digits.
 fn digits<T: std::str::FromStr>(text: &str, count: usize) -> Option<T> {
     let all_digits = text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
-    if all_digits { text.parse().ok() } else { None }
+    text.parse().ok().filter(|_| all_digits)
 }
 
 #[cfg(test)]

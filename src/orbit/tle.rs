@@ -1,10 +1,10 @@
 //! Files of two-line element sets, with or without name lines.
 
-use crate::bounded_name;
 use crate::format::Format;
-use crate::lines;
-use crate::record::{Found, Record, shorten};
+use crate::parts::Part;
+use crate::record::{At, Record, shorten};
 use crate::two_line::Checksum;
+use crate::{Contents, bounded_name, lines};
 use rayon::prelude::*;
 
 /// Name lines have at most 24 characters behind a `0 `; element lines have 69, or 68 without a checksum.
@@ -21,36 +21,42 @@ enum Names {
     Behind,
 }
 
-/// Reads every set in `text`.
+/// Reads every set of a text.
 ///
-/// A record is lines 1 and 2, with an optional name line (with or without a leading `0 `) before or, in files
-/// that begin with line 1 and end with a name, behind them. Blank lines and lines that begin with `#` are passed over.
-pub(crate) fn read(text: &str, found: &mut Found) {
+/// A record is lines 1 and 2, with an optional name line (with or without a leading `0 `) before
+/// or, in files that begin with line 1 and end with a name, behind them. Blank lines and lines that
+/// begin with `#` are skipped.
+pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut reader = Reader {
-        names: order(text),
+        names: order(part.text),
         name: None,
         first: None,
         is_unnamed: false,
         steps: Vec::new(),
     };
-    for (number, line) in significant(text) {
+    for (number, line) in significant(part.text) {
+        let number = number + part.lines_before;
         match element_line(line) {
             Some(1) => reader.first_line(number, line),
             Some(_) => reader.second_line(number, line),
             None => reader.name_line(number, line),
         }
     }
-    // Side by side: that takes most of the time.
+    // In parallel: this takes most of the time.
     let steps = reader.close().into_par_iter();
-    let mut read: Vec<Result<Record, (usize, String)>> = steps.map(Step::read).collect();
-    for (line, reason) in read.iter_mut().filter_map(|one| one.as_mut().err()) {
-        found.reject(*line, std::mem::take(reason));
+    let read: Vec<At<Record>> = steps.map(Step::read).collect();
+    for (line, reason) in read.iter().filter_map(|one| one.as_ref().err()) {
+        found.reject(*line, reason);
     }
-    // In its place: catalogues are long.
-    found.records = read.into_iter().filter_map(Result::ok).collect();
+    // Collected in place: catalogues are long.
+    let records: Vec<Record> = read.into_iter().filter_map(Result::ok).collect();
+    match found.records.is_empty() {
+        true => found.records = records,
+        false => found.records.extend(records),
+    }
 }
 
-/// What lines come to.
+/// What lines give.
 enum Step<'a> {
     /// Lines 1 and 2 with their numbers, and the name.
     Set {
@@ -58,12 +64,12 @@ enum Step<'a> {
         second: (usize, &'a str),
         name: Option<&'a str>,
     },
-    /// The number of one that is refused, and why.
+    /// The number of a refused line, and the reason.
     Refused(usize, String),
 }
 
 impl Step<'_> {
-    fn read(self) -> Result<Record, (usize, String)> {
+    fn read(self) -> At<Record> {
         let (first, second, name) = match self {
             Step::Set {
                 first,
@@ -72,23 +78,20 @@ impl Step<'_> {
             } => (first, second, name),
             Step::Refused(line, reason) => return Err((line, reason)),
         };
-        let unsealed = first.1.len() == UNSEALED && second.1.len() == UNSEALED;
-        let checksum = match unsealed {
+        let checksum = match first.1.len() == UNSEALED && second.1.len() == UNSEALED {
             true => Checksum::Ignored,
             false => Checksum::Required,
         };
-        match Record::from_lines(first.1, second.1, checksum) {
-            Ok(record) => Ok(Record {
-                line: first.0,
-                name: name.map(bounded_name).unwrap_or_default(),
-                ..record
-            }),
-            Err(error) => {
-                let line = if error.line() == 1 { first.0 } else { second.0 };
-                let who = name.map(|name| format!(" ({})", shorten(name)));
-                Err((line, format!("{error}{}", who.unwrap_or_default())))
-            }
-        }
+        let record = Record::from_lines(first.1, second.1, checksum).map_err(|error| {
+            let line = if error.line == 1 { first.0 } else { second.0 };
+            let name = name.map(|name| format!(" ({})", shorten(name)));
+            (line, format!("{error}{}", name.unwrap_or_default()))
+        })?;
+        Ok(Record {
+            line: first.0,
+            name: name.map(bounded_name).unwrap_or_default(),
+            ..record
+        })
     }
 }
 
@@ -182,8 +185,9 @@ pub(crate) fn looks_like(text: &str) -> Option<Format> {
     })
 }
 
-/// Names stand behind their sets in a file that begins with a set, has a name right after it and ends with a name. A 3LE
-/// begins with a name; one that lost it ends with a set. Names that are marked as a 3LE's line 0 must be as many as the sets.
+/// Names stand behind their sets in a file that begins with a set, has a name right after it and
+/// ends with a name. A 3LE begins with a name; one that lost it ends with a set. Names that are
+/// marked as line 0 of a 3LE must be as many as the sets.
 fn order(text: &str) -> Names {
     let all = significant(text).map(|(_, line)| line);
     let mut lines = all.clone();

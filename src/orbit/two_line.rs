@@ -1,6 +1,6 @@
 //! The two lines of an element set: fixed columns.
 
-use crate::elements::{Elements, ModelError};
+use crate::elements::Elements;
 use crate::record::{Record, long_designator};
 use crate::theory::{self, Theory};
 use crate::time;
@@ -19,67 +19,12 @@ pub enum Checksum {
 
 /// Why two lines are not an element set.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ElementsError {
-    /// A line is too short, too long or not ASCII.
-    #[error(
-        "line {line} of the set is not 69 ASCII characters but {found}; restore the fixed columns"
-    )]
-    Layout {
-        /// Which line of the set, 1 or 2.
-        line: u8,
-        /// Characters found.
-        found: usize,
-    },
-    /// The checksum does not agree with the line.
-    #[error(
-        "bad checksum in line {line} of the set: the line sums to {computed}, column 69 says \
-         '{found}'; fetch the set again"
-    )]
-    Checksum {
-        /// Which line of the set, 1 or 2.
-        line: u8,
-        /// Sum of the digits, a minus counting one, modulo 10.
-        computed: u8,
-        /// What column 69 holds.
-        found: char,
-    },
-    /// A field cannot be read or is out of its range.
-    #[error("bad {name} '{found}' in line {line} of the set")]
-    Field {
-        /// Which line of the set, 1 or 2.
-        line: u8,
-        /// Name of the field.
-        name: &'static str,
-        /// Its text.
-        found: String,
-    },
-    /// The two lines belong to different objects.
-    #[error("line 1 is of object {first}, line 2 of object {second}")]
-    TwoObjects {
-        /// Number in line 1.
-        first: u32,
-        /// Number in line 2.
-        second: u32,
-    },
-    /// The elements are those of another theory.
-    #[error("{0}")]
-    Theory(String),
-    /// SGP4 cannot start from these elements.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-}
-
-impl ElementsError {
-    /// Which line of the set is at fault, 1 or 2.
-    pub fn line(&self) -> u8 {
-        match self {
-            Self::Layout { line, .. } | Self::Checksum { line, .. } | Self::Field { line, .. } => {
-                *line
-            }
-            Self::Theory(_) => 1,
-            Self::TwoObjects { .. } | Self::Model(_) => 2,
-        }
-    }
+#[error("{reason}")]
+pub struct ElementsError {
+    /// The line of the set that is at fault, 1 or 2.
+    pub line: u8,
+    /// What is wrong there.
+    pub reason: String,
 }
 
 impl Elements {
@@ -92,13 +37,10 @@ impl Elements {
 
     fn of(first: &Line, second: &Line) -> Result<Self, ElementsError> {
         first.ephemeris_type()?;
-        let norad = first.catalogue_number()?;
-        let again = second.catalogue_number()?;
+        let (norad, again) = (first.catalogue_number()?, second.catalogue_number()?);
         if norad != again {
-            return Err(ElementsError::TwoObjects {
-                first: norad,
-                second: again,
-            });
+            let reason = format!("line 1 is of object {norad}, line 2 of object {again}");
+            return Err(second.error(reason));
         }
         let inclination = second.number("inclination", 9..17)?;
         if !(0.0..=180.0).contains(&inclination) {
@@ -115,8 +57,10 @@ impl Elements {
             mean_motion: second.number("mean motion", 53..64)? * REV_PER_DAY,
             drag: first.assumed_point_and_power("drag term B*", 54..62)?,
         };
-        elements.orbit()?;
-        Ok(elements)
+        match elements.orbit() {
+            Ok(_) => Ok(elements),
+            Err(error) => Err(second.error(error.to_string())),
+        }
     }
 }
 
@@ -175,32 +119,41 @@ type Columns = std::ops::Range<usize>;
 
 impl<'a> Line<'a> {
     fn new(number: u8, text: &'a str, checksum: Checksum) -> Result<Self, ElementsError> {
-        let text = text.trim_end();
-        let layout = || ElementsError::Layout {
-            line: number,
-            found: text.chars().count(),
+        let line = Self {
+            number,
+            text: text.trim_end(),
         };
-        if !text.is_ascii() {
+        let layout = || {
+            let found = line.text.chars().count();
+            line.error(format!(
+                "line {number} of the set is not 69 ASCII characters but {found}; restore the \
+                 fixed columns"
+            ))
+        };
+        if !line.text.is_ascii() {
             return Err(layout());
         }
-        let line = Self { number, text };
         if checksum == Checksum::Ignored {
             return Ok(line);
         }
         // what follows column 69 after a blank is a remark
-        if text.len() < 69 || !line.text(70..71).trim().is_empty() {
+        if line.text.len() < 69 || !line.text(70..71).trim().is_empty() {
             return Err(layout());
         }
-        let computed = checksum_of(line.text(1..69));
-        let found = line.text(69..70).chars().next().unwrap_or(' ');
-        if found.to_digit(10) != Some(computed.into()) {
-            return Err(ElementsError::Checksum {
-                line: number,
-                computed,
-                found,
-            });
+        let computed = checksum_of(line.text(1..69)).to_string();
+        let found = line.text(69..70);
+        if found != computed {
+            return Err(line.error(format!(
+                "bad checksum in line {number} of the set: the line sums to {computed}, column 69 \
+                 says '{found}'; fetch the set again"
+            )));
         }
         Ok(line)
+    }
+
+    fn error(&self, reason: String) -> ElementsError {
+        let line = self.number;
+        ElementsError { line, reason }
     }
 
     /// Columns `from..to`, counted from 1; what the line does not have is empty.
@@ -209,12 +162,9 @@ impl<'a> Line<'a> {
         self.text.get(columns.start - 1..end).unwrap_or("")
     }
 
-    fn bad(&self, name: &'static str, columns: Columns) -> ElementsError {
-        ElementsError::Field {
-            line: self.number,
-            name,
-            found: self.text(columns).to_owned(),
-        }
+    fn bad(&self, name: &str, columns: Columns) -> ElementsError {
+        let (found, line) = (self.text(columns), self.number);
+        self.error(format!("bad {name} '{found}' in line {line} of the set"))
     }
 
     fn catalogue_number(&self) -> Result<u32, ElementsError> {
@@ -224,7 +174,7 @@ impl<'a> Line<'a> {
 
     fn ephemeris_type(&self) -> Result<u8, ElementsError> {
         let number = self.counter("ephemeris type", 63..64)?;
-        theory::ephemeris_type(number).map_err(ElementsError::Theory)
+        theory::ephemeris_type(number).map_err(|reason| self.error(reason))
     }
 
     /// Columns `from..to` as characters; columns beyond the end of the line are blank.
@@ -254,16 +204,14 @@ impl<'a> Line<'a> {
 
     /// The text of a number with zeros for the blanks between and behind its digits.
     fn zero_filled(&self, columns: Columns) -> Cow<'a, str> {
-        let text = self.text(columns.clone()).trim_start();
-        if text.contains(' ') {
-            text.replace(' ', "0").into()
-        } else {
-            text.into()
+        match self.text(columns).trim_start() {
+            text if text.contains(' ') => text.replace(' ', "0").into(),
+            text => text.into(),
         }
     }
 
     /// A whole number; blank is 0.
-    fn counter(&self, name: &'static str, columns: Columns) -> Result<u32, ElementsError> {
+    fn counter(&self, name: &str, columns: Columns) -> Result<u32, ElementsError> {
         let text = self.text(columns.clone()).trim();
         let digits = text.bytes().all(|b| b.is_ascii_digit());
         match text.parse() {
@@ -274,7 +222,7 @@ impl<'a> Line<'a> {
     }
 
     /// A decimal number with its point.
-    fn number(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+    fn number(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let text = self.zero_filled(columns.clone());
         // No letters: neither `inf` nor `nan` nor exponents belong here. Without its point a number has no scale.
         let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+');
@@ -285,21 +233,17 @@ impl<'a> Line<'a> {
     }
 
     /// Digits with an assumed decimal point before the first column: `0001413` and `   1413` are 0.0001413.
-    fn assumed_point(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+    fn assumed_point(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let width = columns.len() as i32;
-        let digits = self.digits(columns.clone());
-        let digits = digits.filter(|_| !self.text(columns.clone()).trim().is_empty());
+        let is_blank = self.text(columns.clone()).trim().is_empty();
+        let digits = self.digits(columns.clone()).filter(|_| !is_blank);
         let value = digits.and_then(|digits| scaled(digits as f64, -width));
         value.ok_or_else(|| self.bad(name, columns))
     }
 
-    /// A sign, five digits with an assumed decimal point before the first of their columns, and a power of ten with its sign:
+    /// A sign, five digits behind an assumed decimal point, and a power of ten with its sign:
     /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4, blanks alone are 0.
-    fn assumed_point_and_power(
-        &self,
-        name: &'static str,
-        columns: Columns,
-    ) -> Result<f64, ElementsError> {
+    fn assumed_point_and_power(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let first = columns.start;
         let sign = |column: usize| match self.columns(column..column + 1).next() {
             Some(b'-') => Some(-1),

@@ -1,4 +1,5 @@
-//! Objects of several sources, each once. All sources are read first: which records are of one object may show in the last only.
+//! Objects of several sources, each once. All sources are read first: the last one may show that
+//! earlier records are of one object.
 
 use crate::{Object, Orbit, identity};
 use std::collections::HashMap;
@@ -17,8 +18,8 @@ pub struct Source {
 /// The objects of some sources, each once, in the order in which they first appear.
 #[derive(Clone, Debug, Default)]
 pub struct United {
-    /// With every element set that differs. The id of an object of several records is its catalogue number, `NORAD 25544`, where any
-    /// of them has it.
+    /// With every element set that differs. The id of an object of several records is its catalogue
+    /// number, `NORAD 25544`, where any of them has it.
     pub objects: Vec<Object>,
     /// The source that each comes from first.
     pub sources: Vec<usize>,
@@ -78,24 +79,19 @@ pub fn unite(mut sources: Vec<Source>) -> United {
         .iter()
         .flat_map(|one| one.objects.iter().map(|object| (object, one.rank)));
     for ((object, rank), place) in ranked.zip(&places) {
-        if let Some(known) = all.get_mut(*place) {
-            known.number = known.number.or(object.identity.number());
-            known.rank = known.rank.min(rank);
-            known.records += 1;
-        }
+        let known = &mut all[*place];
+        known.number = known.number.or(object.identity.number());
+        known.rank = known.rank.min(rank);
+        known.records += 1;
     }
     let mut united = United::default();
     let mut ids = HashMap::new();
     let mut places = places.into_iter();
     for (source, one) in sources.into_iter().enumerate() {
-        let Source {
-            objects,
-            lines,
-            rank,
-        } = one;
-        let lines = lines.into_iter().chain(std::iter::repeat(1));
-        for ((object, line), place) in objects.into_iter().zip(lines).zip(places.by_ref()) {
-            if let Some(known) = all.get_mut(place).filter(|known| rank <= known.rank) {
+        let lines = one.lines.into_iter().chain(std::iter::repeat(1));
+        for ((object, line), place) in one.objects.into_iter().zip(lines).zip(places.by_ref()) {
+            let known = &mut all[place];
+            if one.rank <= known.rank {
                 united.add(object, (source, line), known, &mut ids);
             }
         }
@@ -113,36 +109,29 @@ impl United {
         known: &mut Known,
         ids: &mut Ids,
     ) {
-        let Some((place, first)) = known
-            .place
-            .and_then(|at| Some((at, self.objects.get_mut(at)?)))
-        else {
+        let Some(place) = known.place else {
             known.place = Some(self.objects.len());
             object.identify(known.number.filter(|_| known.records > 1), ids);
             self.objects.push(object);
             self.sources.push(source);
             return;
         };
+        let first = &mut self.objects[place];
         if let (Orbit::Elements(..), Orbit::Elements(..)) = (&first.orbit, &object.orbit) {
             first.join(object);
             self.joined.push((place, source));
             return;
         }
         first.identity.join(object.identity);
-        let reason = format!(
-            "{} is {}",
-            object.label(),
-            if first.id == object.id {
-                String::new()
-            } else {
-                format!("{} ", first.label())
-            },
-        );
+        let mut reason = format!("{} is ", object.label());
+        if first.id != object.id {
+            reason += &format!("{} ", first.label());
+        }
         self.refused.push(Refused {
             source,
             line,
             reason,
-            earlier: self.sources.get(place).copied().unwrap_or(source),
+            earlier: self.sources[place],
         });
     }
 }
@@ -164,7 +153,8 @@ impl Refused {
 pub(crate) type Ids = HashMap<String, usize>;
 
 impl Object {
-    /// Gives an object the catalogue number that its records have, or, where it has none, an id that no other object has: `UNKNOWN #2`.
+    /// Gives an object the catalogue number of its records or, without one, a unique id: `UNKNOWN
+    /// #2`.
     pub(crate) fn identify(&mut self, number: Option<u32>, ids: &mut Ids) {
         if let Some(number) = number {
             self.identity.set_number(number);
@@ -192,22 +182,28 @@ impl Object {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::texts::{OMM, oem, omm_json, rows};
 
-    /// An object from `NUMBER+DESIGNATOR`, an element set, or `oem OBJECT_ID`; its name is its place in the list.
+    /// An object from `NUMBER+DESIGNATOR`, an element set, or `oem:OBJECT_ID`; its name is its
+    /// place in the list.
     fn object(place: usize, text: &str) -> Object {
-        let text = match text.strip_prefix("oem ") {
-            Some(id) => format!(
-                "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = N{place}\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
-                 TIME_SYSTEM = UTC\nSTART_TIME = 2026-07-12T00:00:00\nSTOP_TIME = 2026-07-12T00:00:10\nMETA_STOP\n\
-                 2026-07-12T00:00:00 7000 0 0 0 7.5 0\n2026-07-12T00:00:10 7000 75 0 0 7.5 0\n"
-            ),
+        let text = match text.strip_prefix("oem:") {
+            Some(id) => {
+                let meta = format!("OBJECT_NAME = N{place}\nOBJECT_ID = {id}\n");
+                oem(
+                    &meta,
+                    &[
+                        "2019-06-15T00:00:00 7000 0 0 1 0 0",
+                        "2019-06-15T00:00:10 7010 0 0 1 0 0",
+                    ],
+                )
+            }
             None => {
                 let (number, designator) = text.split_once('+').unwrap();
-                format!(
-                    "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,\
-                     MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\nN{place},{designator},2026-07-1{place}T03:04:05,15.2,.001,97.5,120,90,270,\
-                     {number},0\n"
-                )
+                omm_json(&OMM.replace("MADE UP", &format!("N{place}")))
+                    .replace("2026-101A", designator)
+                    .replace("100001", number)
+                    .replace("2026-07-12", &format!("2026-07-1{place}"))
             }
         };
         let contents = crate::parse_contents(&text, "here").unwrap();
@@ -227,137 +223,79 @@ mod tests {
         all.iter().flat_map(first).collect()
     }
 
-    /// Ids, or their beginnings, and names of objects.
-    type Wanted = &'static [(&'static str, &'static str)];
+    fn sorted(texts: impl Iterator<Item = String>) -> Vec<String> {
+        let mut texts: Vec<String> = texts.collect();
+        texts.sort();
+        texts
+    }
+
+    /// Records, and their objects: the beginning of the id, and names.
+    const RECORDS: &str = "
+            // The number of a record that has both links the other two.
+            25544+ 0+1998-067A 25544+98067A       | NORAD 25544: N0 N1 N2
+            0+1998-067A 25544+ 99999+98067A 25544+1998-067-A | NORAD 25544: N0 N1 N2 N3
+            25544+ 25544+98067A oem:1998-067A     | NORAD 25544: N0 N1 N2
+            25544+ 0+98067A 25544+98067A oem:1998-067A | NORAD 25544: N0 N1 N2 N3
+            oem:25544 oem:1998-067A 25544+98067A  | NORAD 25544: N0 N1 N2
+            oem:1998-067A 25544+98067A            | NORAD 25544: N0 N1
+            // Without such a record they are two.
+            25544+ 0+1998-067A 0+98067A           | NORAD 25544: N0; NORAD 0 N: N1 N2
+            25544+UNKNOWN oem:UNKNOWN 0+          | NORAD 25544: N0; UNKNOWN N1: N1; NORAD 0 N2: N2
+            // One number with two designators is one object, and either designator alone is it.
+            25544+98067A 25544+98067B 0+98067B 0+98067A | NORAD 25544: N0 N1 N2 N3
+            25544+98067A 25544+98067B oem:1998-067B | NORAD 25544: N0 N1 N2
+            // Two numbers are two objects whatever their designators; a designator alone is the
+            // smaller number's.
+            6+98067A 5+98067A                     | NORAD 5: N1; NORAD 6: N0
+            6+98067A 5+98067A 0+98067A            | NORAD 5: N1 N2; NORAD 6: N0
+            6+98067A 7+98067B 6+98067B 0+98067B   | NORAD 6: N0 N2 N3; NORAD 7: N1
+            6+98067A 5+98067A 5+98067B oem:1998-067B | NORAD 5: N1 N2 N3; NORAD 6: N0
+            oem:5 oem:1958-002B oem:1958-002B     | 5: N0; 1958-002B: N1 N2
+            5+58002B 5+58002A 6+58002A            | NORAD 5: N0 N1; NORAD 6: N2
+            ";
 
     #[test]
     fn records_are_joined_alike_in_every_order_and_split_into_files() {
-        // Records, and the objects that they are of: id, or its beginning, and names.
-        let cases: [(&[&str], Wanted); 16] = [
-            // The number of a record that has both links the other two.
-            (
-                &["25544+", "0+1998-067A", "25544+98067A"],
-                &[("NORAD 25544", "N0 N1 N2")],
-            ),
-            (
-                &["0+1998-067A", "25544+", "99999+98067A", "25544+1998-067-A"],
-                &[("NORAD 25544", "N0 N1 N2 N3")],
-            ),
-            (
-                &["25544+", "25544+98067A", "oem 1998-067A"],
-                &[("NORAD 25544", "N0 N1 N2")],
-            ),
-            (
-                &["25544+", "0+98067A", "25544+98067A", "oem 1998-067A"],
-                &[("NORAD 25544", "N0 N1 N2 N3")],
-            ),
-            (
-                &["oem 25544", "oem 1998-067A", "25544+98067A"],
-                &[("NORAD 25544", "N0 N1 N2")],
-            ),
-            (
-                &["oem 1998-067A", "25544+98067A"],
-                &[("NORAD 25544", "N0 N1")],
-            ),
-            // Without such a record they are two.
-            (
-                &["25544+", "0+1998-067A", "0+98067A"],
-                &[("NORAD 25544", "N0"), ("NORAD 0 N", "N1 N2")],
-            ),
-            (
-                &["25544+UNKNOWN", "oem UNKNOWN", "0+"],
-                &[
-                    ("NORAD 25544", "N0"),
-                    ("UNKNOWN N1", "N1"),
-                    ("NORAD 0 N2", "N2"),
-                ],
-            ),
-            // One number with two designators is one object, and either designator alone is it.
-            (
-                &["25544+98067A", "25544+98067B", "0+98067B", "0+98067A"],
-                &[("NORAD 25544", "N0 N1 N2 N3")],
-            ),
-            (
-                &["25544+98067A", "25544+98067B", "oem 1998-067B"],
-                &[("NORAD 25544", "N0 N1 N2")],
-            ),
-            // Two numbers are two objects whatever their designators; a designator alone is the smaller number's.
-            (
-                &["6+98067A", "5+98067A"],
-                &[("NORAD 5", "N1"), ("NORAD 6", "N0")],
-            ),
-            (
-                &["6+98067A", "5+98067A", "0+98067A"],
-                &[("NORAD 5", "N1 N2"), ("NORAD 6", "N0")],
-            ),
-            (
-                &["6+98067A", "7+98067B", "6+98067B", "0+98067B"],
-                &[("NORAD 6", "N0 N2 N3"), ("NORAD 7", "N1")],
-            ),
-            (
-                &["6+98067A", "5+98067A", "5+98067B", "oem 1998-067B"],
-                &[("NORAD 5", "N1 N2 N3"), ("NORAD 6", "N0")],
-            ),
-            (
-                &["oem 5", "oem 1958-002B", "oem 1958-002B"],
-                &[("5", "N0"), ("1958-002B", "N1 N2")],
-            ),
-            (
-                &["5+58002B", "5+58002A", "6+58002A"],
-                &[("NORAD 5", "N0 N1"), ("NORAD 6", "N2")],
-            ),
-        ];
-        for (records, wanted) in cases {
-            let all: Vec<Object> = records
-                .iter()
+        for [records, objects] in rows(RECORDS) {
+            let all = records
+                .split(' ')
                 .enumerate()
-                .map(|(at, text)| object(at, text))
-                .collect();
-            for order in permutations(&(0..records.len()).collect::<Vec<_>>()) {
+                .map(|(at, text)| object(at, text));
+            let all: Vec<Object> = all.collect();
+            let wanted = objects.split("; ").map(|one| one.split_once(": ").unwrap());
+            let known = sorted(wanted.clone().map(|(id, _)| id.to_owned()));
+            let names = sorted(wanted.map(|(_, names)| names.to_owned()));
+            for order in permutations(&(0..all.len()).collect::<Vec<_>>()) {
                 // Each bit of `cuts` ends a source behind a record.
-                for cuts in 0..1 << (records.len() - 1) {
+                for cuts in 0..1 << (all.len() - 1) {
+                    let case = format!("{records} {order:?} {cuts:b}");
                     let mut sources = vec![Source::default()];
                     for (at, record) in order.iter().enumerate() {
-                        sources
-                            .last_mut()
-                            .unwrap()
-                            .objects
-                            .push(all[*record].clone());
+                        let source = sources.last_mut().unwrap();
+                        source.objects.push(all[*record].clone());
                         if cuts >> at & 1 == 1 {
                             sources.push(Source::default());
                         }
                     }
-                    let objects: Vec<&Object> =
-                        sources.iter().flat_map(|one| &one.objects).collect();
-                    let places = identity::places(objects.iter().copied());
-                    let mut groups = vec![Vec::new(); wanted.len()];
-                    for (object, place) in objects.iter().zip(places) {
+                    let objects: Vec<&Object> = sources.iter().flat_map(|s| &s.objects).collect();
+                    let mut groups = vec![Vec::new(); names.len()];
+                    for (object, place) in objects
+                        .iter()
+                        .zip(identity::places(objects.iter().copied()))
+                    {
                         groups[place].push(object.names[0].clone());
                     }
-                    let mut groups: Vec<String> = groups
+                    let groups = groups
                         .into_iter()
-                        .map(|mut names| {
-                            names.sort();
-                            names.join(" ")
-                        })
-                        .collect();
-                    groups.sort();
-                    let mut names: Vec<&str> = wanted.iter().map(|(_, names)| *names).collect();
-                    names.sort();
-                    assert_eq!(groups, names, "{records:?} {order:?} {cuts:b}");
+                        .map(|names| sorted(names.into_iter()).join(" "));
+                    assert_eq!(sorted(groups), names, "{case}");
                     let united = unite(sources);
                     let count = united.objects.len() + united.joined.len() + united.refused.len();
-                    assert_eq!(count, records.len(), "{records:?} {order:?} {cuts:b}");
-                    let mut ids: Vec<&str> =
-                        united.objects.iter().map(|one| one.id.as_str()).collect();
-                    let mut known: Vec<&str> = wanted.iter().map(|(id, _)| *id).collect();
-                    ids.sort();
-                    known.sort();
-                    let alike = |(id, known): (&&str, &&str)| id.starts_with(known);
-                    assert!(
-                        ids.len() == known.len() && ids.iter().zip(&known).all(alike),
-                        "{records:?} {order:?} {cuts:b}: {ids:?}"
-                    );
+                    assert_eq!(count, all.len(), "{case}");
+                    let ids = sorted(united.objects.into_iter().map(|one| one.id));
+                    let alike = |(id, known): (&String, &String)| id.starts_with(known.as_str());
+                    let is_known = ids.len() == known.len() && ids.iter().zip(&known).all(alike);
+                    assert!(is_known, "{case}: {ids:?}");
                 }
             }
         }
@@ -373,7 +311,7 @@ mod tests {
         // The record that shows that the first two are one comes last, and in the least source.
         let united = unite(vec![
             source(1, &["25544+", "5+"]),
-            source(0, &["oem 1998-067A"]),
+            source(0, &["oem:1998-067A"]),
             source(2, &["25544+98067A", "6+"]),
         ]);
         let ids: Vec<&str> = united.objects.iter().map(|one| one.id.as_str()).collect();

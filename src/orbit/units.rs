@@ -7,8 +7,8 @@ pub(crate) const DEGREE: f64 = PI / 180.0;
 /// Radians a minute in a revolution a day.
 pub(crate) const REV_PER_DAY: f64 = PI / 720.0;
 
-/// `value` in units of `unit`, in the fewest of 15 to 17 digits that give the same value when they are read. Some values
-/// have none; they come back one unit in the last place off.
+/// `value` in units of `unit`, with the fewest of 15 to 17 digits that give the same value when
+/// read. A few values have none and come back one unit in the last place off.
 pub(crate) fn decimal(value: f64, unit: f64) -> String {
     let quotient = value / unit;
     let rounded = [14, 15, 16].map(|digits| format!("{quotient:.digits$e}").parse());

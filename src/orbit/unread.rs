@@ -1,7 +1,8 @@
 //! Formats of orbits and attitudes that are known by name and not read, with what to do about each.
 
 use crate::format::Format;
-use crate::lines::{self, LineFinder};
+use crate::lines;
+use crate::parts::Part;
 use crate::xml::{Tag, tags};
 use memchr::memmem;
 use std::collections::BTreeMap;
@@ -126,18 +127,18 @@ impl Known {
     }
 }
 
-/// The messages of an XML text that are not read: what each kind is, how many there are, and the line of the first.
-pub(crate) fn messages(text: &str) -> BTreeMap<String, (usize, usize)> {
-    let mut finder = LineFinder::new(text);
-    let mut all = BTreeMap::new();
-    for tag in tags(text, 0).filter(|tag| tag.name.len() == 3 && !tag.closing) {
+/// Messages that are not read: what each kind is, how many there are, and the line of the first.
+pub(crate) type Unread = BTreeMap<String, (usize, usize)>;
+
+/// Adds the messages of an XML text that are not read.
+pub(crate) fn add_messages(part: &Part, all: &mut Unread) {
+    let mut finder = part.finder();
+    for tag in tags(part.text, 0).filter(|tag| tag.name.len() == 3 && !tag.closing) {
         if let Some((_, known)) = MESSAGES.iter().find(|(name, _)| tag.opens(name)) {
-            all.entry(known.text())
-                .or_insert((0, finder.line(tag.start)))
-                .0 += 1;
+            let first = (0, finder.line(tag.start));
+            all.entry(known.text()).or_insert(first).0 += 1;
         }
     }
-    all
 }
 
 /// What a text is by a header that no format which is read has, though lines behind it may look like one.

@@ -60,8 +60,8 @@ pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     })
 }
 
-/// Where the bracket stands that closes a tag: a quoted value may have `>`, but no `<` (XML 1.0, 2.4 and 3.1). Of a tag that is not closed, or whose
-/// quotes are not, the first bracket.
+/// Place of the bracket that closes a tag: a quoted value may have `>`, but no `<` (XML 1.0, 2.4
+/// and 3.1). Of a tag that is not closed, or whose quotes are not, the first bracket.
 fn closing_bracket(inside: &str) -> Option<usize> {
     let mut quote = None;
     for (at, byte) in inside.bytes().enumerate() {
@@ -83,12 +83,10 @@ const ROOTS: [&str; 11] = [
 
 /// Whether a line of a text in another format begins XML of this kind.
 pub(crate) fn begins(line: &str) -> bool {
-    let is_root = || {
-        tags(line, 0)
-            .next()
-            .is_some_and(|tag| ROOTS.contains(&tag.name))
-    };
-    line.starts_with("<?xml") || line.starts_with("<!--") || is_root()
+    let mut tags = tags(line, 0);
+    line.starts_with("<?xml")
+        || line.starts_with("<!--")
+        || tags.next().is_some_and(|tag| ROOTS.contains(&tag.name))
 }
 
 /// Text between messages or behind the last, which belongs to none: offsets, and what stands there.
@@ -103,25 +101,24 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
         let is_known = |tag: &Tag| ROOTS.contains(&tag.name) || tag.name.starts_with(['?', '!']);
         let next = tags.peek().filter(|next| is_known(next));
         let end = next.map_or(text.len(), |next| next.start);
-        let mut at = tag.end;
-        // Comments and blanks say nothing.
-        while let Some(rest) = text.get(at..end) {
-            let start = rest.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
-            at = end - start.len();
-            match start
-                .strip_prefix("<!--")
-                .and_then(|inside| inside.find("-->"))
-            {
-                Some(close) => at += "<!--".len() + close + "-->".len(),
-                None if start.is_empty() => break,
-                None => {
-                    found.push((at, start));
-                    break;
-                }
-            }
+        let rest = skip_remarks(text.get(tag.end..end).unwrap_or_default());
+        if !rest.is_empty() {
+            found.push((end - rest.len(), rest));
         }
     }
     found
+}
+
+/// A text without the blanks and comments that it begins with.
+fn skip_remarks(mut text: &str) -> &str {
+    loop {
+        text = text.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
+        let inside = text.strip_prefix("<!--");
+        match inside.and_then(|inside| inside.split_once("-->")) {
+            Some((_, behind)) => text = behind,
+            None => return text,
+        }
+    }
 }
 
 /// The start of an element, or its end with its text, and the offset in the file behind the start tag.
@@ -155,10 +152,8 @@ pub(crate) fn read_elements(
                 handle(Element::Start(tag, offset), finder)?;
             }
             Event::End(tag) => {
-                handle(
-                    Element::End(tag.local_name().into_inner(), &value, begin),
-                    finder,
-                )?;
+                let name = tag.local_name().into_inner();
+                handle(Element::End(name, &value, begin), finder)?;
                 value.clear();
             }
             Event::Eof => return Ok(()),

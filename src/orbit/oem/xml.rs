@@ -1,9 +1,10 @@
 //! OEM in XML, alone or several in an NDM (CCSDS 505.0-B).
 
 use super::{Data, Segments};
+use crate::Contents;
 use crate::lines::LineFinder;
-use crate::load::Loaded;
 use crate::meta::Meta;
+use crate::parts::Part;
 use crate::record::{At, check_version, shorten};
 use crate::xml::{Element, read_elements, tags, unit, version};
 use hifitime::Epoch;
@@ -29,10 +30,10 @@ pub(crate) fn looks_like(text: &str) -> bool {
     memmem::find(text.as_bytes(), b"oem").is_some() && tags(text, 0).any(|tag| tag.opens("oem"))
 }
 
-/// Reads every segment by itself, as [`super::parse`] does.
-pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -> Loaded {
-    let mut finder = LineFinder::new(text);
-    let mut read = Segments::new(source, first_start);
+/// Reads every segment by itself, as [`super::read`] does.
+pub(crate) fn read(part: &Part, contents: &mut Contents) {
+    let (text, mut finder) = (part.text, part.finder());
+    let mut read = Segments::new(contents);
     let is_part = |name: &str| matches!(name, "oem" | "segment" | "ndm");
     let mut parts = tags(text, 0).filter(|tag| is_part(tag.name)).peekable();
     let (mut in_oem, mut open) = (false, 0);
@@ -66,7 +67,8 @@ pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -
             continue;
         };
         let segment = text.get(tag.start..end.end).unwrap_or_default();
-        match self::segment(segment, tag.start, &mut finder, read.first_start) {
+        let first_start = &mut read.contents.first_start;
+        match self::segment(segment, tag.start, &mut finder, first_start) {
             Ok(data) => read.add(data),
             Err((line, reason)) => read.reject(line, &reason),
         }
@@ -75,7 +77,7 @@ pub(crate) fn parse(text: &str, source: &str, first_start: &mut Option<Epoch>) -
         let line = finder.line(text.trim_end().len());
         read.reject(line, "<oem> or <ndm> is not closed: the file is cut off");
     }
-    read.finish()
+    read.finish();
 }
 
 /// A segment that starts at an offset of the text.

@@ -1,64 +1,58 @@
-//! A table with the keywords of the OMM as its header, a record a line, or several lines where
-//! a value in quotation marks has line breaks (RFC 4180).
+//! A table with the keywords of the OMM as its header. A record is a line, or several lines where a
+//! value in quotation marks has line breaks (RFC 4180).
 
-use super::{Fields, Key, Metadata, index_of};
-use crate::lines;
-use crate::record::Found;
+use super::{Fields, Key};
+use crate::Contents;
+use crate::parts::Part;
 use csv_core::{ReadRecordResult, Reader};
 use std::borrow::Cow;
-
-/// Whether a text whose first line is this one is such a table.
-pub(crate) fn begins(line: &str) -> bool {
-    let mut names = line.split(',').map(|name| name.trim().trim_matches('"'));
-    line.contains(',') && names.any(|name| index_of(name).is_some())
-}
 
 /// Lines that a record may have.
 const MOST_LINES: usize = 16;
 
+/// Whether a text whose first line is this one is such a table.
+pub(crate) fn begins(line: &str) -> bool {
+    let mut names = line.split(',').map(|name| name.trim().trim_matches('"'));
+    line.contains(',') && names.any(|name| Key::of(name).is_some())
+}
+
 /// Reads every record below the header.
-pub(crate) fn read(text: &str, found: &mut Found) {
+pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut splitter = Splitter::new();
-    let mut columns: Option<Vec<Option<usize>>> = None;
-    let mut lines = lines::numbered(text);
+    let mut lines = part.lines();
+    let Some((number, header)) = lines.find(|(_, line)| {
+        let line = line.trim_start();
+        !line.is_empty() && !line.starts_with('#')
+    }) else {
+        return;
+    };
+    splitter.split(header);
+    let columns: Vec<_> = splitter.values().map(|name| Key::of(name.trim())).collect();
+    for key in [Key::Epoch, Key::MeanMotion] {
+        if !columns.contains(&Some(key)) {
+            let reason = format!("the header has no column {}", key.keyword());
+            return found.reject(number, reason);
+        }
+    }
     while let Some((number, line)) = lines.next() {
-        // A name below the header may begin as a comment does.
-        let comment = columns.is_none() && line.starts_with('#');
-        if line.trim_start().is_empty() || comment {
+        if line.trim_start().is_empty() {
             continue;
         }
-        let Some(columns) = &columns else {
-            splitter.split(line);
-            let header: Vec<_> = splitter
-                .values()
-                .map(|name| index_of(name.trim()))
-                .collect();
-            for key in [Key::Epoch, Key::MeanMotion] {
-                if !header.contains(&Some(key as usize)) {
-                    let keyword = super::KEYWORDS[key as usize];
-                    found.reject(number, format!("the header has no column {keyword}"));
-                    return;
+        let split = record(part.text, line, &mut lines, columns.len(), &mut splitter);
+        found.take(split.map_err(|reason| (number, reason)).and_then(|()| {
+            let mut fields = Fields::new(number, false);
+            for (column, value) in columns.iter().zip(splitter.values()) {
+                if let Some(key) = column {
+                    fields.set(*key, Cow::Borrowed(value), number);
                 }
             }
-            columns = Some(header);
-            continue;
-        };
-        if let Err(reason) = record(text, line, &mut lines, columns.len(), &mut splitter) {
-            found.take(Err((number, reason)));
-            continue;
-        }
-        let mut fields = Fields::default();
-        for (column, value) in columns.iter().zip(splitter.values()) {
-            if let Some(index) = column {
-                fields.set(*index, Cow::Borrowed(value), number);
-            }
-        }
-        found.take(fields.record(number, Metadata::Understood));
+            fields.record()
+        }));
     }
 }
 
-/// Splits the record that begins with `line`. A quotation mark that is open at its end takes further lines, but only those
-/// that make a value for every column: one that is lost spoils its own line alone.
+/// Splits the record that begins with `line`. An open quotation mark at its end takes further lines
+/// that together have a value for every column; else its own line alone is lost.
 fn record<'a>(
     text: &str,
     line: &str,
@@ -68,7 +62,7 @@ fn record<'a>(
 ) -> Result<(), String> {
     if is_closed(line) {
         splitter.split(line);
-        return match splitter.count() {
+        return match splitter.count {
             count if count == columns => Ok(()),
             count => Err(format!(
                 "{count} values in a line, the header has {columns} columns"
@@ -80,28 +74,28 @@ fn record<'a>(
     for _ in 1..MOST_LINES {
         let Some((_, last)) = ahead.next() else { break };
         let record = text.get(place(line)..place(last) + last.len());
-        let Some(record) = record.filter(|record| is_closed(record)) else {
-            continue;
-        };
-        if splitter.split(record) && splitter.count() == columns {
-            *lines = ahead;
-            return Ok(());
+        if let Some(record) = record.filter(|record| is_closed(record)) {
+            if splitter.split(record) && splitter.count == columns {
+                *lines = ahead;
+                return Ok(());
+            }
+            break;
         }
-        break;
     }
     Err("a quotation mark without the other that closes it".to_owned())
 }
 
-/// Whether every quotation mark has its other.
+/// Whether the number of quotation marks is even.
 fn is_closed(record: &str) -> bool {
     record.bytes().filter(|b| *b == b'"').count() % 2 == 0
 }
 
-/// Splits records into values; its memory is kept from one to the next.
+/// Splits records into values. Its buffers are used for all records.
 struct Splitter {
     reader: Reader,
     text: Vec<u8>,
     ends: Vec<usize>,
+    /// How many values the record has.
     count: usize,
 }
 
@@ -116,7 +110,7 @@ impl Splitter {
         }
     }
 
-    /// Whether the values of a text, whole, are those of one record.
+    /// Whether the whole text is one record.
     fn split(&mut self, line: &str) -> bool {
         self.reader.reset();
         // No value is longer than its line, none takes less than a comma.
@@ -124,25 +118,20 @@ impl Splitter {
         let commas = line.bytes().filter(|b| *b == b',').count();
         self.ends.resize(commas + 2, 0);
         let mut input = line.as_bytes();
-        let (mut written, mut ends) = (0, 0);
+        let mut written = 0;
+        self.count = 0;
         loop {
             let output = self.text.get_mut(written..).unwrap_or_default();
-            let places = self.ends.get_mut(ends..).unwrap_or_default();
+            let places = self.ends.get_mut(self.count..).unwrap_or_default();
             let (result, read, wrote, ended) = self.reader.read_record(input, output, places);
             input = input.get(read..).unwrap_or_default();
             written += wrote;
-            ends += ended;
+            self.count += ended;
             // An empty input tells the reader that the line is at its end.
             if result != ReadRecordResult::InputEmpty {
-                break;
+                return input.is_empty();
             }
         }
-        self.count = ends;
-        input.is_empty()
-    }
-
-    fn count(&self) -> usize {
-        self.count
     }
 
     fn values(&self) -> impl Iterator<Item = &str> {

@@ -1,8 +1,9 @@
 //! OMM in keyword = value notation: messages one after the other.
 
-use super::{Fields, Metadata, index_of, unit_of};
-use crate::lines;
-use crate::record::{Found, check_version, shorten};
+use super::{Fields, Key};
+use crate::parts::Part;
+use crate::record::{check_version, shorten};
+use crate::{Contents, lines};
 use std::borrow::Cow;
 
 /// The keyword that every message starts with.
@@ -10,57 +11,41 @@ const VERSION: &str = "CCSDS_OMM_VERS";
 
 /// Whether a text whose first line is this one is an OMM. Some files leave the version out.
 pub(crate) fn begins(line: &str) -> bool {
+    let header = [VERSION, "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"];
     let keyword = line.split_once('=').map(|(keyword, _)| keyword.trim());
-    keyword.is_some_and(|keyword| {
-        let header = [VERSION, "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"];
-        header.contains(&keyword) || index_of(keyword).is_some()
-    })
+    keyword.is_some_and(|keyword| header.contains(&keyword) || Key::of(keyword).is_some())
 }
 
-/// Reads every message. One begins with its version or, where messages have none, with the keyword that the one before
-/// began with, or with any that comes again behind a message that has all it needs.
-pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
-    let mut message: Option<Message<'a>> = None;
-    for (number, line) in lines::numbered(text) {
+/// Reads every message. One begins with its version or, where messages have none, with the keyword
+/// that the one before began with, or with any that is repeated behind a complete message.
+pub(crate) fn read(part: &Part, found: &mut Contents) {
+    let mut message: Option<Message> = None;
+    for (number, line) in part.lines() {
         let line = line.trim_start();
-        if line.is_empty() || line.starts_with('#') {
-            continue;
-        }
-        if line.split_whitespace().next() == Some("COMMENT") {
+        if lines::is_remark(line) {
             continue;
         }
         let pair = line.split_once('=').map(|(k, v)| (k.trim(), v.trim()));
-        let index = pair.and_then(|(keyword, _)| index_of(keyword));
-        let version = pair.is_some_and(|(keyword, _)| keyword == VERSION);
-        let next = |message: &Message| index.is_some_and(|index| message.ends_before(index));
-        if version || message.as_ref().is_some_and(next) {
+        let key = pair.and_then(|(keyword, _)| Key::of(keyword));
+        let version = pair.filter(|(keyword, _)| *keyword == VERSION);
+        let next = |message: &Message| key.is_some_and(|key| message.ends_before(key));
+        if version.is_some() || message.as_ref().is_some_and(next) {
             finish(message.take(), found);
         }
         let message = message.get_or_insert_with(|| Message {
-            line: number,
-            version,
-            ..Message::default()
+            has_version: version.is_some(),
+            first: None,
+            fields: Fields::new(number, true),
         });
-        match (pair, index) {
-            (Some((_, value)), _) if version => {
+        match (version, pair, key) {
+            (Some((_, value)), ..) => {
                 if let Err(reason) = check_version(VERSION, value) {
                     message.fields.refuse(number, reason);
                 }
             }
-            (Some((_, value)), Some(index)) => {
-                message.first.get_or_insert(index);
-                // Text may end in brackets of its own.
-                let (value, unit) = match unit_of(index) {
-                    "" => (value, None),
-                    _ => split(value),
-                };
-                if let Some(unit) = unit {
-                    message.fields.unit(index, unit, number);
-                }
-                message.fields.set(index, Cow::Borrowed(value), number);
-            }
-            (Some(_), None) => {}
-            (None, _) => {
+            (_, Some((_, value)), Some(key)) => message.set(key, value, number),
+            (_, Some(_), None) => {}
+            (_, None, _) => {
                 let reason = format!("'{}' is not KEYWORD = VALUE", shorten(line));
                 message.fields.refuse(number, reason);
             }
@@ -70,40 +55,44 @@ pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
 }
 
 /// A message being read.
-#[derive(Default)]
 struct Message<'a> {
-    line: usize,
-    /// Whether it begins with its version, as the standard demands; what follows it then does too.
-    version: bool,
-    /// The keyword that it begins with, of those that are read.
-    first: Option<usize>,
+    /// Whether it begins with its version, as the standard demands; the next one then does too.
+    has_version: bool,
+    /// The key that it begins with.
+    first: Option<Key>,
     fields: Fields<'a>,
 }
 
-impl Message<'_> {
-    /// Whether the keyword with this index belongs to the next message. One that comes again is else there twice.
-    fn ends_before(&self, index: usize) -> bool {
-        let first = self.first == Some(index);
-        let complete = self.fields.are_complete();
-        self.fields.has(index)
-            && match self.version {
-                true => first && complete,
-                false => first || complete,
+impl<'a> Message<'a> {
+    /// Whether a key belongs to the next message. A repeated key of this one is an error.
+    fn ends_before(&self, key: Key) -> bool {
+        let is_first = self.first == Some(key);
+        let is_complete = self.fields.are_complete();
+        self.fields.has(key)
+            && match self.has_version {
+                true => is_first && is_complete,
+                false => is_first || is_complete,
             }
     }
-}
 
-fn finish(message: Option<Message>, found: &mut Found) {
-    if let Some(message) = message {
-        found.take(message.fields.record(message.line, Metadata::Required));
+    /// Sets a value with its unit in brackets behind it: `15.5 [rev/day]`.
+    fn set(&mut self, key: Key, value: &'a str, line: usize) {
+        self.first.get_or_insert(key);
+        // Text may end in brackets of its own.
+        let bracketed = value.strip_suffix(']').filter(|_| !key.unit().is_empty());
+        let value = match bracketed.and_then(|value| value.split_once('[')) {
+            Some((number, unit)) => {
+                self.fields.check_unit(key, unit, line);
+                number.trim_end()
+            }
+            None => value,
+        };
+        self.fields.set(key, Cow::Borrowed(value), line);
     }
 }
 
-/// A value and its unit in brackets behind it: `15.5 [rev/day]`.
-fn split(value: &str) -> (&str, Option<&str>) {
-    let inside = value.strip_suffix(']').and_then(|v| v.split_once('['));
-    match inside {
-        Some((number, unit)) => (number.trim_end(), Some(unit)),
-        None => (value, None),
+fn finish(message: Option<Message>, found: &mut Contents) {
+    if let Some(message) = message {
+        found.take(message.fields.record());
     }
 }

@@ -1,12 +1,14 @@
 //! The table of classes: how many, where, and how large.
 //!
-//! Shares follow the catalogue of 2026, some 33,000 objects. High orbits change little: their counts are those of the public
-//! catalogue of 7 September 2023 (25,587 sets: 4,050 deep, of these 1,518 in the geostationary belt, 381 on half-day orbits, 1,942
-//! with eccentricities from 0.25 on), with what few have come since. Starlink has grown from 4,621 of them to 9,400, other low
-//! objects from 16,207 to 18,700. So 12.3 % are deep and 6.3 % have eccentricities from 0.25 on (15.8 and 8.0 in 2023, 20.7 and
-//! 10.8 in June 2019). Orbits and B* follow the medians and quartiles of the catalogue of 2023 by shell, local times of nodes its
-//! 1,678 Sun-synchronous payloads below 650 km. Sizes of fragments follow Johnson et al. 2001 (Adv. Space Res. 28(9), 1377),
-//! Eq. (2), those of whole bodies published dimensions, rounded.
+//! Shares follow the catalogue of 2026, some 33,000 objects. Counts of high orbits, which change
+//! little, are those of the public catalogue of 7 September 2023 (25,587 sets: 4,050 deep, of these
+//! 1,518 in the geostationary belt, 381 on half-day orbits, 1,942 with eccentricities from 0.25 on)
+//! with few additions. Starlink has grown from 4,621 to 9,400, other low objects from 16,207 to
+//! 18,700: 12.3 % are deep and 6.3 % have eccentricities from 0.25 on (15.8 and 8.0 in 2023, 20.7
+//! and 10.8 in June 2019). Orbits and B* follow medians and quartiles of 2023 by shell, local times
+//! of nodes its 1,678 Sun-synchronous payloads below 650 km. Sizes of fragments follow Johnson et
+//! al. 2001 (Adv. Space Res. 28(9), 1377), Eq. (2), those of whole bodies published dimensions,
+//! rounded.
 
 /// A kind of objects.
 #[derive(Debug, PartialEq)]
@@ -39,11 +41,11 @@ pub(super) enum Orbit {
 pub(super) enum Inclination {
     /// Bands of a weight, normal about a mean: weight, mean, sigma. Never below 0.
     Bands(&'static [(f64, f64, f64)]),
-    /// That of a circular orbit in step with the Sun, normal about it: sigma. The local mean solar times (h) of its ascending
-    /// node, in bands as above; none: any.
+    /// That of a circular Sun-synchronous orbit, normal about it: sigma; and local mean solar times
+    /// (h) of its ascending node, in bands as above; none: any.
     SunSynchronous(f64, &'static [(f64, f64, f64)]),
-    /// What Sun, Moon and the Earth's bulge make of a geostationary orbit that nobody keeps: its pole goes around that of the
-    /// Laplace plane.
+    /// A geostationary orbit without station keeping: its pole goes around that of the Laplace
+    /// plane.
     Abandoned,
 }
 

@@ -1,5 +1,5 @@
-//! Random numbers by counter: what an object draws depends on seed and place alone. All functions of floats go through
-//! `libm`, so that the draws are the same on every platform.
+//! Random numbers by counter: the draws of an object depend on seed and index alone, and are the
+//! same on every platform by `libm`.
 
 use std::f64::consts::TAU;
 
@@ -31,7 +31,7 @@ impl Draw {
         TAU * self.uniform()
     }
 
-    /// Standard normal, cut at 2.5: the tails would carry objects out of their class. Box and Muller 1958,
+    /// Standard normal, clamped at 2.5 to keep objects in their class. Box and Muller 1958,
     /// `sqrt(-2 ln u) cos(2 pi v)`.
     pub(super) fn normal(&mut self) -> f64 {
         let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));

@@ -1,7 +1,6 @@
-//! A synthetic population with the mix of the real one, for scale tests: any number of objects, without a file.
-//!
-//! [`CLASSES`] says what there is; an object's class follows from its place, all else from its place and the seed. The same
-//! arguments give the same objects for ever.
+//! A synthetic population like the real one, for scale tests. An object's class ([`CLASSES`])
+//! follows from its index, all else from index and seed. The same arguments always give the same
+//! objects.
 
 mod classes;
 mod draw;
@@ -100,10 +99,9 @@ fn object(index: u64, seed: u64, epoch: Epoch) -> Synthetic {
             Drag::None => 0.0,
             Drag::Of(size, negative) => {
                 let size = draw.log_normal(size);
-                if draw.uniform() < negative {
-                    -size
-                } else {
-                    size
+                match draw.uniform() < negative {
+                    true => -size,
+                    false => size,
                 }
             }
         },
@@ -122,8 +120,8 @@ fn object(index: u64, seed: u64, epoch: Epoch) -> Synthetic {
     }
 }
 
-/// The class of a place. Multiples of the golden ratio, modulo 1, fill the interval evenly: shares hold for every number of
-/// objects to within a few of them, and classes mix.
+/// The class of an index. Multiples of the golden ratio, modulo 1, fill the interval evenly:
+/// classes mix, and their shares hold for every number of objects to within a few.
 fn class_at(index: u64) -> &'static Class {
     let place = index.wrapping_mul(GOLDEN) >> 11;
     let mut left = 1000.0 * place as f64 / (1u64 << 53) as f64;
@@ -185,8 +183,8 @@ fn plane(
             let spread = (sigma * draw.normal()).to_radians();
             let node = match nodes_h {
                 [] => draw.angle(),
-                // W = L + (t - 12 h) 15 deg / h, with the mean Sun's L = 280.460 deg + 0.9856474 deg a day from J2000
-                // (Astronomical Almanac, C5).
+                // W = L + (t - 12 h) 15 deg / h, with the mean Sun's
+                // L = 280.460 deg + 0.9856474 deg a day from J2000 (Astronomical Almanac, C5).
                 nodes_h => {
                     let days = utc_days_since_j2000(epoch);
                     let sun_deg = 280.460 + 0.985_647_4 * days;
@@ -196,8 +194,9 @@ fn plane(
             };
             (libm::acos(cos) + spread, node)
         }
-        // The Laplace plane's node is the vernal equinox: its pole lies at (0, -sin L, cos L). The orbit's pole is the Earth's,
-        // turned about it by an angle: h = p cos + (L x p) sin + L (L . p) (1 - cos), with p = (0, 0, 1).
+        // The Laplace plane's node is the vernal equinox: its pole is (0, -sin L, cos L). The
+        // orbit's pole is the Earth's, p = (0, 0, 1), rotated about it: h = p cos + (L x p) sin + L
+        // (L . p) (1 - cos).
         Inclination::Abandoned => {
             let (sin_l, cos_l) = libm::sincos(LAPLACE_DEG.to_radians());
             let (sin, cos) = libm::sincos(draw.angle());

@@ -86,12 +86,8 @@ fn made_up_sets_are_where_the_scalar_twin_has_them() {
     let mut tally = Tally::default();
     for days in DAYS {
         for (one, answer) in synthetic.iter().zip(batch(&sets, days * 1440.0)) {
-            tally.hold(
-                format_args!("{}, {}", one.set.norad, one.kind),
-                &one.set,
-                days * 1440.0,
-                &answer,
-            );
+            let what = format_args!("{}, {}", one.set.norad, one.kind);
+            tally.hold(what, &one.set, days * 1440.0, &answer);
         }
     }
     tally.print(format_args!("{} made-up sets", sets.len()));

@@ -1,11 +1,15 @@
 //! Element sets written and read again: the same elements, or what a format cannot hold is reported.
 
+#[path = "support/texts.rs"]
+mod texts;
+
 use hifitime::{Epoch, Unit};
 use proptest::prelude::*;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Format, Record, Written, parse_contents, write};
 use std::f64::consts::{PI, TAU};
+use texts::sealed;
 
 const OMM: [Format; 4] = [
     Format::OmmKvn,
@@ -29,22 +33,11 @@ const SETS: &str = "\
 
 /// With the checksums that belong behind the lines.
 fn sets() -> String {
-    let sealed = |line: &str| {
-        let line = &line[..68];
-        let values = line
-            .chars()
-            .map(|c| c.to_digit(10).unwrap_or((c == '-').into()));
-        format!("{line}{}\n", values.sum::<u32>() % 10)
+    let line = |line: &str| match line.len() {
+        60.. => sealed(&line[..68]) + "\n",
+        _ => format!("{line}\n"),
     };
-    SETS.lines()
-        .map(|line| {
-            if line.len() > 60 {
-                sealed(line)
-            } else {
-                format!("{line}\n")
-            }
-        })
-        .collect()
+    SETS.lines().map(line).collect()
 }
 
 fn read(text: &str) -> Vec<Record> {
@@ -65,10 +58,10 @@ fn a_3le_comes_back_octet_for_octet_from_every_notation() {
     let original = sets();
     let records = read(&original);
     assert_eq!(records[1].name, "<A> & \"B\"");
+    let format_of = |text: &str| parse_contents(text, "test").unwrap().format;
     for format in OMM {
         let text = written(&records, format).text;
-        let contents = parse_contents(&text, "test").unwrap();
-        assert_eq!(contents.format, format);
+        assert_eq!(format_of(&text), format);
         let back = read(&text);
         assert_eq!(back, records, "{text}");
         let lines = written(&back, Format::ThreeLine);
@@ -79,10 +72,7 @@ fn a_3le_comes_back_octet_for_octet_from_every_notation() {
         );
     }
     let without = written(&records, Format::Tle).text;
-    assert_eq!(
-        parse_contents(&without, "test").unwrap().format,
-        Format::Tle
-    );
+    assert_eq!(format_of(&without), Format::Tle);
     let elements = |records: &[Record]| records.iter().map(|r| r.elements).collect::<Vec<_>>();
     assert_eq!(elements(&read(&without)), elements(&records));
 }
@@ -108,92 +98,72 @@ fn epochs_before_a_leap_second_are_written_as_they_are() {
     }
 }
 
+type Case = (fn(&mut Record), &'static str);
+
+/// The first set with a change, as a 3LE.
+fn altered(change: fn(&mut Record)) -> Written {
+    let mut record = read(&sets())[0].clone();
+    change(&mut record);
+    written(&[record], Format::ThreeLine)
+}
+
 #[test]
 fn what_two_lines_cannot_hold_is_reported() {
-    let records = read(&sets());
-    let with = |change: fn(&mut Record)| {
-        let mut record = records[0].clone();
-        change(&mut record);
-        written(&[record], Format::ThreeLine)
-    };
-    for (change, reason) in [
-        (
-            (|r| r.elements.norad = 340_000) as fn(&mut Record),
-            "NORAD 340000: a TLE has numbers up to 339999",
-        ),
-        (
-            |r| r.elements.epoch += 20_000.0 * Unit::Day,
-            "epochs from 1957 to 2056",
-        ),
-        (
-            |r| r.elements.epoch = parse_utc("2016-12-31T23:59:60.5Z").unwrap(),
-            "none in a leap second",
-        ),
-        (
-            |r| r.elements.eccentricity = 0.999_999_99,
-            "the eccentricity rounds to 1",
-        ),
-        (
-            |r| r.elements.mean_motion = 0.5,
-            "mean motions below 100 rev/day",
-        ),
+    let cases: [Case; 9] = [
+        (|r| r.elements.norad = 340_000, "numbers up to 339999"),
+        (|r| r.elements.epoch += 20_000.0 * Unit::Day, "1957 to 2056"),
+        (|r| r.elements.epoch = leap_second(), "leap second"),
+        (|r| r.elements.eccentricity = 0.999_999_99, "rounds to 1"),
+        (|r| r.elements.mean_motion = 0.5, "below 100 rev/day"),
         (|r| r.elements.drag = 1e10, "the drag term B* is beyond"),
         (|r| r.mean_motion_dot = -1.0, "first derivatives below 1"),
-        (
-            |r| r.mean_motion_ddot = 1e300,
-            "the second derivative is beyond",
-        ),
-    ] {
-        let Written { text, left_out, .. } = with(change);
+        (|r| r.mean_motion_ddot = 1e300, "second derivative"),
+        // Of two digits the last alone would make the set one of another theory.
+        (|r| r.ephemeris_type = 14, "ephemeris type"),
+    ];
+    for (change, reason) in cases {
+        let Written { text, left_out, .. } = altered(change);
         assert_eq!(text, "", "{reason}");
         assert!(
             left_out.len() == 1 && left_out[0].contains(reason),
             "{left_out:?}"
         );
     }
-    for (change, what) in [
-        (
-            (|r| r.name = "A NAME OF TWENTY-FIVE LTRS".into()) as fn(&mut Record),
-            "is cut to 24",
-        ),
-        (
-            |r| r.designator = "2057-001A".into(),
-            "its columns are left blank",
-        ),
-        (
-            |r| r.designator = "X-37B".into(),
-            "'X-37B' is no international designator",
-        ),
-        (
-            |r| r.element_set = 10_000,
-            "the set number 10000 has only its last digits",
-        ),
-        (
-            |r| r.revolution = 123_456,
-            "the revolution number 123456 has only",
-        ),
-    ] {
-        let Written { text, changed, .. } = with(change);
+}
+
+#[test]
+fn what_two_lines_hold_otherwise_is_reported() {
+    let records = read(&sets());
+    let cases: [Case; 5] = [
+        (|r| r.name = "A NAME OF TWENTY-FIVE LTRS".into(), "cut to"),
+        (|r| r.designator = "2057-001A".into(), "left blank"),
+        (|r| r.designator = "X-37B".into(), "no international"),
+        (|r| r.element_set = 10_000, "set number 10000 has only"),
+        (|r| r.revolution = 123_456, "number 123456 has only"),
+    ];
+    for (change, what) in cases {
+        let Written { text, changed, .. } = altered(change);
         assert!(
             changed.len() == 1 && changed[0].contains(what),
             "{changed:?}"
         );
         assert_eq!(read(&text)[0].elements, records[0].elements);
-        let columns = text
+        let designator = text
             .lines()
             .nth(1)
             .and_then(|line| line.get(9..17))
             .unwrap();
-        assert_eq!(
-            columns.trim().is_empty(),
-            changed[0].contains("designator"),
-            "{text}"
-        );
+        let is_blank = designator.trim().is_empty();
+        assert_eq!(is_blank, changed[0].contains("designator"), "{text}");
     }
-    let finer = with(|r| r.elements.mean_motion *= 1.0 + 1e-12);
+    let finer = altered(|r| r.elements.mean_motion *= 1.0 + 1e-12);
     assert_eq!((finer.rounded, finer.left_out.len()), (1, 0));
     assert_eq!(read(&finer.text)[0].elements, records[0].elements);
     assert!(write(&records, Format::OemKvn, records[0].elements.epoch).is_none());
+}
+
+fn leap_second() -> Epoch {
+    parse_utc("2016-12-31T23:59:60.5Z").unwrap()
 }
 
 /// The greatest difference that the columns of the two lines make, rad, rad/min, 1, s.

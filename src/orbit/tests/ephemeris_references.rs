@@ -1,40 +1,33 @@
 //! OEM against independent programs: the states between the states, and the frames.
 
+#[path = "support/texts.rs"]
+mod texts;
+
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
-use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{Loaded, Object, StateVector, parse};
+use skyloop_orbit::time::{parse_utc, utc_text};
+use skyloop_orbit::{Object, StateVector, parse};
 
 /// A message whose states are these lines behind their epochs.
 fn message(frame: &str, meta: &str, states: &[(Epoch, String)]) -> String {
-    let utc = |epoch: Epoch| skyloop_orbit::time::utc_text(epoch);
-    let (start, stop) = (utc(states[0].0), utc(states[states.len() - 1].0));
+    let [start, stop] = [&states[0], &states[states.len() - 1]].map(|(t, _)| utc_text(*t));
+    let span = format!("START_TIME = {start}\nSTOP_TIME = {stop}\n");
     let lines = states
         .iter()
-        .map(|(epoch, state)| format!("{} {state}\n", utc(*epoch)));
-    format!(
-        "CCSDS_OEM_VERS = 2.0\nMETA_START\n{meta}OBJECT_NAME = MADE UP\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = {frame}\n\
-         TIME_SYSTEM = UTC\nSTART_TIME = {start}\nSTOP_TIME = {stop}\nMETA_STOP\n{}",
-        lines.collect::<String>()
-    )
+        .map(|(epoch, state)| format!("{} {state}", utc_text(*epoch)));
+    let meta = format!("{meta}REF_FRAME = {frame}\n{span}");
+    texts::oem(&meta, &lines.collect::<Vec<_>>())
 }
 
 fn only(text: &str) -> Object {
-    let Loaded {
-        mut objects,
-        rejected,
-        ..
-    } = parse(text, "test.oem").unwrap();
-    assert_eq!(rejected, [], "{text}");
-    objects.remove(0)
+    let mut loaded = parse(text, "test.oem").unwrap();
+    assert_eq!(loaded.rejected, [], "{text}");
+    loaded.objects.remove(0)
 }
 
 fn remarks(object: &Object) -> Vec<&str> {
-    object
-        .remarks()
-        .into_iter()
-        .map(|(_, remark)| remark)
-        .collect()
+    let remarks = object.remarks().into_iter();
+    remarks.map(|(_, remark)| remark).collect()
 }
 
 /// Distances in m and m/s from a state in km and km/s.
@@ -57,16 +50,14 @@ struct Row {
 }
 
 fn rows() -> (Vec<Row>, Vec<(u32, f64, String)>) {
-    // X-Val: data/make_ephemeris_references.py: an analytic Kepler orbit, and scipy's interpolators on its states
+    // X-Val: data/make_ephemeris_references.py: an analytic Kepler orbit, and scipy's
+    // interpolators on its states
     let (mut rows, mut states) = (Vec::new(), Vec::new());
     for line in include_str!("data/oem_interpolated.txt").lines().skip(1) {
         let words: Vec<&str> = line.split_whitespace().collect();
         if words[0] == "state" {
-            states.push((
-                words[1].parse().unwrap(),
-                words[2].parse().unwrap(),
-                words[3..].join(" "),
-            ));
+            let (step_s, t) = (words[1].parse().unwrap(), words[2].parse().unwrap());
+            states.push((step_s, t, words[3..].join(" ")));
         } else {
             rows.push(Row {
                 method: words[0].to_owned(),
@@ -97,90 +88,50 @@ fn orbit(states: &[(u32, f64, String)], step_s: u32, meta: &str) -> Object {
 #[test]
 fn states_between_states_are_those_of_an_independent_program() {
     let (rows, states) = rows();
-    let mut compared = 0;
-    for Row {
-        method,
-        degree,
-        step_s,
-        t,
-        state_km,
-    } in rows.iter().filter(|row| row.method != "true")
-    {
-        let meta = format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n");
-        let object = orbit(&states, *step_s, &meta);
+    let compared: Vec<&Row> = rows.iter().filter(|row| row.method != "true").collect();
+    assert_eq!(compared.len(), 2 * 9 * 6);
+    for row in compared {
+        let meta = meta(&row.method, row.degree);
+        let object = orbit(&states, row.step_s, &meta);
         assert_eq!(remarks(&object), [""; 0], "{meta}");
-        let (m, m_s) = off(
-            &object.state(start() + *t * Unit::Second).unwrap(),
-            state_km,
-        );
-        assert!(
-            m < 1e-5 && m_s < 1e-7,
-            "{method} {degree}, {step_s} s at {t}: {m} m, {m_s} m/s"
-        );
-        compared += 1;
+        let state = object.state(start() + row.t * Unit::Second).unwrap();
+        let (m, m_s) = off(&state, &row.state_km);
+        let what = format_args!("{meta}{} s at {}", row.step_s, row.t);
+        assert!(m < 1e-5 && m_s < 1e-7, "{what}: {m} m, {m_s} m/s");
     }
-    assert_eq!(compared, 2 * 9 * 6);
+}
+
+fn meta(method: &str, degree: usize) -> String {
+    format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n")
 }
 
 #[test]
 fn the_methods_own_error_is_known_from_the_analytic_orbit() {
     let (rows, states) = rows();
-    let worst = |meta: &str, step_s: u32| {
-        let object = orbit(&states, step_s, meta);
-        let truth = rows
-            .iter()
-            .filter(|row| row.method == "true" && row.step_s == step_s);
-        let errors = truth.map(|row| {
-            off(
-                &object.state(start() + row.t * Unit::Second).unwrap(),
-                &row.state_km,
-            )
-        });
-        errors.fold((0.0_f64, 0.0_f64), |worst, (m, m_s)| {
-            (worst.0.max(m), worst.1.max(m_s))
-        })
-    };
-    // From below: what the file's method gives. HERMITE of degree 1, of two states, is a straight line by LINEAR.
+    // From below: what the file's method gives. HERMITE of degree 1, of two states, is a straight
+    // line by LINEAR. No method: Hermite's of degree 7.
     for (meta, step_s, least_m, most_m, most_m_s) in [
-        ("INTERPOLATION = LINEAR\n", 60, 3e3, 4e3, 5.0),
-        (
-            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 1\n",
-            60,
-            0.1,
-            0.4,
-            0.02,
-        ),
-        (
-            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 3\n",
-            60,
-            0.1,
-            0.4,
-            0.02,
-        ),
-        (
-            "INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 7\n",
-            240,
-            1.0,
-            4.0,
-            5e-3,
-        ),
-        (
-            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 7\n",
-            240,
-            1e-3,
-            0.01,
-            1e-4,
-        ),
-        // No method: Hermite's of degree 7.
-        ("", 240, 1e-3, 0.01, 1e-4),
-        ("", 60, 0.0, 1e-5, 1e-7),
+        ("INTERPOLATION = LINEAR\n".to_owned(), 60, 3e3, 4e3, 5.0),
+        (meta("HERMITE", 1), 60, 0.1, 0.4, 0.02),
+        (meta("HERMITE", 3), 60, 0.1, 0.4, 0.02),
+        (meta("LAGRANGE", 7), 240, 1.0, 4.0, 5e-3),
+        (meta("HERMITE", 7), 240, 1e-3, 0.01, 1e-4),
+        (String::new(), 240, 1e-3, 0.01, 1e-4),
+        (String::new(), 60, 0.0, 1e-5, 1e-7),
     ] {
-        let (m, m_s) = worst(meta, step_s);
+        let object = orbit(&states, step_s, &meta);
+        let (mut m, mut m_s) = (0.0_f64, 0.0_f64);
+        for row in rows
+            .iter()
+            .filter(|row| row.method == "true" && row.step_s == step_s)
+        {
+            let state = object.state(start() + row.t * Unit::Second).unwrap();
+            let found = off(&state, &row.state_km);
+            (m, m_s) = (m.max(found.0), m_s.max(found.1));
+        }
         println!("{meta:?} {step_s} s: {m:.2e} m, {m_s:.2e} m/s");
-        assert!(
-            (least_m..most_m).contains(&m) && m_s < most_m_s,
-            "{meta} {step_s} s: {m} m, {m_s} m/s"
-        );
+        let is_within = (least_m..most_m).contains(&m) && m_s < most_m_s;
+        assert!(is_within, "{meta} {step_s} s: {m} m, {m_s} m/s");
     }
 }
 
@@ -188,15 +139,15 @@ fn the_methods_own_error_is_known_from_the_analytic_orbit() {
 fn the_velocity_is_the_derivative_of_the_position() {
     let (_, states) = rows();
     let h = 0.01;
-    // Hermite's exactly, but for the difference; Lagrange's as far as the file's velocities belong to its positions.
+    // Hermite's exactly, but for the difference; Lagrange's as far as the file's velocities
+    // belong to its positions.
     for (method, degree, step_s, most_m_s) in [
         ("HERMITE", 3, 60, 1e-5),
         ("HERMITE", 7, 240, 1e-5),
         ("LAGRANGE", 7, 60, 1e-4),
         ("LAGRANGE", 7, 240, 0.1),
     ] {
-        let meta = format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n");
-        let object = orbit(&states, step_s, &meta);
+        let object = orbit(&states, step_s, &meta(method, degree));
         // Between nodes, at one, and near both ends.
         for share in [0.3, 1.0, 5.5, 6.0, 10.7] {
             let t = start() + share * f64::from(step_s) * Unit::Second;
@@ -206,7 +157,7 @@ fn the_velocity_is_the_derivative_of_the_position() {
             let error = (slope - at(0.0).velocity_m_s).norm();
             assert!(
                 error < most_m_s,
-                "{meta} {step_s} s at {share}: {error} m/s"
+                "{method} {degree}, {step_s} s at {share}: {error} m/s"
             );
         }
     }
@@ -215,27 +166,18 @@ fn the_velocity_is_the_derivative_of_the_position() {
 #[test]
 fn what_is_not_as_the_file_says_is_remarked() {
     let (_, states) = rows();
-    for (meta, remark) in [
-        (
-            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 8\n",
-            "not 8: 9 is taken",
-        ),
-        (
-            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 1\n",
-            "not 1: 3 is taken",
-        ),
-        (
-            "INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 5\n",
-            "not 5: 1 is taken",
-        ),
-        (
-            "INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 15\n",
-            "takes 16 states, and the segment has 12",
-        ),
+    for (method, degree, remark) in [
+        ("HERMITE", 8, "not 8: 9 is taken"),
+        ("HERMITE", 1, "not 1: 3 is taken"),
+        ("LINEAR", 5, "not 5: 1 is taken"),
+        ("LAGRANGE", 15, "takes 16 states, and the segment has 12"),
     ] {
-        let object = orbit(&states, 60, meta);
+        let object = orbit(&states, 60, &meta(method, degree));
         let all = remarks(&object);
-        assert!(all.len() == 1 && all[0].contains(remark), "{meta}: {all:?}");
+        assert!(
+            all.len() == 1 && all[0].contains(remark),
+            "{method} {degree}: {all:?}"
+        );
         assert!(object.remarks()[0].0 >= 3, "the line of the keyword");
     }
     assert_eq!(remarks(&orbit(&states, 60, "")), [""; 0]);
@@ -244,20 +186,19 @@ fn what_is_not_as_the_file_says_is_remarked() {
 /// Two states 1 s apart along a straight line from one in m and m/s, as a message has them.
 fn around(epoch: Epoch, place: &[f64]) -> Vec<(Epoch, String)> {
     let states = [0.0, 1.0].map(|dt| {
-        let r = (0..3).map(|i| format!("{:.12}", (place[i] + dt * place[3 + i]) / 1e3));
-        let v = (3..6).map(|i| format!("{:.12}", place[i] / 1e3));
-        (
-            epoch + dt * Unit::Second,
-            r.chain(v).collect::<Vec<_>>().join(" "),
-        )
+        let moved = (0..3).map(|i| place[i] + dt * place[3 + i]);
+        let numbers = moved.chain(place[3..6].iter().copied());
+        let km: Vec<String> = numbers.map(|x| format!("{:.12}", x / 1e3)).collect();
+        (epoch + dt * Unit::Second, km.join(" "))
     });
     states.to_vec()
 }
 
 #[test]
 fn frames_are_turned_as_by_independent_programs() {
-    // X-Val: data/make_ephemeris_references.py: erfa, and astropy with the Earth orientation of IERS Bulletin B
-    let mut worst = [0.0_f64; 4];
+    // X-Val: data/make_ephemeris_references.py: erfa, and astropy with the Earth orientation of
+    // IERS Bulletin B
+    let [mut worst_m, mut worst_m_s, mut pole, mut ut1_as_utc] = [0.0_f64; 4];
     for line in include_str!("data/frames_to_gcrf.txt").lines().skip(1) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let (source, frame, ut1_utc, utc) = (words[0], words[1], words[2], words[3]);
@@ -267,105 +208,94 @@ fn frames_are_turned_as_by_independent_programs() {
             .collect();
         let epoch = parse_utc(utc).unwrap();
         let places = around(epoch, &numbers[..6]);
+        let across = numbers[0].hypot(numbers[1]);
+        let km: Vec<f64> = numbers[6..].iter().map(|x| x / 1e3).collect();
         let names: &[&str] = match frame {
             "ITRF" => &["ITRF", "ITRF2014", "itrf-97", "ITRF2000", "TDR"],
             other => &[other],
         };
         for name in names {
-            let meta = format!(
-                "COMMENT UT1-UTC = {ut1_utc}\nINTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 3\n"
-            );
+            let meta = format!("COMMENT UT1-UTC = {ut1_utc}\n{}", meta("HERMITE", 3));
             let object = only(&message(name, &meta, &places));
             assert_eq!(remarks(&object), [""; 0], "{name}");
-            let state = object.state(epoch).unwrap();
-            let km: Vec<f64> = numbers[6..].iter().map(|x| x / 1e3).collect();
-            let (m, m_s) = off(&state, &km);
+            let (m, m_s) = off(&object.state(epoch).unwrap(), &km);
             if source == "erfa" {
-                worst = [worst[0].max(m), worst[1].max(m_s), worst[2], worst[3]];
+                (worst_m, worst_m_s) = (worst_m.max(m), worst_m_s.max(m_s));
                 continue;
             }
             // The pole's motion is left out, and without UT1 - UTC the Earth's rotation is off by it.
-            worst[2] = worst[2].max(m / (numbers[0].hypot(numbers[1]).hypot(numbers[2])));
+            pole = pole.max(m / across.hypot(numbers[2]));
             let without = only(&message(name, "", &places));
             let said = remarks(&without).concat();
-            assert!(
-                said.contains("without Earth-orientation data")
-                    && said.contains("460 m at 7,000 km"),
-                "{said}"
-            );
+            for part in ["without Earth-orientation data", "460 m at 7,000 km"] {
+                assert!(said.contains(part), "{said}");
+            }
             let turned = 7.292_115e-5 * ut1_utc.parse::<f64>().unwrap();
-            let by = off(&without.state(epoch).unwrap(), &km).0;
-            let expected = turned.abs() * numbers[0].hypot(numbers[1]);
-            worst[3] = worst[3].max((by - expected).abs() / numbers[0].hypot(numbers[1]));
+            let (by, _) = off(&without.state(epoch).unwrap(), &km);
+            ut1_as_utc = ut1_as_utc.max((by / across - turned.abs()).abs());
         }
     }
     println!(
-        "erfa: {:.2e} m, {:.2e} m/s; the pole's motion: {:.2e} rad; UT1 as UTC: {:.2e} rad",
-        worst[0], worst[1], worst[2], worst[3]
+        "erfa: {worst_m:.2e} m, {worst_m_s:.2e} m/s; the pole's motion: {pole:.2e} rad; \
+         UT1 as UTC: {ut1_as_utc:.2e} rad"
     );
     // Axes of date turn by up to 2e-11 rad/s, which velocities leave out: 0.8 mm/s at 42,000 km.
-    assert!(worst[0] < 1e-4 && worst[1] < 2e-3, "{worst:?}");
+    assert!(
+        worst_m < 1e-4 && worst_m_s < 2e-3,
+        "{worst_m} m, {worst_m_s} m/s"
+    );
     // 0.6 arcsec, the most that the pole has moved since 1988.
     assert!(
-        worst[2] > 1e-8 && worst[2] < 2.9e-6 && worst[3] < 2.9e-6,
-        "{worst:?}"
+        pole > 1e-8 && pole < 2.9e-6 && ut1_as_utc < 2.9e-6,
+        "{pole} {ut1_as_utc}"
     );
 }
 
 /// UT1 has no leap seconds: UT1 - UTC steps with UTC's, within a segment too.
 #[test]
 fn ut1_runs_on_over_a_leap_second() {
-    // X-Val: pyerfa 2.0.1.5 (utcut1, gst06, pnm06a), GCRF (m) of 7000 km along the x axis of the Earth, with UT1 - UTC = -0.4 s before the leap
-    // second of 2016-12-31 (IERS Bulletin C 52) and 0.6 s after it; the times in UT1 are those in UTC with it.
-    let rows = [
-        (
-            "2016-12-31T23:58:00",
-            "2016-12-31T23:57:59.6",
-            [-1_229_619.379, 6_891_155.978, 2_339.414],
-        ),
-        (
-            "2016-12-31T23:59:60",
-            "2016-12-31T23:59:59.6",
-            [-1_289_872.776, 6_880_132.432, 2_437.657],
-        ),
-        (
-            "2017-01-01T00:00:30",
-            "2017-01-01T00:00:30.6",
-            [-1_305_422.369, 6_877_199.021, 2_463.007],
-        ),
-        (
-            "2017-01-01T00:01:00",
-            "2017-01-01T00:01:00.6",
-            [-1_320_464.012, 6_874_326.775, 2_487.527],
-        ),
+    // X-Val: pyerfa 2.0.1.5 (utcut1, gst06, pnm06a), GCRF (m) of 7000 km along the x axis of the
+    // Earth, with UT1 - UTC = -0.4 s before the leap second of 2016-12-31 (IERS Bulletin C 52) and
+    // 0.6 s after it; the times in UT1 are those in UTC with it.
+    let utc = [
+        "2016-12-31T23:58:00",
+        "2016-12-31T23:59:60",
+        "2017-01-01T00:00:30",
+        "2017-01-01T00:01:00",
     ];
-    let [utc, ut1] = [rows.map(|row| row.0), rows.map(|row| row.1)];
-    for (system, times, first, is_step_reported) in [
-        ("UTC", &utc[..], "-0.4", true),
-        ("UT1", &ut1[..], "-0.4", true),
-        // START_TIME in the leap second.
-        ("UTC", &utc[1..], "-0.4", true),
-        ("UT1", &ut1[1..], "-0.4", true),
-        ("UTC", &utc[2..], "0.6", false),
-        ("UT1", &ut1[2..], "0.6", false),
-    ] {
-        let states = times.iter().map(|at| format!("{at} 7000 0 0 0 0 0\n"));
-        let states: String = states.collect();
-        let (start, stop) = (times[0], times[times.len() - 1]);
-        let text = format!(
-            "CCSDS_OEM_VERS = 2.0\nMETA_START\nCOMMENT UT1-UTC = {first}\nOBJECT_NAME = A\nOBJECT_ID = A\nCENTER_NAME = EARTH\n\
-             REF_FRAME = ITRF2014\nTIME_SYSTEM = {system}\nSTART_TIME = {start}\nSTOP_TIME = {stop}\nMETA_STOP\n{states}"
-        );
-        let loaded = parse(&text, "leap").unwrap();
-        assert!(loaded.rejected.is_empty(), "{:?}", loaded.rejected);
-        let object = &loaded.objects[0];
-        let remarks = remarks(object);
-        let is_reported = remarks.iter().any(|remark| remark.contains("as 0.6 s at"));
-        assert_eq!(is_reported, is_step_reported, "{system}: {remarks:?}");
-        for (at, _, expected_m) in &rows[rows.len() - times.len()..] {
-            let state = object.state(parse_utc(at).unwrap()).unwrap();
-            let off_m = (state.position_m - Vector3::from(*expected_m)).norm();
-            assert!(off_m < 0.01, "{system} {at}: {off_m} m");
+    let ut1 = [
+        "2016-12-31T23:57:59.6",
+        "2016-12-31T23:59:59.6",
+        "2017-01-01T00:00:30.6",
+        "2017-01-01T00:01:00.6",
+    ];
+    let expected_m = [
+        [-1_229_619.379, 6_891_155.978, 2_339.414],
+        [-1_289_872.776, 6_880_132.432, 2_437.657],
+        [-1_305_422.369, 6_877_199.021, 2_463.007],
+        [-1_320_464.012, 6_874_326.775, 2_487.527],
+    ];
+    // The first row; the second has START_TIME in the leap second.
+    for (first, given, is_step_reported) in
+        [(0, "-0.4", true), (1, "-0.4", true), (2, "0.6", false)]
+    {
+        for (system, times) in [("UTC", &utc[first..]), ("UT1", &ut1[first..])] {
+            let meta = format!(
+                "COMMENT UT1-UTC = {given}\nREF_FRAME = ITRF2014\nTIME_SYSTEM = {system}\n\
+                 START_TIME = {}\nSTOP_TIME = {}\n",
+                times[0],
+                times[times.len() - 1]
+            );
+            let states = times.iter().map(|at| format!("{at} 7000 0 0 0 0 0"));
+            let object = only(&texts::oem(&meta, &states.collect::<Vec<_>>()));
+            let remarks = remarks(&object);
+            let is_reported = remarks.iter().any(|remark| remark.contains("as 0.6 s at"));
+            assert_eq!(is_reported, is_step_reported, "{system}: {remarks:?}");
+            for (at, expected_m) in utc.iter().zip(expected_m).skip(first) {
+                let state = object.state(parse_utc(at).unwrap()).unwrap();
+                let off_m = (state.position_m - Vector3::from(expected_m)).norm();
+                assert!(off_m < 0.01, "{system} {at}: {off_m} m");
+            }
         }
     }
 }

@@ -200,6 +200,21 @@ fn files_give_the_same_elements_back() {
     }
 }
 
+/// All numbers of an object.
+fn numbers(one: &Synthetic) -> [f64; 8] {
+    let of = &one.elements;
+    [
+        of.inclination,
+        of.node,
+        of.eccentricity,
+        of.perigee,
+        of.mean_anomaly,
+        of.mean_motion,
+        of.drag,
+        one.diameter_m,
+    ]
+}
+
 /// The same for ever: a population is named by its seed in reports.
 #[test]
 fn the_population_is_that_of_its_seed() {
@@ -208,29 +223,7 @@ fn the_population_is_that_of_its_seed() {
     assert_eq!(all[..10], made(10, 7)[..]);
     assert_ne!(all[..10], made(10, 8)[..]);
     assert_eq!(all[0].elements.norad, FIRST_NUMBER);
-    let shown = |one: &Synthetic| {
-        let Elements {
-            inclination,
-            node,
-            eccentricity,
-            perigee,
-            mean_anomaly,
-            mean_motion,
-            drag,
-            ..
-        } = one.elements;
-        let numbers = [
-            inclination,
-            node,
-            eccentricity,
-            perigee,
-            mean_anomaly,
-            mean_motion,
-            drag,
-            one.diameter_m,
-        ];
-        format!("{} {numbers:?}", one.name())
-    };
+    let shown = |one: &Synthetic| format!("{} {:?}", one.name(), numbers(one));
     // X-Val: this program's own, as it first was: a change of these lines makes all older reports void.
     assert_eq!(
         shown(&all[0]),
@@ -244,21 +237,11 @@ fn the_population_is_that_of_its_seed() {
          0.054923427370710924, 0.00038127605298019315, 0.08263345996813183]"
     );
     // FNV-1a over the bits of all numbers.
-    let bits = all.iter().flat_map(|one| {
-        let of = &one.elements;
-        [
-            of.inclination,
-            of.node,
-            of.eccentricity,
-            of.perigee,
-            of.mean_anomaly,
-            of.mean_motion,
-            of.drag,
-            one.diameter_m,
-        ]
-    });
-    let hash = bits.fold(0xcbf2_9ce4_8422_2325u64, |hash, x| {
-        (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
-    });
+    let hash = all
+        .iter()
+        .flat_map(numbers)
+        .fold(0xcbf2_9ce4_8422_2325u64, |hash, x| {
+            (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
+        });
     assert_eq!(hash, 0x52ff_29a4_7e0c_0727);
 }

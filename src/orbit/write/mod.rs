@@ -22,8 +22,9 @@ pub struct Written {
 
 /// Writes records in a format; messages of notations that say when they were made give `created`.
 ///
-/// Elements that were read from a file come back to the last bit from an OMM, others within one unit in the last place; the two
-/// lines do not have all digits ([`Written::rounded`]). Nothing is written as an ephemeris: mean elements are none.
+/// Elements that were read from a file come back to the last bit from an OMM, others within one
+/// unit in the last place; two lines have fewer digits ([`Written::rounded`]). None for formats of
+/// ephemerides.
 pub fn write(records: &[Record], format: Format, created: Epoch) -> Option<Written> {
     let text = match format {
         Format::Tle => return Some(two_line::write(records, false)),

@@ -68,20 +68,11 @@ pub fn neighbours(set: &Elements) -> impl Iterator<Item = Elements> {
     let set = *set;
     let steps: [fn(f64) -> f64; 2] = [f64::next_up, f64::next_down];
     let sets = steps.into_iter().flat_map(move |step| {
-        [
-            Elements {
-                drag: step(set.drag),
-                ..set
-            },
-            Elements {
-                eccentricity: step(set.eccentricity),
-                ..set
-            },
-            Elements {
-                mean_motion: step(set.mean_motion),
-                ..set
-            },
-        ]
+        let [mut drag, mut eccentricity, mut mean_motion] = [set; 3];
+        drag.drag = step(set.drag);
+        eccentricity.eccentricity = step(set.eccentricity);
+        mean_motion.mean_motion = step(set.mean_motion);
+        [drag, eccentricity, mean_motion]
     });
     sets.filter(|set| set.eccentricity >= 0.0 && set.constants().is_ok())
 }
