@@ -30,8 +30,8 @@ impl Folder {
         Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
     }
 
-    /// The scene or run file at a path of the command line, of a folder its `scene.toml`: the folder that holds it, the name to use
-    /// for it in messages, and its text.
+    /// The scene or run file at a path of the command line, or the `scene.toml` of a folder: its
+    /// folder, its name in messages, and its text.
     pub fn open(path: &Path) -> Result<(Folder, String, String), ConfigError> {
         let of_folder =
             "a folder stands for the scene.toml in it: name the file, or a folder that has one";
@@ -72,8 +72,8 @@ impl Folder {
         }
     }
 
-    /// The names of the files in the folder called `name`, in order, and those of what else is in it; nothing where `name` is
-    /// no folder.
+    /// The names of the files in the folder called `name`, in order, and of its other entries;
+    /// nothing where `name` is not a folder.
     pub fn listing(&self, name: &str) -> Result<Option<[Vec<String>; 2]>, ConfigError> {
         let Folder::Disk(folder) = self else {
             return Ok(None);

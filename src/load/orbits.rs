@@ -21,8 +21,8 @@ pub struct Findings {
     pub notices: Vec<String>,
 }
 
-/// All orbit files of a scene. Records of an object are joined when all are read: the last file may show
-/// that earlier records are of one object.
+/// All orbit files of a scene. Records of an object are joined when all are read: the last file may
+/// show that earlier records are of one object.
 #[derive(Debug, Default)]
 pub struct Pool {
     sources: Vec<Source>,
@@ -96,8 +96,8 @@ impl Pool {
         self.sources.is_empty()
     }
 
-    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused: the
-    /// object would be drawn twice.
+    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused:
+    /// the object would be drawn twice.
     pub fn unite(self, findings: &mut Findings) -> United {
         let united = unite(self.sources);
         findings

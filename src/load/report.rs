@@ -1,9 +1,9 @@
 //! Reads a TOML file and reports all its faults at once, one line each.
 //!
 //! Parser and checks stop at the first fault. The faulty key is then replaced by that of an example
-//! file, or removed, and the file is read again until it is valid. Faults that follow from a replaced
-//! key are not reported. At last all values are compared with their limits, since a check may have been
-//! skipped after another fault.
+//! file, or removed, and the file is read again until it is valid. Faults that follow from a
+//! replaced key are not reported. At last all values are compared with their limits, since a check
+//! may have been skipped after another fault.
 
 use super::document::{
     as_entry, each_leaf, key_in, parent, placeless, remove_at, rename, set, span_of, value_at,
@@ -27,8 +27,9 @@ const MAX_READS: usize = 100;
 /// A value and the notices of its checks, one line each.
 pub(crate) type Noticed<T> = (T, Vec<String>);
 
-/// Parses `text`, the contents of `file`, checks it with `validate`, and logs notices of a valid file.
-/// `example` is a valid file with all required keys, and in its table `spare` values of others.
+/// Parses `text`, the contents of `file`, checks it with `validate`, and logs notices of a valid
+/// file. `example` is a valid file with all required keys, and in its table `spare` values of
+/// others.
 pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
@@ -188,8 +189,8 @@ impl Report<'_> {
         self.repair(place, is_value, example, schema)
     }
 
-    /// Whether a fault of `key` follows from a repair, is of a table with an unknown key, which may be
-    /// the one that it lacks, or of a rule that needs a key that such a table lacks.
+    /// Whether a fault of `key` follows from a repair, is of a table with an unknown key, which may
+    /// be the one that it lacks, or of a rule that needs a key that such a table lacks.
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
@@ -244,9 +245,9 @@ impl Report<'_> {
         set(self.document.get_mut(), &place, value)
     }
 
-    /// The replacement of a faulty key: 0 for a number in a list, which may need its length; for a key,
-    /// or the only entry of a list, the value in the example, or in its table `spare` where the value
-    /// is wrong (`is_value`) or missing. Anything else is removed.
+    /// The replacement of a faulty key: 0 for a number in a list, which may need its length; for a
+    /// key, or the only entry of a list, the value in the example, or in its table `spare` where
+    /// the value is wrong (`is_value`) or missing. Anything else is removed.
     fn replacement(
         &self,
         place: &str,
@@ -339,8 +340,8 @@ fn beyond(
     })
 }
 
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is of the list that
-/// holds it, or of a rule that needs it or whose message names it.
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is of the list
+/// that holds it, or of a rule that needs it or whose message names it.
 fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
     let is_of = |need: &String| within(need, done) || within(done, need);
     if let ConfigError::Rule { needs, .. } = error

@@ -20,8 +20,8 @@ pub(super) fn not_toml(file: &str, text: &str, error: &Error) -> ConfigError {
     }
 }
 
-/// The key that the parser's error is about, where it stands in the text, and the error in words of the files. `known`: of a key its name in the
-/// file and what it may be.
+/// The key of the parser's error, its place in the text, and the error in words of the files.
+/// `known` gives the name of a key in the file and its allowed values.
 pub(super) fn locate(
     file: &str,
     text: &str,

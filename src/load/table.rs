@@ -1,5 +1,5 @@
-//! Tables of keys that must not be lists: serde accepts a list of values for a struct, in the order of
-//! its keys. The functions are for `#[serde(deserialize_with = ...)]`.
+//! Tables of keys that must not be lists: serde accepts a list of values for a struct, in the order
+//! of its keys. The functions are for `#[serde(deserialize_with = ...)]`.
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{

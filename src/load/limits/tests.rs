@@ -22,8 +22,9 @@ fn patterns_stand_for_places_and_names() {
     }
 }
 
-/// Asserts that the schema and the loader, which gives its error, refuse values just out of each limit and accept those at it. Each key
-/// with a limit is in one of the `bases`, valid files; `shapes.NAME` is the name that `*` stands for.
+/// Asserts that schema and loader, which returns its error, refuse values just outside of each
+/// limit and accept those at it. Each key with a limit is in one of the `bases`, valid files;
+/// `shapes.NAME` is the name that `*` stands for.
 pub fn agree(
     schema: &Schema,
     limits: &[&[Limit]],
