@@ -11,7 +11,9 @@ use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, View, World};
+use crate::scene::{
+    EffectId, Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, View, World,
+};
 use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
@@ -388,7 +390,7 @@ impl Emulator {
         let (world, fidelity) = (&self.world, &self.fidelity);
         let mut view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
         view.level = self.level;
-        let mut view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
+        let mut view = view.where_shine(&self.world, &allowed(choice));
         loop {
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
@@ -440,8 +442,7 @@ impl Emulator {
 
     /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
-        let read = choice.noise && !choice.off.contains(&"read noise");
-        let read_e = if read {
+        let read_e = if allowed(choice).has(EffectId::ReadNoise) {
             camera.detector.read_noise_e
         } else {
             0.0

@@ -24,9 +24,9 @@ use rounded::{e4, e6, some_bound, some_e4, some_short};
 
 use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
-use crate::effect::Verdict;
+use crate::effect::{Verdict, name_of};
 use crate::plan::{Plan, Step};
-use crate::scene::{Body, Scene, SeenWanderer, Source, World};
+use crate::scene::{Body, EffectId, Scene, SeenWanderer, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -269,7 +269,7 @@ impl Label {
         let pointing = view.pointing(0.0);
         let matrix = pointing.matrix();
         let [ra, dec, roll] = pointing.ra_dec_roll();
-        let flooded_by = scene.flooded_by();
+        let flooded_by = scene.flooded_by().map(name_of);
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
@@ -318,7 +318,7 @@ impl Label {
             roll_deg: degrees_of_turn(roll),
             background_e_px: scene.background_e(),
             sun_deg: view.sun.angle.to_degrees(),
-            sun_excluded: view.sun.excluded && scene.simulated.sunlight,
+            sun_excluded: view.sun.excluded && scene.simulated.has(EffectId::Sunlight),
             flooded_by,
             no_objects: objects
                 .is_empty()

@@ -18,7 +18,7 @@ use crate::frame::{Charge, Frame, Memory};
 use crate::label::EffectLabel;
 use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
-use crate::scene::{Scene, Simulated, Source, Unobservable};
+use crate::scene::{EffectId, EffectSet, Scene, Source, Unobservable};
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 use std::collections::HashMap;
@@ -103,7 +103,7 @@ impl Bench<'_> {
         let scene = self.scene(&with, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), &with);
         let mut steps = plan.steps.iter();
-        let step = steps.find(|step| step.effect.name == effect.name);
+        let step = steps.find(|step| step.effect.id == effect.id);
         Ok(step.and_then(|step| plan.error(step)).unwrap_or_default())
     }
 
@@ -163,9 +163,7 @@ impl Bench<'_> {
             let moved = places.iter().zip(others).filter_map(|(a, b)| apart([a, b]));
             most = moved.fold(most, f64::max);
         }
-        let mut alone = Simulated::default();
-        (effect.mark)(&mut alone);
-        if alone.smear {
+        if effect.id == EffectId::Smear {
             // Labels have the ends of true tracks, smeared or not: an image that stands still misses them by half.
             let tracks = images(&["aberration drift"])?;
             let halves = tracks
@@ -248,27 +246,24 @@ impl Bench<'_> {
     /// that have all before it in [`EFFECTS`].
     fn imaging(&self, effect: &Effect, scene: &Scene) -> Cost {
         let fidelity = self.emulator.fidelity();
-        let mut alone = Simulated::default();
-        (effect.mark)(&mut alone);
+        let alone = EffectSet::default().with(effect.id);
         let (with, without) = if effect.stage == Stage::Images {
-            let mut without = scene.simulated.lights();
-            let before = EFFECTS.iter().take_while(|other| other.name != effect.name);
-            for other in before.filter(|other| other.is_among(&scene.simulated)) {
-                (other.mark)(&mut without);
-            }
-            let mut with = without;
-            (effect.mark)(&mut with);
-            (with, without)
-        } else if alone.lights() != Simulated::default() {
-            let mut with = alone;
-            with.distortion = scene.simulated.distortion;
-            (with, Simulated::default())
+            let before = EFFECTS.iter().take_while(|other| other.id != effect.id);
+            let before = before.filter(|other| scene.simulated.has(other.id));
+            let without = before.fold(scene.simulated.lights(), |set, other| set.with(other.id));
+            (without.with(effect.id), without)
+        } else if EffectSet::LIGHTS.has(effect.id) {
+            let with = match scene.simulated.has(EffectId::Distortion) {
+                true => alone.with(EffectId::Distortion),
+                false => alone,
+            };
+            (with, EffectSet::default())
         } else {
             return Cost::default();
         };
         // What only says where an image is, and with what light, adds to its track.
-        let only_tracks = alone.distortion || alone.vignetting;
-        let time = |simulated: Simulated| {
+        let only_tracks = matches!(effect.id, EffectId::Distortion | EffectId::Vignetting);
+        let time = |simulated: EffectSet| {
             let view = scene.view.clone();
             let started = thread_ms();
             if only_tracks {

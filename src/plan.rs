@@ -2,7 +2,7 @@
 
 use crate::effect::{Cost, EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
 use crate::fidelity::{Choice, Fidelity};
-use crate::scene::{Scene, Simulated, View, two_figures};
+use crate::scene::{EffectSet, Scene, View, two_figures};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -29,26 +29,22 @@ pub struct Plan<'s> {
 
 /// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
 /// are switched off. (What they leave out where they are not needed lies within the tolerances.)
-pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated {
+pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> EffectSet {
     simulated_at(view, fidelity, choice).0
 }
 
 /// All effects that are not switched off.
-pub fn allowed(choice: &Choice) -> Simulated {
-    let mut allowed = Simulated::default();
+pub fn allowed(choice: &Choice) -> EffectSet {
     let effects = EFFECTS.iter();
-    let effects = effects.filter(|effect| switched_off(effect, choice).is_none());
-    effects.for_each(|effect| (effect.mark)(&mut allowed));
-    allowed
+    let allowed = effects.filter(|effect| switched_off(effect, choice).is_none());
+    allowed.fold(EffectSet::default(), |set, effect| set.with(effect.id))
 }
 
 /// [`simulated`], and what those that shape images are expected to take, ms on one core.
-pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (Simulated, f64) {
+pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
     let mut price_ms = 0.0;
-    let mut simulated = Simulated {
-        noise: choice.noise,
-        ..Simulated::default()
-    };
+    let mut simulated = EffectSet::default();
+    simulated.noise = choice.noise;
     for effect in EFFECTS {
         let runs = match &effect.judge {
             Judge::Images(judge, _) => {
@@ -62,7 +58,7 @@ pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (Simul
             Judge::Pixels(_) => !choice.off.contains(&effect.name),
         };
         if runs {
-            (effect.mark)(&mut simulated);
+            simulated = simulated.with(effect.id);
         }
     }
     (simulated, price_ms)

@@ -10,7 +10,7 @@ use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
 use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
-use skyloop::scene::Simulated;
+use skyloop::scene::EffectSet;
 
 #[path = "support/fixtures.rs"]
 mod fixtures;
@@ -88,13 +88,6 @@ fn difference(a: &[f32], b: &[f32]) -> (f64, f64) {
     let apart = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
     let most = a.iter().chain(b).copied().fold(0.0, f32::max);
     (apart.fold(0.0, f64::max), f64::from(most))
-}
-
-/// Whether it is a source of light.
-fn is_light(effect: &Effect) -> bool {
-    let mut alone = Simulated::default();
-    (effect.mark)(&mut alone);
-    alone.lights() != Simulated::default()
 }
 
 /// What sums of f32 may round by, of the brightest pixel.
@@ -297,7 +290,9 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
         let rolling = still.iter().find(|v| v.effect == "rolling shutter");
         assert!(rolling.is_some_and(|verdict| !verdict.run), "{name}");
         // No light, no image.
-        let lights = EFFECTS.iter().filter(|effect| is_light(effect));
+        let lights = EFFECTS
+            .iter()
+            .filter(|effect| EffectSet::LIGHTS.has(effect.id));
         let lights: Vec<&'static str> = lights.map(|effect| effect.name).collect();
         for verdict in &off(&lights)[..shapes] {
             let price = verdict.price_ms.unwrap_or(0.0);

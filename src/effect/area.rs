@@ -11,7 +11,7 @@
 use super::cause::digits;
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Cost, Loss, Need, Pass};
-use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, SPREAD_NS, Scene, Simulated};
+use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, EffectId, SPREAD_NS, Scene};
 
 /// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
 const PIXEL_NS: f64 = 3.3;
@@ -21,16 +21,14 @@ fn asked_ns(asked: &Asked, light_ns: f64) -> f64 {
     asked.lights as f64 * light_ns + asked.edges as f64 * EDGE_NS + asked.spreads as f64 * SPREAD_NS
 }
 
-/// The answer of the area source whose effect is called `name`: `says` gives the reason, `ns` is what asking for its radiance takes,
-/// `leave` switches it off.
+/// The answer of an area source: `says` gives the reason, `ns` is what asking for its radiance takes.
 pub(super) fn judge<'s>(
     scene: &'s Scene,
-    name: &str,
+    effect: EffectId,
     says: impl Fn(&AreaLight) -> String,
     ns: f64,
-    leave: impl Fn(&mut Simulated) + Send + 's,
 ) -> (Need<'s>, Pass<'s>) {
-    let Some(area) = scene.areas.iter().find(|area| area.kind.effect == name) else {
+    let Some(area) = scene.areas.iter().find(|area| area.kind.effect == effect) else {
         return (Need::none("there is none in the scene"), Pass::idle());
     };
     if let Some(why) = &area.dark {
@@ -43,28 +41,18 @@ pub(super) fn judge<'s>(
         0.0
     };
     let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
-    let need = if is_drowned(scene, &leave) {
+    let need = if is_drowned(scene, effect) {
         Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
         // Too thin to be laid on pixels.
-        Need {
-            because: says(area).into(),
-            error: Loss {
-                e: area.most_e,
-                px: 0.0,
-            }
-            .into(),
-            drawn_e: 0.0,
-            price_ms: 0.0,
-        }
+        Need::new(says(area), Loss::of_pixel(area.most_e), 0.0)
     } else {
         let cells_e = || with_trail(scene, scene.area_lit_e(area), || scene.trail_of(area));
-        let error = Cost::of(move || shown_e(scene, cells_e, leave));
+        let error = Cost::of(move || shown_e(scene, cells_e, effect));
+        let price_ms = (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6;
         Need {
-            because: says(area).into(),
-            error,
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
-            price_ms: (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6,
+            ..Need::new(says(area), error, price_ms)
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

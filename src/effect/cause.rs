@@ -1,6 +1,6 @@
 //! Why a scene calls for an effect, or for none, in words and figures: what several effects say alike.
 
-use crate::scene::{Body, Hidden, MOON, Scene, Source};
+use crate::scene::{EffectId, Hidden, MOON, Scene, Source};
 use crate::sky::field::Unseen;
 
 /// Why nothing moves in a frame that costs too much.
@@ -26,40 +26,21 @@ pub fn counted(n: usize, what: &str) -> String {
 
 /// Why no star and no object lights a pixel.
 pub(super) fn no_light(scene: &Scene) -> String {
-    let part = |on: bool, what: &str, is: fn(&Body) -> bool| {
-        if on {
-            none_lit(scene, what, is)
+    let part = |effect: EffectId, what: &str| {
+        if scene.simulated.has(effect) {
+            none_lit(scene, what, effect)
         } else {
             format!("{what}s are switched off")
         }
     };
-    let simulated = &scene.simulated;
-    format!(
-        "no light: {}; {}",
-        part(simulated.stars, "star", is_star),
-        part(simulated.rsos, "object", is_rso)
-    )
+    let stars = part(EffectId::Stars, "star");
+    format!("no light: {stars}; {}", part(EffectId::Rsos, "object"))
 }
 
-pub(super) fn is_star(body: &Body) -> bool {
-    matches!(body, Body::Star(_))
-}
-
-pub(super) fn is_rso(body: &Body) -> bool {
-    matches!(body, Body::Rso(_))
-}
-
-pub(super) fn is_moon(body: &Body) -> bool {
-    matches!(body, Body::Wanderer(body) if body.is_moon())
-}
-
-pub(super) fn is_planet(body: &Body) -> bool {
-    matches!(body, Body::Wanderer(body) if !body.is_moon())
-}
-
-/// Why none of the stars or of the objects lights a pixel; `what` is one of them.
-pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) -> String {
-    let here: Vec<&Source> = scene.sources.iter().filter(|s| is(&s.body)).collect();
+/// Why none of the sources of a kind lights a pixel; `what` is one of them.
+pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
+    let is = |source: &&Source| source.body.effect() == kind;
+    let here: Vec<&Source> = scene.sources.iter().filter(is).collect();
     let all = counted(here.len(), what);
     if here.is_empty() {
         return match (what, scene.view.objects) {

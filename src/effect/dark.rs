@@ -11,46 +11,33 @@
 
 use super::cause::{counted, digits};
 use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
-use super::{Cost, Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, Simulated};
+use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
-pub const DARK_CURRENT: Effect = Effect {
-    name: "dark current",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.dark = true,
-};
+pub const DARK_CURRENT: Effect = Effect::light(EffectId::DarkCurrent, "dark current", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
-    let leave = |parts: &mut Simulated| parts.dark = false;
     let need = if most == 0.0 {
         Need::none("the detector has no dark current (detector.dark_e_s)")
-    } else if is_drowned(scene, leave) {
+    } else if is_drowned(scene, EffectId::DarkCurrent) {
         Need::none(DROWNED)
     } else {
-        let because = match pattern.hot() {
-            [] => format!("{} e-/s a pixel", digits(mean)),
-            hot => {
-                let hot = counted(hot.len(), "hot pixel");
-                format!("{} e-/s a pixel, with {hot}", digits(mean))
-            }
-        };
-        let ns = if pattern.dark_e_s().is_some() {
-            0.3
-        } else {
-            0.12
-        };
+        let mut because = format!("{} e-/s a pixel", digits(mean));
+        if !pattern.hot().is_empty() {
+            because += &format!(", with {}", counted(pattern.hot().len(), "hot pixel"));
+        }
+        let ns = pattern.dark_e_s().map_or(0.12, |_| 0.3);
         let error = move || {
             // The hottest pixels may be among those that fill up.
             let columns = 0..scene.view.camera.detector.width;
             let columns = columns.map(|column| pattern.dark_max_of_column(column) * seconds);
-            shown_e(scene, || of_cells(&columns.collect::<Vec<f64>>()), leave)
+            let cells_e = || of_cells(&columns.collect::<Vec<f64>>());
+            shown_e(scene, cells_e, EffectId::DarkCurrent)
         };
         Need {
             // However little a pixel expects, somewhere electrons come.

@@ -11,18 +11,12 @@
 
 use super::cause::{counted, digits};
 use super::shown::held_of;
-use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 
 /// Dead pixels.
-pub const DEAD_PIXELS: Effect = Effect {
-    name: "dead pixels",
-    stage: Stage::Charge,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.dead = true,
-};
+pub const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
@@ -33,15 +27,13 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
         let struck = scene.struck_e(dead).fold(0.0, f64::max);
         let all = counted(dead.len(), "dead pixel");
+        let because = match held.max(struck) {
+            0.0 => format!("{all}, and no charge that they could lose"),
+            most => format!("{all}, up to {} e- in one", digits(most)),
+        };
         Need {
-            because: if held.max(struck) == 0.0 {
-                format!("{all}, and no charge that they could lose").into()
-            } else {
-                format!("{all}, up to {} e- in one", digits(held.max(struck))).into()
-            },
-            error: Loss { e: held, px: 0.0 }.into(),
             drawn_e: struck,
-            price_ms: dead.len() as f64 * 2e-6,
+            ..Need::new(because, Loss::of_pixel(held), dead.len() as f64 * 2e-6)
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

@@ -10,24 +10,18 @@
 
 use super::cause::digits;
 use super::shown::{areas_changed_e, changed_e};
-use super::{Effect, Judge, Loss, Need, Stage};
+use super::{Effect, Loss, Need};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, Source, View};
+use crate::scene::{Change, EffectId, EffectSet, STEEPEST_STREAK, Scene, Source, View};
 
 /// The lens's departure from its ideal.
-pub const DISTORTION: Effect = Effect {
-    name: "distortion",
-    stage: Stage::Images,
-    random: false,
-    judge: Judge::Images(judge, change),
-    mark: |simulated| simulated.distortion = true,
-};
+pub const DISTORTION: Effect = Effect::images(EffectId::Distortion, "distortion", judge, change);
 
 /// Places along a side of the detector, and of what images pass beside it, at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+fn judge(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
@@ -49,11 +43,8 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let px = 1.01 * off.fold(0.0, f64::max);
     // Of what moves images by more, nothing else is asked.
     let e = if px <= fidelity.skip_px {
-        let [with, without] = [true, false].map(|distortion| Simulated {
-            distortion,
-            ..Simulated::default()
-        });
-        view.areas_taken_e(&with, &without)
+        let ideal = EffectSet::default();
+        view.areas_taken_e(&ideal.with(EffectId::Distortion), &ideal)
     } else {
         0.0
     };
@@ -62,22 +53,15 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need<'static> {
         Model::Fisheye { .. } => 0.6,
         _ => 15.0,
     };
-    Need {
-        because: format!("it moves images by up to {} px", digits(px)).into(),
-        error: Loss { e, px }.into(),
-        drawn_e: 0.0,
-        price_ms: view.looks() * ns * 1e-6,
-    }
+    let because = format!("it moves images by up to {} px", digits(px));
+    Need::new(because, Loss { e, px }, view.looks() * ns * 1e-6)
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let optics = &scene.view.camera.optics;
     let ideal = optics.projection.ideal();
-    let other = Simulated {
-        distortion: !scene.simulated.distortion,
-        ..scene.simulated
-    };
-    let enters = scene.simulated.distortion;
+    let other = scene.simulated.toggled(EffectId::Distortion);
+    let enters = scene.simulated.has(EffectId::Distortion);
     let seen = scene.seen();
     let faint = |source: &Source| {
         let [_, seen, _] = scene.seen()(&source.body);
@@ -111,7 +95,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     });
     let e = e + areas_changed_e(scene, &other, loss.px);
     // Where it runs, area light without it was laid; else that was moved alone.
-    let e = if scene.simulated.distortion {
+    let e = if scene.simulated.has(EffectId::Distortion) {
         e
     } else {
         e + loss.e

@@ -19,23 +19,20 @@
 
 use super::cause::STILL_IN_FLOOD;
 use super::shown::changed_e;
-use super::{Effect, Judge, Loss, Need, Stage};
+use super::{Effect, Loss, Need};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, Simulated, Source, View};
+use crate::scene::{
+    Body, Candidate, Change, EffectId, EffectSet, STEEPEST, STEEPEST_STREAK, Scene, Source, View,
+};
 use crate::sky::bodies::LIGHT_M_S;
 use hifitime::Unit;
 use nalgebra::Vector3;
 
 /// The change of the stars' aberration during the exposure.
-pub const ABERRATION_DRIFT: Effect = Effect {
-    name: "aberration drift",
-    stage: Stage::Images,
-    random: false,
-    judge: Judge::Images(judge, change),
-    mark: |simulated| simulated.aberration_drift = true,
-};
+pub const ABERRATION_DRIFT: Effect =
+    Effect::images(EffectId::AberrationDrift, "aberration drift", judge, change);
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     if view.still_in_flood {
         return Need::none(STILL_IN_FLOOD);
     }
@@ -43,12 +40,9 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'stati
     if start.max(end) == 0.0 {
         return Need::none(why_none(view));
     }
-    if !view
-        .candidates
-        .iter()
-        .any(|candidate| matches!(candidate.body, Body::Star(_)))
-    {
-        return Need::none(if simulated.stars {
+    let is_star = |candidate: &Candidate| matches!(candidate.body, Body::Star(_));
+    if !view.candidates.iter().any(is_star) {
+        return Need::none(if simulated.has(EffectId::Stars) {
             "no star is in the field"
         } else {
             "stars are switched off"
@@ -62,29 +56,20 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'stati
         let from = from.min(std::f64::consts::PI - from);
         dv.norm() / LIGHT_M_S * libm::sin((from + field).min(std::f64::consts::FRAC_PI_2))
     };
-    let furthest = view
-        .velocity_change_m_s
-        .iter()
-        .map(bound)
-        .fold(0.0, f64::max);
+    let changes = view.velocity_change_m_s.iter();
+    let furthest = changes.map(bound).fold(0.0, f64::max);
     let px = furthest * view.scale_and_corner_px.0;
-    Need {
-        because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
-        error: Loss { e: 0.0, px }.into(),
-        drawn_e: 0.0,
-        // Images that would stand still otherwise become tracks of two panels.
-        price_ms: view.work(0.0, fidelity).moving_ms,
-    }
+    let because = format!("stars move by up to {px:.2e} px from mid-exposure to its ends");
+    // Images that would stand still otherwise become tracks of two panels.
+    let price_ms = view.work(0.0, fidelity).moving_ms;
+    Need::new(because, Loss { e: 0.0, px }, price_ms)
 }
 
 /// Why no star drifts.
 fn why_none(view: &View) -> &'static str {
     let velocity = |dt_s: f64| {
-        let orbit = view
-            .vehicle
-            .at(view.exposure.mid + Unit::Second * dt_s)
-            .orbit;
-        orbit.map(|state| state.velocity_m_s)
+        let then = view.exposure.mid + Unit::Second * dt_s;
+        view.vehicle.at(then).orbit.map(|state| state.velocity_m_s)
     };
     match velocity(0.0) {
         None => "the observer has no orbit (observer.orbit), and no velocity that changes",
@@ -102,19 +87,12 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     // Rows that are exposed early or late see the stars off by their part of the way.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;
-    let other = Simulated {
-        aberration_drift: !scene.simulated.aberration_drift,
-        ..scene.simulated
-    };
+    let other = scene.simulated.toggled(EffectId::AberrationDrift);
     // Whatever is there without it touches the detector with it.
     let beside = |_: &Source| Some(d + 1.0);
     let e = changed_e(scene, &other, false, beside, |image| {
-        let still = Change {
-            e: 0.0,
-            beside_px: 0.0,
-        };
         let Body::Star(_) = image.source.body else {
-            return still;
+            return Change::default();
         };
         let a = image.length_px / 2.0;
         // The length of a still track whose light is spread as far.

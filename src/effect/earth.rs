@@ -9,17 +9,12 @@
 //! direction is that of mid-exposure, turned as its centre moves. Price: a look at the ellipsoid for each place that is asked for, four for each pixel at the limb, and
 //! the passes over the pixels.
 
+use super::Effect;
 use super::area::{judge, up_to};
-use super::{Effect, Judge, Stage};
+use crate::scene::EffectId;
 
 /// The Earth's disc.
-pub const EARTH: Effect = Effect {
-    name: "earth",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        let says = |area: &_| format!("its day side is in the field, {}", up_to(area));
-        judge(scene, "earth", says, 240.0, |parts| parts.earth = false)
-    }),
-    mark: |simulated| simulated.earth = true,
-};
+pub const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene, _| {
+    let says = |area: &_| format!("its day side is in the field, {}", up_to(area));
+    judge(scene, EffectId::Earth, says, 240.0)
+});

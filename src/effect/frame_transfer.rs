@@ -11,30 +11,24 @@
 
 use super::cause::{digits, no_light};
 use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
-use super::{Cost, Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Need, Pass};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, Simulated};
+use crate::scene::{EffectId, Scene};
 
 /// The trails of frame transfer.
-pub const FRAME_TRANSFER: Effect = Effect {
-    name: "frame transfer",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.frame_transfer = true,
-};
+pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame transfer", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let trail = &scene.trail_e;
     let most = trail.iter().copied().fold(0.0, f64::max);
-    let leave = |parts: &mut Simulated| parts.frame_transfer = false;
+    let own = EffectId::FrameTransfer;
     let need = match scene.view.camera.shutter {
-        Shutter::FrameTransfer { .. } if is_drowned(scene, leave) => Need::none(DROWNED),
+        Shutter::FrameTransfer { .. } if is_drowned(scene, own) => Need::none(DROWNED),
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {} e- a pixel", digits(most));
             Need {
-                error: Cost::of(move || shown_e(scene, || of_cells(trail), leave)),
+                error: Cost::of(move || shown_e(scene, || of_cells(trail), own)),
                 drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
                 ..Need::of_pixels(scene, because, 0.0, 0.17)
             }

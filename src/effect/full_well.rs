@@ -12,11 +12,11 @@
 use super::bloom::Bloom;
 use super::cause::digits;
 use super::shown::{apart, greatest, held_e};
-use super::{Cost, Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Need, Pass};
 use crate::abort::WorkLimit;
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, Simulated, drawn_e};
+use crate::scene::{EffectId, Scene, drawn_e};
 use std::cell::Cell;
 
 thread_local! {
@@ -35,13 +35,7 @@ struct Room {
 }
 
 /// Full well.
-pub const FULL_WELL: Effect = Effect {
-    name: "full well",
-    stage: Stage::Charge,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.full_well = true,
-};
+pub const FULL_WELL: Effect = Effect::charge(EffectId::FullWell, "full well", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
@@ -50,10 +44,9 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let most = drawn_e(brightest) + scene.struck.most_e();
     let spills = detector.blooming == Blooming::Column;
     let need = if scene.spill.columns.is_empty() {
+        let [most, full] = [most, full].map(digits);
         Need::none(format!(
-            "no pixel gets more than {} of the {} e- that it holds",
-            digits(most),
-            digits(full)
+            "no pixel gets more than {most} of the {full} e- that it holds"
         ))
     } else {
         let (spilling, ns) = if spills {
@@ -67,16 +60,12 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             digits(full)
         );
         let shown_e = move || {
-            let parts = Simulated {
-                full_well: false,
-                ..scene.simulated
-            };
+            let without = scene.simulated.without(EffectId::FullWell);
             let spilling = greatest(scene, &scene.spill.columns, |columns| {
-                let [with, without] =
-                    [&scene.simulated, &parts].map(|parts| held_e(scene, columns, parts));
-                apart(&with, &without)
+                let [a, b] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
+                apart(&a, &b)
             });
-            spilling + scene.straightened_e(&parts)
+            spilling + scene.straightened_e(&without)
         };
         let need = Need::of_pixels(scene, because, 0.0, ns);
         let spilt = if spills { spilt(scene) } else { 0 };

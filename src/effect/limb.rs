@@ -10,17 +10,12 @@
 //! aurora; by day 3 to 25 % too faint from 10 to 80 km; turned as the Earth's centre moves. Price: a look at the frame's tables for each place that is asked for, four for each
 //! pixel where it is finer than the grid, and the passes over the pixels.
 
+use super::Effect;
 use super::area::{judge, up_to};
-use super::{Effect, Judge, Stage};
+use crate::scene::EffectId;
 
 /// The Earth's air.
-pub const LIMB: Effect = Effect {
-    name: "limb",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        let says = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
-        judge(scene, "limb", says, 175.0, |parts| parts.limb = false)
-    }),
-    mark: |simulated| simulated.limb = true,
-};
+pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
+    let says = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
+    judge(scene, EffectId::Limb, says, 175.0)
+});

@@ -33,7 +33,7 @@ pub use cause::{counted, digits};
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
-use crate::scene::{Scene, Simulated, View};
+use crate::scene::{EffectId, EffectSet, Scene, View};
 use std::borrow::Cow;
 use std::ops::Deref;
 use std::sync::LazyLock;
@@ -71,6 +71,8 @@ pub const EFFECTS: &[Effect] = &[
 
 /// Something between the sky and the digits.
 pub struct Effect {
+    /// Its row in [`EFFECTS`].
+    pub id: EffectId,
     /// Name, as plans and labels give it.
     pub name: &'static str,
     /// Where it stands in the chain.
@@ -79,41 +81,75 @@ pub struct Effect {
     pub random: bool,
     /// What a scene needs of it.
     pub judge: Judge,
-    /// Sets the scene's mark that this effect is simulated, where the scene depends on it.
-    pub mark: fn(&mut Simulated),
 }
 
 impl Effect {
+    /// One that shapes images.
+    const fn images(id: EffectId, name: &'static str, judge: ImageJudge, change: Change) -> Effect {
+        Effect::of(id, name, Stage::Images, Judge::Images(judge, change))
+    }
+
+    /// One that adds or takes expected electrons.
+    const fn light(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
+        Effect::of(id, name, Stage::Light, Judge::Pixels(judge))
+    }
+
+    /// One that works on electrons as they are drawn.
+    const fn charge(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
+        Effect::of(id, name, Stage::Charge, Judge::Pixels(judge))
+    }
+
+    /// One that makes digits, or changes them.
+    const fn digits(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
+        Effect::of(id, name, Stage::Digits, Judge::Pixels(judge))
+    }
+
+    const fn of(id: EffectId, name: &'static str, stage: Stage, judge: Judge) -> Effect {
+        Effect {
+            id,
+            name,
+            stage,
+            random: false,
+            judge,
+        }
+    }
+
+    /// The same, drawing random numbers.
+    const fn random(mut self) -> Effect {
+        self.random = true;
+        self
+    }
+
     /// Whether it moves images, and is judged by that: what it does to pixels follows from it.
     pub fn moves_images(&self) -> bool {
-        let mut alone = Simulated::default();
-        (self.mark)(&mut alone);
-        self.stage == Stage::Images && !alone.vignetting
+        self.stage == Stage::Images && self.id != EffectId::Vignetting
     }
 
     /// Whether what it draws is in the scene before it runs. Its error is then that of the frame at hand, and no rms.
     pub fn is_foreseen(&self) -> bool {
-        let mut alone = Simulated::default();
-        (self.mark)(&mut alone);
-        alone.radiation
+        self.id == EffectId::Radiation
     }
+}
 
-    /// Whether it is among those.
-    pub fn is_among(&self, simulated: &Simulated) -> bool {
-        let mut marked = *simulated;
-        (self.mark)(&mut marked);
-        marked == *simulated
-    }
+/// The name of an effect, as plans and labels give it.
+pub fn name_of(effect: EffectId) -> &'static str {
+    EFFECTS[effect as usize].name
 }
 
 /// How an effect is asked.
 pub enum Judge {
     /// It shapes the images of sources, and is asked before they are made, with what shapes them already; what it changes is
     /// told when they are.
-    Images(fn(&View, &Simulated, &Fidelity) -> Need<'static>, Change),
+    Images(ImageJudge, Change),
     /// It works on pixels.
-    Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need<'s>, Pass<'s>)),
+    Pixels(PixelJudge),
 }
+
+/// What a view needs of an effect that shapes images, beside those that shape them already.
+pub type ImageJudge = fn(&View, &EffectSet, &Fidelity) -> Need<'static>;
+
+/// What a scene needs of an effect that works on pixels, and what it does to them.
+pub type PixelJudge = for<'s> fn(&'s Scene, &Fidelity) -> (Need<'s>, Pass<'s>);
 
 /// A bound of what leaving an effect out changes in the end, by the images as they are made and what the effect answered before.
 pub type Change = fn(&Scene, &Loss) -> Loss;
@@ -155,7 +191,7 @@ pub enum Cost<'s> {
 impl<'s> Cost<'s> {
     /// That of a pixel (e-), which `e` works out.
     fn of(e: impl FnOnce() -> f64 + Send + 's) -> Cost<'s> {
-        Cost::Owed(LazyLock::new(Box::new(|| Loss { e: e(), px: 0.0 })))
+        Cost::Owed(LazyLock::new(Box::new(|| Loss::of_pixel(e()))))
     }
 }
 
@@ -229,14 +265,23 @@ pub enum Verdict<'s> {
 }
 
 impl<'s> Need<'s> {
+    /// Leaving it out costs `error`, and changes nothing else of what is drawn; running it takes `price_ms`.
+    fn new(
+        because: impl Into<Cow<'static, str>>,
+        error: impl Into<Cost<'s>>,
+        price_ms: f64,
+    ) -> Need<'s> {
+        Need {
+            because: because.into(),
+            error: error.into(),
+            drawn_e: 0.0,
+            price_ms,
+        }
+    }
+
     /// Nothing calls for the effect: without it, nothing changes.
     pub fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
-        Need {
-            because: why.into(),
-            error: Loss::default().into(),
-            drawn_e: 0.0,
-            price_ms: 0.0,
-        }
+        Need::new(why, Loss::default(), 0.0)
     }
 
     /// Leaving it out changes a pixel by at most `e` electrons; running it takes `ns` a pixel.
@@ -246,21 +291,15 @@ impl<'s> Need<'s> {
         e: f64,
         ns: f64,
     ) -> Need<'s> {
-        Need {
-            because: because.into(),
-            error: Loss { e, px: 0.0 }.into(),
-            drawn_e: 0.0,
-            price_ms: scene.view.camera.detector.pixels() as f64 * ns * 1e-6,
-        }
+        let pixels = scene.view.camera.detector.pixels() as f64;
+        Need::new(because, Loss::of_pixel(e), pixels * ns * 1e-6)
     }
 
     /// The same, for any scene.
     pub fn told<'t>(self) -> Need<'t> {
         Need {
-            error: (*self.error).into(),
-            because: self.because,
             drawn_e: self.drawn_e,
-            price_ms: self.price_ms,
+            ..Need::new(self.because, *self.error, self.price_ms)
         }
     }
 
@@ -277,6 +316,11 @@ impl<'s> Need<'s> {
 }
 
 impl Loss {
+    /// That of a pixel (e-); no image moves.
+    fn of_pixel(e: f64) -> Loss {
+        Loss { e, px: 0.0 }
+    }
+
     /// Whether it lies within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
         self.px <= fidelity.skip_px && self.e <= fidelity.skip_e

@@ -11,21 +11,12 @@
 //! and terminator; light that the optics spread further than 24 px lies evenly over those; where it moves by 26 px its centre is 0.07 px off.
 //! Price: that of a star for each of its points; of a large one that of a point for every 42 pixels of the detector.
 
-use super::cause::is_moon;
+use super::Effect;
 use super::point;
-use super::{Effect, Judge, Stage};
-use crate::scene::MOON;
+use crate::scene::{EffectId, MOON};
 
 /// The Moon.
-pub const THE_MOON: Effect = Effect {
-    name: "moon",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, fidelity| {
-        let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
-        point::judge(scene, fidelity, (MOON, is_moon), own_e, |parts| {
-            parts.moon = false
-        })
-    }),
-    mark: |simulated| simulated.moon = true,
-};
+pub const THE_MOON: Effect = Effect::light(EffectId::Moon, "moon", |scene, fidelity| {
+    let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
+    point::judge(scene, fidelity, (EffectId::Moon, MOON), own_e)
+});

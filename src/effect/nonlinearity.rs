@@ -9,18 +9,12 @@
 //! would begin to fall; smooth bends, no kinks at low signal. Price: two products a pixel.
 
 use super::cause::digits;
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, drawn_e};
+use crate::scene::{EffectId, Scene, drawn_e};
 
 /// Non-linearity of the pixels' amplifiers.
-pub const NON_LINEARITY: Effect = Effect {
-    name: "non-linearity",
-    stage: Stage::Charge,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.nonlinearity = true,
-};
+pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-linearity", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

@@ -4,20 +4,12 @@
 //! 2018 (`sky::planets`). Reference: Simon et al. 1994 (A&A 282, 663) for where they are; Mallama & Hilton 2018 (Astronomy and Computing 25, 10). Validity: off by
 //! up to 89 arcsec (Saturn), the inner ones by up to 10, Mars 51; in the Sun's colour; no discs (Venus may have 1 arcmin), no moons. Price: that of a star each.
 
-use super::cause::is_planet;
+use super::Effect;
 use super::point;
-use super::{Effect, Judge, Stage};
+use crate::scene::EffectId;
 
 /// The planets.
-pub const PLANETS: Effect = Effect {
-    name: "planets",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, fidelity| {
-        let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
-        point::judge(scene, fidelity, ("planet", is_planet), own_e, |parts| {
-            parts.planets = false
-        })
-    }),
-    mark: |simulated| simulated.planets = true,
-};
+pub const PLANETS: Effect = Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
+    let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
+    point::judge(scene, fidelity, (EffectId::Planets, "planet"), own_e)
+});

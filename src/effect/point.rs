@@ -7,42 +7,26 @@
 //! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
-use super::cause::{counted, digits, is_rso, is_star, none_lit};
+use super::cause::{counted, digits, none_lit};
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
-use super::{Cost, Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Lit, Scene, Simulated, Source, still_ms};
+use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
 /// The stars.
-pub const STARS: Effect = Effect {
-    name: "stars",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(judge_stars),
-    mark: |simulated| simulated.stars = true,
-};
+pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", judge_stars);
 /// The resident space objects.
-pub const RSOS: Effect = Effect {
-    name: "rsos",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(judge_rsos),
-    mark: |simulated| simulated.rsos = true,
-};
+pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", judge_rsos);
 
 fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     // Worked out with the light of all.
     let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
-    judge(scene, fidelity, ("star", is_star), own_e, |parts| {
-        parts.stars = false
-    })
+    judge(scene, fidelity, (EffectId::Stars, "star"), own_e)
 }
 
 fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let own_e = |drawn: &[&Source]| lit_e(scene, drawn);
-    judge(scene, fidelity, ("object", is_rso), own_e, |parts| {
-        parts.rsos = false
-    })
+    judge(scene, fidelity, (EffectId::Rsos, "object"), own_e)
 }
 
 /// A bound (e-) of the light of these alone, for each column of cells.
@@ -50,37 +34,35 @@ pub(super) fn lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
     scene.lit_e(sources.iter().copied().map(Lit::from))
 }
 
-/// The answer of sources of a kind, whose light alone is bound by `own_e`; `leave` switches it off.
+/// The answer of sources of a kind, whose light alone is bound by `own_e`; `what` is one of them.
 pub(super) fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
-    (what, kind): (&'static str, fn(&Body) -> bool),
+    (effect, what): (EffectId, &'static str),
     own_e: impl Fn(&[&Source]) -> Vec<f64> + Send + 's,
-    leave: impl Fn(&mut Simulated) + Send + 's,
 ) -> (Need<'s>, Pass<'s>) {
-    let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
+    let lit = |s: &&Source| s.body.effect() == effect && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
     let need = if pixels == 0 {
-        Need::none(none_lit(scene, what, kind))
+        Need::none(none_lit(scene, what, effect))
     } else {
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
         let (all, most) = (counted(drawn.len(), what), digits(brightest));
         let because = format!("{all} in the field, up to {most} e-");
-        if is_drowned(scene, &leave) {
+        if is_drowned(scene, effect) {
             Need::none(format!("{because}: {DROWNED}"))
         } else {
             // Their own light, and their part of its column's trail.
             let all = drawn.clone();
             let cells_e = move || with_trail(scene, own_e(&all), || scene.trail_e.clone());
             // Those that are hidden have images too: labels say what they would be worth.
-            let made = scene.sources.iter().filter(|s| kind(&s.body));
+            let made = scene.sources.iter().filter(|s| s.body.effect() == effect);
+            let error = Cost::of(move || shown_e(scene, cells_e, effect));
             Need {
-                because: because.into(),
-                error: Cost::of(move || shown_e(scene, cells_e, leave)),
                 // Thinly spread light comes in whole electrons too.
                 drawn_e: drawn.iter().map(|source| source.electrons).sum(),
-                price_ms: still_ms(scene, made, fidelity),
+                ..Need::new(because, error, still_ms(scene, made, fidelity))
             }
         }
     };

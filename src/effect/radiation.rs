@@ -10,20 +10,14 @@
 
 use super::cause::{counted, digits};
 use super::shown::greatest;
-use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use super::{Effect, Loss, Need, Pass};
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, drawn_e};
+use crate::scene::{EffectId, Scene, drawn_e};
 use crate::sky::radiation::{FREE_SPACE, flux};
 
 /// Cosmic rays and trapped protons.
-pub const RADIATION: Effect = Effect {
-    name: "radiation",
-    stage: Stage::Charge,
-    random: true,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.radiation = true,
-};
+pub const RADIATION: Effect = Effect::charge(EffectId::Radiation, "radiation", judge).random();
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let hits = scene.struck.hits().count();
@@ -32,21 +26,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     } else if hits == 0 {
         Need::none(format!("no particle comes, {}", rate(scene)))
     } else {
-        Need {
-            because: format!(
-                "{} on the detector, {}",
-                counted(scene.events.len(), "particle"),
-                rate(scene)
-            )
-            .into(),
-            error: Loss {
-                e: passed_on(scene),
-                px: 0.0,
-            }
-            .into(),
-            drawn_e: 0.0,
-            price_ms: hits as f64 * 3e-6,
-        }
+        let all = counted(scene.events.len(), "particle");
+        let because = format!("{all} on the detector, {}", rate(scene));
+        let error = Loss::of_pixel(passed_on(scene));
+        Need::new(because, error, hits as f64 * 3e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());

@@ -8,19 +8,13 @@
 //! rows, no random telegraph signals. Price: a normal draw a pixel.
 
 use super::cause::digits;
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 
 /// Read noise.
-pub const READ_NOISE: Effect = Effect {
-    name: "read noise",
-    stage: Stage::Charge,
-    random: true,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.read = true,
-};
+pub const READ_NOISE: Effect = Effect::charge(EffectId::ReadNoise, "read noise", judge).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 2;

@@ -6,19 +6,13 @@
 //! Reference: Clark et al. 2021, Eq. (11); EMVA Standard 1288, release 4.0 Linear, section 2. Validity: steps of one height; no missing codes.
 //! Price: a product and a rounding a pixel.
 
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, Converter};
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 
 /// The converter.
-pub const READOUT: Effect = Effect {
-    name: "readout",
-    stage: Stage::Digits,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |_| {},
-};
+pub const READOUT: Effect = Effect::digits(EffectId::Readout, "readout", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

@@ -9,39 +9,29 @@
 
 use super::cause::{digits, no_light};
 use super::shown::{DROWNED, is_drowned, shown_e};
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, Simulated};
+use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
-pub const PIXEL_RESPONSE: Effect = Effect {
-    name: "pixel response",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.response = true,
-};
+pub const PIXEL_RESPONSE: Effect = Effect::light(EffectId::PixelResponse, "pixel response", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let Some(response) = pattern.response() else {
-        return (
-            Need::none("all pixels respond alike (detector.prnu)"),
-            Pass::idle(),
-        );
+        let why = "all pixels respond alike (detector.prnu)";
+        return (Need::none(why), Pass::idle());
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
-    let leave = |parts: &mut Simulated| parts.response = false;
-    let worst = shown_e(scene, || scene.lit_where(off), leave);
-    let need = if is_drowned(scene, leave) {
+    let own = EffectId::PixelResponse;
+    let worst = shown_e(scene, || scene.lit_where(off), own);
+    let need = if is_drowned(scene, own) {
         Need::none(DROWNED)
     } else if worst == 0.0 {
         Need::none(no_light(scene))
     } else {
-        let because = format!(
-            "pixels differ by up to {} %",
-            digits(100.0 * pattern.worst_response())
-        );
+        let percent = digits(100.0 * pattern.worst_response());
+        let because = format!("pixels differ by up to {percent} %");
         Need::of_pixels(scene, because, worst, 0.2)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

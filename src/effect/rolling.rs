@@ -11,21 +11,16 @@
 
 use super::cause::digits;
 use super::shown::{areas_changed_e, changed_e};
-use super::{Effect, Judge, Loss, Need, Stage};
+use super::{Effect, Loss, Need};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, Source, View};
+use crate::scene::{Change, EffectId, EffectSet, STEEPEST_STREAK, Scene, Source, View};
 
 /// Rows exposed in turn.
-pub const ROLLING_SHUTTER: Effect = Effect {
-    name: "rolling shutter",
-    stage: Stage::Images,
-    random: false,
-    judge: Judge::Images(judge, change),
-    mark: |simulated| simulated.rolling = true,
-};
+pub const ROLLING_SHUTTER: Effect =
+    Effect::images(EffectId::RollingShutter, "rolling shutter", judge, change);
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
         return Need::none(match view.camera.shutter {
@@ -39,25 +34,18 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'stati
     if off_px + swing_px == 0.0 {
         return Need::none("the body's rates are 0, and no object moves across the field");
     }
-    if !simulated.smear && !simulated.aberration_drift {
+    if !simulated.moves_images() {
         return Need::none("images stand still: neither smear nor aberration drift runs");
     }
-    Need {
-        because: format!(
-            "images move by up to {} px during the readout",
-            digits(2.0 * off_px.max(swing_px))
-        )
-        .into(),
-        // Where optics let uneven light pass, what is shifted is weighed otherwise too.
-        error: Loss {
-            // What edges of area light pass over.
-            e: view.areas_peak_e() * swing_px.min(1.0),
-            px: off_px * (2.0 - evenness(view)),
-        }
-        .into(),
-        drawn_e: 0.0,
-        price_ms: view.work(view.open_s, fidelity).rolling_ms,
-    }
+    let most_px = digits(2.0 * off_px.max(swing_px));
+    let because = format!("images move by up to {most_px} px during the readout");
+    // Where optics let uneven light pass, what is shifted is weighed otherwise too.
+    let error = Loss {
+        // What edges of area light pass over.
+        e: view.areas_peak_e() * swing_px.min(1.0),
+        px: off_px * (2.0 - evenness(view)),
+    };
+    Need::new(because, error, view.work(view.open_s, fidelity).rolling_ms)
 }
 
 /// The least part of the greatest transmission in the field (1), at most.
@@ -68,15 +56,12 @@ fn evenness(view: &View) -> f64 {
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
-    let other = Simulated {
-        rolling: !scene.simulated.rolling,
-        ..scene.simulated
-    };
-    let enters = scene.simulated.rolling;
+    let other = scene.simulated.toggled(EffectId::RollingShutter);
+    let enters = scene.simulated.has(EffectId::RollingShutter);
     let dimming = scene.dimming_px();
     let beside = |_: &Source| Some(loss.px + 1.0);
     let e = changed_e(scene, &other, enters, beside, |image| {
-        let (off_px, longer) = if scene.simulated.smear {
+        let (off_px, longer) = if scene.simulated.has(EffectId::Smear) {
             scene.rolled(image, image.length_px)
         } else {
             (loss.px, 0.0)

@@ -10,27 +10,21 @@
 
 use super::cause::{digits, no_light};
 use super::shown::greatest;
-use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
 use crate::rng::poisson::Switch;
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 
 /// Shot noise.
-pub const SHOT_NOISE: Effect = Effect {
-    name: "shot noise",
-    stage: Stage::Charge,
-    random: true,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.shot = true,
-};
+pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise", judge).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;
 
 fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let most = scene.brightest_e();
-    let no_dark = if scene.simulated.dark {
+    let no_dark = if scene.simulated.has(EffectId::DarkCurrent) {
         "no dark current"
     } else {
         "dark current is switched off"
@@ -39,16 +33,9 @@ fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
         Need::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
         let e = most.min(scene.spill.most_e).sqrt().max(spilt_e(scene));
-        Need {
-            because: format!(
-                "charge comes in electrons, up to {} in a pixel",
-                digits(most)
-            )
-            .into(),
-            error: Loss { e, px: 0.0 }.into(),
-            drawn_e: 0.0,
-            price_ms: price_ms(scene),
-        }
+        let most = digits(most);
+        let because = format!("charge comes in electrons, up to {most} in a pixel");
+        Need::new(because, Loss::of_pixel(e), price_ms(scene))
     };
     let switch = Switch::within(fidelity.poisson_tv);
     let pass = Pass::Pixels(Box::new(move |tile| {
@@ -82,10 +69,8 @@ fn price_ms(scene: &Scene) -> f64 {
     let step = (pixels / LOOKED_AT) | 1;
     let looked = (0..pixels).step_by(step);
     let count = looked.len().max(1) as f64;
-    let ns: f64 = looked
-        .map(|pixel| draw_ns(scene.background_of(pixel)))
-        .sum();
-    pixels as f64 * ns / count * 1e-6
+    let ns = looked.map(|pixel| draw_ns(scene.background_of(pixel)));
+    pixels as f64 * ns.sum::<f64>() / count * 1e-6
 }
 
 /// Means below this are searched from 0 on.

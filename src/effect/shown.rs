@@ -4,21 +4,23 @@
 //! shows its own change.
 
 use super::full_well::fill;
-use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
+use crate::scene::{
+    CELL, Change, Compared, EffectId, EffectSet, Image, Peak, Scene, Source, flooding_e,
+};
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
 /// scene's that `parts` has too.
-pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let mut charge = scene.light_e(columns, parts);
     hold(scene, &mut charge, columns, parts);
     charge
 }
 
 /// Turns the light (e-) on `columns` into the charge that their pixels hold.
-fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &Simulated) {
+fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     scene.turn(light, columns, parts);
-    if parts.full_well {
+    if parts.has(EffectId::FullWell) {
         let detector = &scene.view.camera.detector;
         let columns = light.chunks_exact_mut(detector.height);
         columns.for_each(|column| fill(column, detector));
@@ -38,21 +40,19 @@ pub(super) fn greatest(
 /// Why an effect is not needed where all pixels are full of other light.
 pub(super) const DROWNED: &str = "all pixels are full of other light";
 
-/// Whether all pixels are full, with or without what `leave` leaves out, of one area's light: that itself is not left out for others'.
-pub(super) fn is_drowned(scene: &Scene, leave: impl Fn(&mut Simulated)) -> bool {
-    let mut without = scene.simulated;
-    leave(&mut without);
-    let flood = scene.spill.flood.filter(|_| without.full_well);
-    flood.is_some_and(|kind| (kind.is_in)(&without))
+/// Whether all pixels are full, with or without an effect, of one area's light: that itself is not left out for others'.
+pub(super) fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
+    let without = scene.simulated.without(effect);
+    let flood = scene
+        .spill
+        .flood
+        .filter(|_| without.has(EffectId::FullWell));
+    flood.is_some_and(|kind| without.has(kind.effect))
 }
 
-/// A bound (e-) of the change of what a pixel shows without what `leave` leaves out. `cells_e` tells one for pixels that do not fill up, for
-/// each column of the scene's cells.
-pub(super) fn shown_e(
-    scene: &Scene,
-    cells_e: impl FnOnce() -> Vec<f64>,
-    leave: impl Fn(&mut Simulated),
-) -> f64 {
+/// A bound (e-) of the change of what a pixel shows without an effect. `cells_e` tells one for pixels that do not fill up, for each column
+/// of the scene's cells.
+pub(super) fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
     let spill = &scene.spill;
     let everywhere = spill.columns.len() == scene.view.camera.detector.width;
     let cells_e = if everywhere { Vec::new() } else { cells_e() };
@@ -64,12 +64,11 @@ pub(super) fn shown_e(
     if spill.columns.is_empty() {
         return most;
     }
-    let mut without = scene.simulated;
-    leave(&mut without);
+    let without = scene.simulated.without(effect);
     // Where all pixels are full either way, nothing of it shows.
     let full_e = flooding_e(&scene.view.camera.detector);
     let floor_e = scene.areas_floor_e(&without);
-    let drowns = without.full_well && scene.simulated.full_well;
+    let drowns = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
     let columns = spill.columns.iter().copied();
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
@@ -86,7 +85,7 @@ pub(super) fn with_trail(
     mut cells_e: Vec<f64>,
     trail: impl FnOnce() -> Vec<f64>,
 ) -> Vec<f64> {
-    if scene.simulated.frame_transfer && scene.trail_part() > 0.0 {
+    if scene.simulated.has(EffectId::FrameTransfer) && scene.trail_part() > 0.0 {
         let trails = of_cells(&trail());
         let cells = cells_e.iter_mut().zip(trails);
         cells.for_each(|(e, trail)| *e += trail);
@@ -111,7 +110,7 @@ pub(super) fn apart(a: &[f64], b: &[f64]) -> f64 {
 /// What `pixels` (sorted by row-major index) expect to hold when wells are full, e-.
 pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let mut held = scene.expected_e(pixels);
-    let spills = scene.simulated.full_well && !scene.spill.columns.is_empty();
+    let spills = scene.simulated.has(EffectId::FullWell) && !scene.spill.columns.is_empty();
     if !spills || scene.is_cancelled() {
         return held;
     }
@@ -154,7 +153,7 @@ const ROUNDS: usize = 500;
 /// it `enters`, sources may be on the detector that are not now.
 pub(super) fn changed_e(
     scene: &Scene,
-    other: &Simulated,
+    other: &EffectSet,
     enters: bool,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
     change: impl Fn(&Image<'_>) -> Change + Sync,
@@ -200,7 +199,7 @@ pub(super) fn changed_e(
 
 /// A bound (e-) of the change of what area light makes of any pixel in the end with the effects `other`: where they leave out one of the
 /// scene's the light is laid anew and compared, else it moves by no more than `px`.
-pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 {
+pub(super) fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
     let areas = scene.areas_together();
     if areas.light().is_none() {
         return 0.0;
@@ -229,7 +228,7 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
         }
     }
     let mut most = most * scene.responds();
-    if scene.simulated.frame_transfer {
+    if scene.simulated.has(EffectId::FrameTransfer) {
         let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
         most += trail * scene.trail_part();
     }
@@ -265,7 +264,7 @@ struct Part {
 impl Part {
     fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
         let detector = &scene.view.camera.detector;
-        let trails = if scene.simulated.frame_transfer {
+        let trails = if scene.simulated.has(EffectId::FrameTransfer) {
             scene.trail_part()
         } else {
             0.0
@@ -275,7 +274,7 @@ impl Part {
             peak.known + trails * peak.all[0],
             peak.bound * responds + trails * peak.all[1],
         ];
-        let fills = scene.simulated.full_well
+        let fills = scene.simulated.has(EffectId::FullWell)
             && scene.fullest_e(column) + known + bound >= detector.full_well_e;
         let spills = fills && scene.spill.along;
         match filled.filter(|_| fills) {

@@ -11,20 +11,14 @@
 
 use super::cause::{STILL_IN_FLOOD, digits};
 use super::shown::{areas_changed_e, changed_e};
-use super::{Effect, Judge, Loss, Need, Stage};
+use super::{Effect, Loss, Need};
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST, Scene, Simulated, Source, View};
+use crate::scene::{Change, EffectId, EffectSet, STEEPEST, Scene, Source, View};
 
 /// Motion during the exposure.
-pub const SMEAR: Effect = Effect {
-    name: "smear",
-    stage: Stage::Images,
-    random: false,
-    judge: Judge::Images(judge, change),
-    mark: |simulated| simulated.smear = true,
-};
+pub const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", judge, change);
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     if view.still_in_flood {
         return Need::none(STILL_IN_FLOOD);
     }
@@ -42,47 +36,35 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'stati
     // Tracks that short are points.
     let price_ms = if length_px <= fidelity.skip_px {
         0.0
-    } else if simulated.aberration_drift {
+    } else if simulated.has(EffectId::AberrationDrift) {
         moving_ms(view.exposure.duration_s) - moving_ms(0.0)
     } else {
         moving_ms(view.exposure.duration_s)
     };
-    Need {
-        because: format!(
-            "images move by up to {} px",
-            digits(length_px.max(swing_px))
-        )
-        .into(),
-        error: Loss {
-            // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is below 0.7 of a pixel's.
-            e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
-            px: length_px / 2.0 + rolled_px,
-        }
-        .into(),
-        drawn_e: 0.0,
-        price_ms: price_ms + view.areas_smear_ms(),
-    }
+    let most_px = digits(length_px.max(swing_px));
+    let because = format!("images move by up to {most_px} px");
+    let error = Loss {
+        // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is below 0.7 of a pixel's.
+        e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
+        px: length_px / 2.0 + rolled_px,
+    };
+    Need::new(because, error, price_ms + view.areas_smear_ms())
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let simulated = &scene.simulated;
     // Without smear, images have the ends of their true tracks, unless they drift.
-    let own = simulated.smear || !simulated.aberration_drift;
-    let other = if simulated.smear {
-        Simulated {
-            smear: false,
-            ..*simulated
-        }
-    } else {
-        Simulated {
-            smear: true,
-            rolling: scene.view.camera.readout_s() > 0.0,
-            ..*simulated
-        }
-    };
+    let own = simulated.has(EffectId::Smear) || !simulated.has(EffectId::AberrationDrift);
+    let mut other = simulated.toggled(EffectId::Smear);
+    if other.has(EffectId::Smear) {
+        other = match scene.view.camera.readout_s() > 0.0 {
+            true => other.with(EffectId::RollingShutter),
+            false => other.without(EffectId::RollingShutter),
+        };
+    }
     // A still image lies on its track, but that a rolling shutter exposes its parts at other times.
-    let enters = simulated.smear && simulated.rolling;
-    let moved_px = if simulated.smear {
+    let enters = simulated.has(EffectId::Smear) && simulated.has(EffectId::RollingShutter);
+    let moved_px = if simulated.has(EffectId::Smear) {
         scene.view.longest_track_px(scene.view.camera.readout_s()) / 2.0
     } else {
         loss.px
@@ -96,7 +78,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             (2.0 * loss.px, 2.0 * loss.px)
         };
         let (rolled_px, longer) = scene.rolled(image, length_px);
-        let moved = if simulated.smear {
+        let moved = if simulated.has(EffectId::Smear) {
             rolled_px
         } else {
             rolled_px + length_px / 2.0

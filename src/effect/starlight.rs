@@ -9,18 +9,11 @@
 //! (A&AS 127, 1). Validity: 20 %, nothing finer than 5 to 15 deg; of the Sun's colour; no light that dust scatters. Price: a look at the table for
 //! each place that is asked for, and the passes over the pixels.
 
+use super::Effect;
 use super::area::{judge, up_to};
-use super::{Effect, Judge, Stage};
+use crate::scene::EffectId;
 
 /// Starlight below the catalogue's limit.
-pub const STARLIGHT: Effect = Effect {
-    name: "starlight",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        judge(scene, "starlight", up_to, 330.0, |parts| {
-            parts.starlight = false
-        })
-    }),
-    mark: |simulated| simulated.starlight = true,
-};
+pub const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
+    judge(scene, EffectId::Starlight, up_to, 330.0)
+});

@@ -10,18 +10,12 @@
 
 use super::cause::counted;
 use super::shown::held_of;
-use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 
 /// Stuck pixels.
-pub const STUCK_PIXELS: Effect = Effect {
-    name: "stuck pixels",
-    stage: Stage::Digits,
-    random: false,
-    judge: Judge::Pixels(judge),
-    mark: |simulated| simulated.stuck = true,
-};
+pub const STUCK_PIXELS: Effect = Effect::digits(EffectId::StuckPixels, "stuck pixels", judge);
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
@@ -36,27 +30,20 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             .zip(stuck)
             .take_while(|_| !scene.is_cancelled())
             .map(|(e, pixel)| {
-                let dead =
-                    scene.simulated.dead && detector.pattern.dead().binary_search(pixel).is_ok();
+                let dead = scene.simulated.has(EffectId::DeadPixels)
+                    && detector.pattern.dead().binary_search(pixel).is_ok();
                 let e = if dead { 0.0 } else { e };
-                let read = if scene.simulated.nonlinearity {
+                let read = if scene.simulated.has(EffectId::NonLinearity) {
                     detector.response_e(e)
                 } else {
                     e
                 };
                 (instead_e - read.min(detector.converter_reach_e())).abs()
             });
-        Need {
-            because: format!("{} at {dn} DN", counted(stuck.len(), "stuck pixel")).into(),
-            // Digits are whole.
-            error: Loss {
-                e: off.fold(0.0, f64::max) + gain,
-                px: 0.0,
-            }
-            .into(),
-            drawn_e: 0.0,
-            price_ms: stuck.len() as f64 * 2e-6,
-        }
+        let because = format!("{} at {dn} DN", counted(stuck.len(), "stuck pixel"));
+        // Digits are whole.
+        let error = Loss::of_pixel(off.fold(0.0, f64::max) + gain);
+        Need::new(because, error, stuck.len() as f64 * 2e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.digits.len());

@@ -9,54 +9,26 @@
 //! on all pixels, which is what a point-source transmittance speaks of; no ghosts, no glare around bright stars; at mid-exposure's attitude; the air's light
 //! counts as that of the ground below it. Price: the passes over the pixels.
 
+use super::Effect;
 use super::area::{judge, up_to};
 use super::cause::digits;
-use super::{Effect, Judge, Stage};
-use crate::scene::{AreaLight, Scene};
+use crate::scene::{AreaLight, EffectId, Scene};
 
 /// ns of a look at light that is the same everywhere.
 const LOOK_NS: f64 = 45.0;
 
 /// Sunlight.
-pub const SUNLIGHT: Effect = Effect {
-    name: "sunlight",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        judge(
-            scene,
-            "sunlight",
-            |area| sun(scene, area),
-            LOOK_NS,
-            |parts| parts.sunlight = false,
-        )
-    }),
-    mark: |simulated| simulated.sunlight = true,
-};
+pub const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scene, _| {
+    judge(scene, EffectId::Sunlight, |area| sun(scene, area), LOOK_NS)
+});
 /// Moonglow.
-pub const MOONGLOW: Effect = Effect {
-    name: "moonglow",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        judge(scene, "moonglow", scattered, LOOK_NS, |parts| {
-            parts.moonglow = false
-        })
-    }),
-    mark: |simulated| simulated.moonglow = true,
-};
+pub const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
+    judge(scene, EffectId::Moonglow, scattered, LOOK_NS)
+});
 /// Earthshine.
-pub const EARTHSHINE: Effect = Effect {
-    name: "earthshine",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        judge(scene, "earthshine", scattered, LOOK_NS, |parts| {
-            parts.earthshine = false
-        })
-    }),
-    mark: |simulated| simulated.earthshine = true,
-};
+pub const EARTHSHINE: Effect = Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
+    judge(scene, EffectId::Earthshine, scattered, LOOK_NS)
+});
 
 fn scattered(area: &AreaLight) -> String {
     format!("the optics scatter {}", up_to(area))
@@ -71,9 +43,7 @@ fn sun(scene: &Scene, area: &AreaLight) -> String {
             "the Sun is {angle} deg from the boresight, within the exclusion angle of {exclusion}: the frame saturates"
         )
     } else {
-        format!(
-            "the Sun is {angle} deg from the boresight, {}",
-            scattered(area)
-        )
+        let scattered = scattered(area);
+        format!("the Sun is {angle} deg from the boresight, {scattered}")
     }
 }

@@ -18,21 +18,15 @@
 
 use super::cause::digits;
 use super::shown::{areas_changed_e, changed_e};
-use super::{Effect, Judge, Loss, Need, Stage};
+use super::{Effect, Loss, Need};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Change, Scene, Simulated, Source, View};
+use crate::scene::{Body, Change, EffectId, EffectSet, Scene, Source, View};
 
 /// The transmission off the boresight.
-pub const VIGNETTING: Effect = Effect {
-    name: "vignetting",
-    stage: Stage::Images,
-    random: false,
-    judge: Judge::Images(judge, change),
-    mark: |simulated| simulated.vignetting = true,
-};
+pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", judge, change);
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
         return Need::none("the optics have no vignetting");
@@ -47,43 +41,31 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'stati
         Vignetting::Table(_) => 22.0,
         _ => 4.0,
     };
-    Need {
-        because: format!(
-            "{} to {} % of the light passes",
-            digits(100.0 * least),
-            digits(100.0 * most)
-        )
-        .into(),
-        error: Loss {
-            e,
-            px: view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0),
-        }
-        .into(),
-        drawn_e: 0.0,
-        price_ms: looks(view, fidelity) * ns * 1e-6,
-    }
+    let px = view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0);
+    let [least, most] = [least, most].map(|part| digits(100.0 * part));
+    let because = format!("{least} to {most} % of the light passes");
+    Need::new(because, Loss { e, px }, looks(view, fidelity) * ns * 1e-6)
 }
 
 /// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass at most. The fourth power of the cosine has the
 /// pixel's solid angle in it, and of area light stands for that: without it pixels take their own again, from which a lens with distortion
 /// is further off than what passes tells.
-fn areas_e(view: &View, simulated: &Simulated, part: f64) -> f64 {
+fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     if view.camera.optics.vignetting != Vignetting::Cos4 {
         return view.areas_peak_e() * part;
     }
-    let [with, without] = [true, false].map(|vignetting| Simulated {
-        distortion: simulated.distortion,
-        vignetting,
-        ..Simulated::default()
-    });
-    view.areas_taken_e(&with, &without)
+    let mut without = EffectSet::default();
+    if simulated.has(EffectId::Distortion) {
+        without = without.with(EffectId::Distortion);
+    }
+    view.areas_taken_e(&without.with(EffectId::Vignetting), &without)
 }
 
 /// Why it takes no light.
-fn why_none(view: &View, simulated: &Simulated) -> &'static str {
-    if !simulated.stars && !simulated.rsos {
+fn why_none(view: &View, simulated: &EffectSet) -> &'static str {
+    if !simulated.has(EffectId::Stars) && !simulated.has(EffectId::Rsos) {
         "stars and objects are switched off"
-    } else if view.candidates.is_empty() && !simulated.stars {
+    } else if view.candidates.is_empty() && !simulated.has(EffectId::Stars) {
         "stars are switched off, and no object is in the field"
     } else if view.candidates.is_empty() {
         "no source is in the field"
@@ -113,7 +95,7 @@ fn looks(view: &View, fidelity: &Fidelity) -> f64 {
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (vignetting, simulated) = (&scene.view.camera.optics.vignetting, &scene.simulated);
-    let moves = simulated.smear || simulated.aberration_drift;
+    let moves = simulated.moves_images();
     let seen = scene.seen();
     let passes = |source: &Source| {
         let passes = seen(&source.body).map(|seen| vignetting.transmission(&seen));
@@ -136,10 +118,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         source.length_px() * part.min(1.0) + radius(source) * scale * (across / 4.0).min(1.0)
     });
     // The same images are there without it.
-    let other = Simulated {
-        vignetting: !simulated.vignetting,
-        ..*simulated
-    };
+    let other = simulated.toggled(EffectId::Vignetting);
     let e = changed_e(
         scene,
         &other,
@@ -149,7 +128,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             let [least, _] = passes(image.source);
             // Of the light that would arrive; a tenth more again.
             let taken = 1.1 * (1.0 - least);
-            let clear_e = if simulated.vignetting {
+            let clear_e = if simulated.has(EffectId::Vignetting) {
                 (image.height_e() / least).min(image.still_e)
             } else {
                 image.height_e()
@@ -161,7 +140,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         },
     );
     // Of area light that is so faint that it is skipped, all that it was asked for.
-    let e = if simulated.vignetting {
+    let e = if simulated.has(EffectId::Vignetting) {
         e + areas_changed_e(scene, &other, 0.0)
     } else {
         e.max(loss.e)

@@ -8,18 +8,12 @@
 //! interpolated (`sky::zodiacal`). Reference: Leinert et al. 1998 (A&AS 127, 1), Table 16. Validity: 10 %; the Sun's colour, the observer 1 au or so from the
 //! Sun; the Earth hides it, the Moon does not. Price: a look at the table for each place that is asked for, and the passes over the pixels.
 
+use super::Effect;
 use super::area::{judge, up_to};
-use super::{Effect, Judge, Stage};
+use crate::scene::EffectId;
 
 /// Zodiacal light.
-pub const ZODIACAL_LIGHT: Effect = Effect {
-    name: "zodiacal light",
-    stage: Stage::Light,
-    random: false,
-    judge: Judge::Pixels(|scene, _| {
-        judge(scene, "zodiacal light", up_to, 260.0, |parts| {
-            parts.zodiacal = false
-        })
-    }),
-    mark: |simulated| simulated.zodiacal = true,
-};
+pub const ZODIACAL_LIGHT: Effect =
+    Effect::light(EffectId::ZodiacalLight, "zodiacal light", |scene, _| {
+        judge(scene, EffectId::ZodiacalLight, up_to, 260.0)
+    });

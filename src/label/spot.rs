@@ -2,7 +2,7 @@
 
 use super::{VISIBLE_SNR, e4, e6};
 use crate::camera::Detector;
-use crate::scene::Scene;
+use crate::scene::{EffectId, Scene};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::cmp::Ordering;
@@ -168,7 +168,7 @@ struct Pixels<'a> {
 impl<'a> Pixels<'a> {
     fn new(scene: &'a Scene) -> Self {
         let detector = &scene.view.camera.detector;
-        let read = if scene.simulated.read {
+        let read = if scene.simulated.has(EffectId::ReadNoise) {
             detector.read_noise_e
         } else {
             0.0
@@ -182,7 +182,12 @@ impl<'a> Pixels<'a> {
 
     /// Noise variance of a pixel that expects `e`, e-^2.
     fn variance(&self, e: f64) -> f64 {
-        self.floor + if self.scene.simulated.shot { e } else { 0.0 }
+        self.floor
+            + if self.scene.simulated.has(EffectId::ShotNoise) {
+                e
+            } else {
+                0.0
+            }
     }
 
     /// How many pixels the label lists of it.
@@ -232,19 +237,19 @@ impl<'a> Pixels<'a> {
                 snr,
             });
         };
-        if simulated.dead && !self.scene.is_cancelled() {
+        if simulated.has(EffectId::DeadPixels) && !self.scene.is_cancelled() {
             for (pixel, held) in pattern.dead().iter().zip(self.held_e(pattern.dead())) {
                 add("dead", *pixel, 0.0, held, held);
             }
         }
-        if simulated.stuck && !self.scene.is_cancelled() {
+        if simulated.has(EffectId::StuckPixels) && !self.scene.is_cancelled() {
             let stands_for = f64::from(detector.stuck_dn) - detector.offset_dn;
             let electrons = stands_for * detector.gain_e_per_dn;
             for (pixel, held) in pattern.stuck().iter().zip(self.held_e(pattern.stuck())) {
                 add("stuck", *pixel, electrons, electrons - held, held);
             }
         }
-        if simulated.dark {
+        if simulated.has(EffectId::DarkCurrent) {
             for (pixel, excess) in pattern
                 .hot()
                 .iter()
@@ -252,8 +257,10 @@ impl<'a> Pixels<'a> {
             {
                 let excess = f64::from(*excess) * seconds;
                 let held = self.scene.background_of(*pixel as usize);
-                let blind = (simulated.dead && pattern.dead().binary_search(pixel).is_ok())
-                    || (simulated.stuck && pattern.stuck().binary_search(pixel).is_ok());
+                let blind = (simulated.has(EffectId::DeadPixels)
+                    && pattern.dead().binary_search(pixel).is_ok())
+                    || (simulated.has(EffectId::StuckPixels)
+                        && pattern.stuck().binary_search(pixel).is_ok());
                 if !blind {
                     add("hot", *pixel, excess, excess, held);
                 }

@@ -1,7 +1,7 @@
 //! What a label says of the Moon and of planets alone.
 
 use super::ra_dec_deg;
-use crate::scene::{Scene, SeenWanderer, Source};
+use crate::scene::{EffectId, Scene, SeenWanderer, Source};
 use schemars::JsonSchema;
 
 /// What a label says of the Moon and of planets alone, at mid-exposure.
@@ -44,7 +44,7 @@ impl WandererLabel {
 fn centre_px(seen: &SeenWanderer, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
     let optics = &scene.view.camera.optics;
     let ideal = optics.projection.ideal();
-    let projection = if scene.simulated.distortion {
+    let projection = if scene.simulated.has(EffectId::Distortion) {
         &optics.projection
     } else {
         &ideal

@@ -8,7 +8,7 @@ use crate::camera::Camera;
 use crate::engine::Emulator;
 use crate::fidelity::Fidelity;
 use crate::load::{ConfigError, Folder};
-use crate::scene::{Scene, Simulated, Source, View};
+use crate::scene::{EffectId, EffectSet, Scene, Source, View};
 use nalgebra::Vector3;
 use std::hint::black_box;
 
@@ -25,7 +25,7 @@ const BAND: usize = 32;
 /// Stars of the catalogue before a camera of 1024 x 1024 pixels that turns.
 struct Stars {
     view: View,
-    simulated: Simulated,
+    simulated: EffectSet,
     fidelity: Fidelity,
     electrons: Vec<f32>,
 }
@@ -37,14 +37,10 @@ struct Stars {
 pub fn smear() -> Result<Row, ConfigError> {
     let mut stars = Stars::new()?;
     let moving = stars.simulated;
-    let still = Simulated {
-        smear: false,
-        aberration_drift: false,
-        ..moving
-    };
+    let still = moving.without(EffectId::Smear);
     let views = |view: &View| vec![view.clone(); ROUNDS];
     let (mut first, mut second) = (views(&stars.view), views(&stars.view));
-    let mut take = |simulated: Simulated, views: &mut Vec<View>| {
+    let mut take = |simulated: EffectSet, views: &mut Vec<View>| {
         if let Some(view) = views.pop() {
             stars.take(view, simulated);
         }
@@ -84,21 +80,18 @@ impl Stars {
         view.areas.clear();
         view.candidates
             .retain(|candidate| whole.contains(&candidate.body.identity()));
-        let simulated = Simulated {
-            stars: true,
-            smear: true,
-            ..Simulated::default()
-        };
         Ok(Stars {
             electrons: vec![0.0; camera.detector.width * BAND],
             view,
-            simulated,
+            simulated: EffectSet::default()
+                .with(EffectId::Stars)
+                .with(EffectId::Smear),
             fidelity: *emulator.fidelity(),
         })
     }
 
     /// Makes the images of a view and draws them.
-    fn take(&mut self, view: View, simulated: Simulated) {
+    fn take(&mut self, view: View, simulated: EffectSet) {
         let [width, height] = [view.camera.detector.width, view.camera.detector.height];
         let scene = Scene::new(view, simulated, &self.fidelity);
         for first in (0..height).step_by(BAND) {

@@ -13,7 +13,7 @@
 //! their images meet, and replaced by the truth where that is large (`compared`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
 
 use super::brightest::greatest_share;
-use super::{Body, Candidate, Scene, Simulated, Source};
+use super::{Body, Candidate, EffectId, EffectSet, Scene, Source};
 use crate::camera::{Detector, LocalPsf, Stamp, Vignetting};
 use crate::footprint::Wings;
 use nalgebra::Vector3;
@@ -161,6 +161,7 @@ impl Image<'_> {
 }
 
 /// A change of an image: by at most `e` electrons on any pixel, up to `beside_px` from where the image is now.
+#[derive(Default)]
 pub struct Change {
     /// e- of any pixel.
     pub e: f64,
@@ -265,14 +266,14 @@ impl Scene {
     }
 
     /// The images that touch the detector in a scene `without` and not in this one.
-    pub(super) fn entering(&self, without: &Simulated) -> Vec<Source> {
+    pub(super) fn entering(&self, without: &EffectSet) -> Vec<Source> {
         if *without == self.simulated {
             return Vec::new();
         }
         let (view, fidelity) = (&self.view, &self.fidelity);
         let (optics, detector) = (&view.camera.optics, &view.camera.detector);
         let ideal = optics.projection.ideal();
-        let projection = if without.distortion {
+        let projection = if without.has(EffectId::Distortion) {
             &optics.projection
         } else {
             &ideal
@@ -304,7 +305,7 @@ impl Scene {
             .peekable();
         let gone = view.candidates.iter().filter(|candidate| {
             let here = there.next_if_eq(&candidate.body.identity()).is_some();
-            let shines = candidate.body.is_in(&self.simulated);
+            let shines = self.simulated.has(candidate.body.effect());
             !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
         });
         gone.filter_map(|candidate| view.image(candidate, without, fidelity))
@@ -316,7 +317,11 @@ impl Scene {
         let view = &self.view;
         let times = [-0.5, 0.0, 0.5].map(|part| {
             let dt_s = part * view.exposure.duration_s;
-            let turned_s = if self.simulated.smear { dt_s } else { 0.0 };
+            let turned_s = if self.simulated.has(EffectId::Smear) {
+                dt_s
+            } else {
+                0.0
+            };
             (
                 0.5 + turned_s / view.open_s.max(f64::MIN_POSITIVE),
                 view.pointing(turned_s),
@@ -350,7 +355,7 @@ impl Scene {
         let vignetting = &camera.optics.vignetting;
         let field = camera.cone_rad(0.0).min(1.5);
         let by_angle = match vignetting {
-            _ if !self.simulated.vignetting => 0.0,
+            _ if !self.simulated.has(EffectId::Vignetting) => 0.0,
             Vignetting::None => 0.0,
             Vignetting::Cos4 => 4.0 * libm::tan(field),
             Vignetting::Table(table) => {

@@ -6,7 +6,7 @@
 
 use super::brightest::{CELL, cells};
 use super::change::{Change, Image};
-use super::{Scene, Simulated, Source};
+use super::{EffectId, EffectSet, Scene, Source};
 use crate::camera::Detector;
 use crate::fidelity::Fidelity;
 use std::ops::Range;
@@ -37,7 +37,7 @@ struct Pair<'a> {
 /// The images of a scene, and what is known of them with other effects.
 pub struct Compared<'a> {
     scene: &'a Scene,
-    other: Simulated,
+    other: EffectSet,
     fidelity: Fidelity,
     /// The greatest first.
     lights: Vec<Light<'a>>,
@@ -72,7 +72,7 @@ impl Scene {
     /// that are not now.
     pub fn compared(
         &self,
-        other: &Simulated,
+        other: &EffectSet,
         enters: bool,
         faint: impl Fn(&Source) -> Option<f64> + Sync,
         change: impl Fn(&Image<'_>) -> Change + Sync,
@@ -81,11 +81,7 @@ impl Scene {
         let columns = detector.width.div_ceil(CELL);
         let cells = columns * detector.height.div_ceil(CELL);
         let pixels: u64 = self.sources.iter().map(|s| s.footprint.evaluated()).sum();
-        let skipped = (other.distortion && !now.distortion)
-            || (other.aberration_drift && !now.aberration_drift)
-            || (other.smear && !now.smear)
-            || (other.rolling && !now.rolling)
-            || (other.vignetting && !now.vignetting);
+        let skipped = now.and_shapes(other) != *now;
         let mut fidelity = self.fidelity;
         if skipped {
             // Short tracks are tracks.
@@ -199,7 +195,7 @@ impl<'a> Compared<'a> {
     /// Adds what a pair of images differs by to what is known.
     fn know(&mut self, pair: Pair<'a>) {
         let (detector, columns) = (&self.scene.view.camera.detector, self.columns);
-        let response = self.scene.simulated.response;
+        let response = self.scene.simulated.has(EffectId::PixelResponse);
         let mut greatest = vec![0.0f64; columns];
         let mut row_of_cells = 0;
         let known = &mut self.known;
@@ -266,7 +262,7 @@ impl Scene {
     fn other_image(
         &self,
         source: &Source,
-        other: &Simulated,
+        other: &EffectSet,
         fidelity: &Fidelity,
     ) -> Option<Source> {
         let wanted = source.body.identity();
@@ -276,9 +272,9 @@ impl Scene {
     }
 
     /// How many pixels are worked out for that, about.
-    fn pixels(&self, source: &Source, other: &Simulated, fidelity: &Fidelity) -> u64 {
+    fn pixels(&self, source: &Source, other: &EffectSet, fidelity: &Fidelity) -> u64 {
         let worked_out = source.footprint.evaluated();
-        let moves = |of: &Simulated| of.smear || of.aberration_drift;
+        let moves = |of: &EffectSet| of.moves_images();
         if moves(other) {
             // A short track has two pieces of two points.
             return if moves(&self.simulated) {
@@ -293,7 +289,7 @@ impl Scene {
 
     /// No pixel turns its light into more than so many times the charge.
     pub fn responds(&self) -> f64 {
-        if self.simulated.response {
+        if self.simulated.has(EffectId::PixelResponse) {
             1.0 + self.view.camera.detector.pattern.worst_response()
         } else {
             1.0

@@ -1,7 +1,7 @@
 //! The Moon's disc where it is too large for points: light by direction, laid on the pixels as that of areas.
 
 use super::wanderer::sunlit;
-use super::{Area, Edge, Kind, Radiance};
+use super::{Area, Edge, EffectId, Kind, Radiance};
 use crate::sky::Observer;
 use crate::sky::moon::MoonDisc;
 use crate::sky::shadow::Earth;
@@ -10,8 +10,7 @@ use std::sync::Arc;
 
 /// It comes with the Moon, and is none of those that are looked for by themselves (`KINDS`).
 static DISC: Kind = Kind {
-    effect: "moon",
-    is_in: |simulated| simulated.moon,
+    effect: EffectId::Moon,
     radiance: |_, _, _| Err(UNLIT.into()),
     unlit: UNLIT,
 };

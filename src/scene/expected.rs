@@ -1,7 +1,7 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
 use super::area::Light;
-use super::{AreaLight, Body, Lit, Scene, Simulated, Source, brightest, spill, trail};
+use super::{AreaLight, Body, EffectId, EffectSet, Lit, Scene, Source, brightest, spill, trail};
 use crate::camera::Detector;
 use rayon::prelude::*;
 
@@ -50,7 +50,8 @@ impl Scene {
 
     /// Whether all pixels turn light into charge alike.
     fn turns_all_alike(&self) -> bool {
-        !self.simulated.response || self.view.camera.detector.pattern.response().is_none()
+        !self.simulated.has(EffectId::PixelResponse)
+            || self.view.camera.detector.pattern.response().is_none()
     }
 
     /// [`Scene::lit_e`] by an area's light alone.
@@ -92,7 +93,7 @@ impl Scene {
     /// column's trail.
     pub fn background_of(&self, pixel: usize) -> f64 {
         let light = self.areas_light.of_pixel(pixel);
-        let response = if self.simulated.response {
+        let response = if self.simulated.has(EffectId::PixelResponse) {
             self.view.camera.detector.pattern.response_of(pixel)
         } else {
             1.0
@@ -109,7 +110,7 @@ impl Scene {
 
     /// The charge (e-) of a dark current (e-/s) that is simulated.
     fn dark_charge_e(&self, dark_e_s: f64) -> f64 {
-        if self.simulated.dark {
+        if self.simulated.has(EffectId::DarkCurrent) {
             dark_e_s * self.view.exposure.duration_s
         } else {
             0.0
@@ -165,7 +166,7 @@ impl Scene {
         }
         for (charge, pixel) in charge.iter_mut().zip(pixels) {
             let pixel = *pixel as usize;
-            if self.simulated.response {
+            if self.simulated.has(EffectId::PixelResponse) {
                 *charge *= detector.pattern.response_of(pixel);
             }
             *charge += self.unlit_of(pixel);
@@ -194,20 +195,20 @@ impl Scene {
 
     /// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
     /// this one that `parts` has too: light and dark charge, before wells fill.
-    pub fn columns_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+    pub fn columns_e(&self, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
         let mut charge = self.light_e(columns, parts);
         self.turn(&mut charge, columns, parts);
         charge
     }
 
     /// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
-    pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+    pub fn light_e(&self, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
         let spilling = &self.spill.columns;
         let places = columns
             .iter()
             .map(|column| spilling.binary_search(column).ok());
         let Some(places) = places.collect::<Option<Vec<usize>>>() else {
-            let sources = self.sources_if(|source| source.body.is_in(parts));
+            let sources = self.sources_if(|source| parts.has(source.body.effect()));
             return self.light_of(columns, &sources, &self.area_lights(parts));
         };
         // Asked for again and again, with this and that left out: all was worked out once, and what is left out is taken away.
@@ -216,7 +217,7 @@ impl Scene {
         let column = |place: usize| all.get(place).into_iter().flatten().copied();
         let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
         light.resize(columns.len() * height, 0.0);
-        let sources = self.sources_if(|source| !source.body.is_in(parts));
+        let sources = self.sources_if(|source| !parts.has(source.body.effect()));
         let areas = self.area_lights_without(parts);
         if !sources.is_empty() || !areas.is_empty() {
             let less = self.light_of(columns, &sources, &areas);
@@ -229,7 +230,7 @@ impl Scene {
 
     /// The light on each of the columns that may fill up, e-.
     pub(super) fn spilling_e(&self) -> Vec<Vec<f64>> {
-        let sources = self.sources_if(|source| source.body.is_in(&self.simulated));
+        let sources = self.sources_if(|source| self.simulated.has(source.body.effect()));
         let areas = self.area_lights(&self.simulated);
         let groups = self.in_groups(&self.spill.columns, |columns| {
             let light = self.light_of(columns, &sources, &areas);
@@ -275,23 +276,23 @@ impl Scene {
 
     /// Turns the light (e-) on `columns` into charge: as pixels respond, with dark charge and the trails of frame transfer, as far as
     /// `parts` has them.
-    pub fn turn(&self, light: &mut [f64], columns: &[usize], parts: &Simulated) {
+    pub fn turn(&self, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
         let detector = &self.view.camera.detector;
         let trail = trail::part(&self.view);
         let charges = light.par_chunks_exact_mut(detector.height).zip(columns);
         let charges = charges.filter(|_| !self.is_cancelled());
         charges.for_each(|(charge, column)| {
-            let trail_e = if parts.frame_transfer {
+            let trail_e = if parts.has(EffectId::FrameTransfer) {
                 trail * charge.iter().sum::<f64>()
             } else {
                 0.0
             };
             for (row, e) in charge.iter_mut().enumerate() {
                 let pixel = row * detector.width + column;
-                if parts.response {
+                if parts.has(EffectId::PixelResponse) {
                     *e *= detector.pattern.response_of(pixel);
                 }
-                if parts.dark {
+                if parts.has(EffectId::DarkCurrent) {
                     *e += detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s;
                 }
                 *e += trail_e;

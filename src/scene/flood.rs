@@ -1,11 +1,11 @@
 //! Pixels that are full before any star or object adds its light.
 
-use super::{Scene, signal};
+use super::{EffectId, Scene, signal};
 use rayon::prelude::*;
 
 impl Scene {
     /// The effect that adds the most charge, where every pixel is full without a star or an object in it; none where a pixel is not full.
-    pub fn flooded_by(&self) -> Option<&'static str> {
+    pub fn flooded_by(&self) -> Option<EffectId> {
         if let Some(kind) = self.spill.flood {
             return Some(kind.effect);
         }
@@ -18,8 +18,8 @@ impl Scene {
         let areas = self.areas.iter();
         let areas = areas.map(|area| (area.kind.effect, area.electrons / pixels));
         let others = [
-            ("dark current", self.dark_e()),
-            ("frame transfer", self.mean_trail_e()),
+            (EffectId::DarkCurrent, self.dark_e()),
+            (EffectId::FrameTransfer, self.mean_trail_e()),
         ];
         let most = areas.chain(others).max_by(|a, b| a.1.total_cmp(&b.1));
         most.map(|(effect, _)| effect)
@@ -50,10 +50,10 @@ impl Scene {
     fn without_sources_e(&self, pixel: usize, light_e: f64) -> f64 {
         let (detector, simulated) = (&self.view.camera.detector, &self.simulated);
         let mut e = light_e;
-        if simulated.response {
+        if simulated.has(EffectId::PixelResponse) {
             e *= detector.pattern.response_of(pixel);
         }
-        if simulated.dark {
+        if simulated.has(EffectId::DarkCurrent) {
             e += detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s;
         }
         e + self.trail().get(pixel % detector.width).unwrap_or(&0.0)

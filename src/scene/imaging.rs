@@ -4,7 +4,7 @@ use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
 use super::work::{CROSSING, LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
-use super::{Area, Body, Full, Simulated, Source};
+use super::{Area, Body, EffectId, EffectSet, Full, Source};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
@@ -36,7 +36,7 @@ impl View {
     pub(super) fn image(
         &self,
         candidate: &Candidate,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Option<Source> {
         if self.limit.is_over() || !self.may_hold(candidate) {
@@ -81,13 +81,14 @@ impl View {
         &self,
         mut track: Track,
         candidate: &Candidate,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Point {
         // Where nothing takes of the light, not even the last digit of a sum does.
-        let whole = !simulated.rolling && !simulated.vignetting;
+        let whole =
+            !simulated.has(EffectId::RollingShutter) && !simulated.has(EffectId::Vignetting);
         let sample_ns = match self.even(candidate, simulated) {
-            Some(_) if !simulated.rolling => TRACK_NS,
+            Some(_) if !simulated.has(EffectId::RollingShutter) => TRACK_NS,
             _ => 2.0 * LOOK_NS,
         };
         let track_ns = self.track_ns(&track, sample_ns, candidate, fidelity);
@@ -141,7 +142,7 @@ impl View {
         &self,
         elements: &[Element],
         candidate: &Candidate,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Point {
         // What a share of so much light leaves undrawn would show.
@@ -193,7 +194,7 @@ impl View {
         area: &Area,
         track: Track,
         candidate: &Candidate,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Point {
         let centre = self.point(track, candidate, simulated, fidelity);
@@ -210,7 +211,7 @@ impl View {
     }
 
     /// How many points the tracks of all candidates have.
-    pub fn track_all(&self, simulated: &Simulated, fidelity: &Fidelity) -> usize {
+    pub fn track_all(&self, simulated: &EffectSet, fidelity: &Fidelity) -> usize {
         let tracks = self.candidates.iter();
         let tracks = tracks
             .filter_map(|candidate| self.track(candidate, &Vector3::zeros(), simulated, fidelity));
@@ -222,13 +223,13 @@ impl View {
         &self,
         candidate: &Candidate,
         off: &Vector3<f64>,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Option<Track> {
         let (camera, exposure_s) = (&self.camera, self.exposure.duration_s);
         let optics = &camera.optics;
         let ideal = optics.projection.ideal();
-        let projection = if simulated.distortion {
+        let projection = if simulated.has(EffectId::Distortion) {
             &optics.projection
         } else {
             &ideal
@@ -243,7 +244,7 @@ impl View {
                 body => body.line(0.5 + turned_s / self.open_s.max(f64::MIN_POSITIVE)),
             };
             let seen: Vector3<f64> = self.pointing(turned_s).rotate(&(line + off));
-            let light = if simulated.vignetting {
+            let light = if simulated.has(EffectId::Vignetting) {
                 optics.vignetting.transmission(&seen)
             } else {
                 1.0
@@ -252,12 +253,12 @@ impl View {
             Some(Place { at, light })
         };
         let truth = |dt_s: f64| place(dt_s, dt_s, true);
-        if !simulated.smear && !simulated.aberration_drift {
+        if !simulated.moves_images() {
             let still = place(0.0, 0.0, false)?;
             let ends = [-0.5, 0.5].map(|part| truth(part * exposure_s).unwrap_or(still).at);
             return Some(Track::still(still).between(ends));
         }
-        let (open_s, rows) = if simulated.rolling {
+        let (open_s, rows) = if simulated.has(EffectId::RollingShutter) {
             let rows = Rows::in_turn(camera.detector.height, exposure_s, camera.readout_s());
             (self.open_s, rows)
         } else {
@@ -281,8 +282,12 @@ impl View {
         };
         let at = |part: f64| {
             let dt_s = (part - 0.5) * open_s;
-            let turned_s = if simulated.smear { dt_s } else { 0.0 };
-            place(dt_s, turned_s, simulated.aberration_drift)
+            let turned_s = if simulated.has(EffectId::Smear) {
+                dt_s
+            } else {
+                0.0
+            };
+            place(dt_s, turned_s, simulated.has(EffectId::AberrationDrift))
         };
         let crossing = if rows.are_together() { 0.0 } else { CROSSING };
         let looks = WAY_LOOKS + course.pieces as f64 + crossing;
@@ -292,9 +297,10 @@ impl View {
 
     /// The Gaussian that its light is spread by, if it is one that is the same everywhere; none where the light that passes breaks on the way, which
     /// a rule for what is smooth does not see.
-    pub(super) fn even(&self, candidate: &Candidate, simulated: &Simulated) -> Option<Even> {
+    pub(super) fn even(&self, candidate: &Candidate, simulated: &EffectSet) -> Option<Even> {
         let optics = &self.camera.optics;
-        let breaks = simulated.vignetting && matches!(optics.vignetting, Vignetting::Table(_));
+        let breaks = simulated.has(EffectId::Vignetting)
+            && matches!(optics.vignetting, Vignetting::Table(_));
         optics.psf.lines().filter(|_| !breaks)?;
         let (sigma_px, height_e) = self.height(candidate);
         Some(Even { sigma_px, height_e })

@@ -1,7 +1,7 @@
 //! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
 
 use super::area::Light;
-use super::{AreaLight, Scene, Simulated, Source};
+use super::{AreaLight, EffectSet, Scene, Source};
 use crate::footprint::Footprint;
 
 /// Light on pixels.
@@ -33,16 +33,16 @@ impl<'a> From<&'a Light> for Lit<'a> {
 
 impl Scene {
     /// All that lights pixels in a frame that has only those effects that `parts` has.
-    pub fn lights<'a>(&'a self, parts: &'a Simulated) -> impl Iterator<Item = Lit<'a>> {
+    pub fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
         let sources = self.sources.iter();
-        let sources = sources.filter(|source| source.body.is_in(parts));
+        let sources = sources.filter(|source| parts.has(source.body.effect()));
         let areas = self.area_lights(parts).into_iter();
         sources.map(Lit::from).chain(areas.map(Lit::from))
     }
 
     /// The light of its area sources: of all of them as one, if it has them all.
-    pub(super) fn area_lights(&self, parts: &Simulated) -> Vec<&Light> {
-        let is_in = |area: &&AreaLight| (area.kind.is_in)(parts);
+    pub(super) fn area_lights(&self, parts: &EffectSet) -> Vec<&Light> {
+        let is_in = |area: &&AreaLight| parts.has(area.kind.effect);
         if self.areas.iter().all(|area| is_in(&area)) {
             return self.areas_light.light().into_iter().collect();
         }
@@ -51,9 +51,9 @@ impl Scene {
     }
 
     /// The light of the area sources that it has not.
-    pub(super) fn area_lights_without(&self, parts: &Simulated) -> Vec<&Light> {
+    pub(super) fn area_lights_without(&self, parts: &EffectSet) -> Vec<&Light> {
         let areas = self.areas.iter();
-        let areas = areas.filter(|area| !(area.kind.is_in)(parts));
+        let areas = areas.filter(|area| !parts.has(area.kind.effect));
         areas.filter_map(AreaLight::light).collect()
     }
 }

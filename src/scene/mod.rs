@@ -1,6 +1,6 @@
 //! The scene: everything that one exposure sees, worked out once and only read afterwards.
 //!
-//! First the [`View`], what stands before the camera; then, with the effects that the frame has ([`Simulated`]), the
+//! First the [`View`], what stands before the camera; then, with the effects that the frame has ([`EffectSet`]), the
 //! image of every source on the detector.
 
 mod area;
@@ -9,13 +9,13 @@ mod change;
 mod collected;
 mod compared;
 mod disc;
+mod effect_set;
 mod expected;
 mod flood;
 mod imaging;
 mod lit;
 mod observable;
 mod signal;
-mod simulated;
 mod spill;
 mod stages;
 mod struck;
@@ -32,10 +32,10 @@ pub use area::{Radiance, SPREAD_NS, Together};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
+pub use effect_set::{EffectId, EffectSet};
 pub use lit::Lit;
 pub(crate) use observable::two_figures;
 pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
-pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};
 pub use struck::Struck;
 pub use sun::SeenSun;
@@ -111,13 +111,13 @@ pub enum Body {
 }
 
 impl Body {
-    /// Whether a frame has its kind.
-    pub fn is_in(&self, simulated: &Simulated) -> bool {
+    /// The effect that its kind is.
+    pub fn effect(&self) -> EffectId {
         match self {
-            Body::Star(_) => simulated.stars,
-            Body::Rso(_) => simulated.rsos,
-            Body::Wanderer(body) if body.is_moon() => simulated.moon,
-            Body::Wanderer(_) => simulated.planets,
+            Body::Star(_) => EffectId::Stars,
+            Body::Rso(_) => EffectId::Rsos,
+            Body::Wanderer(body) if body.is_moon() => EffectId::Moon,
+            Body::Wanderer(_) => EffectId::Planets,
         }
     }
 
@@ -237,7 +237,7 @@ pub struct Scene {
     /// What stands before the camera.
     pub view: View,
     /// Which effects the frame has.
-    pub simulated: Simulated,
+    pub simulated: EffectSet,
     /// The images that touch the detector, in the view's order.
     pub sources: Vec<Source>,
     /// The light of area sources, in the order of their effects.
@@ -300,7 +300,7 @@ impl Scene {
 
     /// The columns' trails, as far as they are simulated.
     fn trail(&self) -> &[f64] {
-        if self.simulated.frame_transfer {
+        if self.simulated.has(EffectId::FrameTransfer) {
             &self.trail_e
         } else {
             &[]
@@ -309,8 +309,8 @@ impl Scene {
 }
 
 /// The dark charge, e-.
-fn background_e(view: &View, simulated: &Simulated) -> f64 {
-    if !simulated.dark {
+fn background_e(view: &View, simulated: &EffectSet) -> f64 {
+    if !simulated.has(EffectId::DarkCurrent) {
         return 0.0;
     }
     view.camera.detector.dark_e(view.exposure.duration_s)

@@ -9,7 +9,7 @@
 //! of the light count for nothing: dead, stuck, or full in expectation.
 
 use super::area::Together;
-use super::{Simulated, View};
+use super::{EffectId, EffectSet, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
 use crate::kernels::{self, Reading};
@@ -18,7 +18,7 @@ use skyloop_orbit::sgp4_batch::Level;
 /// The noise of one frame's pixels.
 pub(super) struct Noise<'a> {
     detector: &'a Detector,
-    simulated: &'a Simulated,
+    simulated: &'a EffectSet,
     /// What transfer adds to each column, if anything, e-.
     trail_e: &'a [f64],
     areas: &'a Together,
@@ -37,8 +37,8 @@ pub(super) struct Held {
 }
 
 /// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
-pub(super) fn full_e(detector: &Detector, simulated: &Simulated) -> f64 {
-    let well = if simulated.full_well {
+pub(super) fn full_e(detector: &Detector, simulated: &EffectSet) -> f64 {
+    let well = if simulated.has(EffectId::FullWell) {
         detector.full_well_e
     } else {
         f64::INFINITY
@@ -49,12 +49,12 @@ pub(super) fn full_e(detector: &Detector, simulated: &Simulated) -> f64 {
 impl<'a> Noise<'a> {
     pub fn new(
         view: &'a View,
-        simulated: &'a Simulated,
+        simulated: &'a EffectSet,
         trail_e: &'a [f64],
         areas: &'a Together,
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
-        let read = if simulated.read {
+        let read = if simulated.has(EffectId::ReadNoise) {
             detector.read_noise_e
         } else {
             0.0
@@ -66,12 +66,12 @@ impl<'a> Noise<'a> {
             areas,
             exposure_s: view.exposure.duration_s,
             reading: Reading {
-                bend: match simulated.nonlinearity {
+                bend: match simulated.has(EffectId::NonLinearity) {
                     true => detector.nonlinearity,
                     false => 0.0,
                 },
                 part_of_full: 1.0 / detector.full_well_e,
-                shot: f64::from(u8::from(simulated.shot)),
+                shot: f64::from(u8::from(simulated.has(EffectId::ShotNoise))),
                 floor: read * read + detector.quantisation_variance(),
                 full_e: full_e(detector, simulated),
             },
@@ -83,8 +83,8 @@ impl<'a> Noise<'a> {
     fn blind(&self, first: usize) -> [&'a [u32]; 2] {
         let pattern = &self.detector.pattern;
         let lists = [
-            (self.simulated.dead, pattern.dead()),
-            (self.simulated.stuck, pattern.stuck()),
+            (self.simulated.has(EffectId::DeadPixels), pattern.dead()),
+            (self.simulated.has(EffectId::StuckPixels), pattern.stuck()),
         ];
         lists.map(|(is_simulated, list)| {
             let before = list.partition_point(|pixel| (*pixel as usize) < first);
@@ -118,7 +118,7 @@ impl<'a> Noise<'a> {
     /// How each pixel responds, 1 being the mean; none where all respond alike.
     fn response(&self) -> Option<&'a [f32]> {
         let response = self.detector.pattern.response();
-        response.filter(|_| self.simulated.response)
+        response.filter(|_| self.simulated.has(EffectId::PixelResponse))
     }
 
     /// What the pixels of a footprint hold beside its light, as they respond, e-.
@@ -138,13 +138,16 @@ impl<'a> Noise<'a> {
                 here.iter_mut().zip(response).for_each(|(b, of)| *b *= of);
             });
         }
-        match pattern.dark_e_s().filter(|_| self.simulated.dark) {
+        match pattern
+            .dark_e_s()
+            .filter(|_| self.simulated.has(EffectId::DarkCurrent))
+        {
             Some(dark_e_s) => self.row_by_row(footprint, background, |pixel, here| {
                 for (b, dark_e_s) in here.iter_mut().zip(from(dark_e_s, pixel)) {
                     *b += (f64::from(*dark_e_s) * self.exposure_s) as f32;
                 }
             }),
-            None if self.simulated.dark => {
+            None if self.simulated.has(EffectId::DarkCurrent) => {
                 let even_e = (pattern.dark_mean_e_s() * self.exposure_s) as f32;
                 background.iter_mut().for_each(|b| *b += even_e);
             }
@@ -233,13 +236,13 @@ mod tests {
         let pattern = &detector.pattern;
         let of_pixel = |(pixel, share): (usize, &f32)| {
             let at = pixel as u32;
-            let blind = simulated.dead && pattern.dead().contains(&at)
-                || simulated.stuck && pattern.stuck().contains(&at);
+            let blind = simulated.has(EffectId::DeadPixels) && pattern.dead().contains(&at)
+                || simulated.has(EffectId::StuckPixels) && pattern.stuck().contains(&at);
             let mut light = [f64::from(*share) * electrons, noise.areas.of_pixel(pixel)];
-            if simulated.response {
+            if simulated.has(EffectId::PixelResponse) {
                 light = light.map(|e| e * pattern.response_of(pixel));
             }
-            let dark_e_s = if simulated.dark {
+            let dark_e_s = if simulated.has(EffectId::DarkCurrent) {
                 pattern.dark_e_s_of(pixel)
             } else {
                 0.0
@@ -250,7 +253,7 @@ mod tests {
                 return 0.0;
             }
             let read = |e: f64| {
-                if simulated.nonlinearity {
+                if simulated.has(EffectId::NonLinearity) {
                     detector.response_e(e)
                 } else {
                     e
@@ -258,7 +261,11 @@ mod tests {
             };
             let slope = (read(held + 0.01) - read(held - 0.01)) / 0.02;
             let signal = read(held) - read(b);
-            let shot = if simulated.shot { held } else { 0.0 };
+            let shot = if simulated.has(EffectId::ShotNoise) {
+                held
+            } else {
+                0.0
+            };
             signal * signal / (slope * slope * shot + noise.reading.floor)
         };
         shares.iter().enumerate().map(of_pixel).sum::<f64>().sqrt()
@@ -284,17 +291,20 @@ mod tests {
             .step_by(9_973)
             .for_each(|share| *share = 2e-3);
         let footprint = Footprint::whole(width, shares.clone());
-        for off in 0..8 {
-            let on = |effect: u32| effect != off;
-            let simulated = Simulated {
-                response: on(1),
-                dark: on(2),
-                dead: on(3),
-                stuck: on(4),
-                nonlinearity: on(5),
-                shot: on(6),
-                ..Simulated::default()
-            };
+        let effects = [
+            EffectId::PixelResponse,
+            EffectId::DarkCurrent,
+            EffectId::DeadPixels,
+            EffectId::StuckPixels,
+            EffectId::NonLinearity,
+            EffectId::ShotNoise,
+        ];
+        let all = effects
+            .into_iter()
+            .fold(EffectSet::default(), |set, effect| set.with(effect));
+        // The last is none of them: then all run.
+        for off in effects.into_iter().chain([EffectId::Readout]) {
+            let simulated = all.without(off);
             let noise = Noise {
                 detector,
                 simulated: &simulated,
@@ -302,12 +312,12 @@ mod tests {
                 areas: &areas,
                 exposure_s: 0.1,
                 reading: Reading {
-                    bend: match simulated.nonlinearity {
+                    bend: match simulated.has(EffectId::NonLinearity) {
                         true => detector.nonlinearity,
                         false => 0.0,
                     },
                     part_of_full: 1.0 / detector.full_well_e,
-                    shot: f64::from(u8::from(simulated.shot)),
+                    shot: f64::from(u8::from(simulated.has(EffectId::ShotNoise))),
                     floor: 144.0,
                     full_e: detector.full_well_e,
                 },
@@ -322,7 +332,7 @@ mod tests {
                 let rounding = if electrons < 1e-6 { 0.5 } else { 1e-6 };
                 assert!(
                     (snr / hand - 1.0).abs() < rounding,
-                    "{off} {electrons}: {snr} {hand}"
+                    "{off:?} {electrons}: {snr} {hand}"
                 );
             }
             assert_eq!(noise.snr(&footprint, 0.0, &mut Held::default()), 0.0);

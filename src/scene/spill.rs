@@ -10,7 +10,7 @@
 //! It is monotonic, so the same bounds what is taken away, and what is added here and taken there by the greater of both.
 
 use super::brightest::CELL;
-use super::{AreaLight, Kind, Lit, Scene, View};
+use super::{AreaLight, EffectId, Kind, Lit, Scene, View};
 use crate::camera::{Blooming, Detector};
 use rayon::prelude::*;
 
@@ -57,13 +57,13 @@ impl Spill {
             .flat_map(|column| column..(column + CELL).min(detector.width));
         Spill {
             // Whole electrons spill: there may be one more.
-            most_e: if simulated.full_well {
+            most_e: if simulated.has(EffectId::FullWell) {
                 full_e + 1.0
             } else {
                 f64::INFINITY
             },
             columns: filling.collect(),
-            along: simulated.full_well && detector.blooming == Blooming::Column,
+            along: simulated.has(EffectId::FullWell) && detector.blooming == Blooming::Column,
             flood: flood(scene),
         }
     }
@@ -87,7 +87,10 @@ pub fn flooding_e(detector: &Detector) -> f64 {
 fn flood(scene: &Scene) -> Option<&'static Kind> {
     let full_e = flooding_e(&scene.view.camera.detector);
     let floods = |area: &&AreaLight| area.most_e >= full_e && scene.least_e(area) >= full_e;
-    let areas = scene.areas.iter().filter(|_| scene.simulated.full_well);
+    let areas = scene
+        .areas
+        .iter()
+        .filter(|_| scene.simulated.has(EffectId::FullWell));
     let floods = areas.filter(floods);
     let most = floods.max_by(|a, b| a.electrons.total_cmp(&b.electrons))?;
     Some(most.kind)

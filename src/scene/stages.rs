@@ -2,8 +2,8 @@
 
 use super::signal::{Held, Noise};
 use super::{
-    AreaLight, Full, Lit, Scene, Simulated, Source, Spill, Struck, Together, Unobservable, View,
-    trail,
+    AreaLight, EffectId, EffectSet, Full, Lit, Scene, Source, Spill, Struck, Together,
+    Unobservable, View, trail,
 };
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
@@ -25,7 +25,7 @@ const DIFFUSED_NS: f64 = 45.0;
 
 impl Scene {
     /// The images of all that is in view. Once the view's limit is over, it is incomplete and must not be used.
-    pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
+    pub fn new(view: View, simulated: EffectSet, fidelity: &Fidelity) -> Scene {
         let (sources, areas) = rayon::join(
             || images(&view, &simulated, fidelity),
             || areas(&view, &simulated, fidelity),
@@ -87,7 +87,7 @@ impl Scene {
     }
 
     fn find_snr(&mut self) {
-        let counted = match self.simulated.frame_transfer {
+        let counted = match self.simulated.has(EffectId::FrameTransfer) {
             true => &self.trail_e[..],
             false => &[],
         };
@@ -112,7 +112,9 @@ impl Scene {
         } = self;
         let camera = &view.camera;
         let particles = camera.radiation.as_ref();
-        let Some(particles) = particles.filter(|_| simulated.radiation && simulated.noise) else {
+        let Some(particles) =
+            particles.filter(|_| simulated.has(EffectId::Radiation) && simulated.noise)
+        else {
             return;
         };
         let flux = match particles.flux {
@@ -144,10 +146,10 @@ impl Scene {
 }
 
 /// The images of sources that touch the detector.
-fn images(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Vec<Source> {
+fn images(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Vec<Source> {
     let images = view.candidates.par_iter().map(|candidate| {
-        let is_in = candidate.body.is_in(simulated);
-        is_in.then(|| view.image(candidate, simulated, fidelity))?
+        let shines = simulated.has(candidate.body.effect());
+        shines.then(|| view.image(candidate, simulated, fidelity))?
     });
     // In their places first: a source is large to be moved from one growing list to another.
     let images: Vec<Option<Source>> = images.collect();
@@ -158,10 +160,10 @@ fn images(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Vec<Source
 }
 
 /// The light of area sources.
-fn areas(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Vec<AreaLight> {
+fn areas(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Vec<AreaLight> {
     let full = Full::of(view, view.areas.iter(), simulated, fidelity);
     let areas = view.areas.par_iter();
-    let areas = areas.filter(|area| (area.kind.is_in)(simulated));
+    let areas = areas.filter(|area| simulated.has(area.kind.effect));
     let lights = areas.map(|area| view.lit_by(area, simulated, &full, fidelity));
     lights.collect()
 }

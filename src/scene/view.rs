@@ -2,7 +2,7 @@
 
 use super::area::{AREA_LOOK_NS, STEPS_PX, most_steps};
 use super::observable::{Unobservable, shutter, turn_at};
-use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
+use super::{Area, Body, EffectSet, Exposure, Hidden, SeenSun, World};
 use crate::abort::WorkLimit;
 use crate::attitude::{Attitude, VehicleState};
 use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
@@ -263,17 +263,10 @@ impl View {
         Ok(view)
     }
 
-    /// With area sources, and without the sources of effects that are switched off.
-    pub fn where_shine(mut self, world: &World, runs: impl Fn(&'static str) -> bool) -> View {
-        let simulated = Simulated {
-            stars: runs("stars"),
-            rsos: runs("rsos"),
-            planets: runs("planets"),
-            moon: runs("moon"),
-            ..Simulated::default()
-        };
+    /// With area sources, and without the sources of effects that do not run.
+    pub fn where_shine(mut self, world: &World, runs: &EffectSet) -> View {
         self.candidates
-            .retain(|candidate| candidate.body.is_in(&simulated));
+            .retain(|candidate| runs.has(candidate.body.effect()));
         self.swing = self.greatest_swing();
         self.areas = self.areas(world, runs);
         self

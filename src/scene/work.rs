@@ -1,7 +1,7 @@
 //! How much work images are, before they are made: what prices of effects are told by.
 
 use super::view::Candidate;
-use super::{Scene, Simulated, Source, View};
+use super::{EffectSet, Scene, Source, View};
 use crate::fidelity::Fidelity;
 use crate::footprint::{DOT_NS, LAID_NS, PIXEL_NS as FOOTPRINT_NS};
 use crate::track::rule;
@@ -124,7 +124,7 @@ impl View {
         };
         let stamp_ns = camera.optics.psf.stamp_ns(side);
         let looks = 2.0 * panels + 7.0;
-        let (points_ns, moving_looks) = match self.even(candidate, &Simulated::default()) {
+        let (points_ns, moving_looks) = match self.even(candidate, &EffectSet::default()) {
             Some(even) if points > 1.0 => {
                 let length = way / even.sigma_px;
                 let error = fidelity.streak_error(length, even.height_e) / 2.0;
@@ -159,7 +159,7 @@ pub fn still_ms<'a>(
     fidelity: &Fidelity,
 ) -> f64 {
     let (view, psf) = (&scene.view, &scene.view.camera.optics.psf);
-    let moves = scene.simulated.smear || scene.simulated.aberration_drift;
+    let moves = scene.simulated.moves_images();
     let sides = view.camera.detector.sides();
     let still = sources.map(|source| {
         let drawn = source.footprint.shares().len() as f64;

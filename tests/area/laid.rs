@@ -7,12 +7,11 @@ use skyloop::camera::{Camera, Vignetting};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity};
-use skyloop::scene::{Area, AreaLight, Edge, Full, Kind, Radiance, Simulated, View};
+use skyloop::scene::{Area, AreaLight, Edge, EffectId, EffectSet, Full, Kind, Radiance, View};
 use std::sync::Arc;
 
 static KIND: Kind = Kind {
-    effect: "test",
-    is_in: |_| true,
+    effect: EffectId::ZodiacalLight,
     radiance: |_, _, _| Err("none".into()),
     unlit: "it is dark",
 };
@@ -62,7 +61,7 @@ pub fn view(camera: Camera, rates: [f64; 3]) -> View {
     scene.unwrap().view
 }
 
-pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) -> AreaLight {
+pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &EffectSet) -> AreaLight {
     let area = Area {
         kind: &KIND,
         radiance: Ok(Arc::new(radiance)),
@@ -87,14 +86,10 @@ fn boresight(view: &View) -> Vector3<f64> {
     view.pointing(0.0).matrix().transpose() * Vector3::z()
 }
 
-/// What shapes images.
-fn shapes() -> Simulated {
-    Simulated {
-        distortion: true,
-        vignetting: true,
-        smear: true,
-        ..Simulated::default()
-    }
+/// What shapes the light of areas.
+fn shapes() -> EffectSet {
+    let all = [EffectId::Distortion, EffectId::Vignetting, EffectId::Smear];
+    all.into_iter().fold(EffectSet::default(), EffectSet::with)
 }
 
 /// Of a pinhole a pixel takes `cos^3 / f^2` sr; with `cos^4` the law of the thin lens, that and no more.
@@ -136,10 +131,7 @@ fn a_disc_keeps_its_light_and_its_centre() {
         let view = view(camera(name), [0.0; 3]);
         let to_sky = view.pointing(0.0).matrix().transpose();
         let axis = to_sky * view.camera.optics.direction(at);
-        let no_vignetting = Simulated {
-            vignetting: false,
-            ..shapes()
-        };
+        let no_vignetting = shapes().without(EffectId::Vignetting);
         let slope = 0.0;
         let disc = Disc {
             axis,

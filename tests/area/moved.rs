@@ -3,7 +3,7 @@
 use super::fixtures::{camera, cropped};
 use super::laid::{LEVEL, lit, scale_e, view};
 use nalgebra::Vector3;
-use skyloop::scene::{Radiance, Simulated};
+use skyloop::scene::{EffectId, EffectSet, Radiance};
 
 /// A layer around a direction, such as airglow from afar.
 #[derive(Debug)]
@@ -35,10 +35,7 @@ fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
             radius: seen.angle(&Vector3::z()),
             width: width_px * pixel,
         };
-        let smeared = Simulated {
-            smear: true,
-            ..Simulated::default()
-        };
+        let smeared = EffectSet::default().with(EffectId::Smear);
         let light = lit(&view, layer(), &smeared);
         let (layer, optics) = (layer(), &view.camera.optics);
         let most = light.most_e;

@@ -18,7 +18,7 @@ use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
 use skyloop::fidelity::{Choice, Fidelity, KNOBS, Knob, Value};
 use skyloop::measure::Bench;
-use skyloop::scene::{Scene, Simulated};
+use skyloop::scene::{EffectId, EffectSet, Scene};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Mutex;
@@ -34,19 +34,19 @@ enum Lights {
 impl Lights {
     /// All effects but the lights of the other kind.
     fn choice(self) -> Choice {
-        let is_among = |simulated: &Simulated| {
-            let points = simulated.stars || simulated.rsos || simulated.planets || simulated.moon;
+        use EffectId::{Moon, Planets, Rsos, Stars};
+        let is_among = |light: EffectId| {
+            let is_point = [Stars, Rsos, Planets, Moon].contains(&light);
             match self {
-                Lights::Points => points,
-                Lights::Areas => !points,
+                Lights::Points => is_point,
+                Lights::Areas => !is_point,
                 Lights::All => true,
             }
         };
-        let other = EFFECTS.iter().filter(|effect| {
-            let mut alone = Simulated::default();
-            (effect.mark)(&mut alone);
-            alone.lights() != Simulated::default() && !is_among(&alone)
-        });
+        let lights = EFFECTS
+            .iter()
+            .filter(|effect| EffectSet::LIGHTS.has(effect.id));
+        let other = lights.filter(|light| !is_among(light.id));
         Choice {
             off: other.map(|effect| effect.name).collect(),
             ..Choice::default()

@@ -5,7 +5,7 @@ use skyloop::effect::{Judge, Stage, Verdict};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::measure::Bench;
 use skyloop::plan::{Plan, Step};
-use skyloop::scene::{Scene, Source};
+use skyloop::scene::{EffectId, Scene, Source};
 use std::collections::{HashMap, HashSet};
 
 /// One knob's measurement.
@@ -199,11 +199,11 @@ fn missing_snr(truth: &Scene, coarse: &Scene) -> f64 {
 
 /// The same of objects, and of all light of an area that is skipped.
 fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
-    let skipped = |scene: &Scene, fidelity: &Fidelity| -> Vec<&'static str> {
+    let skipped = |scene: &Scene, fidelity: &Fidelity| -> Vec<EffectId> {
         let plan = Plan::new(scene, fidelity, &Choice::default());
         let steps = plan.steps.iter();
         let skipped = steps.filter(|step| matches!(step.verdict, Verdict::Skip { .. }));
-        skipped.map(|step| step.effect.name).collect()
+        skipped.map(|step| step.effect.id).collect()
     };
     let always = skipped(truth, &Fidelity::REFERENCE);
     let skipped = skipped(coarse, fidelity);

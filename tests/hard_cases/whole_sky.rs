@@ -6,9 +6,10 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
+use skyloop::effect::name_of;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Fidelity;
-use skyloop::plan::{Plan, simulated};
+use skyloop::plan::{Plan, allowed, simulated};
 use skyloop::scene::{Area, Body, Edge, Faint, KINDS, Radiance, Scene, View};
 use skyloop::sky::bodies::Bodies;
 use std::cell::RefCell;
@@ -115,7 +116,7 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
         }
     }
     // How far its candidates swing is asked anew; the light of the sky as it stands is not its own.
-    let mut there = there.where_shine(world, |name| !emulator.choice.off.contains(&name));
+    let mut there = there.where_shine(world, &allowed(&emulator.choice));
     let area = |area: &Area| Area {
         radiance: area.radiance.clone().map(|of| {
             let turn = *turn;
@@ -220,7 +221,8 @@ fn turning_the_whole_sky_changes_nothing() {
                 prop_assert!(pixel.of(f64::from(miss)) <= 1e-6, "{:e} {:e}", a, b);
             }
             let areas = here.areas.iter().filter(|area| area.electrons > 0.0);
-            lit.borrow_mut().extend(areas.map(|area| area.kind.effect));
+            lit.borrow_mut()
+                .extend(areas.map(|area| name_of(area.kind.effect)));
             let sources = here.sources.iter().filter(|source| source.electrons > 0.0);
             lit.borrow_mut()
                 .extend(sources.map(|source| source.body.identity().0));
@@ -230,7 +232,7 @@ fn turning_the_whole_sky_changes_nothing() {
     println!("places {way}, pixels {pixel} of their own light");
     let all = KINDS
         .iter()
-        .map(|kind| kind.effect)
+        .map(|kind| name_of(kind.effect))
         .chain(["star", "rso", "Moon"]);
     assert_eq!(lit.into_inner(), all.collect());
 }

@@ -2,6 +2,7 @@
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
 use crate::crew;
+use crate::effect::name_of;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Orbits};
 use crate::label::Label;
@@ -38,7 +39,9 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
     // Objects alone: what else is in the sky takes its own time.
     let mut choice = Choice::default();
     choice.off.extend(["stars", "planets", "moon"]);
-    choice.off.extend(KINDS.iter().map(|kind| kind.effect));
+    choice
+        .off
+        .extend(KINDS.iter().map(|kind| name_of(kind.effect)));
 
     let emulator = Emulator::new(&mut config);
     let camera = emulator.camera();

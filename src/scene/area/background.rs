@@ -3,7 +3,7 @@
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
 use super::{Edge, Radiance, Surroundings};
-use crate::scene::{View, World};
+use crate::scene::{EffectId, View, World};
 use crate::sky::photometry::photon_radiance;
 use crate::sky::zodiacal::{S10_MAG, ZodiacalLight, distance_factor};
 use nalgebra::Vector3;
@@ -12,16 +12,14 @@ use std::sync::Arc;
 
 /// Zodiacal light.
 pub const ZODIACAL: Kind = Kind {
-    effect: "zodiacal light",
-    is_in: |simulated| simulated.zodiacal,
+    effect: EffectId::ZodiacalLight,
     radiance: zodiacal,
     unlit: EARTH_FILLS,
 };
 
 /// Stars too faint for the catalogue.
 pub const STARLIGHT: Kind = Kind {
-    effect: "starlight",
-    is_in: |simulated| simulated.starlight,
+    effect: EffectId::Starlight,
     radiance: starlight,
     unlit: EARTH_FILLS,
 };

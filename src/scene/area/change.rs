@@ -4,7 +4,7 @@ use super::plane::Plane;
 use super::{AreaLight, CELL, Full, Together};
 use crate::camera::Detector;
 use crate::lanes;
-use crate::scene::{Scene, Simulated, View};
+use crate::scene::{EffectSet, Scene, View};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
@@ -20,10 +20,10 @@ const BAND: usize = 16;
 impl Scene {
     /// No pixel of a column gets less than this of the area light that a frame with the effects `parts` has too, e-, as much as the least
     /// response leaves of it; empty where there is none.
-    pub fn areas_floor_e(&self, parts: &Simulated) -> Vec<f64> {
+    pub fn areas_floor_e(&self, parts: &EffectSet) -> Vec<f64> {
         let width = self.view.camera.detector.width;
         let mut floors = Vec::new();
-        let both = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
+        let both = self.areas.iter().filter(|area| parts.has(area.kind.effect));
         for area in both.filter(|area| area.electrons > 0.0) {
             floors.resize(width, 0.0);
             for (floors, e) in floors.chunks_mut(CELL).zip(area.floor_e()) {
@@ -42,11 +42,11 @@ impl Scene {
     }
 
     /// The light of all area sources with the effects `other`, drawn.
-    pub fn areas_with(&self, other: &Simulated) -> Together {
+    pub fn areas_with(&self, other: &EffectSet) -> Together {
         let view = &self.view;
         let full = Full::of(view, view.areas.iter(), other, &self.fidelity);
         let areas = view.areas.iter();
-        let areas = areas.filter(|area| (area.kind.is_in)(other));
+        let areas = areas.filter(|area| other.has(area.kind.effect));
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, other, &full, &self.fidelity))
             .collect();
@@ -54,7 +54,7 @@ impl Scene {
     }
 
     /// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
-    pub fn straightened_e(&self, other: &Simulated) -> f64 {
+    pub fn straightened_e(&self, other: &EffectSet) -> f64 {
         let others = self.areas_with(other);
         if self.is_cancelled() {
             return 0.0;
@@ -98,7 +98,7 @@ impl Scene {
 impl View {
     /// About the most (e-) that a pixel's area light changes by where pixels take other parts of it with the effects `a` than with `b`, by
     /// their solid angle and by what passes. Those parts are told in what an ideal pixel takes, of which each area's peak is.
-    pub fn areas_taken_e(&self, a: &Simulated, b: &Simulated) -> f64 {
+    pub fn areas_taken_e(&self, a: &EffectSet, b: &EffectSet) -> f64 {
         let of_sky = self.areas.iter().filter(|area| {
             let radiance = area.radiance.as_ref();
             radiance.is_ok_and(|radiance| !radiance.is_of_pixels())
@@ -107,7 +107,7 @@ impl View {
         if peak_e == 0.0 {
             return 0.0;
         }
-        let planes = [&Simulated::default(), a, b];
+        let planes = [&EffectSet::default(), a, b];
         let planes = planes.map(|of| Plane::new(self, of, Vector3::zeros()));
         let place = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
         let [columns, rows] = self.camera.detector.sides();

@@ -3,7 +3,7 @@
 use super::horizon::Horizon;
 use super::kinds::Found;
 use super::{Edge, Kind, Radiance, Surroundings};
-use crate::scene::{View, World};
+use crate::scene::{EffectId, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::earth_light::EarthDisc;
 use crate::sky::shadow::Earth;
@@ -12,8 +12,7 @@ use std::sync::Arc;
 
 /// The Earth's disc.
 pub const EARTH: Kind = Kind {
-    effect: "earth",
-    is_in: |simulated| simulated.earth,
+    effect: EffectId::Earth,
     radiance: find,
     unlit: "no part of its day side is in the field",
 };

@@ -12,7 +12,7 @@ use super::plane::Plane;
 use super::{Area, lay};
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
-use crate::scene::{Simulated, View, flooding_e, trail};
+use crate::scene::{EffectId, EffectSet, View, flooding_e, trail};
 use rayon::prelude::*;
 
 /// Side of a cell, px.
@@ -43,11 +43,11 @@ impl Full {
     pub fn of<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
     ) -> Full {
         let is_lost = view.camera.detector.blooming != Blooming::Column
-            && !(simulated.frame_transfer && trail::part(view) > 0.0);
+            && !(simulated.has(EffectId::FrameTransfer) && trail::part(view) > 0.0);
         if !is_lost {
             return Full::default();
         }
@@ -56,7 +56,7 @@ impl Full {
 
     /// Whether they fill all pixels of a frame with those effects, on cells that are larger the further light moves. Where all are full, so are they when
     /// charge spills or is shifted.
-    pub fn is_all(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+    pub fn is_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let side = |moved_px: usize| (moved_px / CELLS_A_WAY).clamp(CELL_PX, LARGEST_PX);
         let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
         let detector = &view.camera.detector;
@@ -70,16 +70,21 @@ impl Full {
     fn by_cells<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         fidelity: &Fidelity,
         side: impl Fn(usize) -> usize,
     ) -> Full {
         let detector = &view.camera.detector;
-        let areas: Vec<&Area> = areas.filter(|area| (area.kind.is_in)(simulated)).collect();
+        let areas: Vec<&Area> = areas
+            .filter(|area| simulated.has(area.kind.effect))
+            .collect();
         let responds = 1.0 - detector.pattern.worst_response();
         let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
-        if !simulated.full_well || peak_e < enough_e || fidelity.area_part < LEAST_PART {
+        if !simulated.has(EffectId::FullWell)
+            || peak_e < enough_e
+            || fidelity.area_part < LEAST_PART
+        {
             return Full::default();
         }
         let sky = Sky::new(view, &areas, simulated);
@@ -160,7 +165,7 @@ struct Sky<'a, 'v> {
 }
 
 impl<'a, 'v> Sky<'a, 'v> {
-    fn new(view: &'v View, areas: &[&'a Area], simulated: &Simulated) -> Sky<'a, 'v> {
+    fn new(view: &'v View, areas: &[&'a Area], simulated: &EffectSet) -> Sky<'a, 'v> {
         let source = |area: &&'a Area| {
             let radiance = area.radiance.as_ref().ok()?;
             let plane = Plane::new(view, simulated, radiance.turning());

@@ -1,7 +1,7 @@
 //! Which area sources there are. Adding one is a file here, a line in [`KINDS`], and its effect.
 
 use super::{Radiance, Surroundings};
-use crate::scene::{Simulated, View, World};
+use crate::scene::{EffectId, View, World};
 use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
@@ -23,10 +23,8 @@ pub type Found = Result<Arc<dyn Radiance>, Cow<'static, str>>;
 /// A kind of area source.
 #[derive(Clone, Copy)]
 pub struct Kind {
-    /// Name of its effect.
-    pub effect: &'static str,
-    /// Whether a frame has it.
-    pub is_in: fn(&Simulated) -> bool,
+    /// Its effect.
+    pub effect: EffectId,
     /// Finds its light.
     pub radiance: fn(&World, &View, &Surroundings) -> Found,
     /// Why none of it is on the detector though it was found.
@@ -35,6 +33,6 @@ pub struct Kind {
 
 impl fmt::Debug for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.effect)
+        self.effect.fmt(f)
     }
 }

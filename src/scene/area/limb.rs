@@ -3,7 +3,7 @@
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
 use super::{Edge, Radiance, Surroundings, not_in_field};
-use crate::scene::{View, World};
+use crate::scene::{EffectId, View, World};
 use crate::sky::atmosphere::Limb;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -11,8 +11,7 @@ use std::sync::Arc;
 
 /// The Earth's limb.
 pub const LIMB: Kind = Kind {
-    effect: "limb",
-    is_in: |simulated| simulated.limb,
+    effect: EffectId::Limb,
     radiance: find,
     unlit: "no air in the field is lit, and none shines in the band",
 };

@@ -26,7 +26,7 @@ pub use light::Light;
 pub use together::Together;
 
 use crate::fidelity::Fidelity;
-use crate::scene::{Simulated, View, World, flooding_e};
+use crate::scene::{EffectId, EffectSet, View, World, flooding_e};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
 pub use blur::{BLURRED_NS, SPREAD_NS};
@@ -258,10 +258,10 @@ impl Surroundings {
 
 impl View {
     /// What is before the camera, of those whose effect `runs`.
-    pub(super) fn areas(&self, world: &World, runs: impl Fn(&'static str) -> bool) -> Vec<Area> {
-        let ideal = Plane::new(self, &Simulated::default(), Vector3::zeros());
+    pub(super) fn areas(&self, world: &World, runs: &EffectSet) -> Vec<Area> {
+        let ideal = Plane::new(self, &EffectSet::default(), Vector3::zeros());
         let around = Surroundings::of(self);
-        let kinds = KINDS.iter().filter(|kind| runs(kind.effect));
+        let kinds = KINDS.iter().filter(|kind| runs.has(kind.effect));
         let kinds = kinds.map(|kind| {
             let radiance = (kind.radiance)(world, self, &around);
             let peak_e = match &radiance {
@@ -313,9 +313,9 @@ impl View {
     /// ```text
     /// snr^2 = sum e^2 / (e + read^2 + gain^2 / 12)
     /// ```
-    fn is_too_thin(&self, e: f64, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+    fn is_too_thin(&self, e: f64, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let detector = &self.camera.detector;
-        let read_e = if simulated.read {
+        let read_e = if simulated.has(EffectId::ReadNoise) {
             detector.read_noise_e
         } else {
             0.0
@@ -326,10 +326,12 @@ impl View {
     }
 
     /// Whether dark current alone, or area light alone, fills every pixel of a frame with those effects.
-    pub fn is_flooded(&self, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+    pub fn is_flooded(&self, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let detector = &self.camera.detector;
         let dark_e = detector.pattern.dark_min_e_s() * self.exposure.duration_s;
-        let is_dark = simulated.full_well && simulated.dark && dark_e >= flooding_e(detector);
+        let is_dark = simulated.has(EffectId::FullWell)
+            && simulated.has(EffectId::DarkCurrent)
+            && dark_e >= flooding_e(detector);
         is_dark || Full::is_all(self, simulated, fidelity)
     }
 
@@ -337,7 +339,7 @@ impl View {
     pub fn lit_by(
         &self,
         area: &Area,
-        simulated: &Simulated,
+        simulated: &EffectSet,
         full: &Full,
         fidelity: &Fidelity,
     ) -> AreaLight {

@@ -2,7 +2,7 @@
 
 use crate::abort::WorkLimit;
 use crate::camera::{Camera, Model, Projection, Vignetting};
-use crate::scene::{Simulated, View};
+use crate::scene::{EffectId, EffectSet, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// The detector's pixels as solid angles, with those effects that shape them.
@@ -18,18 +18,18 @@ pub struct Plane<'a> {
 
 impl<'a> Plane<'a> {
     /// Of a pattern that turns by itself against ICRF (rad/s).
-    pub fn new(view: &'a View, simulated: &Simulated, turning: Vector3<f64>) -> Plane<'a> {
+    pub fn new(view: &'a View, simulated: &EffectSet, turning: Vector3<f64>) -> Plane<'a> {
         let projection = &view.camera.optics.projection;
         Plane {
             view,
-            projection: if simulated.distortion {
+            projection: if simulated.has(EffectId::Distortion) {
                 *projection
             } else {
                 projection.ideal()
             },
-            vignetted: simulated.vignetting,
-            smeared: simulated.smear,
-            rolling: simulated.smear && simulated.rolling,
+            vignetted: simulated.has(EffectId::Vignetting),
+            smeared: simulated.has(EffectId::Smear),
+            rolling: simulated.has(EffectId::Smear) && simulated.has(EffectId::RollingShutter),
             turning,
             middle: view.pointing(0.0).matrix().transpose(),
         }

@@ -10,7 +10,7 @@
 use super::kinds::{Found, Kind};
 use super::{Radiance, Surroundings};
 use crate::scene::wanderer::moons_light;
-use crate::scene::{View, World};
+use crate::scene::{EffectId, View, World};
 use crate::sky::earth_light::EarthDisc;
 use crate::sky::moon::MoonDisc;
 use crate::sky::photometry::photon_irradiance;
@@ -20,22 +20,19 @@ use std::sync::Arc;
 
 /// Sunlight.
 pub const SUNLIGHT: Kind = Kind {
-    effect: "sunlight",
-    is_in: |simulated| simulated.sunlight,
+    effect: EffectId::Sunlight,
     radiance: sunlight,
     unlit: NOTHING,
 };
 /// Moonglow.
 pub const MOONGLOW: Kind = Kind {
-    effect: "moonglow",
-    is_in: |simulated| simulated.moonglow,
+    effect: EffectId::Moonglow,
     radiance: moonglow,
     unlit: NOTHING,
 };
 /// Earthshine.
 pub const EARTHSHINE: Kind = Kind {
-    effect: "earthshine",
-    is_in: |simulated| simulated.earthshine,
+    effect: EffectId::Earthshine,
     radiance: earthshine,
     unlit: NOTHING,
 };
