@@ -2,7 +2,8 @@
 
 use super::run::{OneOrMore, link_form};
 use crate::camera::{Camera, RATE_HZ};
-use crate::load::{Allowed, Check, ConfigError, Folder, Limit};
+use crate::load::Allowed::{Count, Form, Number};
+use crate::load::{Check, ConfigError, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -33,10 +34,10 @@ pub(super) struct RawHead {
 }
 
 pub(super) const LIMITS: &[Limit] = &[
-    ("heads[].rate_hz", Allowed::Number(RATE_HZ)),
-    ("heads[].link", Allowed::Count(1..=usize::MAX)),
-    ("heads[].link", Allowed::Form(link_form)),
-    ("heads[].link[]", Allowed::Form(link_form)),
+    ("heads[].rate_hz", Number(RATE_HZ)),
+    ("heads[].link", Count(1..=usize::MAX)),
+    ("heads[].link", Form(link_form)),
+    ("heads[].link[]", Form(link_form)),
 ];
 
 impl RawHead {

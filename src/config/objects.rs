@@ -1,9 +1,10 @@
 //! `[objects]` of a scene and the population file that it may name: the objects in orbit, their shapes and attitudes.
 
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
+use crate::load::Allowed::{Needs, NotBoth, OneOf};
 use crate::load::orbits::{Findings, Pool, Shelf, named};
 use crate::load::{
-    Allowed, Check, ConfigError, Folder, Limit, advice, named_tables, read, schema_of, some_table,
+    Check, ConfigError, Folder, Limit, advice, named_tables, read, schema_of, some_table,
     some_tables,
 };
 use crate::sky::look::Body;
@@ -109,10 +110,10 @@ pub fn schema() -> schemars::Schema {
 
 /// Rules between the keys of an entry.
 const ENTRIES: &[Limit] = &[
-    ("objects[]", Allowed::OneOf(&["object", "files"])),
-    ("objects[]", Allowed::NotBoth(["sphere", "shape"])),
-    ("objects[]", Allowed::Needs(["shape", "attitude"])),
-    ("objects[]", Allowed::Needs(["attitude", "shape"])),
+    ("objects[]", OneOf(&["object", "files"])),
+    ("objects[]", NotBoth(["sphere", "shape"])),
+    ("objects[]", Needs(["shape", "attitude"])),
+    ("objects[]", Needs(["attitude", "shape"])),
 ];
 
 impl RawObjects {

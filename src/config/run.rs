@@ -3,7 +3,8 @@
 use super::fidelity;
 use crate::fidelity::Coarser;
 use crate::link::{self, LINKS};
-use crate::load::{Allowed, Check, ConfigError, END, Limit, TextOrList, one_of, word};
+use crate::load::Allowed::{Count, Form, Number, Word};
+use crate::load::{Check, ConfigError, END, Limit, TextOrList, one_of, word};
 use crate::realtime;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
@@ -184,23 +185,23 @@ impl Delay {
 const PRIORITIES: RangeInclusive<f64> = 1.0..=99.0;
 
 pub(super) const LIMITS: &[Limit] = &[
-    ("run.latency_s", Allowed::Number(1e-6..=1e6)),
-    ("run.idle_s", Allowed::Number(0.0..=1e6)),
-    ("run.delay_s", Allowed::Number(0.0..=60.0)),
-    ("run.jitter_s", Allowed::Number(0.0..=60.0)),
-    ("run.work_limit_s", Allowed::Number(0.01..=1e6)),
-    ("run.stale_s", Allowed::Number(0.0..=1e6)),
-    ("run.holdover_s", Allowed::Number(1e-3..=1e6)),
-    ("run.window_px", Allowed::Number(1.0..=MAX_WINDOW as f64)),
-    ("run.priority", Allowed::Number(PRIORITIES)),
-    ("run.cpus[]", Allowed::Number(0.0..=u32::MAX as f64)),
-    ("run.coarsen", Allowed::Count(1..=usize::MAX)),
-    ("run.coarsen[]", Allowed::Form(fidelity::step_form)),
-    ("run.link", Allowed::Count(1..=usize::MAX)),
-    ("run.link", Allowed::Form(link_form)),
-    ("run.link[]", Allowed::Form(link_form)),
-    ("run.metrics", Allowed::Form(metrics_form)),
-    ("run.output", Allowed::Word(levels)),
+    ("run.latency_s", Number(1e-6..=1e6)),
+    ("run.idle_s", Number(0.0..=1e6)),
+    ("run.delay_s", Number(0.0..=60.0)),
+    ("run.jitter_s", Number(0.0..=60.0)),
+    ("run.work_limit_s", Number(0.01..=1e6)),
+    ("run.stale_s", Number(0.0..=1e6)),
+    ("run.holdover_s", Number(1e-3..=1e6)),
+    ("run.window_px", Number(1.0..=MAX_WINDOW as f64)),
+    ("run.priority", Number(PRIORITIES)),
+    ("run.cpus[]", Number(0.0..=u32::MAX as f64)),
+    ("run.coarsen", Count(1..=usize::MAX)),
+    ("run.coarsen[]", Form(fidelity::step_form)),
+    ("run.link", Count(1..=usize::MAX)),
+    ("run.link", Form(link_form)),
+    ("run.link[]", Form(link_form)),
+    ("run.metrics", Form(metrics_form)),
+    ("run.output", Word(levels)),
 ];
 
 /// URLs of links. Their targets and options are checked where the link is opened.

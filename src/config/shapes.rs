@@ -2,7 +2,10 @@
 
 use super::utc;
 use crate::attitude::Attitude;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, tables};
+use crate::load::Allowed::{Count, Number, Word};
+use crate::load::{
+    Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, only_its_keys, tables,
+};
 use crate::sky::body_attitude::BodyAttitude;
 use crate::sky::photometry::Sphere;
 use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
@@ -129,40 +132,37 @@ const LOBES: RangeInclusive<f64> = Lobe::NARROWEST * 180.0 / std::f64::consts::P
 
 /// Limits of the keys of scenes.
 pub const SCENE_LIMITS: &[Limit] = &[
-    ("objects.diameter_m", Allowed::Number(SPHERES)),
-    ("objects.reflectance", Allowed::Number(SHARES)),
-    ("objects.diffuse", Allowed::Number(SHARES)),
-    ("objects.specular", Allowed::Number(SHARES)),
+    ("objects.diameter_m", Number(SPHERES)),
+    ("objects.reflectance", Number(SHARES)),
+    ("objects.diffuse", Number(SHARES)),
+    ("objects.specular", Number(SHARES)),
 ];
 
 /// Limits of the keys of population files.
 pub const LIMITS: &[Limit] = &[
-    ("objects[].sphere.diameter_m", Allowed::Number(SPHERES)),
-    ("objects[].sphere.reflectance", Allowed::Number(SHARES)),
-    ("objects[].sphere.diffuse", Allowed::Number(SHARES)),
-    ("objects[].sphere.specular", Allowed::Number(SHARES)),
+    ("objects[].sphere.diameter_m", Number(SPHERES)),
+    ("objects[].sphere.reflectance", Number(SHARES)),
+    ("objects[].sphere.diffuse", Number(SHARES)),
+    ("objects[].sphere.specular", Number(SHARES)),
     (
         "objects[].attitude.rates_deg_s[]",
-        Allowed::Number(-36000.0..=36000.0),
+        Number(-36000.0..=36000.0),
     ),
     ("objects[].attitude", Allowed::Kind("mode", MODES)),
-    ("shapes.*.parts", Allowed::Count(1..=MOST_PARTS)),
-    ("shapes.*.parts[].area_m2", Allowed::Number(1e-6..=1e6)),
-    ("shapes.*.parts[].size_m[]", Allowed::Number(LENGTHS)),
-    ("shapes.*.parts[].diameter_m", Allowed::Number(LENGTHS)),
-    ("shapes.*.parts[].length_m", Allowed::Number(LENGTHS)),
-    (
-        "shapes.*.parts[].top_diameter_m",
-        Allowed::Number(0.0..=1e4),
-    ),
-    ("shapes.*.parts[].normal[]", Allowed::Number(AXES)),
-    ("shapes.*.parts[].sun_axis[]", Allowed::Number(AXES)),
-    ("shapes.*.parts[].axis[]", Allowed::Number(AXES)),
-    ("shapes.*.parts[].reflectance", Allowed::Number(SHARES)),
-    ("shapes.*.parts[].diffuse", Allowed::Number(SHARES)),
-    ("shapes.*.parts[].specular", Allowed::Number(SHARES)),
-    ("shapes.*.parts[].lobe_deg", Allowed::Number(LOBES)),
-    ("shapes.*.parts[].ends", Allowed::Word(ends)),
+    ("shapes.*.parts", Count(1..=MOST_PARTS)),
+    ("shapes.*.parts[].area_m2", Number(1e-6..=1e6)),
+    ("shapes.*.parts[].size_m[]", Number(LENGTHS)),
+    ("shapes.*.parts[].diameter_m", Number(LENGTHS)),
+    ("shapes.*.parts[].length_m", Number(LENGTHS)),
+    ("shapes.*.parts[].top_diameter_m", Number(0.0..=1e4)),
+    ("shapes.*.parts[].normal[]", Number(AXES)),
+    ("shapes.*.parts[].sun_axis[]", Number(AXES)),
+    ("shapes.*.parts[].axis[]", Number(AXES)),
+    ("shapes.*.parts[].reflectance", Number(SHARES)),
+    ("shapes.*.parts[].diffuse", Number(SHARES)),
+    ("shapes.*.parts[].specular", Number(SHARES)),
+    ("shapes.*.parts[].lobe_deg", Number(LOBES)),
+    ("shapes.*.parts[].ends", Word(ends)),
     ("shapes.*.parts[]", Allowed::Kind("kind", KINDS)),
 ];
 
@@ -240,7 +240,7 @@ impl RawShape {
 
 impl RawPart {
     fn add(&self, shape: &mut Shape, key: &str, check: &Check) -> Result<(), ConfigError> {
-        only_its_keys(key, "kind", &self.kind, KINDS, &self.given(), check)?;
+        only_its_keys([key, "kind", &self.kind], KINDS, &self.given(), check)?;
         let surface = self.surface(key, check)?;
         let length = |name: &str, value: Option<f64>| {
             check.limit(LIMITS, &format!("{key}.{name}"), value.unwrap_or(0.0))
@@ -283,8 +283,8 @@ impl RawPart {
         Ok(())
     }
 
-    fn given(&self) -> Vec<&'static str> {
-        let given = [
+    fn given(&self) -> [(&'static str, bool); 10] {
+        [
             ("area_m2", self.area_m2.is_some()),
             ("normal", self.normal.is_some()),
             ("two_sided", self.two_sided.is_some()),
@@ -295,8 +295,7 @@ impl RawPart {
             ("top_diameter_m", self.top_diameter_m.is_some()),
             ("length_m", self.length_m.is_some()),
             ("ends", self.ends.is_some()),
-        ];
-        names(&given)
+        ]
     }
 
     fn surface(&self, key: &str, check: &Check) -> Result<Surface, ConfigError> {
@@ -361,12 +360,12 @@ impl RawPart {
 
 impl RawAttitude {
     pub fn validate(&self, key: &str, check: &Check) -> Result<BodyAttitude, ConfigError> {
-        let given = names(&[
+        let given = [
             ("q", self.q.is_some()),
             ("utc", self.utc.is_some()),
             ("rates_deg_s", self.rates_deg_s.is_some()),
-        ]);
-        only_its_keys(key, "mode", &self.mode, MODES, &given, check)?;
+        ];
+        only_its_keys([key, "mode", &self.mode], MODES, &given, check)?;
         let attitude = match self.q {
             Some(Fixed(q)) => {
                 Attitude::from_xyzw(q).map_err(|error| check.explain(&format!("{key}.q"), error))?
@@ -386,45 +385,6 @@ impl RawAttitude {
             rates: Vector3::from(rates.map(f64::to_radians)),
         })
     }
-}
-
-fn names(given: &[(&'static str, bool)]) -> Vec<&'static str> {
-    let is_given = given.iter().filter(|(_, is_given)| *is_given);
-    is_given.map(|(name, _)| *name).collect()
-}
-
-/// Refuses an unknown kind, keys that mean nothing to a known one, and a lack of those that it needs.
-fn only_its_keys(
-    key: &str,
-    what: &str,
-    kind: &str,
-    kinds: &[Kind],
-    given: &[&str],
-    check: &Check,
-) -> Result<(), ConfigError> {
-    let Some((_, needed, others)) = kinds.iter().find(|(known, ..)| *known == kind) else {
-        let known: Vec<&str> = kinds.iter().map(|(known, ..)| *known).collect();
-        let allowed = one_of(&known);
-        return Err(check.refuse(&format!("{key}.{what}"), format!("{kind:?}"), allowed));
-    };
-    let takes = [*needed, *others].concat().join(", ");
-    if let Some(name) = given
-        .iter()
-        .find(|name| !needed.contains(name) && !others.contains(name))
-    {
-        let reason = format!("means nothing to {what} {kind:?}, which takes {takes}");
-        let error = check.explain(&format!("{key}.{name}"), reason);
-        return Err(error.needs(&[&format!("{key}.{what}")]));
-    }
-    if let Some(name) = needed.iter().find(|name| !given.contains(name)) {
-        let reason = format!(
-            "the key `{name}` is missing: {what} {kind:?} needs {}",
-            needed.join(", ")
-        );
-        let error = check.explain(&format!("{key}.{name}"), reason);
-        return Err(error.needs(&[&format!("{key}.{what}")]));
-    }
-    Ok(())
 }
 
 /// A direction of any length but none.

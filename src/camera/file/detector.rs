@@ -1,7 +1,8 @@
 //! `[detector]` of a camera file.
 
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
+use crate::load::Allowed::{Number, Word};
+use crate::load::{Check, ConfigError, Fixed, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -78,31 +79,31 @@ const MOST_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
 /// Limits of the keys; the most of offset_dn and stuck_dn follows from adc_bits.
 pub const LIMITS: &[Limit] = &[
-    ("detector.offset_dn", Allowed::Number(0.0..=65535.0)),
-    ("detector.stuck_dn", Allowed::Number(0.0..=65535.0)),
-    ("detector.adc_bits", Allowed::Number(1.0..=16.0)),
-    ("detector.width_px", Allowed::Number(1.0..=8192.0)),
-    ("detector.height_px", Allowed::Number(1.0..=8192.0)),
-    ("detector.dark_reference_c", Allowed::Number(-200.0..=150.0)),
-    ("detector.temperature_c", Allowed::Number(-200.0..=150.0)),
-    ("detector.dark_doubling_k", Allowed::Number(1.0..=100.0)),
-    ("detector.dark_e_s", Allowed::Number(0.0..=1e9)),
-    ("detector.hot_e_s", Allowed::Number(0.0..=1e9)),
-    ("detector.prnu", Allowed::Number(MOST_PRNU)),
+    ("detector.offset_dn", Number(0.0..=65535.0)),
+    ("detector.stuck_dn", Number(0.0..=65535.0)),
+    ("detector.adc_bits", Number(1.0..=16.0)),
+    ("detector.width_px", Number(1.0..=8192.0)),
+    ("detector.height_px", Number(1.0..=8192.0)),
+    ("detector.dark_reference_c", Number(-200.0..=150.0)),
+    ("detector.temperature_c", Number(-200.0..=150.0)),
+    ("detector.dark_doubling_k", Number(1.0..=100.0)),
+    ("detector.dark_e_s", Number(0.0..=1e9)),
+    ("detector.hot_e_s", Number(0.0..=1e9)),
+    ("detector.prnu", Number(MOST_PRNU)),
     (
         "detector.dark_nonuniformity",
-        Allowed::Number(MOST_DARK_NONUNIFORMITY),
+        Number(MOST_DARK_NONUNIFORMITY),
     ),
-    ("detector.hot_fraction", Allowed::Number(0.0..=0.1)),
-    ("detector.dead_fraction", Allowed::Number(0.0..=0.1)),
-    ("detector.stuck_fraction", Allowed::Number(0.0..=0.1)),
-    ("detector.pixel_um", Allowed::Number(0.3..=1e3)),
-    ("detector.quantum_efficiency", Allowed::Number(0.0..=1.0)),
-    ("detector.read_noise_e", Allowed::Number(0.0..=1e6)),
-    ("detector.full_well_e", Allowed::Number(1.0..=1e9)),
-    ("detector.nonlinearity", Allowed::Number(0.0..=0.5)),
-    ("detector.gain_e_per_dn", Allowed::Number(GAIN_E_PER_DN)),
-    ("detector.blooming", Allowed::Word(blooming_names)),
+    ("detector.hot_fraction", Number(0.0..=0.1)),
+    ("detector.dead_fraction", Number(0.0..=0.1)),
+    ("detector.stuck_fraction", Number(0.0..=0.1)),
+    ("detector.pixel_um", Number(0.3..=1e3)),
+    ("detector.quantum_efficiency", Number(0.0..=1.0)),
+    ("detector.read_noise_e", Number(0.0..=1e6)),
+    ("detector.full_well_e", Number(1.0..=1e9)),
+    ("detector.nonlinearity", Number(0.0..=0.5)),
+    ("detector.gain_e_per_dn", Number(GAIN_E_PER_DN)),
+    ("detector.blooming", Word(blooming_names)),
 ];
 
 /// A converter of which full pixels use less than this is hardly meant.

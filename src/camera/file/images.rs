@@ -1,7 +1,8 @@
 //! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit};
+use crate::load::Allowed::{Count, EachOfSeveral, Number};
+use crate::load::{Check, ConfigError, Fixed, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -15,9 +16,9 @@ pub struct RawImage {
 }
 
 pub const LIMITS: &[Limit] = &[
-    ("optics.psf.images[].at_px[]", Allowed::Number(-1e5..=1e5)),
-    ("optics.psf.images", Allowed::Count(1..=usize::MAX)),
-    ("optics.psf", Allowed::EachOfSeveral(["images", "at_px"])),
+    ("optics.psf.images[].at_px[]", Number(-1e5..=1e5)),
+    ("optics.psf.images", Count(1..=usize::MAX)),
+    ("optics.psf", EachOfSeveral(["images", "at_px"])),
 ];
 
 /// The images at the crossings of a grid; a single one holds everywhere.

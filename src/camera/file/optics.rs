@@ -6,9 +6,8 @@ use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
-use crate::load::{
-    Allowed, Check, ConfigError, Fixed, Folder, Limit, TextOrList, some_table, table,
-};
+use crate::load::Allowed::Number;
+use crate::load::{Check, ConfigError, Fixed, Folder, Limit, TextOrList, some_table, table};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
@@ -22,10 +21,10 @@ const BAND_NM: RangeInclusive<f64> = 300.0..=1200.0;
 
 /// Limits of the keys; those of principal_px follow from the detector's size.
 pub const LIMITS: &[Limit] = &[
-    ("optics.focal_length_mm", Allowed::Number(0.5..=1e6)),
-    ("optics.aperture_mm", Allowed::Number(0.01..=1e5)),
-    ("optics.transmission", Allowed::Number(0.0..=1.0)),
-    ("optics.band[]", Allowed::Number(BAND_NM)),
+    ("optics.focal_length_mm", Number(0.5..=1e6)),
+    ("optics.aperture_mm", Number(0.01..=1e5)),
+    ("optics.transmission", Number(0.0..=1.0)),
+    ("optics.band[]", Number(BAND_NM)),
 ];
 
 #[derive(Deserialize, JsonSchema)]

@@ -1,6 +1,7 @@
 //! `[optics.projection]` of a camera file.
 
 use crate::camera::{Detector, Model, Optics, Projection};
+use crate::load::Allowed::{Count, Needs, Number};
 use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -22,14 +23,14 @@ pub struct RawProjection {
 }
 
 pub const LIMITS: &[Limit] = &[
-    ("optics.projection.k", Allowed::Count(1..=usize::MAX)),
-    ("optics.projection.k[]", Allowed::Number(-1e6..=1e6)),
-    ("optics.projection.p[]", Allowed::Number(-1e6..=1e6)),
-    ("optics.projection.strength", Allowed::Number(0.0..=100.0)),
+    ("optics.projection.k", Count(1..=usize::MAX)),
+    ("optics.projection.k[]", Number(-1e6..=1e6)),
+    ("optics.projection.p[]", Number(-1e6..=1e6)),
+    ("optics.projection.strength", Number(0.0..=100.0)),
     ("optics.projection", Allowed::Kind("model", MODELS)),
-    ("optics.projection", Allowed::Needs(["k", "model"])),
-    ("optics.projection", Allowed::Needs(["p", "model"])),
-    ("optics.projection", Allowed::Needs(["strength", "model"])),
+    ("optics.projection", Needs(["k", "model"])),
+    ("optics.projection", Needs(["p", "model"])),
+    ("optics.projection", Needs(["strength", "model"])),
 ];
 
 /// The key that says which others there are.

@@ -1,9 +1,12 @@
 //! `[optics.psf]` of a camera file.
 
-use super::images::RawImage;
-use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
+use super::images::{RawImage, grid};
+use crate::camera::psf::{Airy, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, one_of, some_tables};
+use crate::load::Allowed::{Count, Number};
+use crate::load::{
+    Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, only_its_keys, some_tables,
+};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -71,32 +74,17 @@ const KINDS: &[Kind] = &[
 ];
 
 pub const LIMITS: &[Limit] = &[
-    (
-        "optics.psf.sigma_px",
-        Allowed::Number(0.01..=WIDEST_SIGMA_PX),
-    ),
-    ("optics.psf.fwhm_px", Allowed::Number(0.02..=WIDEST_PX)),
-    ("optics.psf.beta", Allowed::Number(1.5..=20.0)),
-    ("optics.psf.oversampling", Allowed::Number(1.0..=64.0)),
-    ("optics.psf.obscuration", Allowed::Number(0.0..=0.9)),
-    (
-        "optics.psf.wavelength_exponent",
-        Allowed::Number(-4.0..=4.0),
-    ),
-    (
-        "optics.psf.width_by_field[][0]",
-        Allowed::Number(super::FIELD_DEG),
-    ),
-    (
-        "optics.psf.width_by_field[][1]",
-        Allowed::Number(0.1..=10.0),
-    ),
-    ("optics.psf.width_by_field", Allowed::Count(1..=usize::MAX)),
+    ("optics.psf.sigma_px", Number(0.01..=WIDEST_SIGMA_PX)),
+    ("optics.psf.fwhm_px", Number(0.02..=WIDEST_PX)),
+    ("optics.psf.beta", Number(1.5..=20.0)),
+    ("optics.psf.oversampling", Number(1.0..=64.0)),
+    ("optics.psf.obscuration", Number(0.0..=0.9)),
+    ("optics.psf.wavelength_exponent", Number(-4.0..=4.0)),
+    ("optics.psf.width_by_field[][0]", Number(super::FIELD_DEG)),
+    ("optics.psf.width_by_field[][1]", Number(0.1..=10.0)),
+    ("optics.psf.width_by_field", Count(1..=usize::MAX)),
     ("optics.psf", Allowed::Kind("kind", KINDS)),
 ];
-
-/// The key that says which others there are.
-const KIND: &[&str] = &["optics.psf.kind"];
 
 /// Keys that a width follows from.
 const WIDTH: &[&str] = &[
@@ -116,22 +104,33 @@ impl RawPsf {
         check: &Check,
         folder: &Folder,
     ) -> Result<Psf, ConfigError> {
-        self.only_its_keys(check)?;
+        only_its_keys(
+            ["optics.psf", "kind", &self.kind],
+            KINDS,
+            &self.given(),
+            check,
+        )?;
+        // That its kind has them is known.
+        let number = |key: &str, value: Option<f64>| {
+            check.limit(LIMITS, &format!("optics.psf.{key}"), value.unwrap_or(0.0))
+        };
         let (shape, width_px) = match self.kind.as_str() {
             "gaussian" => {
-                let sigma_px = self.needed("sigma_px", self.sigma_px, check)?;
+                let sigma_px = number("sigma_px", self.sigma_px)?;
                 (Shape::Gaussian(sigma_px), sigma_px)
             }
             "airy" => self.airy(lens, check)?,
             "moffat" => {
-                let fwhm_px = self.needed("fwhm_px", self.fwhm_px, check)?;
-                let beta = self.needed("beta", self.beta, check)?;
+                let fwhm_px = number("fwhm_px", self.fwhm_px)?;
+                let beta = number("beta", self.beta)?;
                 (Shape::Moffat(Arc::new(Moffat::new(beta)), fwhm_px), fwhm_px)
             }
-            _ => (
-                Shape::Images(Arc::new(self.images(lens, check, folder)?)),
-                0.0,
-            ),
+            _ => {
+                let oversampling = number("oversampling", self.oversampling)?;
+                let images = self.images.as_deref().unwrap_or_default();
+                let images = grid(images, oversampling, lens.principal_px, check, folder)?;
+                (Shape::Images(Arc::new(images)), 0.0)
+            }
         };
         let exponent = match &shape {
             Shape::Airy(..) => 1.0,
@@ -185,15 +184,9 @@ impl RawPsf {
         Err(error.needs(WIDTH))
     }
 
-    /// Refuses an unknown kind, and keys that mean nothing to a known one.
-    fn only_its_keys(&self, check: &Check) -> Result<(), ConfigError> {
-        let Some((_, needed, others)) = KINDS.iter().find(|(kind, ..)| *kind == self.kind) else {
-            let kinds: Vec<&str> = KINDS.iter().map(|(kind, ..)| *kind).collect();
-            let kind = format!("{:?}", self.kind);
-            return Err(check.refuse("optics.psf.kind", kind, one_of(&kinds)));
-        };
-        let keys = [*needed, *others].concat();
-        let given = [
+    /// The keys beside `kind`, and whether they are given.
+    fn given(&self) -> [(&'static str, bool); 8] {
+        [
             ("sigma_px", self.sigma_px.is_some()),
             ("obscuration", self.obscuration.is_some()),
             ("fwhm_px", self.fwhm_px.is_some()),
@@ -202,37 +195,13 @@ impl RawPsf {
             ("oversampling", self.oversampling.is_some()),
             ("width_by_field", self.width_by_field.is_some()),
             ("wavelength_exponent", self.wavelength_exponent.is_some()),
-        ];
-        match given
-            .iter()
-            .find(|(key, given)| *given && !keys.contains(key))
-        {
-            Some((key, _)) => {
-                let (kind, keys) = (&self.kind, keys.join(", "));
-                let reason = format!("no key of kind {kind:?}, which has {keys}");
-                let error = check.explain(&format!("optics.psf.{key}"), reason);
-                Err(error.needs(KIND))
-            }
-            None => Ok(()),
-        }
+        ]
     }
 
     /// Where the table of widths ends, deg, if it is one.
     pub fn last_angle_deg(&self) -> Option<f64> {
         let table = self.width_by_field.as_ref().filter(|t| t.len() > 1)?;
         table.last().map(|Fixed([deg, _])| *deg)
-    }
-
-    fn missing(&self, key: &str, check: &Check) -> ConfigError {
-        let reason = format!("missing: kind {:?} needs it", self.kind);
-        check
-            .explain(&format!("optics.psf.{key}"), reason)
-            .needs(KIND)
-    }
-
-    fn needed(&self, key: &str, value: Option<f64>, check: &Check) -> Result<f64, ConfigError> {
-        let value = value.ok_or_else(|| self.missing(key, check))?;
-        check.limit(LIMITS, &format!("optics.psf.{key}"), value)
     }
 
     /// Diffraction by the aperture: its width is wavelength times focal ratio.
@@ -242,20 +211,6 @@ impl RawPsf {
         let width_px = lens.band.reference_m() * lens.focal_ratio / lens.pitch_m;
         let airy = Airy::new(obscuration, &lens.band.spectrum());
         Ok((Shape::Airy(Arc::new(airy), width_px), width_px))
-    }
-
-    fn images(
-        &self,
-        lens: &Lens<'_>,
-        check: &Check,
-        folder: &Folder,
-    ) -> Result<Images, ConfigError> {
-        let oversampling = self.needed("oversampling", self.oversampling, check)?;
-        let raw = self
-            .images
-            .as_ref()
-            .ok_or_else(|| self.missing("images", check))?;
-        super::images::grid(raw, oversampling, lens.principal_px, check, folder)
     }
 
     /// Field angles (deg) to distances from the principal point (px), and points between, for lines that are straight by angle

@@ -2,7 +2,8 @@
 
 use super::timing::Timing;
 use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
-use crate::load::{Allowed, Check, ConfigError, Limit};
+use crate::load::Allowed::Number;
+use crate::load::{Check, ConfigError, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -33,11 +34,11 @@ enum RawFlux {
 }
 
 pub const LIMITS: &[Limit] = &[
-    ("radiation.flux_cm2_s", Allowed::Number(0.0..=1e9)),
-    ("radiation.thickness_um", Allowed::Number(0.1..=2000.0)),
-    ("radiation.energy_mev", Allowed::Number(50.0..=1e6)),
-    ("radiation.diffusion_um", Allowed::Number(0.0..=100.0)),
-    ("radiation.readout_s", Allowed::Number(0.0..=1e4)),
+    ("radiation.flux_cm2_s", Number(0.0..=1e9)),
+    ("radiation.thickness_um", Number(0.1..=2000.0)),
+    ("radiation.energy_mev", Number(50.0..=1e6)),
+    ("radiation.diffusion_um", Number(0.0..=100.0)),
+    ("radiation.readout_s", Number(0.0..=1e4)),
 ];
 
 /// Keys that the number of particles and their tracks follow from.

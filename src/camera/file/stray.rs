@@ -1,7 +1,8 @@
 //! `[optics.stray]` of a camera file.
 
 use crate::camera::Stray;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Limit};
+use crate::load::Allowed::{Count, Number};
+use crate::load::{Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -24,13 +25,10 @@ pub struct RawStray {
 
 /// Limits of the keys; the least of sun_exclusion_deg follows from the field of view.
 pub const LIMITS: &[Limit] = &[
-    (
-        "optics.stray.sun_exclusion_deg",
-        Allowed::Number(0.0..=180.0),
-    ),
-    ("optics.stray.pst[][0]", Allowed::Number(super::FIELD_DEG)),
-    ("optics.stray.pst[][1]", Allowed::Number(1e-12..=1.0)),
-    ("optics.stray.pst", Allowed::Count(1..=usize::MAX)),
+    ("optics.stray.sun_exclusion_deg", Number(0.0..=180.0)),
+    ("optics.stray.pst[][0]", Number(super::FIELD_DEG)),
+    ("optics.stray.pst[][1]", Number(1e-12..=1.0)),
+    ("optics.stray.pst", Count(1..=usize::MAX)),
 ];
 
 impl RawStray {

@@ -3,6 +3,7 @@
 use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
+use crate::load::Allowed::{Needs, Number};
 use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -12,14 +13,14 @@ use std::ops::RangeInclusive;
 const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 
 pub const LIMITS: &[Limit] = &[
-    ("timing.exposure_s", Allowed::Number(EXPOSURE_S)),
-    ("timing.rate_hz", Allowed::Number(RATE_HZ)),
-    ("timing.row_us", Allowed::Number(1e-3..=1e6)),
+    ("timing.exposure_s", Number(EXPOSURE_S)),
+    ("timing.rate_hz", Number(RATE_HZ)),
+    ("timing.row_us", Number(1e-3..=1e6)),
     ("timing", Allowed::Kind("shutter", KINDS)),
-    ("timing", Allowed::Needs(["row_us", "shutter"])),
+    ("timing", Needs(["row_us", "shutter"])),
     (
         "mounting.misalignment_arcsec[]",
-        Allowed::Number(MISALIGNMENT_ARCSEC),
+        Number(MISALIGNMENT_ARCSEC),
     ),
 ];
 

@@ -1,7 +1,8 @@
 //! `[optics.vignetting]` of a camera file.
 
 use crate::camera::Vignetting;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Limit};
+use crate::load::Allowed::{Count, NotBoth, Number};
+use crate::load::{Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -15,13 +16,10 @@ pub struct RawVignetting {
 }
 
 pub const LIMITS: &[Limit] = &[
-    (
-        "optics.vignetting.table[][0]",
-        Allowed::Number(super::FIELD_DEG),
-    ),
-    ("optics.vignetting.table[][1]", Allowed::Number(0.0..=1.0)),
-    ("optics.vignetting.table", Allowed::Count(1..=usize::MAX)),
-    ("optics.vignetting", Allowed::NotBoth(["cos4", "table"])),
+    ("optics.vignetting.table[][0]", Number(super::FIELD_DEG)),
+    ("optics.vignetting.table[][1]", Number(0.0..=1.0)),
+    ("optics.vignetting.table", Count(1..=usize::MAX)),
+    ("optics.vignetting", NotBoth(["cos4", "table"])),
 ];
 
 impl RawVignetting {
