@@ -222,24 +222,11 @@ impl<'de> Deserialize<'de> for RawFidelity {
 
 impl<'de> Deserialize<'de> for Key {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        struct Name;
-
-        impl Visitor<'_> for Name {
-            type Value = Key;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a key")
-            }
-
-            fn visit_str<E: Error>(self, name: &str) -> Result<Key, E> {
-                if name == PRESET {
-                    return Ok(Key::Preset);
-                }
-                let knob = Knob::named(name).map(Key::Knob);
-                knob.ok_or_else(|| E::unknown_field(name, &KEYS))
-            }
+        let name = String::deserialize(from)?;
+        if name == PRESET {
+            return Ok(Key::Preset);
         }
-
-        from.deserialize_identifier(Name)
+        let knob = Knob::named(&name).map(Key::Knob);
+        knob.ok_or_else(|| D::Error::unknown_field(&name, &KEYS))
     }
 }

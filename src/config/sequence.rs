@@ -4,7 +4,8 @@ use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
+use crate::load::Allowed::{EachOfSeveral, Needs, NotBesideSeveral, NotBoth, Number, OneOf};
+use crate::load::{Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
 use crate::sky::bodies::Bodies;
 use hifitime::Epoch;
 use schemars::JsonSchema;
@@ -54,43 +55,31 @@ struct RawAttitude {
 /// The keys that say where the camera looks, of which there is one.
 const POINTINGS: [&str; 5] = ["attitudes", "attitude_file", "radec", "nadir", "look_at"];
 
-/// The same by their full names.
-const POINTING_KEYS: [&str; 5] = [
-    "sequence.attitudes",
-    "sequence.attitude_file",
-    "sequence.radec",
-    "sequence.nadir",
-    "sequence.look_at",
+pub(super) const LIMITS: &[Limit] = &[
+    ("sequence", OneOf(&POINTINGS)),
+    ("sequence", Needs(["up", "look_at"])),
+    ("sequence", Needs(["roll_deg", "look_at"])),
+    ("sequence", NotBoth(["rates_deg_s", "nadir"])),
+    ("sequence", NotBoth(["rates_deg_s", "look_at"])),
+    ("sequence", NotBoth(["rates_deg_s", "attitude_file"])),
+    ("sequence", NotBesideSeveral(["rates_deg_s", "attitudes"])),
+    ("sequence", EachOfSeveral(["attitudes", "utc"])),
+    ("sequence.frames", Number(1.0..=1e6)),
+    ("sequence.period_s", Number(1e-6..=1e6)),
+    ("sequence.roll_deg", Number(TURN_DEG)),
+    ("sequence.rates_deg_s[]", Number(-36000.0..=36000.0)),
+    ("sequence.radec[0]", Number(TURN_DEG)),
+    ("sequence.radec[1]", Number(DEC_DEG)),
+    ("sequence.radec[2]", Number(TURN_DEG)),
+    ("sequence.look_at[0]", Number(TURN_DEG)),
+    ("sequence.look_at[1]", Number(DEC_DEG)),
 ];
 
-pub(super) const LIMITS: &[Limit] = &[
-    ("sequence", Allowed::OneOf(&POINTINGS)),
-    ("sequence", Allowed::Needs(["up", "look_at"])),
-    ("sequence", Allowed::Needs(["roll_deg", "look_at"])),
-    ("sequence", Allowed::NotBoth(["rates_deg_s", "nadir"])),
-    ("sequence", Allowed::NotBoth(["rates_deg_s", "look_at"])),
-    (
-        "sequence",
-        Allowed::NotBoth(["rates_deg_s", "attitude_file"]),
-    ),
-    (
-        "sequence",
-        Allowed::NotBesideSeveral(["rates_deg_s", "attitudes"]),
-    ),
-    ("sequence", Allowed::EachOfSeveral(["attitudes", "utc"])),
-    ("sequence.frames", Allowed::Number(1.0..=1e6)),
-    ("sequence.period_s", Allowed::Number(1e-6..=1e6)),
-    ("sequence.roll_deg", Allowed::Number(TURN_DEG)),
-    (
-        "sequence.rates_deg_s[]",
-        Allowed::Number(-36000.0..=36000.0),
-    ),
-    ("sequence.radec[0]", Allowed::Number(TURN_DEG)),
-    ("sequence.radec[1]", Allowed::Number(DEC_DEG)),
-    ("sequence.radec[2]", Allowed::Number(TURN_DEG)),
-    ("sequence.look_at[0]", Allowed::Number(TURN_DEG)),
-    ("sequence.look_at[1]", Allowed::Number(DEC_DEG)),
-];
+/// An error of a rule between these keys.
+fn among_pointings(error: ConfigError) -> ConfigError {
+    let keys = POINTINGS.map(|name| format!("sequence.{name}"));
+    error.needs(&keys.each_ref().map(String::as_str))
+}
 
 /// The forms of these keys.
 const POINTING_FORMS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
@@ -163,7 +152,7 @@ impl RawSequence {
                 _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
             };
             let error = check.explain("sequence.rates_deg_s", reason);
-            return Err(error.needs(&POINTING_KEYS));
+            return Err(among_pointings(error));
         }
         Ok(Sequence {
             epoch,
@@ -185,13 +174,13 @@ impl RawSequence {
             self.nadir,
             self.look_at.is_some(),
         ];
-        let given = POINTING_KEYS.iter().zip(given);
-        let given = given.filter_map(|(key, is_given)| is_given.then_some(*key));
-        let given: Vec<&str> = given.collect();
+        let given = POINTINGS.iter().zip(given);
+        let given = given.filter(|(_, is_given)| *is_given);
+        let given: Vec<String> = given.map(|(name, _)| format!("sequence.{name}")).collect();
         match given.as_slice() {
             [] => {
                 let reason = format!("no pointing: give one of {POINTING_FORMS}");
-                return Err(check.explain("sequence", reason).needs(&POINTING_KEYS));
+                return Err(among_pointings(check.explain("sequence", reason)));
             }
             // The last one: what is left without it is checked again.
             [first, .., last] => {
@@ -318,69 +307,52 @@ period_s = 1.0
         agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
     }
 
+    /// Whether schema and loader find this scene valid.
+    fn check(text: &str, is_valid: bool) {
+        both(&Config::schema("scene"), text, load, is_valid);
+    }
+
     #[test]
     fn schema_and_loader_agree_on_the_forms_of_texts() {
-        let schema = Config::schema("run");
         for (key, value, is_valid) in [
             (
                 "coarsen",
-                "[\"fast\", \"wing_e = 0.5\", \" wing_e=5e-1 \"]",
+                r#"["fast", "wing_e = 0.5", " wing_e=5e-1 "]"#,
                 true,
             ),
-            ("coarsen", "[\"profiles = \\\"exact\\\"\"]", false),
-            ("coarsen", "[\"faster\"]", false),
-            ("coarsen", "[\"wing_ee = 0.5\"]", false),
-            ("coarsen", "[\"wing_e = much\"]", false),
-            ("coarsen", "[\"wing_e\"]", false),
-            ("link", "\"udp://127.0.0.1:4810\"", true),
-            ("link", "[\"can://vcan0?roles=truth\", \"pty://\"]", true),
-            ("link", "\"127.0.0.1:4810\"", false),
-            ("link", "[\"tcp://127.0.0.1:4810\"]", false),
-            ("metrics", "\"9464\"", true),
-            ("metrics", "\"127.0.0.1:9464\"", true),
-            ("metrics", "\"[::1]:9464\"", true),
-            ("metrics", "\"0\"", true),
-            ("metrics", "\"065535\"", true),
-            ("metrics", "\"65536\"", false),
-            ("metrics", "\"+9464\"", false),
-            ("metrics", "\"-1\"", false),
-            ("metrics", "\"255.249.199.99:65535\"", true),
-            ("metrics", "\"256.0.0.1:9464\"", false),
-            ("metrics", "\"127.0.0.01:9464\"", false),
-            ("metrics", "\"127.0.0.1:70000\"", false),
-            ("metrics", "\"127.0.0.1\"", false),
-            ("metrics", "\"[::]:9464\"", true),
-            ("metrics", "\"[1:2:3:4:5:6:7:8]:9464\"", true),
-            ("metrics", "\"[1:2:3:4:5:6:7::]:9464\"", true),
-            ("metrics", "\"[::2:3:4:5:6:7:8]:9464\"", true),
-            ("metrics", "\"[1:2::5:6]:9464\"", true),
-            ("metrics", "\"[1:2:3:4:5:6:7]:9464\"", false),
-            ("metrics", "\"[1:2:3:4::5:6:7:8]:9464\"", false),
-            ("metrics", "\"[1:2:3:4:5:6:7:8:9]:9464\"", false),
-            ("metrics", "\"[1::2::3]:9464\"", false),
-            ("metrics", "\"[12345::]:9464\"", false),
-            ("metrics", "\"[:::]:9464\"", false),
-            ("metrics", "\"[fe80::1%1]:9464\"", false),
-            ("metrics", "\"[::127.0.0.1]:9464\"", false),
-            ("metrics", "\"::1:9464\"", false),
-            ("metrics", "\"localhost:9464\"", false),
-            ("metrics", "\"http://127.0.0.1:9464\"", false),
+            ("coarsen", r#"["profiles = \"exact\""]"#, false),
+            ("coarsen", r#"["faster"]"#, false),
+            ("coarsen", r#"["wing_ee = 0.5"]"#, false),
+            ("coarsen", r#"["wing_e = much"]"#, false),
+            ("coarsen", r#"["wing_e"]"#, false),
+            ("link", r#""udp://127.0.0.1:4810""#, true),
+            ("link", r#"["can://vcan0?roles=truth", "pty://"]"#, true),
+            ("link", r#""127.0.0.1:4810""#, false),
+            ("link", r#"["tcp://127.0.0.1:4810"]"#, false),
         ] {
-            let text = format!("[run]\n{key} = {value}");
-            both(&schema, &text, load, is_valid);
+            check(&format!("[run]\n{key} = {value}"), is_valid);
+        }
+        let valid = "9464 127.0.0.1:9464 [::1]:9464 0 065535 255.249.199.99:65535 [::]:9464 [1:2:3:4:5:6:7:8]:9464
+            [1:2:3:4:5:6:7::]:9464 [::2:3:4:5:6:7:8]:9464 [1:2::5:6]:9464";
+        let invalid = "65536 +9464 -1 256.0.0.1:9464 127.0.0.01:9464 127.0.0.1:70000 127.0.0.1 [1:2:3:4:5:6:7]:9464
+            [1:2:3:4::5:6:7:8]:9464 [1:2:3:4:5:6:7:8:9]:9464 [1::2::3]:9464 [12345::]:9464 [:::]:9464
+            [fe80::1%1]:9464 [::127.0.0.1]:9464 ::1:9464 localhost:9464 http://127.0.0.1:9464";
+        for (addresses, is_valid) in [(valid, true), (invalid, false)] {
+            for address in addresses.split_whitespace() {
+                check(&format!("[run]\nmetrics = {address:?}"), is_valid);
+            }
         }
         // Values without their keys are no table.
         for table in ["run", "sky", "effects", "objects", "observer"] {
-            both(&schema, &format!("[{table}]\n"), load, true);
-            both(&schema, &format!("[[{table}]]\n"), load, false);
-            both(&schema, &format!("{table} = []\n"), load, false);
+            check(&format!("[{table}]\n"), true);
+            check(&format!("[[{table}]]\n"), false);
+            check(&format!("{table} = []\n"), false);
         }
     }
 
     #[test]
     fn schema_and_loader_agree_on_pointings() {
-        let schema = Config::schema("scene");
-        both(&schema, DEFAULT_TOML, |_| None, true);
+        both(&Config::schema("scene"), DEFAULT_TOML, |_| None, true);
         let one = [
             "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
             "attitude_file = \"Cargo.toml\"",
@@ -389,16 +361,15 @@ period_s = 1.0
             "look_at = \"Moon\"",
         ];
         for (place, pointing) in one.iter().enumerate() {
-            both(&schema, &scene(pointing), load, true);
+            check(&scene(pointing), true);
             for other in &one[place + 1..] {
-                both(
-                    &schema,
-                    &scene(&format!("{pointing}\n{other}")),
-                    load,
-                    false,
-                );
+                check(&scene(&format!("{pointing}\n{other}")), false);
             }
         }
+        let turns = "rates_deg_s = [0.0, 0.0, 1.0]";
+        let rests = "rates_deg_s = [0.0, 0.0, 0.0]";
+        let moving = "q = [0.0, 0.0, 0.0, 1.0], utc = \"2026-01-01T00:00:0";
+        let two = format!("attitudes = [{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]");
         for (pointing, is_valid) in [
             ("", false),
             ("nadir = false", false),
@@ -408,55 +379,27 @@ period_s = 1.0
             ("look_at = \"Sun\"\nup = \"north\"", true),
             ("nadir = true\nup = \"north\"", false),
             ("nadir = true\nroll_deg = 1.0", false),
-            ("nadir = true\nrates_deg_s = [0.0, 0.0, 1.0]", false),
-            ("nadir = true\nrates_deg_s = [0.0, 0.0, 0.0]", true),
-            ("look_at = \"Sun\"\nrates_deg_s = [0.0, 0.0, 1.0]", false),
+            (&format!("nadir = true\n{turns}"), false),
+            (&format!("nadir = true\n{rests}"), true),
+            (&format!("look_at = \"Sun\"\n{turns}"), false),
+            (&format!("{}\n{turns}", one[1]), false),
+            (&two, true),
+            (&format!("{two}\n{rests}"), true),
+            (&format!("{two}\n{turns}"), false),
+            (&format!("attitudes = [{{ {moving}0Z\" }}]\n{turns}"), true),
             (
-                "attitude_file = \"Cargo.toml\"\nrates_deg_s = [0.0, 0.0, 1.0]",
+                &format!("attitudes = [{{ {moving}0Z\" }}, {{ q = [0.0, 0.0, 0.0, 1.0] }}]"),
+                false,
+            ),
+            (
+                "attitudes = [[\"2026-01-01T00:00:00Z\", [0.0, 0.0, 0.0, 1.0]]]",
                 false,
             ),
         ] {
-            both(&schema, &scene(pointing), load, is_valid);
+            check(&scene(pointing), is_valid);
         }
-        let moving = "q = [0.0, 0.0, 0.0, 1.0], utc = \"2026-01-01T00:00:0";
-        for (pointing, is_valid) in [
-            (format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]"), true),
-            (
-                format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]\nrates_deg_s = [0.0, 0.0, 0.0]"),
-                true,
-            ),
-            (
-                format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]\nrates_deg_s = [0.0, 0.0, 1.0]"),
-                false,
-            ),
-            (
-                format!("[{{ {moving}0Z\" }}]\nrates_deg_s = [0.0, 0.0, 1.0]"),
-                true,
-            ),
-            (
-                format!("[{{ {moving}0Z\" }}, {{ q = [0.0, 0.0, 0.0, 1.0] }}]"),
-                false,
-            ),
-            (
-                "[[\"2026-01-01T00:00:00Z\", [0.0, 0.0, 0.0, 1.0]]]".to_string(),
-                false,
-            ),
-        ] {
-            both(
-                &schema,
-                &scene(&format!("attitudes = {pointing}")),
-                load,
-                is_valid,
-            );
-        }
-        let state = "state = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]";
-        let observer = |keys: &str| format!("[observer]\n{keys}\n");
-        both(&schema, &observer(state), load, true);
-        both(
-            &schema,
-            &observer(&format!("{state}\norbit = \"x.tle\"")),
-            load,
-            false,
-        );
+        let state = "[observer]\nstate = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]\n";
+        check(state, true);
+        check(&format!("{state}orbit = \"x.tle\"\n"), false);
     }
 }
