@@ -200,43 +200,13 @@ mod tests {
             }
         };
         // Zero, both signs; halves of the last decimal; where exponents begin and end; where units are of 15 and of 16 digits; the least and greatest.
-        for value in [
-            0.0,
-            0.5,
-            1.0,
-            100.0,
-            0.1 + 0.2,
-            0.00005,
-            0.00015,
-            0.1234565,
-            2.5e-7,
-            1e-5,
-            9e-6,
-            9.9994e-6,
-            9.9999e-6,
-            9.999_999_9e-6,
-            1.000_01e-5,
-            1e-9,
-            5e-10,
-            4.999e-10,
-            359.999_999_999_6,
-            999_999.999_999_49,
-            99_999_999_999.999_95,
-            1e11,
-            123_456_789_012.345,
-            1e15,
-            9.007_199_254_740_993e15,
-            1e16,
-            123_456_789_012_345_680.0,
-            1e22,
-            1e300,
-            f64::MAX,
-            f64::MIN_POSITIVE,
-            5e-324,
-            f64::INFINITY,
-            f64::NAN,
-        ] {
-            check_all(value);
+        let values =
+            "0.0 0.5 1.0 100.0 0.30000000000000004 0.00005 0.00015 0.1234565 2.5e-7 1e-5 9e-6
+            9.9994e-6 9.9999e-6 9.9999999e-6 1.00001e-5 1e-9 5e-10 4.999e-10 359.9999999996
+            999999.99999949 99999999999.99995 1e11 123456789012.345 1e15 9.007199254740993e15 1e16
+            123456789012345680.0 1e22 1e300 1.7976931348623157e308 2.2250738585072014e-308 5e-324 inf NaN";
+        for value in values.split_whitespace() {
+            check_all(value.parse().unwrap());
         }
         // Of all sizes, and all lengths: a Weyl sequence, and products of it rounded to few decimals.
         for i in 0..300_000u32 {

@@ -89,7 +89,7 @@ fn rows() -> impl Iterator<Item = Vec<f64>> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use std::f64::consts::PI;
 
@@ -100,6 +100,30 @@ mod tests {
     fn at(longitude_deg: f64, latitude_deg: f64) -> Vector3<f64> {
         let (l, b) = (longitude_deg.to_radians(), latitude_deg.to_radians());
         GALACTIC.transpose() * Vector3::new(b.cos() * l.cos(), b.cos() * l.sin(), b.sin())
+    }
+
+    /// Asserts that along great circles, each from a start to a side of it, neither value nor slope of `log` leaps: curvature shrinks with the step,
+    /// a leap of the slope does not. `asks` says which directions are looked at.
+    pub fn assert_smooth(
+        circles: &[(Vector3<f64>, Vector3<f64>)],
+        asks: impl Fn(&Vector3<f64>) -> bool,
+        log: impl Fn(&Vector3<f64>) -> f64,
+    ) {
+        let leap = |step: f64| {
+            let mut worst = 0.0_f64;
+            for (start, side) in circles {
+                let side = (side - start * side.dot(start)).normalize();
+                let go = |t: f64| start * t.cos() + side * t.sin();
+                let places = (0..3600).map(|n| f64::from(n) * PI / 1800.0);
+                for t in places.filter(|t| asks(&go(*t))) {
+                    let [a, b, c] = [t - step, t, t + step].map(|t| log(&go(t)));
+                    worst = worst.max(((c - b) - (b - a)).abs() / step);
+                }
+            }
+            worst
+        };
+        let (coarse, fine) = (leap(1e-5), leap(1e-6));
+        assert!(coarse < 3e-3 && fine < 3e-4, "{coarse} {fine}");
     }
 
     /// Mean over the sky between two galactic latitudes (deg).
@@ -212,29 +236,16 @@ mod tests {
         assert!((100.0..300.0).contains(&plane), "{plane}");
     }
 
-    /// Along great circles neither value nor slope leaps: a leap would not shrink with the step.
     #[test]
     fn the_light_is_smooth_over_the_sky() {
         let light = StarLight::new(Selection::Hipparcos);
-        let leap = |step: f64| {
-            let mut worst = 0.0_f64;
-            for k in 0..40 {
-                let k = f64::from(k);
-                for (start, side) in [
-                    (at(k * 9.0, 0.0), at(0.0, 90.0)),
-                    (at(10.0 * k, 3.0 + 2.0 * k), at(0.0, 1.0 + 2.0 * k)),
-                ] {
-                    let side = (side - start * side.dot(&start)).normalize();
-                    let go = |t: f64| start * t.cos() + side * t.sin();
-                    for t in (0..3600).map(|n| f64::from(n) * PI / 1800.0) {
-                        let [a, b, c] = [t - step, t, t + step].map(|t| light.s10(&go(t)).ln());
-                        worst = worst.max(((c - b) - (b - a)).abs() / step);
-                    }
-                }
-            }
-            worst
-        };
-        let (coarse, fine) = (leap(1e-5), leap(1e-6));
-        assert!(coarse < 3e-3 && fine < 3e-4, "{coarse} {fine}");
+        let circles = (0..40).map(f64::from).flat_map(|k| {
+            [
+                (at(k * 9.0, 0.0), at(0.0, 90.0)),
+                (at(10.0 * k, 3.0 + 2.0 * k), at(0.0, 1.0 + 2.0 * k)),
+            ]
+        });
+        let circles: Vec<_> = circles.collect();
+        assert_smooth(&circles, |_| true, |v| light.s10(v).ln());
     }
 }
