@@ -442,11 +442,7 @@ impl Emulator {
 
     /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
-        let read_e = if allowed(choice).has(EffectId::ReadNoise) {
-            camera.detector.read_noise_e
-        } else {
-            0.0
-        };
+        let read_e = allowed(choice).only_with(EffectId::ReadNoise, camera.detector.read_noise_e);
         Faint {
             snr: self.fidelity.skip_snr.min(self.label_snr),
             unlit_snr: self.label_snr,

@@ -53,6 +53,14 @@ impl Optics {
         self.project_by(&self.projection, direction)
     }
 
+    /// Its projection, or the ideal one if the lens is not to distort.
+    pub fn projection_if(&self, distorts: bool) -> Projection {
+        match distorts {
+            true => self.projection,
+            false => self.projection.ideal(),
+        }
+    }
+
     /// [`Optics::project`] by another projection, such as the ideal one: `x = cx + f x'`, `y = cy + f y'`.
     pub fn project_by(
         &self,

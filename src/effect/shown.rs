@@ -85,7 +85,7 @@ pub(super) fn with_trail(
     mut cells_e: Vec<f64>,
     trail: impl FnOnce() -> Vec<f64>,
 ) -> Vec<f64> {
-    if scene.simulated.has(EffectId::FrameTransfer) && scene.trail_part() > 0.0 {
+    if scene.trail_part() > 0.0 {
         let trails = of_cells(&trail());
         let cells = cells_e.iter_mut().zip(trails);
         cells.for_each(|(e, trail)| *e += trail);
@@ -227,11 +227,8 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 
             most = most.max(comes.abs());
         }
     }
-    let mut most = most * scene.responds();
-    if scene.simulated.has(EffectId::FrameTransfer) {
-        let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
-        most += trail * scene.trail_part();
-    }
+    let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    let most = most * scene.responds() + trail * scene.trail_part();
     let columns = &scene.spill.columns;
     if columns.is_empty() || scene.is_cancelled() {
         return most;
@@ -264,12 +261,7 @@ struct Part {
 impl Part {
     fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
         let detector = &scene.view.camera.detector;
-        let trails = if scene.simulated.has(EffectId::FrameTransfer) {
-            scene.trail_part()
-        } else {
-            0.0
-        };
-        let responds = scene.responds();
+        let (trails, responds) = (scene.trail_part(), scene.responds());
         let [known, bound] = [
             peak.known + trails * peak.all[0],
             peak.bound * responds + trails * peak.all[1],
@@ -277,31 +269,31 @@ impl Part {
         let fills = scene.simulated.has(EffectId::FullWell)
             && scene.fullest_e(column) + known + bound >= detector.full_well_e;
         let spills = fills && scene.spill.along;
+        let own = Part {
+            known,
+            bound,
+            fills,
+            passes: false,
+        };
         match filled.filter(|_| fills) {
             None if spills => Part {
                 known: known * (1.0 + full),
                 bound: bound * (1.0 + full),
-                fills,
-                passes: false,
+                ..own
             },
-            None => Part {
-                known,
-                bound,
-                fills,
-                passes: false,
-            },
+            None => own,
             Some(filled) => {
-                let own = peak.most.0;
+                let most = peak.most.0;
                 let passed = if spills {
-                    (own * filled.full).min(peak.all[1])
+                    (most * filled.full).min(peak.all[1])
                 } else {
                     0.0
                 };
                 Part {
                     known: filled.apart,
-                    bound: (own + passed) * responds + trails * peak.all[1] * (1.0 + filled.full),
-                    fills,
+                    bound: (most + passed) * responds + trails * peak.all[1] * (1.0 + filled.full),
                     passes: true,
+                    ..own
                 }
             }
         }

@@ -168,11 +168,7 @@ struct Pixels<'a> {
 impl<'a> Pixels<'a> {
     fn new(scene: &'a Scene) -> Self {
         let detector = &scene.view.camera.detector;
-        let read = if scene.simulated.has(EffectId::ReadNoise) {
-            detector.read_noise_e
-        } else {
-            0.0
-        };
+        let read = (scene.simulated).only_with(EffectId::ReadNoise, detector.read_noise_e);
         Pixels {
             scene,
             detector,
@@ -182,12 +178,7 @@ impl<'a> Pixels<'a> {
 
     /// Noise variance of a pixel that expects `e`, e-^2.
     fn variance(&self, e: f64) -> f64 {
-        self.floor
-            + if self.scene.simulated.has(EffectId::ShotNoise) {
-                e
-            } else {
-                0.0
-            }
+        self.floor + self.scene.simulated.only_with(EffectId::ShotNoise, e)
     }
 
     /// How many pixels the label lists of it.

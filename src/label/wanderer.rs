@@ -43,15 +43,10 @@ impl WandererLabel {
 /// row of a rolling shutter.
 fn centre_px(seen: &SeenWanderer, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
     let optics = &scene.view.camera.optics;
-    let ideal = optics.projection.ideal();
-    let projection = if scene.simulated.has(EffectId::Distortion) {
-        &optics.projection
-    } else {
-        &ideal
-    };
+    let projection = optics.projection_if(scene.simulated.has(EffectId::Distortion));
     let pointing = scene.view.pointing(0.0);
     let [light, centre] = [&seen.directions[1], &seen.centre]
-        .map(|direction| optics.project_by(projection, &pointing.rotate(direction)));
+        .map(|direction| optics.project_by(&projection, &pointing.rotate(direction)));
     let (light, centre) = (light?, centre?);
     Some([0, 1].map(|axis| source.centroid[axis] + centre[axis] - light[axis]))
 }

@@ -272,17 +272,12 @@ impl Scene {
         }
         let (view, fidelity) = (&self.view, &self.fidelity);
         let (optics, detector) = (&view.camera.optics, &view.camera.detector);
-        let ideal = optics.projection.ideal();
-        let projection = if without.has(EffectId::Distortion) {
-            &optics.projection
-        } else {
-            &ideal
-        };
+        let projection = optics.projection_if(without.has(EffectId::Distortion));
         let seen = self.seen();
         let readout_px = view.longest_track_px(view.camera.readout_s()) / 2.0;
         let margin = optics.psf.reach_px(fidelity.psf_loss) + readout_px + 1.0;
         let comes_near = |candidate: &Candidate| {
-            let places = seen(&candidate.body).map(|seen| optics.project_by(projection, &seen));
+            let places = seen(&candidate.body).map(|seen| optics.project_by(&projection, &seen));
             let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
             [detector.width, detector.height]
                 .iter()
@@ -317,11 +312,7 @@ impl Scene {
         let view = &self.view;
         let times = [-0.5, 0.0, 0.5].map(|part| {
             let dt_s = part * view.exposure.duration_s;
-            let turned_s = if self.simulated.has(EffectId::Smear) {
-                dt_s
-            } else {
-                0.0
-            };
+            let turned_s = self.simulated.only_with(EffectId::Smear, dt_s);
             (
                 0.5 + turned_s / view.open_s.max(f64::MIN_POSITIVE),
                 view.pointing(turned_s),

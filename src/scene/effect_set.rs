@@ -1,61 +1,35 @@
 //! Which effects a frame has, as far as images, backgrounds and signal-to-noise ratios depend on them.
 
 /// An effect, by its row in `effect::EFFECTS`.
+#[allow(missing_docs, reason = "told of in the files of `effect`")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EffectId {
-    /// The lens departs from its ideal.
     Distortion,
-    /// The observer's velocity changes, and with it the aberration of the stars.
     AberrationDrift,
-    /// Images move during the exposure.
     Smear,
-    /// Rows open and close one after the other.
     RollingShutter,
-    /// Less light passes off the boresight.
     Vignetting,
-    /// The stars shine.
     Stars,
-    /// The objects in orbit shine.
     Rsos,
-    /// Dust between the planets scatters sunlight.
     ZodiacalLight,
-    /// Stars shine that are too faint for the catalogue.
     Starlight,
-    /// The planets shine.
     Planets,
-    /// The Moon shines.
     Moon,
-    /// The Earth reflects sunlight.
     Earth,
-    /// The Earth's air scatters sunlight and shines.
     Limb,
-    /// The optics scatter sunlight over the field.
     Sunlight,
-    /// The optics scatter the Moon's light.
     Moonglow,
-    /// The optics scatter the Earth's light.
     Earthshine,
-    /// Pixels respond as their pattern says.
     PixelResponse,
-    /// Charge is shifted through light when it is read out.
     FrameTransfer,
-    /// Dark charge is added.
     DarkCurrent,
-    /// Charge has shot noise.
     ShotNoise,
-    /// Particles cross the detector.
     Radiation,
-    /// Pixels fill up.
     FullWell,
-    /// Dead pixels give no charge.
     DeadPixels,
-    /// The response bends.
     NonLinearity,
-    /// Charge is read with noise.
     ReadNoise,
-    /// Electrons become digits.
     Readout,
-    /// Stuck pixels give their digit.
     StuckPixels,
 }
 
@@ -86,6 +60,15 @@ impl EffectSet {
     /// Whether an effect is among them.
     pub const fn has(&self, effect: EffectId) -> bool {
         self.bits >> effect as u32 & 1 == 1
+    }
+
+    /// `value` if it has an effect, else what stands for nothing.
+    pub fn only_with<T: Default>(&self, effect: EffectId, value: T) -> T {
+        if self.has(effect) {
+            value
+        } else {
+            T::default()
+        }
     }
 
     /// With an effect.

@@ -110,16 +110,13 @@ impl Scene {
 
     /// The charge (e-) of a dark current (e-/s) that is simulated.
     fn dark_charge_e(&self, dark_e_s: f64) -> f64 {
-        if self.simulated.has(EffectId::DarkCurrent) {
-            dark_e_s * self.view.exposure.duration_s
-        } else {
-            0.0
-        }
+        let charge_e = dark_e_s * self.view.exposure.duration_s;
+        (self.simulated).only_with(EffectId::DarkCurrent, charge_e)
     }
 
-    /// What each pixel of a column gets of the column's light while it is shifted (1).
+    /// What each pixel of a column gets of the column's light while it is shifted, as far as that is simulated (1).
     pub fn trail_part(&self) -> f64 {
-        trail::part(&self.view)
+        (self.simulated).only_with(EffectId::FrameTransfer, trail::part(&self.view))
     }
 
     /// What each pixel of each column gets of the column's light by an area's alone while it is shifted, e-.

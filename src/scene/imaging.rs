@@ -228,12 +228,7 @@ impl View {
     ) -> Option<Track> {
         let (camera, exposure_s) = (&self.camera, self.exposure.duration_s);
         let optics = &camera.optics;
-        let ideal = optics.projection.ideal();
-        let projection = if simulated.has(EffectId::Distortion) {
-            &optics.projection
-        } else {
-            &ideal
-        };
+        let projection = optics.projection_if(simulated.has(EffectId::Distortion));
         let place = |dt_s: f64, turned_s: f64, drifts: bool| {
             let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
             let line = match &candidate.body {
@@ -249,7 +244,7 @@ impl View {
             } else {
                 1.0
             };
-            let at = optics.project_by(projection, &seen)?;
+            let at = optics.project_by(&projection, &seen)?;
             Some(Place { at, light })
         };
         let truth = |dt_s: f64| place(dt_s, dt_s, true);
@@ -282,11 +277,7 @@ impl View {
         };
         let at = |part: f64| {
             let dt_s = (part - 0.5) * open_s;
-            let turned_s = if simulated.has(EffectId::Smear) {
-                dt_s
-            } else {
-                0.0
-            };
+            let turned_s = simulated.only_with(EffectId::Smear, dt_s);
             place(dt_s, turned_s, simulated.has(EffectId::AberrationDrift))
         };
         let crossing = if rows.are_together() { 0.0 } else { CROSSING };

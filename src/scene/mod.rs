@@ -300,11 +300,7 @@ impl Scene {
 
     /// The columns' trails, as far as they are simulated.
     fn trail(&self) -> &[f64] {
-        if self.simulated.has(EffectId::FrameTransfer) {
-            &self.trail_e
-        } else {
-            &[]
-        }
+        (self.simulated).only_with(EffectId::FrameTransfer, &self.trail_e[..])
     }
 }
 

@@ -46,6 +46,18 @@ pub(super) fn full_e(detector: &Detector, simulated: &EffectSet) -> f64 {
     well.min(detector.converter_reach_e())
 }
 
+/// How a detector reads charge.
+fn reading(detector: &Detector, simulated: &EffectSet) -> Reading {
+    let read = simulated.only_with(EffectId::ReadNoise, detector.read_noise_e);
+    Reading {
+        bend: simulated.only_with(EffectId::NonLinearity, detector.nonlinearity),
+        part_of_full: 1.0 / detector.full_well_e,
+        shot: simulated.only_with(EffectId::ShotNoise, 1.0),
+        floor: read * read + detector.quantisation_variance(),
+        full_e: full_e(detector, simulated),
+    }
+}
+
 impl<'a> Noise<'a> {
     pub fn new(
         view: &'a View,
@@ -54,27 +66,13 @@ impl<'a> Noise<'a> {
         areas: &'a Together,
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
-        let read = if simulated.has(EffectId::ReadNoise) {
-            detector.read_noise_e
-        } else {
-            0.0
-        };
         Noise {
             detector,
             simulated,
             trail_e,
             areas,
             exposure_s: view.exposure.duration_s,
-            reading: Reading {
-                bend: match simulated.has(EffectId::NonLinearity) {
-                    true => detector.nonlinearity,
-                    false => 0.0,
-                },
-                part_of_full: 1.0 / detector.full_well_e,
-                shot: f64::from(u8::from(simulated.has(EffectId::ShotNoise))),
-                floor: read * read + detector.quantisation_variance(),
-                full_e: full_e(detector, simulated),
-            },
+            reading: reading(detector, simulated),
             level: view.level,
         }
     }
@@ -242,11 +240,7 @@ mod tests {
             if simulated.has(EffectId::PixelResponse) {
                 light = light.map(|e| e * pattern.response_of(pixel));
             }
-            let dark_e_s = if simulated.has(EffectId::DarkCurrent) {
-                pattern.dark_e_s_of(pixel)
-            } else {
-                0.0
-            };
+            let dark_e_s = simulated.only_with(EffectId::DarkCurrent, pattern.dark_e_s_of(pixel));
             let b = light[1] + dark_e_s * noise.exposure_s + noise.trail_e[pixel % detector.width];
             let held = light[0] + b;
             if *share == 0.0 || held >= noise.reading.full_e || blind {
@@ -261,11 +255,7 @@ mod tests {
             };
             let slope = (read(held + 0.01) - read(held - 0.01)) / 0.02;
             let signal = read(held) - read(b);
-            let shot = if simulated.has(EffectId::ShotNoise) {
-                held
-            } else {
-                0.0
-            };
+            let shot = simulated.only_with(EffectId::ShotNoise, held);
             signal * signal / (slope * slope * shot + noise.reading.floor)
         };
         shares.iter().enumerate().map(of_pixel).sum::<f64>().sqrt()
@@ -301,7 +291,7 @@ mod tests {
         ];
         let all = effects
             .into_iter()
-            .fold(EffectSet::default(), |set, effect| set.with(effect));
+            .fold(EffectSet::default(), EffectSet::with);
         // The last is none of them: then all run.
         for off in effects.into_iter().chain([EffectId::Readout]) {
             let simulated = all.without(off);
@@ -312,14 +302,9 @@ mod tests {
                 areas: &areas,
                 exposure_s: 0.1,
                 reading: Reading {
-                    bend: match simulated.has(EffectId::NonLinearity) {
-                        true => detector.nonlinearity,
-                        false => 0.0,
-                    },
-                    part_of_full: 1.0 / detector.full_well_e,
-                    shot: f64::from(u8::from(simulated.has(EffectId::ShotNoise))),
                     floor: 144.0,
                     full_e: detector.full_well_e,
+                    ..reading(detector, &simulated)
                 },
                 level: None,
             };

@@ -87,11 +87,8 @@ impl Scene {
     }
 
     fn find_snr(&mut self) {
-        let counted = match self.simulated.has(EffectId::FrameTransfer) {
-            true => &self.trail_e[..],
-            false => &[],
-        };
-        let noise = Noise::new(&self.view, &self.simulated, counted, &self.areas_light);
+        let trail_e = (self.simulated).only_with(EffectId::FrameTransfer, &self.trail_e[..]);
+        let noise = Noise::new(&self.view, &self.simulated, trail_e, &self.areas_light);
         let limit = &self.view.limit;
         let sources = self.sources.par_iter_mut().filter(|_| !limit.is_over());
         sources.for_each_init(Held::default, |held, source| {

@@ -468,18 +468,13 @@ impl LocalPsf<'_> {
                     pixels.for_each(|(out, across)| *out = down * across);
                 }
             }
-            Shape::Airy(airy, width_px) => {
-                let width_px = self.scale * width_px;
-                airy.table().spread(width_px, light, at, edges, rows, stamp);
-            }
-            Shape::Moffat(moffat, width_px) => {
-                let width_px = self.scale * width_px;
-                moffat
-                    .table()
-                    .spread(width_px, light, at, edges, rows, stamp);
-            }
             Shape::Images(images) => {
                 images.spread(&self.mix, light, at, edges, rows, &mut stamp.light);
+            }
+            Shape::Airy(..) | Shape::Moffat(..) => {
+                if let Some((table, width_px)) = self.table() {
+                    table.spread(width_px, light, at, edges, rows, stamp);
+                }
             }
         }
     }

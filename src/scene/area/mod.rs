@@ -315,11 +315,7 @@ impl View {
     /// ```
     fn is_too_thin(&self, e: f64, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let detector = &self.camera.detector;
-        let read_e = if simulated.has(EffectId::ReadNoise) {
-            detector.read_noise_e
-        } else {
-            0.0
-        };
+        let read_e = simulated.only_with(EffectId::ReadNoise, detector.read_noise_e);
         let noise = e + read_e * read_e + detector.quantisation_variance();
         let snr = (detector.pixels() as f64 * e * e / noise.max(f64::MIN_POSITIVE)).sqrt();
         e <= fidelity.skip_e && snr <= fidelity.skip_snr

@@ -19,14 +19,10 @@ pub struct Plane<'a> {
 impl<'a> Plane<'a> {
     /// Of a pattern that turns by itself against ICRF (rad/s).
     pub fn new(view: &'a View, simulated: &EffectSet, turning: Vector3<f64>) -> Plane<'a> {
-        let projection = &view.camera.optics.projection;
+        let optics = &view.camera.optics;
         Plane {
             view,
-            projection: if simulated.has(EffectId::Distortion) {
-                *projection
-            } else {
-                projection.ideal()
-            },
+            projection: optics.projection_if(simulated.has(EffectId::Distortion)),
             vignetted: simulated.has(EffectId::Vignetting),
             smeared: simulated.has(EffectId::Smear),
             rolling: simulated.has(EffectId::Smear) && simulated.has(EffectId::RollingShutter),
