@@ -7,9 +7,9 @@ const REFUSED: &str = r#"
 optics.psf | kind = "round" | optics.psf.kind = "round" | "gaussian", "airy", "moffat", "image"
 optics.psf | kind = "gaussian" | optics.psf.sigma_px | missing
 optics.psf | kind = "gaussian"; sigma_px = -0.5 | optics.psf.sigma_px = -0.5 | 0.01 to 100
-optics.psf | kind = "gaussian"; sigma_px = 1.0; beta = 2.0 | optics.psf.beta | no key of kind "gaussian"
+optics.psf | kind = "gaussian"; sigma_px = 1.0; beta = 2.0 | optics.psf.beta | means nothing to kind "gaussian"
 optics.psf | kind = "airy"; obscuration = 0.95 | optics.psf.obscuration = 0.95 | 0 to 0.9
-optics.psf | kind = "airy"; wavelength_exponent = 1.0 | optics.psf.wavelength_exponent | no key
+optics.psf | kind = "airy"; wavelength_exponent = 1.0 | optics.psf.wavelength_exponent | means nothing to kind "airy"
 optics.psf | kind = "moffat"; fwhm_px = 1.0; beta = 1.2 | optics.psf.beta = 1.2 | 1.5 to 20
 optics.psf | kind = "moffat"; fwhm_px = 0.0; beta = 2.0 | optics.psf.fwhm_px = 0 | 0.02 to 20
 optics.psf | kind = "gaussian"; sigma_px = 1.0; wavelength_exponent = nan | optics.psf.wavelength_exponent = NaN | -4 to 4
