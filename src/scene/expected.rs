@@ -114,7 +114,8 @@ impl Scene {
         (self.simulated).only_with(EffectId::DarkCurrent, charge_e)
     }
 
-    /// What each pixel of a column gets of the column's light while it is shifted, as far as that is simulated (1).
+    /// The share of a column's light that each of its pixels gets while it is shifted, if that is
+    /// simulated (1).
     pub fn trail_part(&self) -> f64 {
         (self.simulated).only_with(EffectId::FrameTransfer, trail::part(&self.view))
     }

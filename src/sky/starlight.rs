@@ -102,8 +102,8 @@ pub(crate) mod tests {
         GALACTIC.transpose() * Vector3::new(b.cos() * l.cos(), b.cos() * l.sin(), b.sin())
     }
 
-    /// Asserts that along great circles, each from a start to a side of it, neither value nor slope of `log` leaps: curvature shrinks with the step,
-    /// a leap of the slope does not. `asks` says which directions are looked at.
+    /// Asserts that along great circles, each from a start to a side of it, neither value nor slope
+    /// of `log` leaps: curvature shrinks with the step, a leap does not. `asks`: where to look.
     pub fn assert_smooth(
         circles: &[(Vector3<f64>, Vector3<f64>)],
         asks: impl Fn(&Vector3<f64>) -> bool,

@@ -81,8 +81,8 @@ fn the_schema_has_the_loaders_limits() {
     );
 }
 
-/// A fault: text of the file, its replacement, and in brackets the keys that it concerns; below, the lines that are reported. Each fault is
-/// reported once whatever else is wrong with other keys than its own.
+/// A fault: text of the file, its replacement, and in brackets the keys that it concerns; below,
+/// the lines that are reported. Each is reported once, whatever is wrong with other keys.
 const FAULTS: &str = r#"
 "X" => 3 [name]
     name: must be a text of 1 to 60 characters in quotes, not 3
