@@ -79,7 +79,7 @@ enum Command {
     Lightcurve(lightcurve::Args),
     /// What this machine makes of the works that take the time
     Bench(bench::Args),
-    /// Check, count and convert files of orbits
+    /// Check, count and make files of orbits
     Catalog(Group<catalog::Command>),
     /// Check camera files and make new ones
     Camera(Group<camera::Command>),
@@ -219,7 +219,7 @@ const PANICKED: &str =
 impl Records {
     /// Logs what was refused of a scene's orbit files; an error if nothing may be.
     fn settle(&self, config: &Config) -> anyhow::Result<()> {
-        self.settle_lines("refused", &config.rejected)?;
+        self.settle_lines(&config.rejected)?;
         for line in &config.notices {
             tracing::warn!("{line}");
         }
@@ -231,33 +231,23 @@ impl Records {
         Ok(())
     }
 
-    /// The same for the lines of records, where there is no scene; `what` was done to them: `refused`, `left out`, `changed`.
-    fn settle_lines(&self, what: &str, rejected: &[String]) -> anyhow::Result<()> {
-        let named = rejected.iter().take(NAMED);
-        let others = rejected.len().saturating_sub(NAMED);
-        let is_refused = what == "refused";
-        let more = match is_refused {
-            true => format!("{others} more; skyloop catalog check FILE names them all"),
-            false => format!("{others} more"),
-        };
+    /// The same for the lines of records, where there is no scene.
+    fn settle_lines(&self, rejected: &[String]) -> anyhow::Result<()> {
+        let mut lines: Vec<String> = rejected.iter().take(NAMED).cloned().collect();
+        if let Some(others @ 1..) = rejected.len().checked_sub(NAMED) {
+            lines.push(format!(
+                "{others} more; skyloop catalog check FILE names them all"
+            ));
+        }
         if self.strict && !rejected.is_empty() {
-            let mut lines: Vec<&str> = named.map(String::as_str).collect();
-            lines.extend((others > 0).then_some(more.as_str()));
-            let count = counted(rejected.len(), "record");
-            let would = match is_refused {
-                true => "cannot be used",
-                false => &format!("would be {what}"),
-            };
             bail!(
-                "--strict: {count} of orbit files {would}:\n  {}",
+                "--strict: {} of orbit files cannot be used:\n  {}",
+                counted(rejected.len(), "record"),
                 lines.join("\n  ")
             );
         }
-        for line in named {
-            tracing::warn!("{what}: {line}");
-        }
-        if others > 0 {
-            tracing::warn!("{what}: {more}");
+        for line in lines {
+            tracing::warn!("refused: {line}");
         }
         Ok(())
     }

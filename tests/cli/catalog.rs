@@ -137,7 +137,7 @@ fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
         "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
     ]);
     for command in [
-        "catalog convert old.csv --to tle",
+        "catalog info old.csv",
         "plan --scene scene.toml",
     ] {
         here.run(command)
@@ -196,35 +196,9 @@ fn info_counts_kinds_of_orbits_and_tells_one() {
 }
 
 #[test]
-fn convert_writes_every_format_and_tells_what_does_not_fit() {
+fn info_tells_the_span_of_an_ephemeris() {
     let here = folder();
-    for format in ["omm-kvn", "omm-xml", "omm-json", "omm-csv"] {
-        let to = format!("--to {format} --out there --force");
-        here.run(&format!("catalog convert orbits/a.txt delta.3le {to}"))
-            .quiet();
-        let back = here.run("catalog convert there --to 3le").exits(0).out;
-        assert_eq!(back, format!("0 {VANGUARD}0 {DELTA}"), "{format}");
-    }
-    let convert = here.run("catalog convert orbits/b.csv --to 3le").exits(0);
-    assert_eq!(convert.out.lines().count(), 3);
-    convert
-        .prints(&["0 A NAME OF THIRTY CHARACT\n1 A0002U 26101B"])
-        .logs(&[
-            "NORAD 799500123: a TLE has numbers up to 339999",
-            "NORAD 100002: the name 'A NAME OF THIRTY CHARACTERS ...' is cut",
-            "1 element set rounded",
-        ]);
-    let strict = here.run("catalog convert orbits/b.csv --to tle --out new --strict");
-    strict.exits(1).logs(&["--strict: 1 record"]);
-    assert!(!here.join("new").exists());
-    here.run("catalog convert delta.3le --to oem-kvn").exits(2);
     let oem = crate::repository("configs/scenes/rcm-2019-06-15/rcm-2-B.oem");
-    here.run(&format!("catalog convert {oem} --to tle"))
-        .exits(1)
-        .logs(&[
-            "has an ephemeris, which no mean elements",
-            "no element set to write as tle",
-        ]);
     let info = here.run(&format!("catalog info {oem}"));
     info.prints(&["with an ephemeris             1", "2019-06-15T"]);
 }

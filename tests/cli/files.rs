@@ -59,7 +59,6 @@ fn readers(here: &Folder, file: &str) -> Vec<String> {
         "lightcurve --object X --out o --scene",
         "catalog check",
         "catalog info",
-        "catalog convert --to tle",
     ];
     readers.extend(commands.map(|command| format!("{command} {file}")));
     readers.push(format!("replay {file} --config {file}"));
@@ -203,7 +202,6 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
          loopback --scene scene.toml --out p --capture orbit.oem --force | this run reads this file
          soak --config run.toml --minutes 0.01 --json orbit.oem --force  | this run reads this file
          render --scene scene.toml --out o --force                       | this run reads this file
-         catalog convert sets.csv --to omm-json --out hard.csv --force   | this run reads this file
          lightcurve --scene lightcurve/scene.toml --object B --out lightcurve --force
          | this run reads this file"
     )) {
@@ -284,7 +282,6 @@ fn names_do_not_steer_the_terminal() {
         "loopback --junit no/NAME",
         "catalog check NAME",
         "catalog info NAME",
-        "catalog convert NAME --to tle",
         "catalog synth --objects 1 --out NAME.x",
         "replay NAME",
     ] {
@@ -294,7 +291,4 @@ fn names_do_not_steer_the_terminal() {
         let ended = ended.exits(1);
         assert!(!ended.log.contains("\nforged"), "{words:?}: {}", ended.log);
     }
-    // Data are data: what is converted keeps its names.
-    let converted = here.run("catalog convert sets.csv --to omm-csv");
-    converted.says(&["\u{202e}"]);
 }

@@ -37,7 +37,7 @@ fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
         "orbits/link: 3le, 1 record",
         "2 files: 2 records of 1 object",
     ]);
-    here.run("catalog convert orbits --to tle --strict")
+    here.run("catalog info orbits --strict")
         .exits(0)
         .logs(&[passed]);
 
@@ -61,13 +61,9 @@ fn a_file_that_is_named_and_cannot_be_opened_is_an_error() {
     check
         .prints(&["good.tle: 3le, 1 record", "cannot read the orbit file none"])
         .logs(&["1 file of the command line cannot be opened"]);
-    for command in ["info", "convert --to tle"] {
-        let refused = here
-            .run(&format!("catalog {command} good.tle none"))
-            .exits(1);
-        assert_eq!(refused.out, "", "{command}");
-        refused.logs(&["cannot read the orbit file none"]);
-    }
+    let refused = here.run("catalog info good.tle none").exits(1);
+    assert_eq!(refused.out, "");
+    refused.logs(&["cannot read the orbit file none"]);
     // One that is no orbit file can be opened, and is refused.
     let report = here
         .run("catalog check --json good.tle readme")
@@ -78,10 +74,8 @@ fn a_file_that_is_named_and_cannot_be_opened_is_an_error() {
 
 #[test]
 fn help_of_catalog_speaks_of_no_scene() {
-    for command in ["info", "convert"] {
-        let help = Folder::new().run(&format!("catalog {command} --help"));
-        help.prints(&["--strict"]).lacks("scene");
-    }
+    let help = Folder::new().run("catalog info --help");
+    help.prints(&["--strict"]).lacks("scene");
 }
 
 fn ephemeris(name: &str, id: &str, stop: &str) -> String {
@@ -198,11 +192,5 @@ fn a_record_that_links_two_others_makes_one_object_of_them_for_every_command() {
             .run("render --scene scene.toml --out o --force")
             .exits(0);
         assert!(has_objects(&render.out, "1"), "{files}: {}", render.out);
-        // One file with the same records.
-        let whole = "--to omm-json --out whole.json --force";
-        here.run(&format!("catalog convert {files} {whole}"))
-            .exits(0);
-        let check = here.run("catalog check whole.json");
-        check.prints(&[" of 1 object, 0 rejected"]);
     }
 }

@@ -19,7 +19,6 @@ const PATHS: &str = "
     lightcurve      | --scene                          | --out
     catalog check   | <FILE>                           |
     catalog info    | <FILE>                           |
-    catalog convert | <FILE>                           | --out
     catalog synth   |                                  | --out
     camera check    | <NAME|FILE>                      |
     camera new      |                                  | <FILE>
@@ -79,7 +78,6 @@ fn cases() -> Vec<Case> {
          render          | --out        | o/frame_00000.fits | {render}
          cost            | --out        | o/cost.csv         | cost --frames 1 --rounds 1 --out o
          lightcurve      | --out | o/lightcurve.png | lightcurve --object RCM-1 --step 10 --out o
-         catalog convert | --out | x.json | catalog convert sets.csv --to omm-json --out x.json
          catalog synth   | --out        | o/population.toml  | catalog synth --objects 20 --out o
          catalog synth   | --out        | x.csv          | catalog synth --objects 20 --out x.csv
          camera new      | <FILE>       | x.toml             | camera new x.toml {figures}
@@ -260,12 +258,11 @@ fn devices_and_standard_output_are_written() {
     let here = folder();
     for words in [
         "loopback --frames 1 --out p --junit /dev/null --capture /dev/null --fault-log /dev/null",
-        "catalog convert sets.csv --to omm-csv --out /dev/null",
-        "catalog convert sets.csv --to omm-csv --out /dev/stdout",
-        "catalog convert sets.csv --to omm-csv --out -",
+        "soak --config soak.toml --minutes 0.05 --max-miss-rate 1 --json /dev/stdout",
+        "camera new - --size 64x64 --pixel 5 --focal 20deg --aperture f/1.4 --exposure 0.2 --full-well 12000",
     ] {
         let ended = here.run(words).exits(0);
-        let is_printed = ended.out.contains("2026-101A");
+        let is_printed = ended.out.contains("\"miss_rate\"") || ended.out.contains("width_px = 64");
         assert_eq!(is_printed, !words.contains("null"), "{}", ended.all());
     }
     let refused = here.run("loopback --frames 1 --out p --junit -");

@@ -110,7 +110,7 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
         let (name, line) = (&names[refused.source], refused.line);
         format!("{name}:{line}: {}", refused.reason(&names))
     }));
-    args.records.settle_lines("refused", &rejected)?;
+    args.records.settle_lines(&rejected)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");
     }

@@ -1,7 +1,6 @@
 //! `skyloop catalog`: what is done with files of orbits. A subcommand is a file here and a line in [`Command`].
 
 mod check;
-mod convert;
 mod info;
 mod source;
 mod synth;
@@ -17,8 +16,6 @@ pub enum Command {
     Check(check::Args),
     /// Count the objects of files by kind of orbit, or print one
     Info(info::Args),
-    /// Write element sets in another format
-    Convert(convert::Args),
     /// Make a population up, with the mix of the real one, for scale tests
     Synth(synth::Args),
 }
@@ -41,7 +38,6 @@ pub fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args),
-        Command::Convert(args) => convert::run(args),
         Command::Synth(args) => synth::run(args),
     }
 }
