@@ -119,13 +119,13 @@ const FENCES: &[(&str, &[&str])] = &[
             "output/passes",
         ],
     ),
-    ("snmalloc_rs::", &["main"]),
     ("rand::", &["measure/frames"]),
     ("rand_distr::", &["measure/frames"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
+    ("plotters::", &["output"]),
     (
         "std::fs::",
         &[

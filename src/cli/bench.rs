@@ -32,7 +32,6 @@ struct Form {
     json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     match args.of.unwrap_or(Of::Frame(args.form)) {
         Of::Frame(form) => measure::<frames::Report>(form),

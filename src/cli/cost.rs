@@ -10,7 +10,7 @@ use skyloop::flight;
 use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
 use skyloop::orbit::path_text;
 use skyloop::output::{
-    Dot, PNG_MARK, Scatter, make_folder, may_replace, write_scatter, write_text,
+    Dot, SVG_MARK, Scatter, make_folder, may_replace, write_scatter, write_text,
 };
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
@@ -19,7 +19,6 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Arguments of `skyloop cost`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Scene file with a [sequence] [default: the built-in FAI on CASSIOPE, 15 June 2019]
@@ -37,7 +36,7 @@ pub struct Args {
     /// Make frames on one thread, and tell what it has had of its processor: for machines that have other work, too
     #[arg(long)]
     one_core: bool,
-    /// Folder for cost.csv and cost.png; made if it does not exist
+    /// Folder for cost.csv and cost.svg; made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON instead of a table
@@ -53,7 +52,7 @@ pub struct Args {
 const LIMIT: Duration = Duration::from_secs(120);
 /// The folder's files.
 const LINES: &str = "cost.csv";
-const PICTURE: &str = "cost.png";
+const PICTURE: &str = "cost.svg";
 /// What the table begins with.
 const HEAD: &str = "setting,knob,value,";
 
@@ -70,14 +69,13 @@ struct Whole<'a> {
     fits: Option<bool>,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;
     let mission = mission(&config, args.scene.as_deref())?;
     if let Some(dir) = &args.out {
         make_folder(dir)?;
-        let picture = (PICTURE, PNG_MARK);
+        let picture = (PICTURE, SVG_MARK);
         may_replace(dir, (LINES, &[HEAD]), &[picture], args.force.force)?;
     }
     let vehicles = spread(&mission, args.frames)?;

@@ -18,7 +18,6 @@ use skyloop_firmware_sim::text::number;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop lightcurve`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Scene file with [objects] and an [observer] [default: the built-in FAI on CASSIOPE, 15 June 2019]
@@ -39,7 +38,7 @@ pub struct Args {
     /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the camera's exposure time]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     exposure: Option<f64>,
-    /// Folder for lightcurve.csv and lightcurve.png; made if it does not exist
+    /// Folder for lightcurve.csv and lightcurve.svg; made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -51,7 +50,6 @@ pub struct Args {
 /// Instants at most.
 const MOST_POINTS: f64 = 1e6;
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;

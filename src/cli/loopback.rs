@@ -32,7 +32,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
-/// Arguments of `skyloop loopback`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal), pty (one at the pace of
@@ -71,7 +70,6 @@ const WRITE_QUEUE: usize = 8;
 /// Without a frame for this long, a line that a fault has stopped for good is given up.
 const STOPPED: Duration = Duration::from_secs(5);
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let scene = args.scene.as_deref().map(|scene| ("--scene", scene));
     let junit = args.limits.junit().map(|file| ("--junit", file));

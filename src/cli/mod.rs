@@ -105,7 +105,6 @@ struct Group<C: Subcommand> {
 }
 
 impl Cli {
-    /// Runs the command.
     pub fn run(self) -> anyhow::Result<()> {
         if let Some(seconds) = self.ut1_utc {
             set_ut1_utc(seconds).map_err(|why| anyhow::anyhow!("--ut1-utc {why}"))?;

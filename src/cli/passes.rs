@@ -19,7 +19,6 @@ use skyloop_firmware_sim::text::number;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop passes`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Scene file with [objects], an [observer] and attitudes [default: the built-in FAI on CASSIOPE, 15 June 2019]
@@ -72,7 +71,6 @@ pub struct Args {
 /// Days at most.
 const MOST_DAYS: f64 = 31.0;
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     let name = scene_name(args.scene.as_deref());

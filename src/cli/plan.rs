@@ -19,7 +19,6 @@ use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop plan`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Scene file with a [sequence] [default: the built-in FAI on CASSIOPE, 15 June 2019]
@@ -82,7 +81,6 @@ struct Line {
     measured_ms: Option<f64>,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;

@@ -8,7 +8,6 @@ use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop pty`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Name of one end, to open as a serial port; made, and removed at the end
@@ -22,7 +21,6 @@ pub struct Args {
     baud: u32,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     // Before the names are made, so that whatever ends it removes them.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;

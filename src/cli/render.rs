@@ -21,7 +21,6 @@ use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-/// Arguments of `skyloop render`.
 #[derive(ClapArgs)]
 #[command(group = ArgGroup::new("looks").args(["scene", "attitude", "radec", "nadir", "look_at"]).required(true))]
 pub struct Args {
@@ -120,7 +119,6 @@ fn work_limit(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = configure(&args)?;
     args.records.settle(&config)?;

@@ -19,7 +19,6 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Arguments of `skyloop replay`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Recording made with --capture, or a log of candump

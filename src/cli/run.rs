@@ -28,7 +28,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Arguments of `skyloop run`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Configuration file (see configs/default.toml)
@@ -68,7 +67,6 @@ pub struct Args {
     budget: Budget,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;

@@ -6,7 +6,6 @@ use skyloop::config::Config;
 use skyloop::label;
 use skyloop_firmware_sim::console::say;
 
-/// Arguments of `skyloop schema`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Of what
@@ -28,7 +27,6 @@ enum Kind {
     Labels,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let schema = match args.kind {
         Kind::Camera => Camera::schema(),

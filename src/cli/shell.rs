@@ -10,14 +10,12 @@ use skyloop::output::write_files;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop completions`.
 #[derive(ClapArgs)]
 pub struct Completions {
     /// The shell
     shell: Shell,
 }
 
-/// Arguments of `skyloop man`.
 #[derive(ClapArgs)]
 pub struct Manual {
     /// Folder for a page a command, skyloop.1, skyloop-run.1 and so on; made if it does not exist. Without it the page of skyloop itself is

@@ -1,31 +1,27 @@
 //! A light curve as a table and as a picture.
 
+use super::chart::{AMBER, BLUE, SVG_MARK};
 use super::folder::{Folder, OutputError};
-use super::plot::{Plot, Series};
-use super::png;
+use super::plot::{Curve, magnitudes};
 use crate::light_curve::Point;
-use embedded_graphics::pixelcolor::Rgb888;
+use hifitime::Epoch;
 use skyloop_orbit::time::utc_text;
 use std::io::Write;
 use std::path::Path;
 
 const TABLE: &str = "lightcurve.csv";
-const PICTURE: &str = "lightcurve.png";
+const PICTURE: &str = "lightcurve.svg";
 /// The head of the table.
 const HEAD: &str = "utc,t_s,mag,band_mag,range_km,phase_deg,illumination,reason";
-
-/// What arrives, and what full sunlight would make of it.
-const ARRIVING: Rgb888 = Rgb888::new(255, 200, 80);
-const SUNLIT: Rgb888 = Rgb888::new(110, 140, 190);
 
 /// Whether the files in `dir` may be replaced.
 ///
 /// Errors: this process has read one of them, or without `force`: skyloop did not make them.
 pub fn may_replace_light_curve(dir: &Path, force: bool) -> Result<(), OutputError> {
-    Folder::at(dir).may_replace((TABLE, &[HEAD]), &[(PICTURE, png::MARK)], force)
+    Folder::at(dir).may_replace((TABLE, &[HEAD]), &[(PICTURE, SVG_MARK)], force)
 }
 
-/// Writes `lightcurve.csv` and `lightcurve.png` into `dir`, which is made if it does not exist; other files in it are left alone.
+/// Writes `lightcurve.csv` and `lightcurve.svg` into `dir`, which is made if it does not exist; other files in it are left alone.
 ///
 /// Errors: the folder or a file cannot be written.
 pub fn write_light_curve(dir: &Path, title: &str, points: &[Point]) -> Result<(), OutputError> {
@@ -37,28 +33,23 @@ pub fn write_light_curve(dir: &Path, title: &str, points: &[Point]) -> Result<()
         }
         Ok(())
     })?;
-    let line = |value: &dyn Fn(&Point) -> Option<f64>| -> Vec<Option<f64>> {
-        points.iter().map(value).collect()
-    };
-    let plot = Plot {
-        title: title.to_string(),
-        value: "magnitude",
-        epochs: points.iter().map(|point| point.epoch).collect(),
-        series: vec![
-            Series {
-                name: "in full sunlight",
-                color: SUNLIT,
-                values: line(&|point| point.mag.is_finite().then_some(point.mag)),
-            },
-            Series {
-                name: "as it arrives",
-                color: ARRIVING,
-                values: line(&Point::band_mag),
-            },
-        ],
-    };
-    let picture = plot.draw();
-    folder.write(PICTURE, |out| png::write_rgb(out, &picture))
+    let values = |value: &dyn Fn(&Point) -> Option<f64>| points.iter().map(value).collect();
+    let curves = [
+        Curve {
+            name: "in full sunlight",
+            color: BLUE,
+            values: values(&|point| point.mag.is_finite().then_some(point.mag)),
+        },
+        Curve {
+            name: "as it arrives",
+            color: AMBER,
+            values: values(&Point::band_mag),
+        },
+    ];
+    let epochs: Vec<Epoch> = points.iter().map(|point| point.epoch).collect();
+    folder.write(PICTURE, |out| {
+        out.write_all(magnitudes(title, &epochs, &curves)?.as_bytes())
+    })
 }
 
 /// A line of the table; a magnitude is empty where there is none.

@@ -9,10 +9,10 @@
 //! contact_sheet.png           up to twelve annotated frames, spread over the run
 //! ```
 //!
-//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.png` instead, `skyloop cost` `cost.csv` and `cost.png`.
+//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.svg` instead, `skyloop cost` `cost.csv` and `cost.svg`.
 
-mod axes;
 mod canvas;
+mod chart;
 mod fits;
 mod folder;
 mod light_curve;
@@ -28,6 +28,7 @@ mod stretch;
 mod text;
 mod wcs;
 
+pub use chart::SVG_MARK;
 pub use folder::{OutputError, is_of_run};
 pub use light_curve::{may_replace_light_curve, write_light_curve};
 pub use scatter::{Dot, Scatter, write_scatter};
@@ -53,9 +54,6 @@ pub fn may_replace(
 ) -> Result<(), OutputError> {
     Folder::at(dir).may_replace(marked, others, force)
 }
-
-/// How a PNG that skyloop wrote is recognised.
-pub const PNG_MARK: Mark = png::MARK;
 
 const LABELS: &str = "labels.jsonl";
 const SHEET: &str = "contact_sheet.png";

@@ -1,33 +1,19 @@
-//! A plot of magnitudes over time: bright is up.
+//! A plot of magnitudes against time: bright is up.
 
-use super::axes::{FRAME, GROUND, SIZE, frame, line, mark_across, mark_upwards};
-use super::canvas::{Canvas, text_size};
-use embedded_graphics::mono_font::ascii::FONT_6X10;
-use embedded_graphics::pixelcolor::Rgb888;
-use embedded_graphics::prelude::*;
+use super::chart::{Axis, Chart, Drawn, svg};
 use hifitime::{Epoch, Unit};
-use image::RgbImage;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
 use skyloop_orbit::time::{utc_duration, utc_text};
+use std::io;
 
-/// Values over time.
-pub struct Plot {
-    /// Above it.
-    pub title: String,
-    /// What the values are.
-    pub value: &'static str,
-    /// When, rising.
-    pub epochs: Vec<Epoch>,
-    /// Drawn in this order.
-    pub series: Vec<Series>,
-}
-
-/// A line of the plot.
-pub struct Series {
-    /// As the legend says it.
+/// A curve of the plot.
+pub struct Curve {
+    /// Its name on the plot.
     pub name: &'static str,
     /// Its colour.
-    pub color: Rgb888,
-    /// One an epoch; none breaks the line.
+    pub color: RGBColor,
+    /// One value an epoch; where there is none the line is broken.
     pub values: Vec<Option<f64>>,
 }
 
@@ -39,102 +25,73 @@ const TIME_STEPS: &[f64] = &[
     10_800.0, 21_600.0, 43_200.0, 86_400.0,
 ];
 
-impl Plot {
-    /// The picture.
-    pub fn draw(&self) -> RgbImage {
-        let mut canvas = Canvas::filled(SIZE[0], SIZE[1], GROUND);
-        let start = self.epochs.first().copied().unwrap_or_default();
-        let seconds: Vec<f64> = self
-            .epochs
-            .iter()
-            .map(|t| (*t - start).to_seconds())
-            .collect();
-        let span_s = seconds.last().copied().unwrap_or(0.0);
-        let [low, high] = self.range();
-        let [left, top, right, bottom] = FRAME;
-        // A single instant stands in the middle.
-        let x = |s: f64| {
-            let share = if span_s > 0.0 { s / span_s } else { 0.5 };
-            f64::from(left) + share * f64::from(right - left)
-        };
-        // Brighter is smaller, and up.
-        let y = |v: f64| f64::from(top) + (v - low) / (high - low) * f64::from(bottom - top);
-
-        for tick in ticks(low, high, nice((high - low) / TICKS)) {
-            mark_upwards(&mut canvas, y(tick.value), &tick.text);
-        }
-        for (s, text) in time_ticks(start, span_s) {
-            mark_across(&mut canvas, x(s), &text);
-        }
-        for series in &self.series {
-            self.curve(&mut canvas, series, &seconds, &x, &y);
-        }
-        let day = utc_text(start);
-        let day = day.split('T').next().unwrap_or_default();
-        let across = format!("UTC, from {day}");
-        frame(&mut canvas, &self.title, [&across, self.value]);
-        self.legend(&mut canvas);
-        canvas.0
-    }
-
-    /// The least and the greatest value, with some room, and never the same.
-    fn range(&self) -> [f64; 2] {
-        let values = self
-            .series
-            .iter()
-            .flat_map(|series| series.values.iter().flatten());
-        let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
-            [low.min(*v), high.max(*v)]
-        });
-        if low > high {
-            return [0.0, 1.0];
-        }
-        let room = (0.05 * (high - low)).max(0.05);
-        [low - room, high + room]
-    }
-
-    /// A line from value to value, and a dot where one stands alone.
-    fn curve(
-        &self,
-        canvas: &mut Canvas,
-        series: &Series,
-        seconds: &[f64],
-        x: &impl Fn(f64) -> f64,
-        y: &impl Fn(f64) -> f64,
-    ) {
-        let at = |i: usize| -> Option<[i32; 2]> {
-            let value = series.values.get(i).copied().flatten()?;
-            Some([x(*seconds.get(i)?).round() as i32, y(value).round() as i32])
-        };
-        for i in 0..seconds.len() {
-            let Some(here) = at(i) else { continue };
-            let before = i.checked_sub(1).and_then(&at);
-            match (before, at(i + 1)) {
-                (None, None) => {
-                    let [x, y] = here.map(f64::from);
-                    canvas.ring([x, y], 1.0, 2.0, series.color, false);
-                }
-                (_, Some(next)) => line(canvas, here, next, series.color, 2),
-                _ => {}
-            }
-        }
-    }
-
-    /// The names of the series, on the right above the frame.
-    fn legend(&self, canvas: &mut Canvas) {
-        let [_, top, mut edge, _] = FRAME;
-        for series in self.series.iter().rev() {
-            edge -= text_size(series.name, &FONT_6X10).width as i32;
-            let at = Point::new(edge, top - 20);
-            canvas.text(series.name, at, &FONT_6X10, series.color);
-            edge -= 20;
-        }
-    }
+/// The plot as SVG, its `curves` in the order that they are drawn in. `epochs` rise.
+pub fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result<String> {
+    let start = epochs.first().copied().unwrap_or_default();
+    let seconds: Vec<f64> = epochs.iter().map(|t| (*t - start).to_seconds()).collect();
+    let span_s = seconds.last().copied().unwrap_or(0.0);
+    let (ticks, decimals) = time_ticks(start, span_s);
+    // A single instant stands in the middle.
+    let ends = if span_s > 0.0 { 0.0..span_s } else { -1.0..1.0 };
+    let [bright, faint] = range(curves);
+    let day = utc_text(start);
+    let across = Axis {
+        name: &format!("UTC, from {}", day.split('T').next().unwrap_or_default()),
+        range: RangedCoordf64::from(ends),
+        marks: ticks,
+        label: &|s| time_of_day(start + Unit::Second * *s, decimals),
+    };
+    let range = RangedCoordf64::from(faint..bright);
+    let upwards = Axis {
+        name: "magnitude",
+        marks: range.key_points(TICKS as usize),
+        range,
+        label: &|mag| format!("{mag:.2}"),
+    };
+    let names: Vec<_> = curves.iter().map(|one| (one.name, one.color)).collect();
+    svg(title, across, upwards, &names, |chart| {
+        (curves.iter()).try_for_each(|curve| draw(chart, curve, &seconds))
+    })
 }
 
-struct Tick {
-    value: f64,
-    text: String,
+/// The least and the greatest value, with some room, and never the same.
+fn range(curves: &[Curve]) -> [f64; 2] {
+    let values = curves
+        .iter()
+        .flat_map(|curve| curve.values.iter().flatten());
+    let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+        [low.min(*v), high.max(*v)]
+    });
+    if low > high {
+        return [0.0, 1.0];
+    }
+    let room = (0.05 * (high - low)).max(0.05);
+    [low - room, high + room]
+}
+
+/// Draws a line from value to value, and a dot where one stands alone.
+fn draw<X, Y>(chart: &mut Chart<'_, '_, X, Y>, curve: &Curve, seconds: &[f64]) -> Drawn
+where
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
+    let style = curve.color.stroke_width(2);
+    let points: Vec<_> = seconds
+        .iter()
+        .copied()
+        .zip(curve.values.iter().copied())
+        .collect();
+    let runs = points.split(|(_, value)| value.is_none());
+    for run in runs.filter(|run| !run.is_empty()) {
+        let run = run.iter().filter_map(|(s, value)| Some((*s, (*value)?)));
+        let run: Vec<(f64, f64)> = run.collect();
+        let element = match run[..] {
+            [alone] => Circle::new(alone, 2, style.filled()).into_dyn(),
+            _ => PathElement::new(run, style).into_dyn(),
+        };
+        chart.draw_series([element])?;
+    }
+    Ok(())
 }
 
 /// 1, 2 or 5 times a power of ten, at least `step`.
@@ -146,24 +103,10 @@ fn nice(step: f64) -> f64 {
     factor.unwrap_or(10.0) * power
 }
 
-/// The multiples of `step` between two values, with as many decimals as it has.
-fn ticks(low: f64, high: f64, step: f64) -> Vec<Tick> {
-    let decimals = (-libm::log10(step).floor()).max(0.0) as usize;
-    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
-    let tick = |i: i64| {
-        let value = i as f64 * step;
-        Tick {
-            value,
-            text: format!("{value:.decimals$}"),
-        }
-    };
-    (first..=last).map(tick).collect()
-}
-
-/// Seconds after `start` and the time of day there, at full seconds, minutes, hours or days.
-fn time_ticks(start: Epoch, span_s: f64) -> Vec<(f64, String)> {
+/// The seconds after `start` that have a label, at full seconds, minutes, hours or days, and the decimals of the second there.
+fn time_ticks(start: Epoch, span_s: f64) -> (Vec<f64>, usize) {
     if span_s <= 0.0 {
-        return vec![(0.0, time_of_day(start, 3))];
+        return (vec![0.0], 3);
     }
     let wanted = span_s / TICKS;
     let step = match TIME_STEPS.iter().find(|step| **step >= wanted) {
@@ -171,18 +114,14 @@ fn time_ticks(start: Epoch, span_s: f64) -> Vec<(f64, String)> {
         Some(_) => nice(wanted),
         None => nice(wanted / 86_400.0) * 86_400.0,
     };
-    let decimals = (-libm::log10(step).floor()).max(0.0) as usize;
     let before = utc_seconds_of_day(start);
     let (first, last) = (
         (before / step - 1e-9).ceil() as i64,
         ((before + span_s) / step + 1e-9).floor() as i64,
     );
-    (first..=last)
-        .map(|i| {
-            let s = i as f64 * step - before;
-            (s, time_of_day(start + Unit::Second * s, decimals))
-        })
-        .collect()
+    let ticks = (first..=last).map(|i| i as f64 * step - before);
+    let decimals = (-libm::log10(step).floor()).max(0.0) as usize;
+    (ticks.collect(), decimals)
 }
 
 /// Seconds of UTC since midnight.
@@ -209,34 +148,58 @@ fn time_of_day(epoch: Epoch, decimals: usize) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chart::AMBER;
     use super::*;
     use skyloop_orbit::time::parse_utc;
-
-    #[test]
-    fn ticks_are_round() {
-        assert_eq!([0.013, 0.02, 0.3, 7.0].map(nice), [0.02, 0.02, 0.5, 10.0]);
-        let texts: Vec<String> = ticks(-0.12, 0.31, 0.1)
-            .into_iter()
-            .map(|t| t.text)
-            .collect();
-        assert_eq!(texts, ["-0.1", "0.0", "0.1", "0.2", "0.3"]);
-    }
 
     #[test]
     fn times_are_full_units_of_the_day() {
         let start = parse_utc("2019-06-15T23:59:50.250").unwrap();
         let texts = |span_s| -> Vec<String> {
-            time_ticks(start, span_s)
-                .into_iter()
-                .map(|(_, text)| text)
-                .collect()
+            let (ticks, decimals) = time_ticks(start, span_s);
+            let text = |s: &f64| time_of_day(start + Unit::Second * *s, decimals);
+            ticks.iter().map(text).collect()
         };
         assert_eq!(texts(30.0)[..3], ["23:59:55", "00:00:00", "00:00:05"]);
         assert_eq!(texts(0.8)[..2], ["23:59:50.3", "23:59:50.4"]);
         assert_eq!(texts(86_400.0)[0], "00:00:00");
         assert_eq!(texts(0.0), ["23:59:50.250"]);
-        let (first, _) = time_ticks(start, 30.0)[0];
+        let first = time_ticks(start, 30.0).0[0];
         assert!((first - 4.75).abs() < 1e-6, "{first}");
-        assert!(time_ticks(start, 1e7).len() < 20);
+        assert!(time_ticks(start, 1e7).0.len() < 20);
+        assert_eq!([0.013, 0.02, 0.3, 7.0].map(nice), [0.02, 0.02, 0.5, 10.0]);
+    }
+
+    #[test]
+    fn curves_are_broken_where_there_is_no_value_and_bright_is_up() {
+        let start = parse_utc("2019-06-15T00:00:00").unwrap();
+        let epochs = [0.0, 1.0, 2.0, 3.0, 4.0].map(|s| start + Unit::Second * s);
+        let curve = Curve {
+            name: "curve",
+            color: AMBER,
+            values: vec![Some(5.0), Some(4.0), None, Some(6.0), None],
+        };
+        let text = magnitudes("a <b>", &epochs, &[curve]).unwrap();
+        assert!(
+            text.contains("a &lt;b&gt;") && text.contains(">\nmagnitude\n<"),
+            "{text}"
+        );
+        let drawn = |tag: &'static str| {
+            text.lines()
+                .filter(move |line| line.starts_with(tag) && line.contains("#FFC850"))
+        };
+        let line = drawn("<polyline").next().unwrap();
+        let (_, points) = line.split_once("points=\"").unwrap();
+        let y: Vec<i32> = points
+            .split_whitespace()
+            .filter_map(|point| point.split_once(',')?.1.parse().ok())
+            .collect();
+        assert!(y.len() == 2 && y[1] < y[0], "{line}");
+        assert_eq!(
+            (drawn("<polyline").count(), drawn("<circle").count()),
+            (1, 1)
+        );
+        // Neither values nor instants.
+        assert!(magnitudes("nothing", &[], &[]).is_ok());
     }
 }

@@ -83,16 +83,23 @@ fn every_setting_is_in_the_json_the_lines_and_the_table() {
     };
     assert!(off("fast") > off("realtime") && off("realtime") > 0.0);
 
-    assert_eq!(here.names("o"), ["cost.csv", "cost.png"]);
+    assert_eq!(here.names("o"), ["cost.csv", "cost.svg"]);
     let csv = here.read("o/cost.csv");
     let lines = csv
         .lines()
         .skip(1)
         .map(|line| line.split(',').next().unwrap());
     assert_eq!(lines.collect::<Vec<_>>(), named);
-    let plot = image::open(here.join("o/cost.png")).unwrap().to_rgb8();
-    let colours: std::collections::HashSet<_> = plot.pixels().collect();
-    assert!(colours.len() > 3, "a plot has axes, dots and a line");
+    let plot = here.read("o/cost.svg");
+    let dots = plot.lines().filter(|line| line.starts_with("<circle"));
+    assert_eq!(dots.count(), named.len());
+    for preset in ["fast", "realtime", "reference"] {
+        assert!(
+            plot.contains(&format!(">\n{preset}\n<")),
+            "{preset}: {plot}"
+        );
+    }
+    assert!(plot.contains("budget 1000000 ms"), "{plot}");
 
     let table = here.run(&format!("{cost} --one-core {SCANT}")).exits(0);
     let names: Vec<&str> = named.iter().map(String::as_str).collect();

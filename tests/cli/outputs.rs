@@ -77,7 +77,7 @@ fn cases() -> Vec<Case> {
          soak            | --json       | x                  | {soak} --json x
          render          | --out        | o/frame_00000.fits | {render}
          cost            | --out        | o/cost.csv         | cost --frames 1 --rounds 1 --out o
-         lightcurve      | --out | o/lightcurve.png | lightcurve --object RCM-1 --step 10 --out o
+         lightcurve      | --out | o/lightcurve.svg | lightcurve --object RCM-1 --step 10 --out o
          catalog synth   | --out        | o/population.toml  | catalog synth --objects 20 --out o
          catalog synth   | --out        | x.csv          | catalog synth --objects 20 --out x.csv
          camera new      | <FILE>       | x.toml             | camera new x.toml {figures}
@@ -227,8 +227,8 @@ fn files_beside_the_named_one_are_replaced_by_force_only_too() {
         "frame_00000_preview.png",
         "contact_sheet.png",
         "lightcurve.csv",
-        "lightcurve.png",
-        "cost.png",
+        "lightcurve.svg",
+        "cost.svg",
     ] {
         assert!(seen.contains(name), "{name} is not among {seen:?}");
     }

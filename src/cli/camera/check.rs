@@ -7,7 +7,6 @@ use skyloop::load::Folder;
 use skyloop::sensitivity::{CATALOGUE_MAG, LIMIT_SNR, SKY_MAG_ARCSEC2, Sensitivity};
 use skyloop_firmware_sim::console::say;
 
-/// Arguments of `skyloop camera check`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// A camera file, or the name of a built-in camera
@@ -30,7 +29,6 @@ struct Report {
 /// Stars in a frame below which a star tracker cannot find its attitude.
 const FEW_STARS: f64 = 4.0;
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let (camera, notices) = Camera::load_noticed(&args.camera, &Folder::current())?;
     say(report(&camera, notices, args.json)?)?;

@@ -14,7 +14,6 @@ pub enum Command {
     New(new::Args),
 }
 
-/// Runs the subcommand.
 pub fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Check(args) => check::run(args),

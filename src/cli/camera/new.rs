@@ -11,7 +11,6 @@ use skyloop_firmware_sim::console::{printable, say, write_out};
 use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
 use std::path::PathBuf;
 
-/// Arguments of `skyloop camera new`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// The file to write, or - for standard output; its name without the end becomes the camera's
@@ -90,7 +89,6 @@ const QUESTIONS: [Question; 6] = [
     },
 ];
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let shown = path_text(&args.file);
     let to_stdout = is_stdout(&args.file);

@@ -15,7 +15,6 @@ use skyloop_firmware_sim::console::say;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-/// Arguments of `skyloop catalog check`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Files of orbits, or folders of them; the format is found from the text
@@ -104,7 +103,6 @@ impl From<Rejected> for Refusal {
     }
 }
 
-/// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut report = Report::default();
     let mut all = Vec::new();

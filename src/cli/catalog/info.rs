@@ -13,7 +13,6 @@ use skyloop::orbit::{Loaded, Object, Orbit, Regime, United, unite};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
-/// Arguments of `skyloop catalog info`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Files of orbits, or folders of them
@@ -56,7 +55,6 @@ struct Line {
     bstar: Option<f64>,
 }
 
-/// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let all = objects(&args)?;
     let lines = match &args.object {

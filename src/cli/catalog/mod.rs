@@ -33,7 +33,6 @@ fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<
     Ok(())
 }
 
-/// Runs the subcommand.
 pub fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Check(args) => check::run(args),

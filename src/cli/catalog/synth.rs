@@ -16,7 +16,6 @@ use skyloop_firmware_sim::text::whole;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Arguments of `skyloop catalog synth`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// How many objects, 1 to 10,000,000
@@ -65,7 +64,6 @@ const ENDS: [(&str, Format); 6] = [
 /// Objects whose records tell how long those of others are.
 const FEW: usize = 1000;
 
-/// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     debug_assert!(args.objects as usize <= MOST_OBJECTS);
     Bodies::at(args.epoch).with_context(|| format!("--epoch {}", utc_text(args.epoch)))?;

@@ -36,7 +36,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
-/// Arguments of `skyloop soak`.
 #[derive(ClapArgs)]
 pub struct Args {
     /// Run file with a [sequence], whose first attitude and rates are flown; its clock is wall or external
@@ -80,7 +79,6 @@ pub struct Args {
     orbits: Orbits,
 }
 
-/// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     are_different(&args.files())?;
     let mut outputs = Outputs::open(&args)?;

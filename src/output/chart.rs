@@ -1,0 +1,111 @@
+//! Plots as SVG: a title, a grid with labels, and the curves or dots of one kind of plot.
+
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
+use plotters::prelude::*;
+use skyloop_orbit::{Mark, printable_line};
+use std::io;
+use std::ops::Range;
+
+/// How a plot that skyloop wrote is recognised.
+pub const SVG_MARK: Mark = &["<!-- Software: skyloop -->"];
+
+/// Width and height, px.
+const SIZE: (u32, u32) = (1000, 560);
+/// Around the chart, px.
+const MARGIN: i32 = 12;
+const GROUND: RGBColor = RGBColor(12, 14, 20);
+const GRID: RGBColor = RGBColor(40, 44, 54);
+const INK: RGBColor = RGBColor(210, 214, 220);
+pub const AMBER: RGBColor = RGBColor(255, 200, 80);
+pub const BLUE: RGBColor = RGBColor(110, 140, 190);
+
+/// Width of a character of [`font`], px.
+pub const CHARACTER_PX: i32 = 7;
+
+/// Text in one colour.
+pub fn font(color: RGBColor) -> TextStyle<'static> {
+    ("monospace", 15).into_font().color(&color)
+}
+
+/// An axis: its name, its range, the values that have grid lines, and the labels of these.
+pub struct Axis<'t, R> {
+    pub name: &'t str,
+    pub range: R,
+    pub marks: Vec<f64>,
+    pub label: &'t dyn Fn(&f64) -> String,
+}
+
+/// A range with grid lines at given values.
+pub struct Marked<R>(R, Vec<f64>);
+
+impl<R: Ranged<ValueType = f64>> Ranged for Marked<R> {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.0.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.1.clone()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.0.range()
+    }
+}
+
+/// The plot's area, with a grid.
+pub type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked<X>, Marked<Y>>>;
+/// Whether something was drawn.
+pub type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
+
+/// The text of an SVG file: axes under a title, what `draw` adds, and the names of curves, each in
+/// its colour, in the lower right corner.
+pub fn svg<X, Y>(
+    title: &str,
+    across: Axis<'_, X>,
+    upwards: Axis<'_, Y>,
+    names: &[(&str, RGBColor)],
+    draw: impl FnOnce(&mut Chart<'_, '_, X, Y>) -> Drawn,
+) -> io::Result<String>
+where
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
+    let mut text = format!("{}\n", SVG_MARK[0]);
+    let drawn = || -> Drawn {
+        let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        root.fill(&GROUND)?;
+        let mut chart = ChartBuilder::on(&root)
+            .caption(printable_line(title), font(INK))
+            .margin(MARGIN)
+            .x_label_area_size(45)
+            .y_label_area_size(80)
+            .build_cartesian_2d(
+                Marked(across.range, across.marks),
+                Marked(upwards.range, upwards.marks),
+            )?;
+        chart
+            .configure_mesh()
+            .axis_style(INK)
+            .bold_line_style(GRID)
+            .light_line_style(TRANSPARENT)
+            .label_style(font(INK))
+            .x_desc(across.name)
+            .y_desc(upwards.name)
+            .x_label_formatter(across.label)
+            .y_label_formatter(upwards.label)
+            .draw()?;
+        draw(&mut chart)?;
+        let (mut x, y) = (SIZE.0 as i32 - MARGIN, SIZE.1 as i32 - 2 * MARGIN);
+        for (name, color) in names.iter().rev() {
+            x -= CHARACTER_PX * name.len() as i32;
+            root.draw(&Text::new(*name, (x, y), font(*color)))?;
+            x -= 2 * MARGIN;
+        }
+        root.present()
+    };
+    drawn().map_err(io::Error::other)?;
+    Ok(text)
+}
