@@ -462,9 +462,10 @@ impl Emulator {
     }
 }
 
-/// Asks for memory on this thread, touches it and gives it back, as real-time programs do before they begin: the allocator keeps it, and a frame
-/// with more in view than any before finds what the system has given already. In pieces of each size, and many small ones: what is left over between those in use
-/// is touched, too.
+/// Allocates memory on this thread, touches it and frees it, as real-time programs do before they
+/// begin. The allocator keeps it for a frame with more in view than any before: in glibc the freed
+/// block of 4 MiB raises the sizes from which memory goes back to the system to 4 and 8 MiB
+/// (`M_MMAP_THRESHOLD` and `M_TRIM_THRESHOLD` in mallopt(3)).
 fn reserve() {
     const LARGE: [usize; 6] = [4096, 2048, 1024, 512, 256, 128];
     const SMALL: [usize; 64] = [64; 64];

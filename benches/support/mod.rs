@@ -1,12 +1,7 @@
 //! A report and its promises, as a program.
 
 use skyloop::measure::Report;
-use snmalloc_rs::SnMalloc;
 use std::process::ExitCode;
-
-/// As in the program.
-#[global_allocator]
-static MEMORY: SnMalloc = SnMalloc;
 
 /// Measures and prints; fails where a promise is not kept.
 pub fn kept<R: Report>() -> ExitCode {

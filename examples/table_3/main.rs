@@ -6,14 +6,9 @@ mod table;
 
 use clap::Parser;
 use skyloop_firmware_sim::console::{in_one_line, say};
-use snmalloc_rs::SnMalloc;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
-
-/// The program's own: what is measured is what users have.
-#[global_allocator]
-static MEMORY: SnMalloc = SnMalloc;
 
 fn main() -> ExitCode {
     let args = table::Args::parse();

@@ -35,7 +35,8 @@ pub(super) fn schedule(priority: u8) -> Result<(), String> {
 
 /// Locks what the process has and will have, each page when it is first touched.
 ///
-/// Not before: the allocator reserves far more addresses than it ever uses, which would all be filled.
+/// Not before: stacks and the allocator's arenas reserve more addresses than they ever use, which
+/// would all be filled.
 pub(super) fn lock_memory() -> Result<(), String> {
     let limit = getrlimit(Resource::Memlock).current;
     let without_limit =
