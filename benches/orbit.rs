@@ -5,5 +5,5 @@
 mod support;
 
 fn main() -> std::process::ExitCode {
-    support::kept::<skyloop::measure::orbits::Report>()
+    support::kept::<skyloop::measure::orbits::Report>(&[])
 }

@@ -119,8 +119,6 @@ const FENCES: &[(&str, &[&str])] = &[
             "output/passes",
         ],
     ),
-    ("rand::", &["measure/frames"]),
-    ("rand_distr::", &["measure/frames"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),
     ("image::", &["output"]),

@@ -1,13 +1,15 @@
 //! A report and its promises, as a program.
 
-use skyloop::measure::Report;
+use skyloop::measure::{Report, Row};
 use std::process::ExitCode;
 
-/// Measures and prints; fails where a promise is not kept.
-pub fn kept<R: Report>() -> ExitCode {
+/// Measures and prints, with `more` rows; fails where a promise is not kept.
+pub fn kept<R: Report>(more: &[Row]) -> ExitCode {
     let report = R::measure(|part| eprintln!("{part} ...")).unwrap();
     print!("{report}");
-    let broken = report.broken();
+    more.iter().for_each(|row| println!("{row}"));
+    let mut broken = report.broken();
+    broken.extend(more.iter().filter_map(Row::broken));
     for promise in &broken {
         println!("NOT kept: {promise}");
     }

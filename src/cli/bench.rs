@@ -18,7 +18,7 @@ pub struct Args {
 /// What is measured.
 #[derive(Subcommand)]
 enum Of {
-    /// Frames (what is measured if nothing is named): noise against rand_distr, whole frames against their own slow path, two threads
+    /// Frames (what is measured if nothing is named): noise and whole frames against their own slow paths, two threads
     Frame(Form),
     /// A catalogue's orbits: vector instructions against the sgp4 crate, threads, tracks, a camera's whole step
     Orbit(Form),

@@ -1,4 +1,4 @@
-//! What frames take: noise against `rand_distr`, whole frames against their own slow path, two threads against one.
+//! What frames take: noise and whole frames against their own slow paths, two threads against one.
 //!
 //! All figures of a report are of one run, as ratios, taken in turns.
 
@@ -14,9 +14,6 @@ use crate::load::{ConfigError, Folder};
 use crate::rng::NoiseKey;
 use crate::rng::poisson::Switch;
 use hifitime::Unit;
-use rand::SeedableRng;
-use rand::rngs::SmallRng;
-use rand_distr::{Distribution, Normal, Poisson};
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
@@ -28,9 +25,10 @@ const OBJECTS: usize = 20_000;
 /// Columns and rows of the noise's frame, and pixels of it that are drawn at a time, as the renderer's runs are.
 const SIDE: usize = 1024;
 const RUN: usize = 2048;
-/// Mean and read noise (e-) of its pixels.
+/// Mean of its pixels, e-.
 const MEAN_E: f32 = 50.0;
-const READ_E: f32 = 3.0;
+/// Their read noise, e-.
+pub const READ_E: f32 = 3.0;
 /// Rounds of which medians are told: of noise, and of frames.
 const ROUNDS: usize = 21;
 const FRAMES: usize = 16;
@@ -62,8 +60,8 @@ impl super::Report for Report {
         let machine = Machine::this();
         told("noise");
         let noise = Level::available().into_iter().map(|level| {
-            let least = (level == Level::best()).then_some(10.0);
-            with_threads(1, || noise(level, least))
+            let alone = |round, light: &[f32], digits: &mut [u16]| draw(None, round, light, digits);
+            noise(level, "each pixel alone", None, alone)
         });
         let noise = noise.collect();
         let mut frames = Vec::new();
@@ -134,55 +132,60 @@ impl fmt::Display for Report {
     }
 }
 
-/// Shot noise, read noise and digits of even light, against a draw of each by `rand_distr` a pixel.
-fn noise(level: Level, least: Option<f64>) -> Row {
-    let key = |round: usize| NoiseKey {
+/// What turns electrons into digits.
+pub const CONVERTER: Converter = Converter {
+    per_electron: 0.5,
+    offset: 100.0,
+    max: 4095,
+};
+
+/// Shot noise, read noise and digits of even light by a level's kernels, against `theirs`, on one
+/// thread. That is given a round's number and the mean electrons of pixels, and makes digits of them.
+pub fn noise(
+    level: Level,
+    against: &'static str,
+    least: Option<f64>,
+    mut theirs: impl FnMut(usize, &[f32], &mut [u16]) + Send,
+) -> Row {
+    let light = vec![MEAN_E; SIDE * SIDE];
+    let [mut digits, mut others] = [(); 2].map(|()| vec![0u16; SIDE * SIDE]);
+    let turns = || {
+        row(
+            format!("noise, {SIDE} x {SIDE}, mean {MEAN_E} e-, {level}"),
+            against,
+            least,
+            ROUNDS,
+            [SIDE * SIDE; 2],
+            |round| {
+                draw(Some(level), round, &light, &mut digits);
+                black_box(&digits);
+            },
+            |round| {
+                theirs(round, black_box(&light), &mut others);
+                black_box(&others);
+            },
+        )
+    };
+    with_threads(1, turns)
+}
+
+/// Makes digits of light in runs of pixels; without a level pixel by pixel.
+fn draw(level: Option<Level>, round: usize, light: &[f32], digits: &mut [u16]) {
+    let key = NoiseKey {
         seed: 1,
         sequence: round as u32,
         repeat: 0,
     };
-    let converter = Converter {
-        per_electron: 0.5,
-        offset: 100.0,
-        max: 4095,
-    };
-    let light = vec![MEAN_E; SIDE * SIDE];
     let switch = Switch::within(1e-4);
-    let (mut digits, mut others) = (vec![0u16; SIDE * SIDE], vec![0u16; SIDE * SIDE]);
     let mut electrons = [0.0; RUN];
-    let mut random = SmallRng::seed_from_u64(1);
-    let ours = |round: usize| {
-        let runs = light.chunks(RUN).zip(digits.chunks_mut(RUN));
-        for (run, (light, digits)) in runs.enumerate() {
-            let electrons = &mut electrons[..light.len()];
-            electrons.copy_from_slice(light);
-            let (key, first, level) = (key(round), run * RUN, Some(level));
-            kernels::shot_noise(level, key, 1, first, switch, electrons);
-            kernels::read_noise(level, key, 2, first, READ_E, electrons);
-            kernels::digitise(level, &converter, electrons, digits);
-        }
-        black_box(&digits);
-    };
-    let theirs = |_: usize| {
-        for (dn, mean) in others.iter_mut().zip(&light) {
-            let mean = f64::from(*black_box(mean));
-            let shot = Poisson::new(mean).map_or(0.0, |poisson| poisson.sample(&mut random));
-            let read = Normal::new(0.0, f64::from(black_box(READ_E)));
-            let read = read.map_or(0.0, |normal| normal.sample(&mut random));
-            *dn = converter.digit((shot + read) as f32);
-        }
-        black_box(&others);
-    };
-    let work = format!("noise, {SIDE} x {SIDE}, mean {MEAN_E} e-, {level}");
-    row(
-        work,
-        "rand_distr, a pixel at a time",
-        least,
-        ROUNDS,
-        [SIDE * SIDE; 2],
-        ours,
-        theirs,
-    )
+    let runs = light.chunks(RUN).zip(digits.chunks_mut(RUN));
+    for (run, (light, digits)) in runs.enumerate() {
+        let electrons = &mut electrons[..light.len()];
+        electrons.copy_from_slice(light);
+        kernels::shot_noise(level, key, 1, run * RUN, switch, electrons);
+        kernels::read_noise(level, key, 2, run * RUN, READ_E, electrons);
+        kernels::digitise(level, &CONVERTER, electrons, digits);
+    }
 }
 
 /// A camera under stars, a synthetic population and all else that the built-in scene has.
