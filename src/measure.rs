@@ -5,9 +5,11 @@ pub mod frames;
 pub mod orbits;
 mod population;
 mod ratio;
+mod sample;
 pub mod smear;
 
 pub use ratio::{Machine, Report, Row};
+pub use sample::Cost;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
@@ -20,6 +22,7 @@ use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
 use crate::scene::{EffectId, EffectSet, Scene, Source, Unobservable};
 use rayon::prelude::*;
+use sample::Sample;
 use skyloop_orbit::sgp4_batch::Level;
 use std::collections::HashMap;
 use std::hint::black_box;
@@ -31,15 +34,6 @@ const REPEATS: u32 = 12;
 const ROUNDS: [usize; 2] = [25, 5];
 /// No more rounds once they have taken this long, ms.
 const LONG_MS: f64 = 400.0;
-
-/// What something takes.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Cost {
-    /// ms on one core.
-    pub ms: f64,
-    /// What the rounds tell it to, ms.
-    pub error_ms: f64,
-}
 
 /// A frame to measure on.
 pub struct Bench<'a> {
@@ -56,14 +50,7 @@ impl Bench<'_> {
     pub fn frame(&self, choice: &Choice, repeat: u32) -> Result<Frame, Unobservable> {
         let scene = self.scene(choice, repeat)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
-        Ok(render(
-            &plan,
-            &scene,
-            Some(Level::best()),
-            true,
-            &mut Memory::default(),
-            &|_, _| {},
-        ))
+        Ok(rendered(&plan, &scene))
     }
 
     fn scene(&self, choice: &Choice, repeat: u32) -> Result<Scene, Unobservable> {
@@ -277,12 +264,18 @@ impl Bench<'_> {
         };
         // In turn, so that what slows the machine down for a while slows both.
         let difference = || time(with) - time(without);
-        let Cost { ms, error_ms } = median(rounds(difference));
+        let Cost { ms, error_ms } = Sample::new(rounds(difference)).median();
         Cost {
             ms: ms.max(0.0),
             error_ms,
         }
     }
+}
+
+/// A frame with its digits, its expectation and its charge.
+fn rendered(plan: &Plan<'_>, scene: &Scene) -> Frame {
+    let (level, memory) = (Some(Level::best()), &mut Memory::default());
+    render(plan, scene, level, true, memory, &|_, _| {})
 }
 
 /// `choice`, which no longer switches `effect` off.
@@ -307,7 +300,7 @@ fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (Cost, U
         (took, made) = round();
         took
     });
-    (median(times), made)
+    (Sample::new(times).median(), made)
 }
 
 /// The times of as many rounds as there is time for, ms.
@@ -318,18 +311,6 @@ fn rounds(mut round: impl FnMut() -> f64) -> Vec<f64> {
         times.push(round());
     }
     times
-}
-
-/// The median of `times`, and its standard error by their quartiles (those of a normal distribution lie 1.35 standard deviations
-/// apart, and its median errs by 1.25 of the mean's error).
-fn median(mut times: Vec<f64>) -> Cost {
-    times.sort_by(f64::total_cmp);
-    let at = |part: usize| times.get(times.len() * part / 4).copied().unwrap_or(0.0);
-    let deviation = (at(3) - at(1)) / 1.35;
-    Cost {
-        ms: at(2),
-        error_ms: 1.25 * deviation / (times.len().max(1) as f64).sqrt(),
-    }
 }
 
 /// A clock of what this thread has had of a processor, ms: what other programs take does not count.

@@ -14,7 +14,7 @@ pub use errors::{Errors, Sums};
 pub use row::Row;
 
 use super::ratio::with_threads;
-use super::{Machine, median, thread_ms};
+use super::{Machine, thread_ms};
 use crate::attitude::VehicleState;
 use crate::engine::Emulator;
 use crate::fidelity::{Fidelity, KNOBS, PRESETS, Value};

@@ -3,7 +3,7 @@
 //! All figures of a report are of one run, as ratios, taken in turns.
 
 use super::population::before;
-use super::ratio::{Machine, Row, row, with_threads};
+use super::ratio::{Machine, Row, pools, row, with_threads};
 use super::smear::smear;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
@@ -14,7 +14,6 @@ use crate::load::{ConfigError, Folder};
 use crate::rng::NoiseKey;
 use crate::rng::poisson::Switch;
 use hifitime::Unit;
-use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
@@ -90,9 +89,7 @@ impl super::Report for Report {
         told("2 threads");
         let mut two = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
         let mut one = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
-        if let [Ok(pair), Ok(single)] =
-            [2, 1].map(|n| ThreadPoolBuilder::new().num_threads(n).build())
-        {
+        if let Some([pair, single]) = pools() {
             let (work, against) = ("whole frame, 2048 x 2048, 2 threads", "1 thread");
             let (ours, theirs) = (
                 |_| pair.install(|| (0..STREAM).for_each(|_| two.frame())),

@@ -5,7 +5,8 @@
 mod step;
 mod table;
 
-use super::ratio::{Machine, Row, ns, quantiles, row, with_threads};
+use super::ratio::{Machine, Row, ns, pools, row, with_threads};
+use super::sample::Sample;
 use crate::crew;
 use crate::load::ConfigError;
 use hifitime::{Epoch, Unit};
@@ -112,7 +113,7 @@ impl super::Report for Report {
             }));
         }
         told("threads and tracks");
-        rows.push(threads(&near, epoch));
+        rows.extend(threads(&near, epoch));
         rows.push(with_threads(1, || tracks(&near, epoch)));
         let sizes = [1_000, 10_000, 100_000, 1_000_000];
         let scale = sizes.map(|objects| {
@@ -182,25 +183,14 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
 }
 
 /// Two threads against one.
-fn threads(sets: &[Elements], epoch: Epoch) -> Row {
+fn threads(sets: &[Elements], epoch: Epoch) -> Option<Row> {
     let mut batch = Batch::new(sets).unwrap_or_default();
     let mut other = batch.clone();
     let (mut states, mut others) = (States::default(), States::default());
-    let pools = [2, 1].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build());
-    let [Ok(two), Ok(one)] = &pools else {
-        return row(
-            "2 threads".to_string(),
-            "1 thread",
-            None,
-            ROUNDS,
-            [1; 2],
-            |_| {},
-            |_| {},
-        );
-    };
+    let [two, one] = pools()?;
     let at = |call: usize| epoch + Unit::Second * (call as f64);
     let calls = |round: usize| round * LONG..(round + 1) * LONG;
-    row(
+    Some(row(
         "near Earth, 2 threads".to_string(),
         "1 thread",
         Some(1.7),
@@ -213,7 +203,7 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
         |round| {
             one.install(|| calls(round).for_each(|call| other.propagate(at(call), &mut others)))
         },
-    )
+    ))
 }
 
 /// Looks at every place and keeps none.
@@ -286,10 +276,9 @@ fn scaled(objects: usize, epoch: Epoch) -> Scale {
     let mut median = |exact: bool| {
         tracks.exact = exact;
         let warm = if exact { 2 } else { WARM };
-        let mut times: Vec<f64> = (0..warm + rounds)
-            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody::everywhere()))))
-            .collect();
-        quantiles(times.split_off(warm))(0.5) / objects as f64
+        let times = (0..warm + rounds)
+            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody::everywhere()))));
+        Sample::new(times.skip(warm)).quantile(0.5) / objects as f64
     };
     Scale {
         objects,

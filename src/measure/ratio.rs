@@ -1,7 +1,9 @@
 //! One work against another: both are done in turns, so that what else the machine does falls on both alike.
 
+use super::sample::Sample;
 use crate::host;
 use crate::load::ConfigError;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
@@ -149,10 +151,16 @@ pub(super) fn mark(kept: bool) -> &'static str {
 
 /// On so many threads.
 pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+    match ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
+}
+
+/// Pools of two threads and of one; none where the system has no threads to give.
+pub(super) fn pools() -> Option<[ThreadPool; 2]> {
+    let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
+    Some([pool(2).ok()?, pool(1).ok()?])
 }
 
 /// ns that it takes.
@@ -191,29 +199,17 @@ fn row_of(
 ) -> Row {
     // Caches and clocks warm up.
     times.drain(..times.len() / 5);
-    let of = |figure: fn(&[f64; 2]) -> f64| quantiles(times.iter().map(figure).collect());
+    let of = |figure: fn(&[f64; 2]) -> f64| Sample::new(times.iter().map(figure));
     let ratio = of(|[ours, theirs]| theirs / ours);
     Row {
         work,
         against,
-        time: of(|round| round[0])(0.5),
-        against_time: of(|round| round[1])(0.5),
-        ratio: ratio(0.5),
-        spread: [ratio(0.25), ratio(0.75)],
+        time: of(|round| round[0]).quantile(0.5),
+        against_time: of(|round| round[1]).quantile(0.5),
+        ratio: ratio.quantile(0.5),
+        spread: [0.25, 0.75].map(|part| ratio.quantile(part)),
         least,
         most: None,
-    }
-}
-
-/// The value below which a part of them lies.
-pub(super) fn quantiles(mut values: Vec<f64>) -> impl Fn(f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    move |part| {
-        let last = values.len().saturating_sub(1) as f64;
-        values
-            .get((last * part).round() as usize)
-            .copied()
-            .unwrap_or(f64::NAN)
     }
 }
 
@@ -277,16 +273,6 @@ mod tests {
         assert_eq!((row.time, row.against_time), (3.0, 1.5));
         assert!(row.is_kept());
         assert!(!of(0.2, None, None).at_most(4.0).is_kept());
-    }
-
-    #[test]
-    fn quantiles_are_those_of_values_in_any_order() {
-        let of = quantiles(vec![30.0, 10.0, 50.0, 20.0, 40.0]);
-        // X-Val: by hand.
-        let parts = [0.0, 0.25, 0.5, 0.75, 1.0].map(of);
-        assert_eq!(parts, [10.0, 20.0, 30.0, 40.0, 50.0]);
-        assert_eq!(quantiles(vec![7.0])(0.75), 7.0);
-        assert!(quantiles(Vec::new())(0.5).is_nan());
     }
 
     #[test]

@@ -5,13 +5,12 @@ use crate::attitude::VehicleState;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Fidelity};
 use crate::footprint::Footprint;
-use crate::frame::{Frame, Memory};
+use crate::frame::Frame;
 use crate::label::VISIBLE_SNR;
+use crate::measure::rendered;
 use crate::plan::Plan;
-use crate::render::render;
 use crate::scene::{Scene, Source, Unobservable};
 use serde::Serialize;
-use skyloop_orbit::sgp4_batch::Level;
 use std::collections::HashMap;
 
 /// Images with less of their light on the detector are not compared.
@@ -88,14 +87,7 @@ fn frame(
         ..emulator.choice.clone()
     };
     let plan = Plan::new(&scene, &fidelity, &quiet);
-    let frame = render(
-        &plan,
-        &scene,
-        Some(Level::best()),
-        true,
-        &mut Memory::default(),
-        &|_, _| {},
-    );
+    let frame = rendered(&plan, &scene);
     drop(plan);
     Ok((scene, frame))
 }

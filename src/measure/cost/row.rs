@@ -1,7 +1,8 @@
 //! A setting's errors and times, and where it stands among the others.
 
-use super::{Errors, Setting, Sums, median};
+use super::{Errors, Setting, Sums};
 use crate::fidelity::{Fidelity, Value};
+use crate::measure::sample::Sample;
 use serde::Serialize;
 
 /// A setting, measured.
@@ -45,8 +46,7 @@ const SMALL: f64 = 0.01;
 /// The rows of `settings`, by what was summed of their errors, and the times of their frames (ms), round by round.
 pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
     let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
-        let mut sorted = times.clone();
-        sorted.sort_by(f64::total_cmp);
+        let sample = Sample::new(times.iter().copied());
         let (knob, value) = setting.moved.unzip();
         Row {
             setting: setting.name,
@@ -54,8 +54,8 @@ pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Ro
             value,
             fidelity: setting.fidelity,
             errors: sums.errors(),
-            p50_ms: quantile(&sorted, 0.5),
-            p99_ms: quantile(&sorted, 0.99),
+            p50_ms: sample.quantile(0.5),
+            p99_ms: sample.quantile(0.99),
             is_front: false,
             beaten_by: None,
         }
@@ -81,13 +81,6 @@ pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Ro
     rows
 }
 
-/// The value that this part of `sorted` is not above.
-fn quantile(sorted: &[f64], part: f64) -> f64 {
-    let rank = (part * sorted.len() as f64).ceil() as usize;
-    let at = sorted.get(rank.saturating_sub(1));
-    at.copied().unwrap_or(0.0)
-}
-
 /// Whether pixels are off by less, and not by rounding alone.
 pub fn is_closer(a: &Errors, b: &Errors) -> bool {
     let [of_size, e] = ROUNDING;
@@ -96,9 +89,8 @@ pub fn is_closer(a: &Errors, b: &Errors) -> bool {
 
 /// Whether frames take less by the differences of their rounds.
 fn is_faster(a: &[f64], b: &[f64]) -> bool {
-    let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| b - a).collect();
-    let least = SMALL * median(b.to_vec()).ms;
-    let by = median(differences);
+    let least = SMALL * Sample::new(b.iter().copied()).quantile(0.5);
+    let by = Sample::new(a.iter().zip(b).map(|(a, b)| b - a)).median();
     by.ms > (SIGMAS * by.error_ms).max(least)
 }
 
@@ -130,15 +122,6 @@ pub mod tests {
         });
         let sums = of.map(|(_, e)| Sums::of_pixels(e));
         rows(presets, &sums, &times)
-    }
-
-    #[test]
-    fn quantiles_are_those_of_sorted_values() {
-        let values: Vec<f64> = (1..=100).map(f64::from).collect();
-        assert_eq!(quantile(&values, 0.5), 50.0);
-        assert_eq!(quantile(&values, 0.99), 99.0);
-        assert_eq!(quantile(&values[..10], 0.99), 10.0);
-        assert_eq!(quantile(&[], 0.5), 0.0);
     }
 
     #[test]

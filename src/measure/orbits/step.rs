@@ -8,7 +8,7 @@ use crate::fidelity::{Choice, Orbits};
 use crate::label::Label;
 use crate::load::ConfigError;
 use crate::measure::population::before;
-use crate::measure::ratio::quantiles;
+use crate::measure::sample::Sample;
 use crate::plan::Plan;
 use crate::scene::{KINDS, Unobservable, View};
 use hifitime::Unit;
@@ -22,18 +22,17 @@ pub fn measure() -> Result<Step, ConfigError> {
     Ok(Step {
         objects: CATALOGUE,
         frames: FRAMES,
-        p50_ms: tracked(0.5),
-        p99_ms: tracked(0.99),
+        p50_ms: tracked.quantile(0.5),
+        p99_ms: tracked.quantile(0.99),
         first_ms,
-        exact_p50_ms: exact(0.5),
+        exact_p50_ms: exact.quantile(0.5),
         found,
         octets,
     })
 }
 
 /// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
-#[allow(clippy::type_complexity)]
-fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), ConfigError> {
+fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
     let (mut config, vehicle) = before(CATALOGUE)?;
     config.fidelity.orbits = orbits;
     // Objects alone: what else is in the sky takes its own time.
@@ -71,5 +70,5 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
     let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
     let first_ms = times.first().copied().unwrap_or(f64::NAN);
     let later = times.split_off(WARM);
-    Ok((quantiles(later), first_ms, found, octets))
+    Ok((Sample::new(later), first_ms, found, octets))
 }
