@@ -127,40 +127,31 @@ impl HostReport {
         let count = |count: Option<u64>| told(count.map(|count| count.to_string()));
         let percent = |share: Option<f64>| told(share.map(|share| format!("{:.1} %", share * 1e2)));
         let processors = told(self.processors.map(|count| count.to_string()));
+        let switched = format!(
+            "{} voluntary, {} involuntary",
+            count(self.voluntary_switches),
+            count(self.involuntary_switches)
+        );
+        let used = format!(
+            "{} by this process, {} by others, {} stolen",
+            percent(self.own),
+            percent(self.others),
+            percent(self.stolen)
+        );
+        let loads = format!("{} / {}", load(self.load_1_min), load(self.load_5_min));
+        let named = format!("{}, {processors} of them", self.processor);
         let rows = [
-            (
-                "processor",
-                format!("{}, {processors} of them", self.processor),
-            ),
+            ("processor", named),
             ("kernel", told(self.kernel.clone())),
             ("clock governor", told(self.governor.clone())),
-            (
-                "load 1 / 5 min",
-                format!("{} / {}", load(self.load_1_min), load(self.load_5_min)),
-            ),
-            (
-                "context switches",
-                format!(
-                    "{} voluntary, {} involuntary",
-                    count(self.voluntary_switches),
-                    count(self.involuntary_switches)
-                ),
-            ),
-            (
-                "processors used",
-                format!(
-                    "{} by this process, {} by others, {} stolen",
-                    percent(self.own),
-                    percent(self.others),
-                    percent(self.stolen)
-                ),
-            ),
+            ("load 1 / 5 min", loads),
+            ("context switches", switched),
+            ("processors used", used),
         ];
         rows.map(|(name, value)| (name.to_string(), value)).into()
     }
 }
 
-/// A value, or that it is not known.
 fn told(value: Option<String>) -> String {
     value.unwrap_or_else(|| "unknown".to_string())
 }
@@ -169,7 +160,6 @@ fn read(path: impl AsRef<Path>) -> Option<String> {
     std::fs::read_to_string(path).ok()
 }
 
-/// The processor's name.
 pub(crate) fn processor() -> String {
     let text = read("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));

@@ -124,7 +124,6 @@ impl Metrics {
         }
     }
 
-    /// The last ones.
     fn last(&self) -> Arc<Snapshot> {
         match self.place.lock() {
             Ok(place) => Arc::clone(&place),
@@ -279,7 +278,6 @@ fn wait_for_connection(_: &TcpListener) {
     std::thread::sleep(POLL);
 }
 
-/// A connection that is being answered.
 struct Connection {
     /// The handle that closes it while its thread waits.
     stream: TcpStream,

@@ -5,7 +5,7 @@ mod frames;
 use crate::effect::counted;
 use crate::engine::Shot;
 use crate::timing::Latencies;
-pub use crate::timing::text as times;
+pub use crate::timing::{row, text as times};
 pub use frames::FrameAccount;
 pub(crate) use frames::{Pending, Request};
 use skyloop_firmware_sim::times::Times;
@@ -242,11 +242,6 @@ fn beside(shot: &Shot) -> Option<String> {
             Absent::NEAR_KM
         )
     })
-}
-
-/// A row of a table.
-pub fn row(name: &str, value: String) -> (String, String) {
-    (name.to_string(), value)
 }
 
 /// Rows as text, the names in one column.

@@ -2,7 +2,6 @@
 
 mod first;
 
-use first::keep_lowest;
 pub use first::{Miss, Slow};
 use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::times::Times;
@@ -134,7 +133,7 @@ impl Latencies {
                 late_s: times.whole.then_some(-times.spare_s),
                 unexposed: None,
             };
-            keep_lowest(&mut self.first_miss, miss);
+            self.miss(miss);
         }
         let took = times.whole.then_some(times.last_octet);
         self.watch(times.frame, took, None);
@@ -166,11 +165,20 @@ impl Latencies {
             late_s: None,
             unexposed: Some(unexposed),
         };
-        keep_lowest(&mut self.first_miss, miss);
+        self.miss(miss);
         self.watch(frame, None, Some(unexposed));
     }
 
-    /// What never came whole took longer than any time.
+    /// Keeps the missed frame of the lowest number, in whichever order they are told.
+    fn miss(&mut self, miss: Miss) {
+        let first = self.first_miss.get_or_insert(miss);
+        if miss.frame < first.frame {
+            *first = miss;
+        }
+    }
+
+    /// The same of a frame that took longer than what is watched for. What never came whole took
+    /// longer than any time.
     fn watch(&mut self, frame: u32, took: Option<Duration>, unexposed: Option<&'static str>) {
         let Some(most) = self.watch_above else { return };
         if took.is_none_or(|took| took > most) {
@@ -179,7 +187,10 @@ impl Latencies {
                 last_octet: took,
                 unexposed,
             };
-            keep_lowest(&mut self.first_above, slow);
+            let first = self.first_above.get_or_insert(slow);
+            if frame < first.frame {
+                *first = slow;
+            }
         }
     }
 
@@ -239,7 +250,8 @@ impl Latencies {
     }
 }
 
-fn row(name: &str, value: String) -> (String, String) {
+/// A row of a table.
+pub fn row(name: &str, value: String) -> (String, String) {
     (name.to_string(), value)
 }
 

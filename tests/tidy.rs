@@ -105,14 +105,7 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "serde_json::",
         &[
-            "cli/bench",
-            "cli/camera",
-            "cli/catalog",
-            "cli/cost",
-            "cli/soak",
-            "cli/plan",
-            "cli/ready",
-            "cli/schema",
+            "cli",
             "label",
             "link/fault/book",
             "load/limits",

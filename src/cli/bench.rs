@@ -15,7 +15,6 @@ pub struct Args {
     form: Form,
 }
 
-/// What is measured.
 #[derive(Subcommand)]
 enum Of {
     /// Frames (what is measured if nothing is named): noise and whole frames against their own slow paths, two threads
@@ -24,7 +23,6 @@ enum Of {
     Orbit(Form),
 }
 
-/// How it is told.
 #[derive(ClapArgs)]
 struct Form {
     /// Print JSON instead of tables
@@ -51,7 +49,6 @@ fn measure<R: Report>(form: Form) -> anyhow::Result<()> {
 }
 
 impl Form {
-    /// A report as it is printed.
     fn text<R: Report>(&self, report: &R) -> serde_json::Result<String> {
         Ok(match self.json {
             true => format!("{}\n", serde_json::to_string_pretty(report)?),

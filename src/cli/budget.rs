@@ -8,7 +8,8 @@ use skyloop::engine::Emulator;
 use skyloop::fidelity::KNOBS;
 use skyloop::measure::cost::{Chosen, Effort, Report, Unmeasured};
 use skyloop_firmware_sim::console::say;
-use std::ops::ControlFlow;
+use skyloop_firmware_sim::text::decimal;
+use std::ops::{ControlFlow, RangeInclusive};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -17,7 +18,7 @@ use std::time::Duration;
 pub(super) struct Budget {
     /// Measure at the start what settings of `fidelity` take, and run with the most accurate of which 99 frames in 100 take no longer than so many
     /// milliseconds
-    #[arg(long, value_name = "MS", value_parser = positive_ms, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MS", value_parser = decimal(BUDGETS_MS), allow_hyphen_values = true)]
     budget_ms: Option<f64>,
 }
 
@@ -29,13 +30,8 @@ const EFFORT: Effort = Effort {
     one_core: false,
 };
 
-/// A time.
-pub(super) fn positive_ms(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(ms) if (1e-3..=1e6).contains(&ms) => Ok(ms),
-        _ => Err("a number of milliseconds from 0.001 to 1000000 is wanted".to_string()),
-    }
-}
+/// The times that a frame may be given, ms.
+pub(super) const BUDGETS_MS: RangeInclusive<f64> = 1e-3..=1e6;
 
 impl Budget {
     /// Gives `emulator` the best setting for the frames of `vehicles`, which are computed only then; what was chosen, or nothing without a budget or where

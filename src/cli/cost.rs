@@ -1,7 +1,7 @@
 //! `skyloop cost`: what each setting of the tolerances costs in time, and what it is off by.
 
-use super::budget::{chosen_text, positive_ms};
-use super::{Force, Records, mission, progress, scene, scene_name, warn_of_old};
+use super::budget::{BUDGETS_MS, chosen_text};
+use super::{Force, Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::attitude::VehicleState;
@@ -14,7 +14,7 @@ use skyloop::output::{
 };
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
-use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::text::{decimal, whole};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Name the best setting of which 99 frames in 100 take no longer than so many milliseconds
-    #[arg(long, value_name = "MS", value_parser = positive_ms, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MS", value_parser = decimal(BUDGETS_MS), allow_hyphen_values = true)]
     budget_ms: Option<f64>,
     /// Frames of the sequence that errors are measured on, spread over it
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(1..=1000u32), allow_negative_numbers = true)]
@@ -50,22 +50,18 @@ pub struct Args {
 
 /// No more rounds after so long.
 const LIMIT: Duration = Duration::from_secs(120);
-/// The folder's files.
 const LINES: &str = "cost.csv";
 const PICTURE: &str = "cost.svg";
 /// What the table begins with.
 const HEAD: &str = "setting,knob,value,";
 
-/// As JSON.
 #[derive(Serialize)]
 struct Whole<'a> {
     scene: &'a str,
     #[serde(flatten)]
     report: &'a Report,
     budget_ms: Option<f64>,
-    /// The setting for the budget.
     chosen: Option<&'a str>,
-    /// Whether it is within the budget.
     fits: Option<bool>,
 }
 
@@ -105,7 +101,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             chosen: chosen.map(|chosen| chosen.row.setting.as_str()),
             fits: chosen.map(|chosen| chosen.fits),
         };
-        say(format_args!("{}\n", serde_json::to_string_pretty(&whole)?))?;
+        say_json(&whole)?;
     } else {
         say(format_args!("{report}"))?;
         if let (Some(budget), Some(chosen)) = (args.budget_ms, &chosen) {
@@ -134,7 +130,6 @@ pub(super) fn spread(mission: &Mission, most: u32) -> anyhow::Result<Vec<Vehicle
     Ok(vehicles.collect::<Result<_, _>>()?)
 }
 
-/// Error against time.
 fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
     // What only chance tells from a preset needs no name.
     let presets = || report.rows.iter().filter(|row| row.knob.is_none());

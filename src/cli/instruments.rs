@@ -81,7 +81,6 @@ impl Choice {
     }
 }
 
-/// Why there is no fault log.
 fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
     anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
@@ -172,7 +171,6 @@ fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
     }
 }
 
-/// Two errors as one.
 pub fn both(first: Option<Error>, second: Option<Error>) -> Option<Error> {
     match (first, second) {
         (Some(first), Some(second)) => {

@@ -1,16 +1,16 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
+use super::interval::Interval;
 use super::{
     Force, Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
 };
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
-use hifitime::Epoch;
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
 use skyloop::orbit::path_text;
-use skyloop::orbit::time::{parse_utc, seconds, utc_text};
+use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::{may_replace_light_curve, write_light_curve};
 use skyloop_firmware_sim::console::{printable_line, say};
@@ -26,12 +26,8 @@ pub struct Args {
     /// The object: a name, an id or a number of its file
     #[arg(long, value_name = "NAME")]
     object: String,
-    /// First instant [default: the scene's first exposure]
-    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
-    from: Option<Epoch>,
-    /// Last instant [default: the scene's last exposure]
-    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
-    to: Option<Epoch>,
+    #[command(flatten)]
+    interval: Interval,
     /// Seconds from one instant to the next [default: the scene's period]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     step: Option<f64>,
@@ -47,7 +43,6 @@ pub struct Args {
     records: Records,
 }
 
-/// Instants at most.
 const MOST_POINTS: f64 = 1e6;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -151,15 +146,11 @@ fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
 /// The instants: those of the scene's sequence, where the arguments do not say otherwise.
 fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     let sequence = config.sequence.as_ref();
-    let first = sequence.map(|s| s.epoch);
-    let last = sequence.map(|s| s.epoch + seconds(s.period_s * f64::from(s.frames - 1)));
-    let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
-    let from = args.from.or(first).ok_or_else(|| none("--from UTC"))?;
-    let to = args.to.or(last).ok_or_else(|| none("--to UTC"))?;
+    let [from, to] = args.interval.ends(sequence, scene)?;
     let step_s = args
         .step
         .or(sequence.map(|s| s.period_s))
-        .ok_or_else(|| none("--step S"))?;
+        .ok_or_else(|| Interval::missing(scene, "--step S"))?;
     if !(1e-6..=1e6).contains(&step_s) {
         bail!("--step {step_s}: a number of seconds from 1e-6 to 1e6 is wanted");
     }
@@ -173,8 +164,8 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
         false => format!("{option} {value} (the scene's)"),
     };
     let ends = [
-        named("--from", args.from.is_some(), utc_text(from)),
-        named("--to", args.to.is_some(), utc_text(to)),
+        named("--from", args.interval.from.is_some(), utc_text(from)),
+        named("--to", args.interval.to.is_some(), utc_text(to)),
     ];
     let ends = ends.join(", ");
     if length_s < 0.0 {

@@ -1,20 +1,21 @@
 //! What a live run is given beside its links: a place for its figures, and help of the system.
 
 use anyhow::Context;
-use skyloop::config::Config;
-use skyloop::link;
+use skyloop::config::{Config, Run};
+use skyloop::link::{self, BusInstruments};
 use skyloop::metrics::{self, Metrics};
 use skyloop::orbit::path_text;
 use skyloop::realtime::{self, Granted};
 use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
 use std::fmt;
 use std::path::Path;
+use std::time::Duration;
 
 /// What was granted, printed as lines of text; it lasts as long as this value.
 pub struct Help {
     /// Where the figures of each camera are, and what serves them.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
-    /// What the system gave.
     pub granted: Granted,
 }
 
@@ -50,6 +51,15 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     Ok(Help { metrics, granted })
 }
 
+/// The options of a run's links; `bus` stands between a CAN bus and its link.
+pub fn link_options(run: &Run, bus: Option<BusInstruments>) -> link::Options {
+    link::Options {
+        idle: Duration::from_secs_f64(run.idle_s),
+        personality: &NATIVE,
+        bus,
+    }
+}
+
 /// Errors: what opening a run's links would refuse without asking the system, with file and key.
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
     let file = path_text(file);
@@ -67,7 +77,6 @@ pub fn of_head(name: &str) -> tracing::Span {
 }
 
 impl Help {
-    /// Where the figures are served.
     pub fn metrics_address(&self) -> Option<String> {
         let (_, metrics) = self.metrics.as_ref()?;
         Some(metrics.address().to_string())

@@ -3,6 +3,7 @@
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
 use super::instruments::{Instruments, both, settings};
+use super::live::link_options;
 use super::{
     Force, Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level,
 };
@@ -101,11 +102,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         let unfinished = suite.document(&args.limits.not_run(UNFINISHED));
         junit.begin(&unfinished).map_err(Error::msg)?;
     }
-    let options = link::Options {
-        idle: Duration::from_secs_f64(config.run.idle_s),
-        personality: &NATIVE,
-        bus: Some(instruments.bus()),
-    };
+    let options = link_options(&config.run, Some(instruments.bus()));
     let (wire, port) = link::loopback(&args.link, &options)?;
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let output = config.run.output;
@@ -186,11 +183,8 @@ fn configure(args: &Args) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// How the exchange between both programs ended.
 struct Flown {
-    /// The flight computer's report.
     report: Result<Report, RunError>,
-    /// The emulator's figures.
     stats: RunStats,
     /// The fault that stopped the line for good.
     stopped: Option<Stop>,

@@ -7,6 +7,7 @@ mod cameras;
 mod catalog;
 mod cost;
 mod instruments;
+mod interval;
 mod lightcurve;
 mod live;
 mod loopback;
@@ -28,13 +29,14 @@ use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
 use hifitime::Epoch;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::orbits::{of_one_name, several_sets, shared_names};
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Ages, Object, is_same, set_ut1_utc};
-use skyloop_firmware_sim::console::printable_line;
+use skyloop_firmware_sim::console::{printable_line, say};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_protocols::Output;
 use std::io::IsTerminal;
@@ -131,7 +133,6 @@ impl Cli {
     }
 }
 
-/// Starts the log on standard error.
 pub fn start_log(verbose: bool) {
     let level = if verbose {
         LevelFilter::DEBUG
@@ -157,7 +158,6 @@ pub fn start_log(verbose: bool) {
         .init();
 }
 
-/// The scene of a file, or the built-in one.
 fn scene(file: Option<&Path>) -> anyhow::Result<Config> {
     Ok(match file {
         Some(file) => Config::load(file)?,
@@ -179,7 +179,6 @@ struct Orbits {
 }
 
 impl Orbits {
-    /// Tells a scene's tolerances.
     fn settle(&self, config: &mut Config) {
         if self.exact {
             config.fidelity.orbits = skyloop::fidelity::Orbits::Exact;
@@ -201,6 +200,12 @@ struct Force {
     /// Replace files in the place of outputs even if skyloop did not make them
     #[arg(long)]
     force: bool,
+}
+
+/// Prints a report as JSON.
+fn say_json(report: &impl Serialize) -> anyhow::Result<()> {
+    say(format_args!("{}\n", serde_json::to_string_pretty(report)?))?;
+    Ok(())
 }
 
 /// Whether an output that is one text names standard output.
@@ -288,7 +293,6 @@ fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     Ok(mission)
 }
 
-/// The output levels that `--output` takes.
 fn levels() -> PossibleValuesParser {
     PossibleValuesParser::new(Output::PRESETS.map(|(name, ..)| name))
 }

@@ -1,16 +1,16 @@
 //! `skyloop passes`: which objects cross the camera's field, when, and how bright.
 
+use super::interval::Interval;
 use super::lightcurve::find;
-use super::pointing::Pointing;
-use super::render::{Numbers, state_km};
+use super::pointing::{Place, Pointing};
 use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
-use hifitime::{Epoch, Unit};
-use skyloop::config::{Config, LookAt, Observer, Sequence, Target};
+use hifitime::Unit;
+use skyloop::config::{Config, LookAt, Observer, Target};
 use skyloop::flight::{self, Flight, FlightError};
-use skyloop::load::{Folder, orbits};
-use skyloop::orbit::time::{leap_seconds, parse_utc, seconds, utc_text};
+use skyloop::load::orbits;
+use skyloop::orbit::time::{leap_seconds, utc_text};
 use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
 use skyloop_firmware_sim::console::{say, write_out};
@@ -24,25 +24,12 @@ pub struct Args {
     /// Scene file with [objects], an [observer] and attitudes [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// First instant [default: the scene's first exposure]
-    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
-    from: Option<Epoch>,
-    /// Last instant [default: the scene's last exposure]
-    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
-    to: Option<Epoch>,
+    #[command(flatten)]
+    interval: Interval,
     #[command(flatten)]
     pointing: Pointing,
-    /// Observer's state in km and km/s, GCRF, at --from, instead of the scene's observer; carried on by two-body motion and J2
-    #[arg(
-        long,
-        value_name = "x,y,z,vx,vy,vz",
-        allow_hyphen_values = true,
-        conflicts_with = "orbit"
-    )]
-    state: Option<Numbers<6>>,
-    /// Observer's orbit from a file, instead of the scene's observer
-    #[arg(long, value_name = "FILE[:NAME]")]
-    orbit: Option<String>,
+    #[command(flatten)]
+    place: Place,
     /// This object alone: a name, an id or a number of its file
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
@@ -68,7 +55,6 @@ pub struct Args {
     csv: bool,
 }
 
-/// Days at most.
 const MOST_DAYS: f64 = 31.0;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -176,15 +162,8 @@ fn remedy(error: &NoPasses) -> &'static str {
     }
 }
 
-/// From when to when.
 fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
-    let sequence = config.sequence.as_ref();
-    let last = |s: &Sequence| s.epoch + seconds(s.period_s * f64::from(s.frames - 1));
-    let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
-    let from = args.from.or(sequence.map(|s| s.epoch));
-    let from = from.ok_or_else(|| none("--from UTC"))?;
-    let to = args.to.or(sequence.map(last));
-    let to = to.ok_or_else(|| none("--to UTC"))?;
+    let [from, to] = args.interval.ends(config.sequence.as_ref(), scene)?;
     let days = (to - from).to_unit(Unit::Day);
     let ends = format!("--from {}, --to {}", utc_text(from), utc_text(to));
     if days <= 0.0 {
@@ -213,22 +192,17 @@ fn vehicle(
     search: &Search,
     scene: &str,
 ) -> anyhow::Result<Flight> {
+    let mut findings = orbits::Findings::default();
+    let given = args.place.observer(&mut findings)?;
+    config.rejected.extend(findings.rejected);
+    config.notices.extend(findings.notices);
     // The state of a scene holds at its first exposure, --state at --from.
     let first_exposure = config.sequence.as_ref().map(|sequence| sequence.epoch);
-    let mut state_epoch = search.from;
-    let observer = match (&args.orbit, args.state) {
-        (Some(selector), _) => {
-            let here = Folder::current();
-            let mut findings = orbits::Findings::default();
-            let object = orbits::one(&here, selector, &mut findings).context("--orbit")?;
-            config.rejected.extend(findings.rejected);
-            config.notices.extend(findings.notices);
-            Some(Observer::Object(Box::new(object)))
-        }
-        (None, Some(Numbers(state))) => Some(state_km(state)?),
-        (None, None) => {
-            state_epoch = first_exposure.unwrap_or(search.from);
-            config.observer.take()
+    let (observer, state_epoch) = match given {
+        Some(given) => (Some(given), search.from),
+        None => {
+            let epoch = first_exposure.unwrap_or(search.from);
+            (config.observer.take(), epoch)
         }
     };
     let Some(observer) = observer else {

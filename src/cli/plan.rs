@@ -1,7 +1,7 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
 use super::pointing::Pointing;
-use super::{Records, mission, progress, scene, scene_name, warn_of_old};
+use super::{Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
@@ -42,7 +42,6 @@ pub struct Args {
     records: Records,
 }
 
-/// A frame's plan.
 #[derive(Serialize)]
 struct Report {
     /// File, or what the built-in scene is called.
@@ -54,7 +53,6 @@ struct Report {
     effects: Vec<Line>,
 }
 
-/// What may be left out.
 #[derive(Serialize)]
 struct Tolerances {
     skip_e: f64,
@@ -62,7 +60,6 @@ struct Tolerances {
     skip_px: f64,
 }
 
-/// A line of the plan.
 #[derive(Serialize)]
 struct Line {
     #[serde(flatten)]
@@ -121,11 +118,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         },
         effects: lines(&bench, args.measure)?,
     };
-    let text = match args.json {
-        true => serde_json::to_string_pretty(&report)? + "\n",
-        false => report.table(),
-    };
-    say(format_args!("{text}"))?;
+    if args.json {
+        return say_json(&report);
+    }
+    say(report.table())?;
     Ok(())
 }
 
@@ -186,7 +182,6 @@ impl Line {
 }
 
 impl Report {
-    /// The plan as columns below a head.
     fn table(&self) -> String {
         let Report { frame, scene, .. } = self;
         let Tolerances {

@@ -1,4 +1,4 @@
-//! Where a camera looks, as options of `render`, `plan` and `passes`.
+//! Where a camera is and looks, as options of `render`, `plan` and `passes`.
 
 use super::render::Numbers;
 use anyhow::{Context, anyhow};
@@ -6,10 +6,41 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::config::{Config, LookAt, Sequence, Target, TimedAttitude, Up, attitude_of_radec};
+use skyloop::config::{
+    Config, LookAt, Observer, Sequence, Target, TimedAttitude, Up, attitude_of_radec,
+};
+use skyloop::load::{Folder, orbits};
 use skyloop_firmware_sim::text::number;
 
-/// The options of the pointing, of which one is given.
+#[derive(Args)]
+pub struct Place {
+    /// Observer's state in km and km/s, GCRF, at the first instant, instead of a scene's observer; carried on by two-body motion and J2
+    #[arg(
+        long,
+        value_name = "x,y,z,vx,vy,vz",
+        allow_hyphen_values = true,
+        conflicts_with = "orbit"
+    )]
+    state: Option<Numbers<6>>,
+    /// Observer's orbit from a TLE, 3LE, OMM or OEM file, instead of a scene's observer
+    #[arg(long, value_name = "FILE[:NAME]")]
+    orbit: Option<String>,
+}
+
+impl Place {
+    /// The observer, if one is given; what its file is refused is added to `findings`. Errors about
+    /// `--state` are in the units that it is given in.
+    pub fn observer(&self, findings: &mut orbits::Findings) -> anyhow::Result<Option<Observer>> {
+        if let Some(selector) = &self.orbit {
+            let object = orbits::one(&Folder::current(), selector, findings).context("--orbit")?;
+            return Ok(Some(Observer::Object(Box::new(object))));
+        }
+        let state = self.state.map(|Numbers(state)| Observer::at_km(state));
+        let state = state.transpose();
+        state.map_err(|why| anyhow!("--state {why}"))
+    }
+}
+
 #[derive(Args)]
 pub struct Pointing {
     /// Unit quaternion x,y,z,w from ICRF to body, scalar last, at the first instant

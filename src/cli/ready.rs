@@ -7,25 +7,19 @@ use skyloop::orbit::path_text;
 use skyloop::orbit::{Mark, foreign, may_replace, not_input};
 use std::path::{Path, PathBuf};
 
-/// What the file says.
 #[derive(Serialize)]
 pub struct Ready<'a> {
-    /// The process.
     pub pid: u32,
     /// Where the first camera listens: addresses with the ports and names that the system gave.
     pub links: Vec<String>,
-    /// Where each further camera does.
     pub heads: Vec<Head<'a>>,
     /// Where figures are served.
     pub metrics: Option<String>,
 }
 
-/// A further camera.
 #[derive(Serialize)]
 pub struct Head<'a> {
-    /// Its name in the run file.
     pub name: &'a str,
-    /// Where it listens.
     pub links: Vec<String>,
 }
 
@@ -75,7 +69,6 @@ impl ReadyFile {
         Ok(prepared)
     }
 
-    /// Gives the file its name.
     pub fn publish(&mut self) -> anyhow::Result<()> {
         if let Some(part) = &self.part {
             self.written(std::fs::rename(part, &self.file))?;

@@ -2,13 +2,12 @@
 
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
-use super::pointing::Pointing;
+use super::pointing::{Place, Pointing};
 use super::{Force, Orbits, Records, mission, progress};
-use anyhow::anyhow;
 use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
 use skyloop::camera::Camera;
-use skyloop::config::{Config, Observer};
+use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
@@ -17,7 +16,7 @@ use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
 use skyloop_firmware_sim::console::say;
-use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::text::{decimal, whole};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
@@ -35,17 +34,8 @@ pub struct Args {
     epoch: Option<Epoch>,
     #[command(flatten)]
     pointing: Pointing,
-    /// Observer's state in km and km/s, GCRF, at the epoch; carried on by two-body motion and J2
-    #[arg(
-        long,
-        value_name = "x,y,z,vx,vy,vz",
-        allow_hyphen_values = true,
-        conflicts_with = "orbit"
-    )]
-    state: Option<Numbers<6>>,
-    /// Observer's orbit from a TLE, 3LE, OMM or OEM file
-    #[arg(long, value_name = "FILE[:NAME]")]
-    orbit: Option<String>,
+    #[command(flatten)]
+    place: Place,
     /// Objects from a TLE, 3LE, OMM or OEM file, or a folder of them; may be given more than once
     #[arg(long, value_name = "FILE")]
     rso: Vec<String>,
@@ -53,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = whole(1..=1_000_000u32), allow_hyphen_values = true)]
     frames: Option<u32>,
     /// Seconds from one exposure to the next [default: 1, or the scene's]
-    #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = decimal(1e-6..=1e6), allow_hyphen_values = true)]
     period: Option<f64>,
     /// Seed of the noise [default: 1, or the scene's]
     #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_hyphen_values = true)]
@@ -62,10 +52,10 @@ pub struct Args {
     #[arg(long)]
     no_noise: bool,
     /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
-    #[arg(long, value_name = "SNR", value_parser = not_negative, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SNR", value_parser = decimal(0.0..=1e9), allow_hyphen_values = true)]
     label_snr: Option<f64>,
     /// Refuse a frame that costs more than so many seconds on one core for each megapixel, and at least so much for smaller frames [default: no limit]
-    #[arg(long, value_name = "S", value_parser = work_limit, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = decimal(0.01..=1e6), allow_hyphen_values = true)]
     work_limit: Option<f64>,
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR")]
@@ -95,27 +85,6 @@ impl<const N: usize> std::str::FromStr for Numbers<N> {
             Ok(_) => Err("every number must be finite".to_string()),
             Err(numbers) => Err(format!("{N} numbers are wanted, not {}", numbers.len())),
         }
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
-        _ => Err("a number of seconds from 1e-6 to 1e6 is wanted".to_string()),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=1e9).contains(&value) => Ok(value),
-        _ => Err("a number from 0 to 1e9 is wanted".to_string()),
-    }
-}
-
-fn work_limit(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.01..=1e6).contains(&value) => Ok(value),
-        _ => Err("a number of seconds from 0.01 to 1e6 is wanted".to_string()),
     }
 }
 
@@ -172,19 +141,8 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
-    let state = args
-        .state
-        .map(|Numbers(state)| state_km(state))
-        .transpose()?;
     let mut findings = orbits::Findings::default();
-    config.observer = match (&args.orbit, state) {
-        (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(
-            &here,
-            selector,
-            &mut findings,
-        )?))),
-        (None, state) => state,
-    };
+    config.observer = args.place.observer(&mut findings)?;
     let mut pool = orbits::Pool::default();
     for file in &args.rso {
         pool.read(&here, file, 0, &mut findings)?;
@@ -196,9 +154,4 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     config.rejected = findings.rejected;
     config.notices = findings.notices;
     Ok(config)
-}
-
-/// The observer of `--state`; refused in the units that it is given in.
-pub(super) fn state_km(state: [f64; 6]) -> anyhow::Result<Observer> {
-    Observer::at_km(state).map_err(|why| anyhow!("--state {why}"))
 }

@@ -183,7 +183,6 @@ fn wait(
     Ok(())
 }
 
-/// Prints the frames that were the same.
 fn list(progress: &Progress) -> anyhow::Result<()> {
     for Same {
         frame,
@@ -216,7 +215,6 @@ fn hint(args: &Args, differences: Option<&[String]>) -> String {
     }
 }
 
-/// Whole frames that were the same.
 fn whole_of(progress: &Progress) -> usize {
     progress.frames.iter().filter(|frame| frame.whole).count()
 }

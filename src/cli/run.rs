@@ -130,11 +130,7 @@ fn open_links(
     key: String,
     instruments: &Instruments,
 ) -> anyhow::Result<(Vec<Links>, Arc<AtomicBool>)> {
-    let options = link::Options {
-        idle: Duration::from_secs_f64(config.run.idle_s),
-        personality: &NATIVE,
-        bus: Some(instruments.bus()),
-    };
+    let options = live::link_options(&config.run, Some(instruments.bus()));
     let first = instruments.around(link::open_all(urls, &options).context(key)?)?;
     let further = config.heads.iter().map(|head| {
         let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
@@ -203,7 +199,6 @@ fn introduce(
     Ok(())
 }
 
-/// Prepares the ready file, if one was named.
 fn ready_file(
     args: &Args,
     config: &Config,
@@ -230,9 +225,7 @@ fn ready_file(
 /// How the run ended, with the figures of each camera.
 struct Served {
     ended: Ended,
-    /// The limit of time that ended it.
     cut: Option<Cut>,
-    /// The link that has gone, where one has.
     gone: String,
     stats: RunStats,
     counters: Counters,
@@ -275,16 +268,12 @@ fn serve(
         let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
         (served, heads, limits.join().ok().flatten())
     });
-    let of_heads = heads.into_iter().map(|head| match head {
-        Ok((Ended::AsAsked | Ended::LinkGone, figures)) => figures,
-        Ok((Ended::Panicked, figures)) => {
+    let of_heads = heads.into_iter().map(|head| {
+        let (served, figures) = head.unwrap_or((Ended::Panicked, Default::default()));
+        if served == Ended::Panicked {
             ended = Ended::Panicked;
-            figures
         }
-        Err(_) => {
-            ended = Ended::Panicked;
-            Default::default()
-        }
+        figures
     });
     let heads = of_heads.collect();
     let gone = server.gone().unwrap_or("of the run").to_string();
@@ -299,7 +288,6 @@ fn serve(
     }
 }
 
-/// Prints the table of each camera.
 fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow::Result<()> {
     let clock = config.run.clock;
     let mut first = rows(&served.stats, &served.counters, clock);
@@ -315,9 +303,7 @@ fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow
 /// A limit of time that has ended a run.
 #[derive(Clone, Copy, PartialEq)]
 enum Cut {
-    /// No client has come.
     NoClient,
-    /// Its time is over.
     TimedOut,
 }
 
@@ -404,7 +390,6 @@ fn pace(run: &Run, rate_hz: f64) -> String {
     format!("{rate_hz} {frames} a second by the {clock} clock")
 }
 
-/// The rows of one camera's table.
 fn rows(stats: &RunStats, counters: &Counters, clock: Clock) -> Vec<(String, String)> {
     let mut rows = stats.rows();
     rows.extend(stats.latency_rows(clock != Clock::Stepped));

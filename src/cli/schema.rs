@@ -1,10 +1,10 @@
 //! `skyloop schema`: the JSON Schemas of files.
 
+use super::say_json;
 use clap::{Args as ClapArgs, ValueEnum};
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::label;
-use skyloop_firmware_sim::console::say;
 
 #[derive(ClapArgs)]
 pub struct Args {
@@ -12,7 +12,6 @@ pub struct Args {
     kind: Kind,
 }
 
-/// What has a schema.
 #[derive(Clone, Copy, ValueEnum)]
 enum Kind {
     /// Camera files
@@ -35,6 +34,5 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Kind::Population => Config::population_schema(),
         Kind::Labels => label::schema(),
     };
-    say(format_args!("{}\n", serde_json::to_string_pretty(&schema)?))?;
-    Ok(())
+    say_json(&schema)
 }

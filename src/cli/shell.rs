@@ -29,7 +29,6 @@ pub struct Manual {
 /// How a page of skyloop is recognised.
 const MARK: Mark = &["", ".TH skyloop"];
 
-/// Prints a script of completions.
 pub fn completions(args: Completions) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "skyloop", &mut script);
@@ -37,7 +36,6 @@ pub fn completions(args: Completions) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes pages of the manual.
 pub fn manual(args: Manual) -> anyhow::Result<()> {
     // Without this subcommands lack the program's name.
     let mut command = Cli::command().disable_help_subcommand(true);

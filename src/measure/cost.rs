@@ -151,7 +151,6 @@ impl Report {
     }
 }
 
-/// Errors and times, setting by setting.
 fn measured(
     emulator: &mut Emulator,
     vehicles: &[VehicleState],

@@ -19,7 +19,6 @@ use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
 use std::hint::black_box;
 
-/// Objects of whole frames.
 const OBJECTS: usize = 20_000;
 /// Columns and rows of the noise's frame, and pixels of it that are drawn at a time, as the renderer's runs are.
 const SIDE: usize = 1024;
@@ -35,9 +34,7 @@ const FRAMES: usize = 16;
 const WARM: usize = 18;
 /// Frames that threads share one after the other before it is the turn of the single thread: what has slept meanwhile shares the first one late.
 const STREAM: usize = 4;
-/// Seconds between frames.
 const STEP_S: f64 = 0.1;
-/// ns in a ms.
 pub(super) const MS: usize = 1_000_000;
 
 /// What was measured.
@@ -214,7 +211,6 @@ impl Work {
         Ok(work)
     }
 
-    /// The next frame, with its label.
     fn frame(&mut self) {
         let later = Unit::Second * (STEP_S * f64::from(self.made));
         self.made += 1;

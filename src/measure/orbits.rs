@@ -30,7 +30,6 @@ const DEEP: usize = 10;
 const CALLS: usize = 10;
 /// And of two threads against one: many times as long as a system takes to see that both wait for the same processor.
 const LONG: usize = 100;
-/// Rounds of which medians are told.
 const ROUNDS: usize = 31;
 /// Frames of the whole step, a tenth of a second apart, after those in which segments are laid.
 const FRAMES: usize = 300;
@@ -182,7 +181,6 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
     )
 }
 
-/// Two threads against one.
 fn threads(sets: &[Elements], epoch: Epoch) -> Option<Row> {
     let mut batch = Batch::new(sets).unwrap_or_default();
     let mut other = batch.clone();

@@ -17,7 +17,6 @@ const STARS: usize = 300;
 const LENGTH_PX: f64 = 50.0;
 /// They run so far (rad) from the detector's columns to its rows: along neither.
 const SLOPE: f64 = 0.5;
-/// Rounds of which the median is told.
 const ROUNDS: usize = 41;
 /// Rows that are drawn together, all bands into the same charge, as the renderer's are.
 const BAND: usize = 32;
@@ -90,7 +89,6 @@ impl Stars {
         })
     }
 
-    /// Makes the images of a view and draws them.
     fn take(&mut self, view: View, simulated: EffectSet) {
         let [width, height] = [view.camera.detector.width, view.camera.detector.height];
         let scene = Scene::new(view, simulated, &self.fidelity);

@@ -16,7 +16,6 @@ const MOST: usize = 8192;
 /// What Prometheus' text is called.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// What a request comes to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Verdict {
     Page,
@@ -114,7 +113,6 @@ fn is_whole(head: &[u8], before: usize) -> bool {
     ends(b"\r\n\r\n") || ends(b"\n\n")
 }
 
-/// What the first line asks for. Headers change nothing.
 fn judge(head: &[u8]) -> Verdict {
     let line = head.split(|octet| *octet == b'\n').next().unwrap_or(head);
     let line = line.strip_suffix(b"\r").unwrap_or(line);

@@ -83,7 +83,6 @@ impl Page {
     }
 }
 
-/// A number as the format has it.
 pub(super) fn number(value: f64) -> String {
     if value == f64::INFINITY {
         "+Inf".to_string()

@@ -10,7 +10,6 @@ use std::io::{self, Write};
 
 /// Headers and data are filled up to whole blocks.
 const BLOCK: usize = 2880;
-/// Characters of a card.
 const CARD: usize = 80;
 
 /// What a reader of the header must know; at most 72 characters a line.

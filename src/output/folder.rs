@@ -21,6 +21,16 @@ pub struct OutputError {
     pub source: io::Error,
 }
 
+impl OutputError {
+    pub(super) fn new(action: &'static str, path: &Path, source: io::Error) -> OutputError {
+        OutputError {
+            action,
+            path: path.to_path_buf(),
+            source,
+        }
+    }
+}
+
 fn remedy(error: &io::Error) -> &'static str {
     match error.kind() {
         // Refusals of skyloop's own say it themselves.
@@ -263,11 +273,7 @@ impl Folder {
 
     /// An error on a file in the folder.
     pub fn error(&self, action: &'static str, name: &str, source: io::Error) -> OutputError {
-        OutputError {
-            action,
-            path: self.path(name),
-            source,
-        }
+        OutputError::new(action, &self.path(name), source)
     }
 }
 

@@ -11,7 +11,6 @@ use std::path::Path;
 
 const TABLE: &str = "lightcurve.csv";
 const PICTURE: &str = "lightcurve.svg";
-/// The head of the table.
 const HEAD: &str = "utc,t_s,mag,band_mag,range_km,phase_deg,illumination,reason";
 
 /// Whether the files in `dir` may be replaced.

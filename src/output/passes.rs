@@ -28,7 +28,6 @@ pub struct Row {
     spans: Vec<Span>,
 }
 
-/// An instant of a pass.
 #[derive(Debug, Serialize)]
 struct Moment {
     utc: String,
@@ -43,7 +42,6 @@ struct Moment {
     reason: &'static str,
 }
 
-/// A part of a pass.
 #[derive(Debug, Serialize)]
 struct Span {
     from: String,

@@ -81,7 +81,6 @@ fn text(value: f64) -> String {
 }
 
 impl Scatter {
-    /// The text of the SVG file.
     fn svg(&self) -> io::Result<String> {
         let is_finite = |dot: &&Dot| dot.at.iter().all(|value| value.is_finite());
         let mut dots: Vec<Dot> = self.dots.iter().filter(is_finite).cloned().collect();

@@ -10,9 +10,7 @@ use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use image::RgbImage;
 
-/// Panels at most.
 const PANELS: u32 = 12;
-/// Columns at most.
 const COLUMNS: usize = 4;
 /// Space around a panel, px.
 const MARGIN: u32 = 12;
@@ -21,6 +19,8 @@ const TITLE: u32 = 64;
 const CAPTION: u32 = 38;
 /// A panel's place is at least so wide, for its caption, px.
 const CAPTION_WIDTH: u32 = 400;
+/// Width of a ring of the legend, px.
+const RING: i32 = 20;
 
 const PAPER: Rgb888 = Rgb888::new(16, 18, 24);
 const INK: Rgb888 = Rgb888::new(235, 238, 245);
@@ -29,7 +29,6 @@ const PALE: Rgb888 = Rgb888::new(160, 168, 182);
 /// Collects the panels of a run: frames at equal distances, the first and the last one among them.
 #[derive(Debug)]
 pub struct ContactSheet {
-    /// Frames expected.
     frames: u32,
     seen: u32,
     title: String,
@@ -77,11 +76,13 @@ impl ContactSheet {
             widest.max(CAPTION_WIDTH) + MARGIN,
             highest + CAPTION + MARGIN,
         );
-        let (title, legend) = (self.title(), legend());
+        let (shown, seen) = (self.panels.len(), self.seen);
+        let title = format!("{}   {shown} of {seen} frames", self.title);
+        let legend = legend();
         let widths = [
             columns as u32 * cell.width,
             text_size(&title, &FONT_9X18_BOLD).width + MARGIN,
-            legend.iter().map(Key::width).sum(),
+            legend.iter().map(|(.., text)| key_width(text)).sum(),
         ];
         let mut canvas = Canvas::filled(
             widths.into_iter().max()? + MARGIN,
@@ -91,9 +92,11 @@ impl ContactSheet {
         let mut at = Point::new(MARGIN as i32, 10);
         canvas.text(&title, at, &FONT_9X18_BOLD, INK);
         at.y = 38;
-        for key in legend {
-            key.draw(&mut canvas, at);
-            at.x += key.width() as i32;
+        for (color, broken, text) in legend {
+            let centre = [f64::from(at.x) + 7.0, f64::from(at.y) + 7.0];
+            canvas.ring(centre, 6.0, 1.6, color, broken);
+            canvas.text(&text, at + Point::new(RING, 0), &FONT_7X13, PALE);
+            at.x += key_width(&text) as i32;
         }
         for (i, panel) in self.panels.iter().enumerate() {
             let corner = Point::new(
@@ -107,52 +110,22 @@ impl ContactSheet {
         }
         Some(canvas.0)
     }
-
-    fn title(&self) -> String {
-        let (shown, seen) = (self.panels.len(), self.seen);
-        format!("{}   {shown} of {seen} frames", self.title)
-    }
 }
 
-/// What a ring of a panel means.
-struct Key {
-    color: Rgb888,
-    broken: bool,
-    text: String,
-}
-
-fn legend() -> [Key; 4] {
+/// The rings of panels: colour, whether it is broken, and what it stands for.
+fn legend() -> [(Rgb888, bool, String); 4] {
+    let star = format!("star (the brightest {RINGED} of a frame)");
     [
-        (
-            STAR,
-            false,
-            format!("star (the brightest {RINGED} of a frame)"),
-        ),
+        (STAR, false, star),
         (RSO, false, "RSO".to_string()),
         (HIDDEN, true, "RSO, not visible".to_string()),
         (WANDERER, false, "Moon, planet".to_string()),
     ]
-    .map(|(color, broken, text)| Key {
-        color,
-        broken,
-        text,
-    })
 }
 
-impl Key {
-    /// Width of its ring.
-    const RING: i32 = 20;
-
-    /// With the space to the next, px.
-    fn width(&self) -> u32 {
-        Key::RING as u32 + text_size(&self.text, &FONT_7X13).width + MARGIN
-    }
-
-    fn draw(&self, canvas: &mut Canvas, at: Point) {
-        let centre = [f64::from(at.x) + 7.0, f64::from(at.y) + 7.0];
-        canvas.ring(centre, 6.0, 1.6, self.color, self.broken);
-        canvas.text(&self.text, at + Point::new(Key::RING, 0), &FONT_7X13, PALE);
-    }
+/// Width of a ring of the legend with its text and the space to the next, px.
+fn key_width(text: &str) -> u32 {
+    RING as u32 + text_size(text, &FONT_7X13).width + MARGIN
 }
 
 /// Whether frame `i` of `frames` is shown: the i that equal steps from the first to the last, rounded,

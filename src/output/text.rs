@@ -12,7 +12,8 @@ pub fn write_text(path: &Path, text: &str, mark: Mark, force: bool) -> Result<()
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    skyloop_orbit::write_file(path, text, mark, force).map_err(|e| fail("write", path, e))
+    skyloop_orbit::write_file(path, text, mark, force)
+        .map_err(|e| OutputError::new("write", path, e))
 }
 
 /// Writes files into a folder, which is made if need be. All are checked before the first is replaced.
@@ -27,12 +28,12 @@ pub fn write_files(
     make_folder(folder)?;
     let open = |(name, _): &(String, Vec<u8>)| {
         let path = folder.join(name);
-        OutputFile::open(&path, mark, force).map_err(|e| fail("write", &path, e))
+        OutputFile::open(&path, mark, force).map_err(|e| OutputError::new("write", &path, e))
     };
     let opened: Vec<OutputFile> = files.iter().map(open).collect::<Result<_, _>>()?;
     for (mut output, (name, contents)) in opened.into_iter().zip(files) {
         let written = output.write(contents);
-        written.map_err(|e| fail("write", &folder.join(name), e))?;
+        written.map_err(|e| OutputError::new("write", &folder.join(name), e))?;
     }
     Ok(())
 }
@@ -41,7 +42,7 @@ pub fn write_files(
 ///
 /// Errors: it cannot be made.
 pub fn make_folder(folder: &Path) -> Result<(), OutputError> {
-    fs::create_dir_all(folder).map_err(|e| fail("create the folder", folder, e))
+    fs::create_dir_all(folder).map_err(|e| OutputError::new("create the folder", folder, e))
 }
 
 /// Removes a file.
@@ -49,13 +50,5 @@ pub fn make_folder(folder: &Path) -> Result<(), OutputError> {
 /// Errors: it cannot be removed.
 pub fn remove_file(path: &Path) -> Result<(), OutputError> {
     let removed = skyloop_orbit::not_input(path).and_then(|()| fs::remove_file(path));
-    removed.map_err(|e| fail("remove", path, e))
-}
-
-fn fail(action: &'static str, path: &Path, source: std::io::Error) -> OutputError {
-    OutputError {
-        action,
-        path: path.to_path_buf(),
-        source,
-    }
+    removed.map_err(|e| OutputError::new("remove", path, e))
 }

@@ -30,7 +30,6 @@ pub(super) struct Step {
     pub(super) end_s: f64,
     /// Its start, mid and end.
     pub(super) shutter: Shutter,
-    /// In its middle.
     pub(super) vehicle: VehicleState,
     /// The fastest turn of the body, rad/s.
     pub(super) rate: f64,
@@ -76,7 +75,6 @@ impl<'a> Course<'a> {
         &self.steps[number.min(self.steps.len() - 1)]
     }
 
-    /// The vehicle at an instant.
     pub(super) fn vehicle(&self, t_s: f64) -> Result<VehicleState, NoPasses> {
         let state = self.at(t_s).state(t_s);
         Ok(self.flight.vehicle(self.epoch(t_s), state)?)
@@ -140,7 +138,6 @@ impl Step {
         state
     }
 
-    /// The observer.
     pub(super) fn observer(&self, epoch: Epoch, t_s: f64) -> Observer {
         let state = self.state(t_s);
         let middle_s = (self.start_s + self.end_s) / 2.0;

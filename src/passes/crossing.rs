@@ -171,7 +171,6 @@ impl Seeker<'_> {
         }
     }
 
-    /// The speed of the image, px/s, at an instant of a stay.
     fn rate_px_s(&self, t_s: f64, [start, end]: [f64; 2]) -> Result<f64, NoPasses> {
         let before = (t_s - RATE_S / 2.0).max(start);
         let after = (t_s + RATE_S / 2.0).min(end);

@@ -6,7 +6,6 @@ use nalgebra::Vector3;
 /// Points along each side of the detector.
 const POINTS: usize = 64;
 
-/// A camera's field.
 pub(super) struct Field<'a> {
     camera: &'a Camera,
     /// Directions of points of its edge, in order around it.

@@ -160,7 +160,6 @@ impl Seeker<'_> {
         state.inspect_err(|error| self.lose(error))
     }
 
-    /// Keeps why it has no state.
     pub(super) fn lose(&self, why: &impl ToString) {
         self.lost.get_or_init(|| why.to_string());
     }

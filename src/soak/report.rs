@@ -3,6 +3,7 @@
 use super::{Camera, Limits, Measured, Verdict};
 use crate::host::{HostReport, Memory};
 use crate::realtime::Granted;
+use crate::timing::row;
 use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::verdict::Suite;
 use std::path::Path;
@@ -71,13 +72,13 @@ impl Report {
         let mut rows = Vec::new();
         for camera in &self.cameras {
             if self.cameras.len() > 1 {
-                rows.push(("camera".to_string(), camera.name.clone()));
+                rows.push(row("camera", camera.name.clone()));
             }
             rows.extend(camera.latencies.rows());
-            rows.push(("drift of the clocks".to_string(), camera.drift.told()));
+            rows.push(row("drift of the clocks", camera.drift.told()));
         }
-        rows.push(("start to the first frame".to_string(), first));
-        rows.push(("memory".to_string(), self.memory.told()));
+        rows.push(row("start to the first frame", first));
+        rows.push(row("memory", self.memory.told()));
         rows
     }
 
@@ -85,7 +86,7 @@ impl Report {
     #[must_use]
     pub fn suite(&self) -> Suite {
         let mut properties = self.host.rows();
-        properties.push(("real time".to_string(), self.realtime.to_string()));
+        properties.push(row("real time", self.realtime.to_string()));
         let rows = self.rows();
         Suite {
             seconds: self.minutes * 60.0,

@@ -49,28 +49,3 @@ fn told(time: Option<String>, unexposed: Option<&str>) -> String {
     let none = unexposed.map(|side| format!("an exposure {side} has no frame"));
     none.or(time).unwrap_or_else(|| "not whole".to_string())
 }
-
-/// What is remembered of one frame.
-pub(super) trait OfFrame {
-    fn frame(&self) -> u32;
-}
-
-impl OfFrame for Miss {
-    fn frame(&self) -> u32 {
-        self.frame
-    }
-}
-
-impl OfFrame for Slow {
-    fn frame(&self) -> u32 {
-        self.frame
-    }
-}
-
-/// The first is that of the lowest number, in whichever order they are told.
-pub(super) fn keep_lowest<T: OfFrame>(first: &mut Option<T>, told: T) {
-    let lower = |first: &T| told.frame() < first.frame();
-    if first.as_ref().is_none_or(lower) {
-        *first = Some(told);
-    }
-}

@@ -114,8 +114,8 @@ fn cameras_numbers_and_folders() {
          | fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky
          --camera fai_nri | did you mean fai-nir?
          --frames 0       | --frames | 0 | 1 to 1000000
-         --period -1      | --period | seconds
-         --label-snr nan  | --label-snr | 0 to 1e9",
+         --period -1      | --period | 0.000001 to 1000000
+         --label-snr nan  | --label-snr | 0 to 1000000000",
     );
     let render = format!("render --epoch {EPOCH} --attitude {Q} --out");
     refuses(

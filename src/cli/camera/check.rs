@@ -5,6 +5,7 @@ use serde::Serialize;
 use skyloop::camera::Camera;
 use skyloop::load::Folder;
 use skyloop::sensitivity::{CATALOGUE_MAG, LIMIT_SNR, SKY_MAG_ARCSEC2, Sensitivity};
+use skyloop::stats::{row, table};
 use skyloop_firmware_sim::console::say;
 
 #[derive(ClapArgs)]
@@ -17,7 +18,6 @@ pub struct Args {
     json: bool,
 }
 
-/// What is printed.
 #[derive(Serialize)]
 struct Report {
     camera: String,
@@ -35,7 +35,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The text of a camera's report.
 pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::Result<String> {
     let sensitivity = Sensitivity::of(camera);
     let mut warnings = notices;
@@ -80,49 +79,32 @@ impl Report {
         let [across, down, diagonal] = found.field_deg;
         let mag = |mag: Option<f64>| mag.map_or("none".to_string(), |mag| format!("{mag:.2}"));
         let stars = found.stars_per_frame;
+        let background = format!(
+            "{:.2} e-/px: dark {:.2}, sky {:.2} (mag {SKY_MAG_ARCSEC2}/arcsec^2)",
+            found.dark_e_px + found.sky_e_px,
+            found.dark_e_px,
+            found.sky_e_px
+        );
+        let field = format!("{across:.3} x {down:.3} deg, diagonal {diagonal:.3} deg");
+        let limiting = format!("limiting magnitude at SNR {LIMIT_SNR}");
+        let stars = stars.map_or("none".to_string(), |stars| format!("{stars:.1}"));
         let rows = [
-            (
-                "pixels".to_string(),
+            row(
+                "pixels",
                 format!("{} x {}", detector.width, detector.height),
             ),
-            (
-                "field of view".to_string(),
-                format!("{across:.3} x {down:.3} deg, diagonal {diagonal:.3} deg"),
-            ),
-            (
-                "scale".to_string(),
-                format!("{:.2} arcsec/px", found.arcsec_per_px),
-            ),
-            (
-                "background".to_string(),
-                format!(
-                    "{:.2} e-/px: dark {:.2}, sky {:.2} (mag {SKY_MAG_ARCSEC2}/arcsec^2)",
-                    found.dark_e_px + found.sky_e_px,
-                    found.dark_e_px,
-                    found.sky_e_px
-                ),
-            ),
-            (
-                format!("limiting magnitude at SNR {LIMIT_SNR}"),
-                mag(found.limiting_mag),
-            ),
-            (
-                "stars a frame to that".to_string(),
-                stars.map_or("none".to_string(), |stars| format!("{stars:.1}")),
-            ),
-            (
-                "saturation magnitude".to_string(),
-                mag(found.saturation_mag),
-            ),
+            row("field of view", field),
+            row("scale", format!("{:.2} arcsec/px", found.arcsec_per_px)),
+            row("background", background),
+            row(&limiting, mag(found.limiting_mag)),
+            row("stars a frame to that", stars),
+            row("saturation magnitude", mag(found.saturation_mag)),
         ];
-        let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         let mut text = format!(
             "{}, exposed for {} s (a star at rest on the boresight, in the middle of a pixel; magnitudes in the camera's band)\n",
             self.camera, found.exposure_s
         );
-        for (name, value) in rows {
-            text += &format!("  {name:width$}  {value}\n");
-        }
+        text += &table(&rows);
         for warning in &self.warnings {
             text += &format!("warning: {warning}\n");
         }

@@ -5,7 +5,6 @@ mod new;
 
 use clap::Subcommand;
 
-/// Subcommands of `skyloop camera`.
 #[derive(Subcommand)]
 pub enum Command {
     /// Check a camera file and print what the camera can see: field of view, scale, limiting and saturation magnitude

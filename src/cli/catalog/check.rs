@@ -1,5 +1,6 @@
 //! `skyloop catalog check`: what files of orbits hold, and what of it cannot be used.
 
+use super::super::say_json;
 use super::source::{Source, shown, sources};
 use anyhow::bail;
 use clap::Args as ClapArgs;
@@ -31,10 +32,8 @@ pub struct Args {
 /// Objects that a line names at most; JSON has all.
 const NAMED: usize = 5;
 
-/// What was found in all files.
 #[derive(Serialize, Default)]
 struct Report {
-    /// Different objects in all files.
     objects: usize,
     records: usize,
     /// Names that several objects have which have nothing else, and of how many.
@@ -47,13 +46,11 @@ struct Report {
     files: Vec<FileReport>,
 }
 
-/// What was found in a file.
 #[derive(Serialize, Default)]
 struct FileReport {
     file: String,
     /// None where it is no file of orbits.
     format: Option<&'static str>,
-    /// Why it is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
     /// Element sets, and objects with an ephemeris.
@@ -68,7 +65,6 @@ struct FileReport {
     /// What ephemerides cover, where the file has any.
     #[serde(skip_serializing_if = "Option::is_none")]
     covers: Option<[String; 2]>,
-    /// Numbers beyond five digits.
     beyond_99999: usize,
     /// What was assumed of records and ephemerides, a line for each kind.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -90,7 +86,6 @@ struct Stateless {
     reason: String,
 }
 
-/// A record that cannot be used.
 #[derive(Serialize)]
 struct Refusal {
     line: usize,
@@ -143,7 +138,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     report.passed_over.sort();
     if args.json {
-        say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+        say_json(&report)?;
     } else {
         if let Some(line) = passed_over(&report.passed_over) {
             say(format_args!("{line}\n"))?;
@@ -230,7 +225,6 @@ fn of_contents(contents: &Contents) -> FileReport {
     }
 }
 
-/// The set, if SGP4 has no state for it at its own epoch.
 fn stateless(record: &Record) -> Option<Stateless> {
     let error = record.elements.state_teme_after(0.0).err()?;
     Some(Stateless {
@@ -241,13 +235,11 @@ fn stateless(record: &Record) -> Option<Stateless> {
     })
 }
 
-/// The first and the last epoch of sets.
 fn epochs(records: &[Record]) -> Option<(Epoch, Epoch)> {
     let epochs = records.iter().map(|record| record.elements.epoch);
     range(epochs.map(|epoch| (epoch, epoch)))
 }
 
-/// The first and the last instant that ephemerides cover.
 fn covers(ephemerides: &[Object]) -> Option<(Epoch, Epoch)> {
     range(ephemerides.iter().filter_map(|object| match &object.orbit {
         Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
@@ -280,7 +272,6 @@ impl FileReport {
         self
     }
 
-    /// The report as lines.
     fn lines(&self) -> String {
         let file = &self.file;
         let Some(format) = self.format else {

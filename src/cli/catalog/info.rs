@@ -1,6 +1,6 @@
 //! `skyloop catalog info`: the objects of files by kind of orbit, or one of them.
 
-use super::super::Records;
+use super::super::{Records, say_json};
 use super::source::{readable, shown, sources};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
@@ -31,20 +31,16 @@ pub struct Args {
 /// Objects that are listed beside the counts; JSON has all.
 const LISTED: usize = 40;
 
-/// What is reported of an object.
 #[derive(Serialize)]
 struct Line {
     id: String,
     names: Vec<String>,
     /// LEO, MEO, GEO, HEO or beyond GEO; none of an ephemeris.
     regime: Option<String>,
-    /// Whether SDP4 propagates it.
     deep: Option<bool>,
-    /// Number of its element sets.
     sets: usize,
     /// Of its last set, as all that follows; of an ephemeris the first instant that it covers.
     epoch: Option<String>,
-    /// The last instant that an ephemeris covers.
     #[serde(skip_serializing_if = "Option::is_none")]
     until: Option<String>,
     period_min: Option<f64>,
@@ -67,8 +63,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => all.objects.iter().map(Line::of).collect(),
     };
     if args.json {
-        say(format_args!("{}\n", serde_json::to_string_pretty(&lines)?))?;
-        return Ok(());
+        return say_json(&lines);
     }
     let mut text = String::new();
     if args.object.is_none() {
@@ -121,7 +116,6 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
     })
 }
 
-/// How many there are of each kind.
 fn counts(objects: &[Object]) -> String {
     let sets: Vec<&Elements> = objects.iter().filter_map(last_set).collect();
     let mut text = counted(objects.len(), "object") + "\n";
@@ -151,7 +145,6 @@ fn counts(objects: &[Object]) -> String {
     text
 }
 
-/// The set of an object with the last epoch.
 fn last_set(object: &Object) -> Option<&Elements> {
     match &object.orbit {
         Orbit::Elements(set, others) => [set].into_iter().chain(others).max_by_key(|set| set.epoch),
@@ -190,7 +183,6 @@ impl Line {
         }
     }
 
-    /// A row of the table.
     fn row(&self) -> String {
         let number = |value: Option<f64>, digits: usize| match value {
             Some(value) => format!("{value:.digits$}"),

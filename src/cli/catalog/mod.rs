@@ -9,7 +9,6 @@ use anyhow::bail;
 use clap::Subcommand;
 use skyloop::orbit::{Format, LARGEST_FILE};
 
-/// Subcommands of `skyloop catalog`.
 #[derive(Subcommand)]
 pub enum Command {
     /// Say what files of orbits hold, and what of it cannot be used, with line and reason

@@ -71,7 +71,6 @@ pub fn readable(
     Ok(None)
 }
 
-/// A file's name in messages.
 pub fn shown(file: &Path) -> String {
     path_text(file)
 }

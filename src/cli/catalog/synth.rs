@@ -88,7 +88,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What `--out` names.
 enum Target<'a> {
     Folder(&'a Path),
     File(&'a Path, Format),
@@ -123,7 +122,6 @@ fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     super::fits(&what, format, expected * 1.02, "write a folder, or .csv")
 }
 
-/// How many there are of each class.
 fn counts(all: &[Synthetic]) -> String {
     let mut text = String::new();
     for class in CLASSES {
@@ -133,7 +131,6 @@ fn counts(all: &[Synthetic]) -> String {
     text + &format!("{}\n", counted(all.len(), "object"))
 }
 
-/// The element file of a size class.
 fn class_file(to_m: f64, end: &str) -> String {
     format!("below-{to_m}-m.{end}")
 }

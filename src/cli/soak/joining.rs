@@ -24,7 +24,6 @@ pub struct Joining {
     way: BTreeMap<(usize, u32), (Left, Instant)>,
     came: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
-    /// When the run began.
     begin: Option<Instant>,
     /// Exposures without a frame that were booked, by camera.
     missed: BTreeMap<usize, u32>,
@@ -124,7 +123,6 @@ impl Joining {
         }
     }
 
-    /// Books a frame that has left and come.
     fn book(&mut self, camera: usize, told: &Left, at: Instant) {
         let times = told.times.ended(told.trigger, told.deadline, at);
         self.add(camera, &times);

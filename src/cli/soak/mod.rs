@@ -28,7 +28,6 @@ use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
 use skyloop_firmware_sim::verdict;
 use skyloop_protocols::Counters;
-use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -156,11 +155,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
 
 /// The emulator's links, and their other ends, of each camera.
 fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<ClientEnd>)> {
-    let options = link::Options {
-        idle: Duration::from_secs_f64(config.run.idle_s),
-        personality: &NATIVE,
-        bus: None,
-    };
+    let options = live::link_options(&config.run, None);
     let (mut links, mut ports) = (Vec::new(), Vec::new());
     for camera in 0..=config.heads.len() {
         let (wire, port) = link::loopback(&args.link, &options)?;
@@ -179,7 +174,6 @@ fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<Client
 /// A client's end of a link.
 type ClientEnd = (Box<dyn Port + Send>, Roles);
 
-/// A run of all cameras and their clients.
 struct Run<'a> {
     config: &'a Config,
     limits: Limits,
@@ -188,17 +182,14 @@ struct Run<'a> {
     interrupted: &'a AtomicBool,
 }
 
-/// What came of a run.
 struct Flown {
     joining: Joining,
     /// When the first client stopped taking frames.
     ended: Instant,
-    /// Figures and counters of each camera.
     figures: Vec<(RunStats, Counters)>,
 }
 
 impl Run<'_> {
-    /// Runs servers and clients to the end.
     fn fly(
         &self,
         (mut server, mut heads): (Server, Vec<Server>),
@@ -440,7 +431,6 @@ fn short(minutes: f64) -> String {
 }
 
 impl Args {
-    /// The options that name files.
     fn files(&self) -> Vec<(&'static str, &Path)> {
         let outputs = [("--junit", &self.junit), ("--json", &self.json)];
         let outputs = outputs

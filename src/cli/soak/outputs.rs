@@ -7,7 +7,6 @@ use skyloop::soak::{Report, suite};
 use skyloop_firmware_sim::verdict::{JUNIT_MARK, UNFINISHED, VerdictFile, not_run};
 use std::path::PathBuf;
 
-/// The files with the verdicts.
 pub struct Outputs {
     junit: Option<VerdictFile>,
     json: Option<VerdictFile>,
@@ -39,7 +38,6 @@ impl Outputs {
         self.each(failed(args, error), VerdictFile::fail)
     }
 
-    /// Writes the verdicts of a run.
     pub fn finish(&mut self, report: &Report) -> anyhow::Result<()> {
         let junit = report.suite().document(&report.verdicts);
         let json = serde_json::to_string_pretty(report)? + "\n";

@@ -48,7 +48,6 @@ pub struct Sums {
     worst_e: f64,
 }
 
-/// An image as it is drawn.
 struct Drawn {
     /// Electrons on the detector.
     electrons: f64,

@@ -3,7 +3,6 @@
 use super::{Report, Row};
 use std::fmt;
 
-/// The head of the lines.
 const HEAD: &str = "setting,knob,value,centroid_bias_mpx,centroid_rms_mpx,photometry_ppm,background_e,frame_rms_e,worst_e,p50_ms,p99_ms,is_front,beaten_by";
 
 impl Report {
