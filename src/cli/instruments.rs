@@ -265,12 +265,8 @@ impl Instruments {
     }
 
     /// What they have to say in a run's table.
-    pub fn rows(&self) -> Vec<(String, String)> {
-        let faults = self.faults();
-        faults
-            .map(|done| row("faults injected", done))
-            .into_iter()
-            .collect()
+    pub fn row(&self) -> Option<(String, String)> {
+        self.faults().map(|done| row("faults injected", done))
     }
 
     /// What the faults have done, if any are injected.

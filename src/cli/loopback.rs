@@ -339,7 +339,7 @@ fn rows(stats: &RunStats, report: &Report, instruments: &Instruments) -> Vec<(St
             report.totals.detections, report.totals.false_detections, report.totals.missed
         ),
     ));
-    rows.extend(instruments.rows());
+    rows.extend(instruments.row());
     rows
 }
 

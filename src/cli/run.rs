@@ -291,7 +291,7 @@ fn serve(
 fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow::Result<()> {
     let clock = config.run.clock;
     let mut first = rows(&served.stats, &served.counters, clock);
-    first.extend(instruments.rows());
+    first.extend(instruments.row());
     say(format_args!("\n{}", table(&first)))?;
     for (head, (stats, counters)) in config.heads.iter().zip(&served.heads) {
         let table = table(&rows(stats, counters, clock));

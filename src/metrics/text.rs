@@ -7,9 +7,73 @@ use std::sync::Arc;
 /// A camera's figures, and what it is called where it is not the first.
 pub(super) type Camera = (Option<Arc<str>>, Arc<Snapshot>);
 
+/// A metric's name without `skyloop_`, its help, and its value of a link, where that is known.
+type Figure = (&'static str, &'static str, fn(&Snapshot) -> Option<String>);
+
+const FRAMES: [Figure; 3] = [
+    (
+        "frames_total",
+        "Frames that were to leave, whole or not; of exposures without one exposures_missed tells.",
+        |of| Some(of.frames.to_string()),
+    ),
+    (
+        "deadlines_missed_total",
+        "Frames that were late or did not leave whole; of exposures without a frame exposures_missed tells.",
+        |of| Some(of.missed.to_string()),
+    ),
+    (
+        "frames_incomplete_total",
+        "Frames that did not leave whole.",
+        |of| Some(of.incomplete.to_string()),
+    ),
+];
+
+const REQUESTS: [Figure; 2] = [
+    (
+        "link_frames_requested_total",
+        "Requests for frames: those delivered, those withheld, and frames on their way.",
+        |of| Some(of.requested.to_string()),
+    ),
+    (
+        "link_frames_delivered_total",
+        "Frames whose last packet has left the link.",
+        |of| Some(of.delivered.to_string()),
+    ),
+];
+
+const LAST_FRAME: [Figure; 6] = [
+    (
+        "exposure_start_timestamp_seconds",
+        "First instant of the last frame's exposure, since 1970.",
+        |of| Some(number(of.exposure_s?[0])),
+    ),
+    ("exposure_mid_timestamp_seconds", "Its middle.", |of| {
+        Some(number(of.exposure_s?[1]))
+    }),
+    (
+        "exposure_end_timestamp_seconds",
+        "Its last instant.",
+        |of| Some(number(of.exposure_s?[2])),
+    ),
+    (
+        "attitude_age_seconds",
+        "Age of the last frame's attitude in the middle of its exposure.",
+        |of| of.attitude_age_s.map(number),
+    ),
+    (
+        "clock_offset_seconds",
+        "The client's clock less the emulator's.",
+        |of| of.clock_offset_s.map(number),
+    ),
+    (
+        "deadline_spare_seconds",
+        "What was left of the last frame's deadline; less than 0: missed, -Inf: it did not leave whole.",
+        |of| of.deadline_spare_s.map(number),
+    ),
+];
+
 /// All of it, for all cameras: the first one's without a name. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
 pub(super) fn page(cameras: &[Camera]) -> String {
-    type Figure<T> = fn(&Snapshot) -> T;
     let mut page = Page::default();
     let cameras: Vec<Of<'_>> = cameras
         .iter()
@@ -23,27 +87,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
             links.push((labels, of));
         }
     }
-    let counts: [(&str, &str, Figure<u64>); 3] = [
-        (
-            "frames",
-            "Frames that were to leave, whole or not; of exposures without one exposures_missed tells.",
-            |of| of.frames,
-        ),
-        (
-            "deadlines_missed",
-            "Frames that were late or did not leave whole; of exposures without a frame exposures_missed tells.",
-            |of| of.missed,
-        ),
-        (
-            "frames_incomplete",
-            "Frames that did not leave whole.",
-            |of| of.incomplete,
-        ),
-    ];
-    for (name, help, count) in counts {
-        let name = format!("skyloop_{name}_total");
-        page.family(&links, (&name, "counter", help), |of| Some(count(of)));
-    }
+    families(&mut page, &links, "counter", &FRAMES);
     accounts(&mut page, &links);
     let latency = "skyloop_latency_seconds";
     let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
@@ -53,38 +97,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
             stages.for_each(|stage| page.histogram(latency, labels, stage));
         }
     }
-    let last: [(&str, &str, Figure<Option<f64>>); 6] = [
-        (
-            "exposure_start_timestamp",
-            "First instant of the last frame's exposure, since 1970.",
-            |of| Some(of.exposure_s?[0]),
-        ),
-        ("exposure_mid_timestamp", "Its middle.", |of| {
-            Some(of.exposure_s?[1])
-        }),
-        ("exposure_end_timestamp", "Its last instant.", |of| {
-            Some(of.exposure_s?[2])
-        }),
-        (
-            "attitude_age",
-            "Age of the last frame's attitude in the middle of its exposure.",
-            |of| of.attitude_age_s,
-        ),
-        (
-            "clock_offset",
-            "The client's clock less the emulator's.",
-            |of| of.clock_offset_s,
-        ),
-        (
-            "deadline_spare",
-            "What was left of the last frame's deadline; less than 0: missed, -Inf: it did not leave whole.",
-            |of| of.deadline_spare_s,
-        ),
-    ];
-    for (name, help, value) in last {
-        let name = format!("skyloop_{name}_seconds");
-        page.family(&links, (&name, "gauge", help), |of| value(of).map(number));
-    }
+    families(&mut page, &links, "gauge", &LAST_FRAME);
     let help =
         "What is gone by for the client's time: 0 free, 1 waiting, 2 locked, 3 holdover, 4 paused.";
     page.family(&cameras, ("skyloop_clock_sync", "gauge", help), |of| {
@@ -106,25 +119,16 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     page.text
 }
 
+/// Adds metrics that have a sample of each link.
+fn families(page: &mut Page, links: &[Of<'_>], kind: &str, figures: &[Figure]) {
+    for (name, help, value) in figures {
+        page.family(links, (&format!("skyloop_{name}"), kind, help), value);
+    }
+}
+
 /// How the requests for the frames of each link ended.
 fn accounts(page: &mut Page, links: &[Of<'_>]) {
-    type Count = fn(&Snapshot) -> usize;
-    let counts: [(&str, &str, Count); 2] = [
-        (
-            "requested",
-            "Requests for frames: those delivered, those withheld, and frames on their way.",
-            |of| of.requested,
-        ),
-        (
-            "delivered",
-            "Frames whose last packet has left the link.",
-            |of| of.delivered,
-        ),
-    ];
-    for (name, help, count) in counts {
-        let name = format!("skyloop_link_frames_{name}_total");
-        page.family(links, (&name, "counter", help), |of| Some(count(of)));
-    }
+    families(page, links, "counter", &REQUESTS);
     let name = "skyloop_link_frames_withheld_total";
     let help = "Requests whose frame has not left the link whole, by cause.";
     if links.iter().any(|(_, of)| !of.withheld.is_empty()) && page.begin(name, "counter", help) {

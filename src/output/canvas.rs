@@ -22,11 +22,6 @@ impl Canvas {
         Canvas(RgbImage::from_pixel(width, height, rgb))
     }
 
-    /// Puts a picture with its upper left corner at `at`.
-    pub fn place(&mut self, picture: &RgbImage, at: Point) {
-        image::imageops::replace(&mut self.0, picture, at.x.into(), at.y.into());
-    }
-
     /// A ring with smooth edges; `weight` is its width, px, broken into dashes if so.
     pub fn ring(
         &mut self,

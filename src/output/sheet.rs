@@ -9,6 +9,7 @@ use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use image::RgbImage;
+use image::imageops::replace;
 
 const PANELS: u32 = 12;
 const COLUMNS: usize = 4;
@@ -103,7 +104,12 @@ impl ContactSheet {
                 (MARGIN + (i % columns) as u32 * cell.width) as i32,
                 (TITLE + (i / columns) as u32 * cell.height) as i32,
             );
-            canvas.place(&panel.picture, corner);
+            replace(
+                &mut canvas.0,
+                &panel.picture,
+                corner.x.into(),
+                corner.y.into(),
+            );
             let below = corner + Point::new(0, panel.picture.height() as i32 + 5);
             canvas.text(&panel.heading, below, &FONT_7X13_BOLD, INK);
             canvas.text(&panel.content, below + Point::new(0, 15), &FONT_7X13, PALE);
