@@ -29,7 +29,7 @@ fn run(commands: &str, at: &Path) -> (bool, String) {
     let programs = Path::new(env!("CARGO_BIN_EXE_skyloop")).parent().unwrap();
     assert!(
         programs.join("skyloop-fc").exists(),
-        "skyloop-fc is not built: run `cargo build -p skyloop-firmware-sim` first"
+        "skyloop-fc is not built: run `cargo build` first"
     );
     let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap());
     let output = Command::new("timeout")

@@ -80,6 +80,8 @@ where
         let mut chart = ChartBuilder::on(&root)
             .caption(printable_line(title), font(INK))
             .margin(MARGIN)
+            // Half of the last label of a time axis.
+            .margin_right(3 * MARGIN)
             .x_label_area_size(45)
             .y_label_area_size(80)
             .build_cartesian_2d(

@@ -17,6 +17,8 @@ pub struct Curve {
     pub values: Vec<Option<f64>>,
 }
 
+/// The faintest or brightest magnitude that is drawn: steps between labels are lost in rounding far beyond.
+const MAX_MAG: f64 = 1e6;
 /// About as many labels an axis.
 const TICKS: f64 = 8.0;
 /// Steps between the labels of a time axis, s, that divide minutes, hours and days.
@@ -59,6 +61,7 @@ fn range(curves: &[Curve]) -> [f64; 2] {
     let values = curves
         .iter()
         .flat_map(|curve| curve.values.iter().flatten());
+    let values = values.filter(|value| is_drawn(**value));
     let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
         [low.min(*v), high.max(*v)]
     });
@@ -67,6 +70,10 @@ fn range(curves: &[Curve]) -> [f64; 2] {
     }
     let room = (0.05 * (high - low)).max(0.05);
     [low - room, high + room]
+}
+
+fn is_drawn(magnitude: f64) -> bool {
+    magnitude.abs() <= MAX_MAG
 }
 
 /// Draws a line from value to value, and a dot where one stands alone.
@@ -79,7 +86,12 @@ where
     let points: Vec<_> = seconds
         .iter()
         .copied()
-        .zip(curve.values.iter().copied())
+        .zip(
+            curve
+                .values
+                .iter()
+                .map(|value| value.filter(|v| is_drawn(*v))),
+        )
         .collect();
     let runs = points.split(|(_, value)| value.is_none());
     for run in runs.filter(|run| !run.is_empty()) {
@@ -199,7 +211,18 @@ mod tests {
             (drawn("<polyline").count(), drawn("<circle").count()),
             (1, 1)
         );
-        // Neither values nor instants.
+        // Neither values nor instants, and values without a place.
         assert!(magnitudes("nothing", &[], &[]).is_ok());
+        let extreme = [f64::MAX, -f64::MAX, f64::INFINITY, f64::NAN, 1e17].map(Some);
+        let curve = Curve {
+            name: "curve",
+            color: AMBER,
+            values: extreme.to_vec(),
+        };
+        let text = magnitudes("extreme", &epochs, &[curve]).unwrap();
+        assert!(
+            !text.contains("NaN") && !text.contains("<polyline"),
+            "{text}"
+        );
     }
 }

@@ -136,10 +136,7 @@ fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
         "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: flown by SGP4",
         "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
     ]);
-    for command in [
-        "catalog info old.csv",
-        "plan --scene scene.toml",
-    ] {
+    for command in ["catalog info old.csv", "plan --scene scene.toml"] {
         here.run(command)
             .logs(&["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
     }

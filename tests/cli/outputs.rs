@@ -205,7 +205,7 @@ fn files_of_other_programs_are_replaced_by_force_only() {
 fn files_beside_the_named_one_are_replaced_by_force_only_too() {
     // Element sets have no room for a mark: those of a population go by its own.
     let is_marked = |name: &&String| {
-        let marked = [".png", ".fits", ".csv", ".jsonl", ".1"];
+        let marked = [".png", ".svg", ".fits", ".csv", ".jsonl", ".1"];
         marked.iter().any(|end| name.ends_with(end))
     };
     let mut seen = BTreeSet::new();
@@ -262,7 +262,8 @@ fn devices_and_standard_output_are_written() {
         "camera new - --size 64x64 --pixel 5 --focal 20deg --aperture f/1.4 --exposure 0.2 --full-well 12000",
     ] {
         let ended = here.run(words).exits(0);
-        let is_printed = ended.out.contains("\"miss_rate\"") || ended.out.contains("width_px = 64");
+        let is_printed =
+            ended.out.contains("\"first_frame_s\"") || ended.out.contains("width_px = 64");
         assert_eq!(is_printed, !words.contains("null"), "{}", ended.all());
     }
     let refused = here.run("loopback --frames 1 --out p --junit -");

@@ -412,7 +412,7 @@ fn plots_of_no_numbers() {
                 dots: vec![dot([1.0, 2.0]), dot([bad, 3.0]), dot([4.0, bad])],
                 limit: Some((bad, "limit".to_string())),
             };
-            write_scatter(folder.path(), "none.png", &plot).unwrap();
+            write_scatter(folder.path(), "none.svg", &plot).unwrap();
             Vec::new()
         }),
     ]);
