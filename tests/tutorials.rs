@@ -1,17 +1,20 @@
 //! The tutorials of `docs/tutorials`, run as they are written.
 //!
-//! Of a fenced block the first line says what it is: `file=NAME` is saved, `sh` is run by bash and must succeed, `sh fails` must
-//! fail, and of `text expected` each line must be in what the last command printed (`...` stands for any text).
+//! Of a fenced block the first line says what it is: `file=NAME` is saved, `sh` is run by bash and
+//! must succeed, `sh fails` must fail, and of `text expected` each line must be in what the last
+//! command printed (`...` stands for any text).
 #![cfg(target_os = "linux")]
 
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The port in the tutorials. The tests use a free one, so that a running emulator does not disturb them.
+/// The port in the tutorials. The tests use a free one, so that a running emulator does not
+/// disturb them.
 const PORT: &str = "4810";
 
-/// The fenced blocks of a page: what follows the opening fence, and the lines up to the closing one.
+/// The fenced blocks of a page: what follows the opening fence, and the lines up to the closing
+/// one.
 fn blocks(page: &str) -> Vec<(&str, String)> {
     let mut blocks = Vec::new();
     let mut lines = page.lines();
@@ -24,7 +27,8 @@ fn blocks(page: &str) -> Vec<(&str, String)> {
     blocks
 }
 
-/// What the commands print, and whether they succeed. They run in `at`, with the programs under test on the `PATH`.
+/// What the commands print, and whether they succeed. They run in `at`, with the programs under
+/// test on the `PATH`.
 fn run(commands: &str, at: &Path) -> (bool, String) {
     let programs = Path::new(env!("CARGO_BIN_EXE_skyloop")).parent().unwrap();
     assert!(

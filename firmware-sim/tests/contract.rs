@@ -1,5 +1,5 @@
-//! Options and exit codes of `skyloop-fc` as the program at 3edfec3 had them. Like `tests/contract` of the emulator, they may not
-//! change while the code is reorganised.
+//! Options and exit codes of `skyloop-fc` as the program at 3edfec3 had them. Like
+//! `tests/contract` of the emulator, they may not change while the code is reorganised.
 
 use std::process::{Command, Output};
 

@@ -87,7 +87,8 @@ fn csv_columns_and_json_fields_are_unchanged() {
     assert_unchanged("json_fields", &all);
 }
 
-/// Paths of all keys of a JSON Schema, with their types, choices and ranges; references are followed.
+/// Paths of all keys of a JSON Schema, with their types, choices and ranges; references are
+/// followed.
 fn keys(schema: &Value, root: &Value, path: &str, depth: u32, found: &mut BTreeSet<String>) {
     assert!(depth < 40, "{path}: a circle of references");
     if let Some(reference) = schema["$ref"].as_str() {

@@ -1,6 +1,7 @@
-//! What others rely on, as the program at 3edfec3 made it. It may not change while the code is reorganised: pixels, labels,
-//! headers, names of columns, metrics, options and keys, exit codes, and the generated wire files. Prose may change: help, error
-//! texts, comments, and why an effect runs.
+//! What others rely on, as the program at 3edfec3 made it. It may not change while the code is
+//! reorganised: pixels, labels, headers, names of columns, metrics, options and keys, exit codes,
+//! and the generated wire files. Prose may change: help, error texts, comments, and why an effect
+//! runs.
 //!
 //! The text files beside this one are never made anew to let a change pass.
 
@@ -34,7 +35,8 @@ fn output_of(at: &Path, arguments: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Compares lines with those of `tests/contract/NAME.txt`; what was made is left in cargo's folder for tests.
+/// Compares lines with those of `tests/contract/NAME.txt`; what was made is left in cargo's folder
+/// for tests.
 fn assert_unchanged(name: &str, made: &str) {
     let path = repository(&format!("tests/contract/{name}.txt"));
     let known = std::fs::read_to_string(&path).unwrap_or_default();

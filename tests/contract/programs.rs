@@ -79,7 +79,8 @@ fn inputs(at: &Path) {
     write("recording.pcapng", "no recording");
 }
 
-/// Each line of `exit_codes.txt`: a code, and arguments that end with it. A line uses what those before it wrote.
+/// Each line of `exit_codes.txt`: a code, and arguments that end with it. A line uses what those
+/// before it wrote.
 #[test]
 fn exit_codes_are_unchanged() {
     let here = tempfile::tempdir().unwrap();
@@ -128,8 +129,9 @@ fn page(address: SocketAddr) -> Option<String> {
     head.starts_with("HTTP/1.1 200").then(|| page.to_string())
 }
 
-/// Names and types of metrics, and each sample's labels; of addresses and versions the values are left out. Whether frames
-/// are withheld depends on the machine: `tests/wire/withheld.rs` has that metric.
+/// Names and types of metrics, and each sample's labels; of addresses and versions the values are
+/// left out. Whether frames are withheld depends on the machine: `tests/wire/withheld.rs` has that
+/// metric.
 fn described(page: &str, found: &mut BTreeSet<String>) {
     for line in page.lines().filter(|line| !line.contains("withheld")) {
         if let Some(kind) = line.strip_prefix("# TYPE ") {
