@@ -105,7 +105,7 @@ impl Pilot {
 }
 
 /// Flies a test until it has not stood still in it: what is asked of a steady clock counts only then. On a machine that never lets it, that is held at instants
-/// that are made up alone: by the tests of `serve/clock/external.rs`.
+/// that are made up alone: by the tests of `serve/clock/paced.rs`.
 fn undisturbed(test: impl Fn() -> Pilot) {
     let is_clean = |_| !test().stood_still;
     if !(0..10).any(is_clean) {
