@@ -1,54 +1,94 @@
-//! skyloop: a hardware-in-the-loop star-tracker emulator.
+//! skyloop: a hardware-in-the-loop star-tracker emulator. Attitude goes in, labelled frames come out.
 //!
-//! One straight corridor; each value is made once, by one room, and only read afterwards:
+//! # A frame
+//!
+//! ```
+//! use skyloop::{Config, Emulator, VehicleState, parse_utc};
+//!
+//! let mut config = Config::defaults()?; // camera fai-nir, no objects in orbit
+//! let mut emulator = Emulator::new(&mut config);
+//! let epoch = parse_utc("2026-06-01T12:00:00Z")?;
+//! let q = [-0.070834, -0.644137, 0.733522, -0.204975]; // x, y, z, w: ICRF to body
+//! let state = VehicleState::new(1, epoch, q, [0.0; 3], None)?;
+//! let shot = emulator.shoot(&state, 0)?;
+//! println!("{} stars in {} pixels", shot.label.objects.len(), shot.frame.digits.len());
+//! # assert!(!shot.label.objects.is_empty());
+//! # assert_eq!(shot.frame.digits.len(), 256 * 256);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # A client on a link
+//!
+//! A server and a flight computer on the two ends of a memory link. Any other link works likewise:
+//! `udp://127.0.0.1:4810`, a serial port or a CAN bus.
+//!
+//! ```
+//! use skyloop::{Config, Emulator, Server, client, flight, link};
+//! use skyloop::protocols::{Output, personality::NATIVE};
+//! use std::ops::ControlFlow::Continue;
+//! use std::sync::atomic::{AtomicBool, Ordering};
+//!
+//! let mut config = Config::builtin()?;
+//! let mut mission = flight::mission(&config)?; // the attitudes of the scene's [sequence]
+//! mission.frames = 3;
+//! let (wire, port) = link::loopback("memory", &link::Options::default())?;
+//! let links = [(wire, link::Roles::ALL)];
+//! let clock = skyloop::config::Clock::Stepped;
+//! let mut server =
+//!     Server::new(Emulator::new(&mut config), links, Output::default(), clock, &NATIVE);
+//! let stop = AtomicBool::new(false);
+//! let report = std::thread::scope(|scope| {
+//!     scope.spawn(|| server.run(&stop, None, |_| {}));
+//!     let report = client::flight_computer::FlightComputer::new(port, mission).run(|_| Continue(()));
+//!     stop.store(true, Ordering::Relaxed);
+//!     report
+//! })?;
+//! println!("{report}");
+//! # assert_eq!(report.frames, 3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Where to find what
+//!
+//! Data flows in one direction; each value is made in one place and read afterwards:
 //!
 //! ```text
 //! bytes -> Command -> VehicleState -> View -> Scene -> Plan -> Frame + Label -> Reply -> bytes
 //! ```
 //!
-//! In reading order: [`attitude`] holds the conventions; [`config`] and [`camera`] what a user writes;
-//! [`sky`] and [`skyloop_orbit`] what is up there; [`scene`] what one exposure sees of it; [`effect`],
-//! [`plan`] and [`render`] turn that into a [`frame`]; [`label`] says what is in it; [`engine`] drives
-//! them; [`kernels`] are the loops that take the time; [`light_curve`] follows one object without a frame, [`passes`] says which cross the field; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
-//! Around a run that must keep time: [`realtime`] asks the system for help, [`timing`] holds what was measured, [`metrics`] and [`stats`] show it,
-//! [`host`] says what the machine did meanwhile, [`soak`] judges.
+//! | crate | contents |
+//! |---|---|
+//! | [`orbit`] | orbital elements, their files, SGP4/SDP4 for whole catalogues, tracks |
+//! | `skyloop-base` | [`load`]: configuration files; [`rng`]: keyed random numbers |
+//! | `skyloop-render` | [`attitude`], [`camera`], [`sky`], [`scene`], [`effect`], [`plan`], [`label`], [`engine`] |
+//! | [`link`] | UDP, serial lines, CAN; faults; capture |
+//! | [`config`] | scene and run files; [`flight`]: their missions |
+//! | `skyloop-live` | [`serve`]: commands in, frames out by their deadlines; [`timing`], [`metrics`], [`soak`] |
+//! | `skyloop` | [`output`]: files; [`measure`]: what accuracy costs in time; [`passes`]: who crosses the field |
+//! | [`protocols`] | the wire format, `no_std` |
+//! | [`client`] | a mock flight computer: the other end of the link |
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
-pub mod abort;
-pub mod attitude;
-pub mod camera;
-pub mod config;
-mod crew;
-pub mod effect;
-pub mod engine;
-pub mod fidelity;
-pub mod flight;
-pub mod footprint;
-pub mod frame;
-pub mod host;
-pub mod kernels;
-pub mod label;
-mod lanes;
-pub mod light_curve;
-pub mod link;
-pub mod load;
 pub mod measure;
-pub mod metrics;
 pub mod output;
 pub mod passes;
-pub mod plan;
-mod range;
-pub mod realtime;
-pub mod render;
-pub mod rng;
-pub mod scene;
-pub mod sensitivity;
-pub mod serve;
-pub mod sky;
-pub mod soak;
-pub mod stats;
-pub mod timing;
-pub mod track;
 
-pub use skyloop_orbit as orbit;
+pub use skyloop_base::{abort, load, range, rng};
+pub use skyloop_config::{self as config, Config, flight};
+pub use skyloop_firmware_sim as client;
+pub use skyloop_link as link;
+pub use skyloop_live::serve::Server;
+pub use skyloop_live::{host, metrics, realtime, serve, soak, stats, timing};
+pub use skyloop_orbit::time::parse_utc;
+pub use skyloop_orbit::{self as orbit};
+pub use skyloop_protocols as protocols;
+pub use skyloop_render::attitude::{Attitude, VehicleState};
+pub use skyloop_render::camera::Camera;
+pub use skyloop_render::engine::{Emulator, Shot};
+pub use skyloop_render::frame::Frame;
+pub use skyloop_render::label::Label;
+pub use skyloop_render::{
+    attitude, camera, crew, effect, engine, fidelity, footprint, frame, kernels, label,
+    light_curve, plan, render, scene, sensitivity, sky, track,
+};

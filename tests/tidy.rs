@@ -1,5 +1,7 @@
 //! What the code promises about itself: imports point down, dependencies stay in their rooms, the registries are in order, files are short, nothing panics.
 
+#[path = "tidy/circles.rs"]
+mod circles;
 #[path = "tidy/text.rs"]
 mod text;
 
@@ -9,28 +11,22 @@ use skyloop_protocols::personality::PERSONALITIES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The modules of `src/`; each imports from lines above its own only.
-const LAYERS: &[&[&str]] = &[
-    &["range", "abort"],
-    &[
-        "attitude", "crew", "fidelity", "host", "lanes", "load", "realtime", "rng", "timing",
-    ],
+/// The modules of a crate; each imports from lines above its own only.
+type Layers = &'static [&'static [&'static str]];
+
+const RENDER_LAYERS: Layers = &[
+    &["attitude", "crew", "fidelity", "lanes"],
     &["kernels"],
-    &["camera", "frame", "link", "track"],
+    &["camera", "frame", "track"],
     &["footprint", "sky"],
     &["scene"],
     &["effect"],
-    &["config", "plan"],
-    &["flight", "label", "render"],
+    &["plan"],
+    &["label", "render"],
     &["engine", "light_curve", "sensitivity"],
-    &["passes"],
-    &["output"],
-    &["measure", "metrics", "soak", "stats"],
-    &["serve"],
 ];
 
-/// The modules of `firmware-sim/src/`, likewise.
-const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
+const FLIGHT_COMPUTER_LAYERS: Layers = &[
     &[
         "burst", "console", "datagram", "earth", "image", "junit", "pacing", "pointing", "port",
         "reader", "roles", "text", "time", "times",
@@ -55,23 +51,60 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
 ];
 
 /// Folders of sources and their layers.
-const LAYERED: [(&str, &[&[&str]]); 2] = [
-    ("src", LAYERS),
+const LAYERED: &[(&str, Layers)] = &[
+    ("src", &[&["passes"], &["output"], &["measure"]]),
+    ("src/base", &[&["abort", "range"], &["load", "rng"]]),
+    (
+        "src/live",
+        &[
+            &["host", "realtime", "timing"],
+            &["metrics", "soak", "stats"],
+            &["serve"],
+        ],
+    ),
+    ("src/render", RENDER_LAYERS),
     ("firmware-sim/src", FLIGHT_COMPUTER_LAYERS),
 ];
 
-/// Who may name what: a path, and the files or modules below `src/` that it is for.
+/// A crate, and the crates of this repository that it may depend on.
+const CRATES: &[(&str, &[&str])] = &[
+    ("protocols", &[]),
+    ("src/orbit", &[]),
+    ("firmware-sim", &["orbit", "protocols"]),
+    ("src/base", &["orbit"]),
+    ("src/render", &["base", "orbit", "protocols"]),
+    ("src/link", &["base", "firmware-sim", "orbit", "protocols"]),
+    (
+        "src/config",
+        &[
+            "base",
+            "firmware-sim",
+            "link",
+            "orbit",
+            "protocols",
+            "render",
+        ],
+    ),
+    (
+        "src/live",
+        &[
+            "base",
+            "config",
+            "firmware-sim",
+            "link",
+            "orbit",
+            "protocols",
+            "render",
+        ],
+    ),
+];
+
+/// A path, and the files or modules below `src/` that may name it. Manifests fence whole crates.
 const FENCES: &[(&str, &[&str])] = &[
     // Only the ends of the corridor know the wire.
     (
         "skyloop_protocols::",
-        &["attitude", "cli", "config", "link", "serve"],
-    ),
-    (
-        "skyloop_firmware_sim::",
-        &[
-            "cli", "flight", "link", "main", "serve", "soak", "stats", "timing",
-        ],
+        &["cli", "config", "lib", "link", "live", "render/attitude"],
     ),
     ("tokio::", &["link/udp"]),
     (
@@ -83,37 +116,23 @@ const FENCES: &[(&str, &[&str])] = &[
         &[
             "link/low_latency",
             "link/pseudo",
+            "live/metrics",
+            "live/realtime/linux",
             "measure",
-            "metrics",
-            "realtime/linux",
         ],
     ),
-    ("thread_priority::", &["realtime/linux"]),
+    ("thread_priority::", &["live/realtime/linux"]),
     // Not `std::os::unix::`.
-    ("use nix::", &["host"]),
-    (
-        "rayon::",
-        &[
-            "cli/live", "cli/plan", "crew", "engine", "label", "lanes", "measure", "passes",
-            "plan", "render", "scene", "sky",
-        ],
-    ),
+    ("use nix::", &["live/host"]),
     (
         "sofars::",
-        &["sky/bodies", "sky/moon/series", "sky/planets"],
-    ),
-    (
-        "serde_json::",
         &[
-            "cli",
-            "label",
-            "link/fault/book",
-            "load/limits",
-            "output/passes",
+            "render/sky/bodies",
+            "render/sky/moon/series",
+            "render/sky/planets",
         ],
     ),
-    ("toml::", &["load"]),
-    ("strsim::", &["load"]),
+    ("toml::", &["base/load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
     ("plotters::", &["output"]),
@@ -121,23 +140,19 @@ const FENCES: &[(&str, &[&str])] = &[
         "std::fs::",
         &[
             "cli/ready",
-            "host",
             "link/fault/book",
             "link/name",
+            "live/host",
             "output",
         ],
     ),
     // `config/run` reads an address; the others open sockets.
-    ("std::net::", &["config/run", "link/udp", "metrics"]),
+    ("std::net::", &["config/run", "link/udp", "live/metrics"]),
     // The binary alone reports; the library says what is wrong in types.
     ("anyhow::", &["cli"]),
     ("clap::", &["cli", "main"]),
     ("clap_complete::", &["cli/shell"]),
     ("clap_mangen::", &["cli/shell"]),
-    (
-        "schemars::",
-        &["camera", "config", "label", "link/fault", "load"],
-    ),
     ("indicatif::", &["cli"]),
     ("println!", &["main"]),
 ];
@@ -194,17 +209,19 @@ fn code(path: &Path) -> String {
     lines.map(|line| format!("{line}\n")).collect()
 }
 
-/// The sources of the root package: `sky/apparent` and its code.
+/// The sources of the emulator, without the orbits: `render/sky/apparent` and its code.
 fn sources() -> Vec<(String, String)> {
-    sources_in("src")
+    let mut all = sources_in("src");
+    all.retain(|(file, _)| !belongs(file, "orbit"));
+    all
 }
 
-/// The sources in a folder, without those of the orbits, which are a crate.
+/// The sources in a folder.
 fn sources_in(folder: &str) -> Vec<(String, String)> {
     let src = root().join(folder);
     files(&src)
         .iter()
-        .filter(|path| is_rust(path) && !path.starts_with(src.join("orbit")))
+        .filter(|path| is_rust(path))
         .map(|path| {
             let inside = path.strip_prefix(&src).unwrap().with_extension("");
             (inside.display().to_string().replace('\\', "/"), code(path))
@@ -227,7 +244,7 @@ fn imports_point_down() {
     }
 }
 
-fn point_down(folder: &str, layers: &[&[&str]]) {
+fn point_down(folder: &str, layers: Layers) {
     let layer: BTreeMap<&str, usize> = layers
         .iter()
         .enumerate()
@@ -236,8 +253,9 @@ fn point_down(folder: &str, layers: &[&[&str]]) {
     let mut wrong = Vec::new();
     for (file, code) in sources_in(folder) {
         let module = file.split('/').next().unwrap();
-        if ["cli", "lib", "main"].contains(&module) {
-            continue; // the front door sees all
+        // Command line, head of the crate, and the crates inside `src`.
+        if !layer.contains_key(module) {
+            continue;
         }
         for piece in code.split("crate::").skip(1) {
             // `use crate::{a, b}` gives no name here, which no layer has: a line for each module.
@@ -305,20 +323,18 @@ fn dependencies_stay_in_their_rooms() {
     }
 }
 
-/// The crates of this repository that a manifest depends on.
-fn own_dependencies(manifest: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(root().join(manifest)).unwrap();
-    let table: toml::Table = text.parse().unwrap();
-    let own = |(name, value): (&String, &toml::Value)| value.get("path").map(|_| name.clone());
-    let dependencies = table["dependencies"].as_table().unwrap();
-    dependencies.iter().filter_map(own).collect()
-}
-
 #[test]
-fn the_flight_computer_shares_the_wire_and_the_orbits_only() {
-    let shared = ["skyloop-orbit", "skyloop-protocols"];
-    assert_eq!(own_dependencies("firmware-sim/Cargo.toml"), shared);
-    assert!(own_dependencies("src/orbit/Cargo.toml").is_empty());
+fn crates_depend_downwards() {
+    for (folder, allowed) in CRATES {
+        let path = root().join(folder).join("Cargo.toml");
+        let table: toml::Table = std::fs::read_to_string(path).unwrap().parse().unwrap();
+        let names = table.get("dependencies").and_then(|d| d.as_table());
+        let names = names.into_iter().flat_map(|names| names.keys());
+        let own: Vec<&str> = names
+            .filter_map(|name| name.strip_prefix("skyloop-"))
+            .collect();
+        assert_eq!(own, *allowed, "{folder}");
+    }
 }
 
 #[test]
@@ -352,7 +368,7 @@ fn every_noise_stream_has_one_effect() {
     let mut owner = BTreeMap::new();
     for (file, code) in sources()
         .into_iter()
-        .filter(|(file, _)| belongs(file, "effect") || file == "camera/radiation")
+        .filter(|(file, _)| belongs(file, "render/effect") || file == "render/camera/radiation")
     {
         for line in code
             .lines()
@@ -378,7 +394,7 @@ fn every_noise_stream_has_one_effect() {
 
 #[test]
 fn every_effects_file_says_what_it_rests_on() {
-    let effects = files(&root().join("src/effect"));
+    let effects = files(&root().join("src/render/effect"));
     let mut found = 0;
     for path in effects {
         let text = std::fs::read_to_string(&path).unwrap();

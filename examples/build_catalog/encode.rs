@@ -1,4 +1,4 @@
-//! The bytes of `stars.bin` and `names.tsv`; `src/sky/catalog.rs` documents and reads them.
+//! The bytes of `stars.bin` and `names.tsv`; `src/render/sky/catalog.rs` documents and reads them.
 
 use crate::entries::Entry;
 use crate::matching::Matching;

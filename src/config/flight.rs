@@ -2,13 +2,7 @@
 
 mod aim;
 
-use crate::attitude::{AttitudeError, VehicleState};
-use crate::camera::Camera;
-use crate::config::{AttitudeFile, Config, Observer, Sequence, TimedAttitude};
-use crate::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
-use crate::sky::Corrections;
-use crate::sky::bodies::Bodies;
-use crate::sky::shadow::Earth;
+use crate::{AttitudeFile, Config, Observer, Sequence, TimedAttitude};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::{AttitudeList, ListError};
@@ -17,6 +11,12 @@ use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::two_body::propagate_j2;
 use skyloop_orbit::{Object, StateVector};
+use skyloop_render::attitude::{AttitudeError, VehicleState};
+use skyloop_render::camera::Camera;
+use skyloop_render::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
+use skyloop_render::sky::Corrections;
+use skyloop_render::sky::bodies::Bodies;
+use skyloop_render::sky::shadow::Earth;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use thiserror::Error;

@@ -1,11 +1,11 @@
 //! Further cameras of the same vehicle: the tables `[[heads]]`.
 
 use super::run::{OneOrMore, link_form};
-use crate::camera::{Camera, RATE_HZ};
-use crate::load::Allowed::{Count, Form, Number};
-use crate::load::{Check, ConfigError, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, Form, Number};
+use skyloop_base::load::{Check, ConfigError, Folder, Limit};
+use skyloop_render::camera::{Camera, RATE_HZ};
 
 /// A further camera, with links of its own. Its mounting and misalignment are those of its camera file.
 #[derive(Debug)]

@@ -1,25 +1,17 @@
 //! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod fidelity;
+pub mod flight;
 mod heads;
 mod look_at;
 mod objects;
+mod realtime;
 mod run;
 mod sequence;
 mod shapes;
 
-use crate::attitude::{Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
-use crate::camera::Camera;
-use crate::effect::EFFECTS;
-use crate::fidelity::{Choice, Fidelity};
-use crate::load::{
-    Allowed, CENTURIES, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice,
-    one_of, orbits, read, schema_of, some_table, table, tables,
-};
-use crate::sky::Corrections;
-use crate::sky::catalog::Selection;
-use crate::sky::photometry::Sphere;
-use crate::sky::population::{Looks, Population};
 use fidelity::RawFidelity;
 pub use heads::Head;
 use heads::RawHead;
@@ -27,6 +19,7 @@ use hifitime::Epoch;
 pub use look_at::{LookAt, Target, Up};
 use nalgebra::Vector3;
 use objects::{Objects, RawObjects};
+pub use realtime::Asked;
 use run::RawRun;
 pub use run::metrics_address;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
@@ -34,9 +27,23 @@ use schemars::JsonSchema;
 use sequence::RawSequence;
 pub use sequence::attitude_of_radec;
 use serde::Deserialize;
+use skyloop_base::load::{
+    Allowed, CENTURIES, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice,
+    one_of, orbits, read, schema_of, some_table, table, tables,
+};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
+use skyloop_render::attitude::{Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
+use skyloop_render::camera::Camera;
+use skyloop_render::effect::EFFECTS;
+use skyloop_render::engine::{Setup, Sky};
+use skyloop_render::fidelity::{Choice, Fidelity};
+use skyloop_render::sky::Corrections;
+use skyloop_render::sky::catalog::Selection;
+use skyloop_render::sky::photometry::Sphere;
+use skyloop_render::sky::population::{Looks, Population};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A validated configuration.
 #[derive(Debug)]
@@ -80,17 +87,6 @@ pub enum Observer {
     Object(Box<Object>),
     /// At this state (GCRF) in the middle of the first exposure, carried on by two-body motion and J2.
     State(StateVector),
-}
-
-/// The stars and what is done to their directions.
-#[derive(Debug, Clone)]
-pub struct Sky {
-    /// Which part of the catalogue.
-    pub selection: Selection,
-    /// Corrections from catalogue to apparent place.
-    pub corrections: Corrections,
-    /// Whether stars carry their colour into the band (else the band magnitude is V).
-    pub colour: bool,
 }
 
 /// The exposures of an offline run and the attitudes they are made with.
@@ -271,11 +267,31 @@ impl Config {
         Population::new(objects, self.sphere, std::mem::take(&mut self.looks))
     }
 
+    /// What the emulator needs; takes the objects out of the configuration.
+    pub fn setup(&mut self) -> Setup {
+        Setup {
+            camera: self.camera.clone(),
+            fidelity: self.fidelity,
+            choice: self.choice.clone(),
+            seed: self.seed,
+            label_snr: self.label_snr,
+            sky: self.sky,
+            population: Arc::new(self.take_population()),
+            rejected_records: self.rejected.len() as u32,
+        }
+    }
+
     /// From text; `file` is its name in messages.
     pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
         read(file, text, EXAMPLE, LIMITS, |raw: Raw, check| {
             raw.validate(check, folder)
         })
+    }
+}
+
+impl From<&mut Config> for Setup {
+    fn from(config: &mut Config) -> Setup {
+        config.setup()
     }
 }
 

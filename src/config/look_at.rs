@@ -1,10 +1,10 @@
 //! Where the camera of a run looks that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]` and of the command line.
 
-use crate::load::{Check, ConfigError, Fixed, MEANT, TextOrList, advice, nearest};
-use crate::sky::planets;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
+use skyloop_base::load::{Check, ConfigError, Fixed, MEANT, TextOrList, advice, nearest};
 use skyloop_orbit::{Loaded, Object};
+use skyloop_render::sky::planets;
 use std::ops::RangeInclusive;
 
 /// A target and the roll about the line of sight to it.
@@ -241,7 +241,7 @@ mod tests {
             assert!(found.contains(shown), "{text}: {found}");
         }
         // Beside objects a misspelt name has the same advice, before the list of these.
-        let objects = &crate::config::Config::builtin().unwrap().objects;
+        let objects = &crate::Config::builtin().unwrap().objects;
         let found = Target::parse("Mooon", objects).unwrap_err();
         let (_, after) = found.split_once(": did you mean `Moon`?; ").unwrap();
         assert!(after.starts_with("no object called"), "{found}");

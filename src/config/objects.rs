@@ -1,19 +1,19 @@
 //! `[objects]` of a scene and the population file that it may name: the objects in orbit, their shapes and attitudes.
 
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
-use crate::load::Allowed::{Needs, NotBoth, OneOf};
-use crate::load::orbits::{Findings, Pool, Shelf, named};
-use crate::load::{
+use schemars::JsonSchema;
+use serde::Deserialize;
+use skyloop_base::load::Allowed::{Needs, NotBoth, OneOf};
+use skyloop_base::load::orbits::{Findings, Pool, Shelf, named};
+use skyloop_base::load::{
     Check, ConfigError, Folder, Limit, advice, named_tables, read, schema_of, some_table,
     some_tables,
 };
-use crate::sky::look::Body;
-use crate::sky::photometry::Sphere;
-use crate::sky::population::{Look, Looks};
-use crate::sky::shape::Shape;
-use schemars::JsonSchema;
-use serde::Deserialize;
 use skyloop_orbit::{Object, places};
+use skyloop_render::sky::look::Body;
+use skyloop_render::sky::photometry::Sphere;
+use skyloop_render::sky::population::{Look, Looks};
+use skyloop_render::sky::shape::Shape;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -346,7 +346,7 @@ impl RawEntry {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::load::{agree, both};
+    use skyloop_base::load::{agree, both};
 
     pub fn load(text: &str) -> Option<String> {
         let folder = Folder::current();

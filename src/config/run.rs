@@ -1,15 +1,15 @@
 //! How a live run listens and keeps time: the table `[run]`.
 
 use super::fidelity;
-use crate::fidelity::Coarser;
-use crate::link::{self, LINKS};
-use crate::load::Allowed::{Count, Form, Number, Word};
-use crate::load::{Check, ConfigError, END, Limit, TextOrList, one_of, word};
-use crate::realtime;
+use crate::Asked;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
+use skyloop_base::load::Allowed::{Count, Form, Number, Word};
+use skyloop_base::load::{Check, ConfigError, END, Limit, TextOrList, one_of, word};
+use skyloop_link::{self as link, LINKS};
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
+use skyloop_render::fidelity::Coarser;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -46,7 +46,7 @@ pub struct Run {
     /// Where the figures of the run can be fetched, if anywhere.
     pub metrics: Option<String>,
     /// What is asked of the system for a run in real time.
-    pub realtime: realtime::Asked,
+    pub realtime: Asked,
 }
 
 /// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
@@ -148,7 +148,7 @@ impl Default for Run {
             out_of_order: raw.out_of_order,
             holdover_s: raw.holdover_s,
             metrics: None,
-            realtime: realtime::Asked::default(),
+            realtime: Asked::default(),
         }
     }
 }
@@ -417,7 +417,7 @@ impl RawRun {
                 .metrics
                 .map(|text| listening(text, check))
                 .transpose()?,
-            realtime: realtime::Asked {
+            realtime: Asked {
                 priority: self
                     .priority
                     .map(|priority| priority_of(priority, check))

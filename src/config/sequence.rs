@@ -2,16 +2,16 @@
 
 use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
-use crate::attitude::Attitude;
-use crate::camera::Camera;
-use crate::load::Allowed::{EachOfSeveral, Needs, NotBesideSeveral, NotBoth, Number, OneOf};
-use crate::load::{Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
-use crate::sky::bodies::Bodies;
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{EachOfSeveral, Needs, NotBesideSeveral, NotBoth, Number, OneOf};
+use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
 use skyloop_orbit::time::seconds;
 use skyloop_orbit::{LARGEST_TABLE, Object, aem};
+use skyloop_render::attitude::Attitude;
+use skyloop_render::camera::Camera;
+use skyloop_render::sky::bodies::Bodies;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -244,7 +244,7 @@ impl AttitudeFile {
 #[cfg(test)]
 mod tests {
     use super::super::{Config, LIMITS};
-    use crate::load::{DEFAULT_TOML, Folder, agree, both};
+    use skyloop_base::load::{DEFAULT_TOML, Folder, agree, both};
 
     fn load(text: &str) -> Option<String> {
         let read = Config::parse("scene.toml", text, &Folder::current());

@@ -1,17 +1,17 @@
 //! What a population file says of looks: spheres, shapes and attitudes.
 
 use super::utc;
-use crate::attitude::Attitude;
-use crate::load::Allowed::{Count, Number, Word};
-use crate::load::{
-    Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, only_its_keys, tables,
-};
-use crate::sky::body_attitude::BodyAttitude;
-use crate::sky::photometry::Sphere;
-use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, Number, Word};
+use skyloop_base::load::{
+    Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, only_its_keys, tables,
+};
+use skyloop_render::attitude::Attitude;
+use skyloop_render::sky::body_attitude::BodyAttitude;
+use skyloop_render::sky::photometry::Sphere;
+use skyloop_render::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use std::ops::RangeInclusive;
 
 #[derive(Deserialize, JsonSchema)]

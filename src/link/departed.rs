@@ -134,12 +134,12 @@ impl Departed {
     }
 
     /// Packets queued so far, modulo 2^32.
-    pub(crate) fn place(&self) -> u32 {
+    pub fn place(&self) -> u32 {
         self.queued.load(Ordering::SeqCst)
     }
 
     /// Marks the packets of a frame, all that were queued after the place `before`: how they left is stored until it is read.
-    pub(crate) fn mark(&self, before: u32) -> Mark {
+    pub fn mark(&self, before: u32) -> Mark {
         let last = self.place();
         let mark = Mark { before, last };
         let mut book = lock(&self.book);
@@ -158,7 +158,7 @@ impl Departed {
     }
 
     /// How the marked packets left; none if they have not, or an older mark has not been read. The mark is then forgotten.
-    pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
+    pub fn left(&self, mark: Mark) -> Option<Exit> {
         if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
@@ -169,7 +169,7 @@ impl Departed {
     }
 
     /// Nobody wants to know any more.
-    pub(crate) fn forget(&self, mark: Mark) {
+    pub fn forget(&self, mark: Mark) {
         let marks = &mut lock(&self.book).marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())

@@ -7,7 +7,7 @@ const INTERVAL: Duration = Duration::from_secs(10);
 
 /// When a kind of message is due.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Every {
+pub struct Every {
     last: Option<Instant>,
     /// Events that no message has reported.
     unreported: u32,

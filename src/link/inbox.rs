@@ -11,7 +11,7 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 /// A queue for what arrives: the end of the wire and the end of the emulator.
-pub(crate) fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
+pub fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
     let shared = Arc::new(Shared {
         state: Mutex::new(State {
             waiting: VecDeque::with_capacity(QUEUE),
@@ -48,7 +48,7 @@ pub struct Inbox {
 }
 
 /// Sees how the emulator takes packets.
-pub(crate) trait Observer: Send + Sync {
+pub trait Observer: Send + Sync {
     /// It takes a packet; `first`: it had looked for one in vain since the last.
     fn taken(&self, inbound: &Inbound, first: bool);
 
@@ -66,7 +66,7 @@ pub(crate) trait Observer: Send + Sync {
 
 /// The emulator has dropped its end.
 #[derive(Debug)]
-pub(crate) struct Gone;
+pub struct Gone;
 
 struct Shared {
     state: Mutex<State>,
@@ -99,7 +99,7 @@ impl Shared {
 impl Intake {
     /// Queues a packet, without waiting. A full queue drops its oldest attitude, or its oldest packet if it holds
     /// none, and counts it.
-    pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
+    pub fn push(&self, inbound: Inbound) -> Result<(), Gone> {
         let mut state = lock(&self.shared.state);
         if !state.read {
             return Err(Gone);
@@ -115,7 +115,7 @@ impl Intake {
     }
 
     /// Tells whether the emulator still has its end: for a thread that brings no packets.
-    pub(crate) fn watch(&self) -> impl Fn() -> bool + Send + use<> {
+    pub fn watch(&self) -> impl Fn() -> bool + Send + use<> {
         let shared = self.shared.clone();
         move || lock(&shared.state).read
     }
@@ -144,12 +144,12 @@ impl Drop for Intake {
 
 impl Inbox {
     /// Unparks `reader` at every packet, and when the wire has gone: for a thread that waits for several queues.
-    pub(crate) fn unparks(&self, reader: Thread) {
+    pub fn unparks(&self, reader: Thread) {
         lock(&self.shared.state).reader = Some(reader);
     }
 
     /// Lets `observer` see every packet as it is taken.
-    pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
+    pub fn observe(&mut self, observer: Box<dyn Observer>) {
         self.observers.push(observer);
     }
 
@@ -172,14 +172,14 @@ impl Inbox {
     }
 
     /// The emulator begins to make a frame, or ends.
-    pub(crate) fn making(&self, is: bool) {
+    pub fn making(&self, is: bool) {
         for observer in &self.observers {
             observer.making(is);
         }
     }
 
     /// Whether the frame that is made may not end before another packet is taken.
-    pub(crate) fn holds_frame(&self) -> bool {
+    pub fn holds_frame(&self) -> bool {
         self.observers.iter().any(|one| one.holds_frame())
     }
 

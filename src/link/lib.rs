@@ -1,6 +1,8 @@
 //! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
 //! packet means a link knows at most whether it is valid or of a frame. Adding one is a file here and a line in [`LINKS`].
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod bus;
 mod can;
 pub mod capture;
@@ -29,20 +31,21 @@ mod tally;
 mod udp;
 mod url;
 
-pub(crate) use departed::{Exit, Mark, Unsent};
-pub(crate) use every::Every;
+pub use departed::{Exit, Mark, Unsent};
+pub use every::Every;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
-pub(crate) use relay::{Relay, relay};
+pub use relay::{Relay, relay};
 pub use tally::Tally;
-pub(crate) use tally::{Harm, SOON, Standstill, is_of_frame, patience};
+pub use tally::{Harm, SOON, Standstill, is_of_frame, patience};
 pub use url::LinkUrl;
 
 use bytes::Bytes;
 use skyloop_firmware_sim::can::CanBus;
 use skyloop_firmware_sim::port::{Port, Refusal};
 pub use skyloop_firmware_sim::roles::Roles;
+use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{FaultKind, MAX_PACKET, Personality};
 use std::borrow::Cow;
 use std::io;
@@ -97,6 +100,17 @@ pub struct Options {
     pub bus: Option<BusInstruments>,
 }
 
+impl Default for Options {
+    /// The native wire language; a client that is silent for 5 s may be replaced.
+    fn default() -> Self {
+        Self {
+            idle: Duration::from_secs(5),
+            personality: &NATIVE,
+            bus: None,
+        }
+    }
+}
+
 /// Puts something around an open bus.
 pub type AroundBus = Box<dyn Fn(Box<dyn CanBus>) -> Box<dyn CanBus> + Send>;
 
@@ -113,7 +127,7 @@ pub struct BusInstruments {
 }
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
-pub(crate) const QUEUE: usize = 256;
+pub const QUEUE: usize = 256;
 
 /// How long the end of a run waits for its threads to let go.
 const PARTING: Duration = Duration::from_millis(100);
@@ -160,7 +174,7 @@ pub enum Outbound {
 }
 
 /// What stands before the reason in the answer to a fault that is refused.
-pub(crate) const FAULT_REFUSED: &str = "Fault: ";
+pub const FAULT_REFUSED: &str = "Fault: ";
 
 /// Why a link injects no faults.
 const NO_FAULTS: &str =
@@ -226,7 +240,7 @@ impl Wire {
     }
 
     /// How long the longest packet takes, where that is known.
-    pub(crate) fn packet_airtime(&self) -> Duration {
+    pub fn packet_airtime(&self) -> Duration {
         let airtime = self.airtime.as_ref();
         airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET))
     }
@@ -240,7 +254,7 @@ impl Wire {
     }
 
     /// Lets what is queued leave, until `standstill` is over; what is left then is lost.
-    pub(crate) fn close(&mut self, mut standstill: Standstill) {
+    pub fn close(&mut self, mut standstill: Standstill) {
         // Without an outbox the sender ends when its queue is empty.
         self.outbox = Box::new(Closed);
         let Some(sender) = self.sender.take() else {
@@ -410,7 +424,7 @@ pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
 }
 
 /// Locks data that is still valid after a panic of another thread.
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -127,8 +127,8 @@ pub(super) fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::fixture::framed;
-    use crate::link::inbox::inbox;
+    use crate::fixture::framed;
+    use crate::inbox::inbox;
 
     #[test]
     fn a_packet_takes_ten_bit_times_an_octet() {

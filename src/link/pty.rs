@@ -233,8 +233,8 @@ impl Pair {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::Standstill;
-    use crate::link::fixture::{PATIENCE, framed, offer, options};
+    use crate::Standstill;
+    use crate::fixture::{PATIENCE, framed, offer, options};
     use serialport::{ClearBuffer, SerialPort, TTYPort};
     use std::io::{Read, Write};
     use std::sync::mpsc::RecvTimeoutError;

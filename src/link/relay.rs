@@ -4,7 +4,7 @@ use super::{Inbound, Intake, LinkError, Outbound, Outbox, Tally, Wire, inbox::in
 use std::sync::Arc;
 
 /// Where packets come in, and the link of the emulator that receives them. Its answers are dropped.
-pub(crate) fn relay() -> (Relay, Wire) {
+pub fn relay() -> (Relay, Wire) {
     let tally = Arc::new(Tally::default());
     let (intake, inbox) = inbox(tally.clone());
     let address = "the first camera's link".to_string();
@@ -12,7 +12,7 @@ pub(crate) fn relay() -> (Relay, Wire) {
 }
 
 /// Where packets come in.
-pub(crate) struct Relay(Intake);
+pub struct Relay(Intake);
 
 impl Relay {
     /// Copies a packet, as it came.

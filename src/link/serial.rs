@@ -266,8 +266,8 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
 #[cfg(unix)]
 mod tests {
     use super::*;
-    use crate::link::Standstill;
-    use crate::link::fixture::{PATIENCE, framed, offer};
+    use crate::Standstill;
+    use crate::fixture::{PATIENCE, framed, offer};
     use serialport::TTYPort;
     use std::io::{Read, Write};
     use std::path::Path;

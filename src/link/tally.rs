@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// What faults do to packets of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Harm {
+pub enum Harm {
     /// Some are late, and have not gone on yet.
     Delays,
     /// Some were lost or damaged.
@@ -31,7 +31,7 @@ struct Harmed {
 #[derive(Debug, Default)]
 pub struct Tally {
     /// Packets that went into the outbound queue, and that have left it for good.
-    pub(crate) departed: Departed,
+    pub departed: Departed,
     /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
     /// Why what has not left is lost, once nothing waits for it any more.
@@ -139,7 +139,7 @@ impl Tally {
     }
 
     /// Why all that waited is lost; none before.
-    pub(crate) fn why_given_up(&self) -> Option<Unsent> {
+    pub fn why_given_up(&self) -> Option<Unsent> {
         self.given_up.get().copied()
     }
 
@@ -149,7 +149,7 @@ impl Tally {
     }
 
     /// Whether the client is to prove its address before it gets frames.
-    pub(crate) fn awaits_proof(&self) -> bool {
+    pub fn awaits_proof(&self) -> bool {
         self.awaits_proof.load(Ordering::Relaxed)
     }
 
@@ -159,7 +159,7 @@ impl Tally {
     }
 
     /// Frame packets that were removed from the queue since their client's address was not proved: they count as lost, too.
-    pub(crate) fn unproved(&self) -> u32 {
+    pub fn unproved(&self) -> u32 {
         self.unproved.load(Ordering::SeqCst)
     }
 
@@ -169,13 +169,13 @@ impl Tally {
     }
 
     /// Whether a fault holds back packets that are to leave: the client cannot have them.
-    pub(crate) fn is_held_back(&self) -> bool {
+    pub fn is_held_back(&self) -> bool {
         let [_, way_out] = &self.harmed;
         way_out.is_held_back.load(Ordering::Relaxed)
     }
 
     /// What faults do to packets of a direction of which they had lost as many as `before`; none: nothing.
-    pub(crate) fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
+    pub fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
         let harmed = self.harmed.get(usize::from(direction.code()))?;
         if harmed.is_held_back.load(Ordering::Relaxed) {
             return Some(Harm::Delays);
@@ -185,7 +185,7 @@ impl Tally {
     }
 
     /// Packets that faults have lost or damaged, in and out, modulo 2^32.
-    pub(crate) fn lost_to_faults(&self) -> [u32; 2] {
+    pub fn lost_to_faults(&self) -> [u32; 2] {
         let lost = |harmed: &Harmed| harmed.lost.load(Ordering::Relaxed);
         self.harmed.each_ref().map(lost)
     }
@@ -199,7 +199,7 @@ impl Tally {
     }
 
     /// Whether the client of an exchange has gone.
-    pub(crate) fn has_ended(&self, exchange: u32) -> bool {
+    pub fn has_ended(&self, exchange: u32) -> bool {
         exchange != 0 && self.ended.load(Ordering::Relaxed) == exchange
     }
 
@@ -209,12 +209,12 @@ impl Tally {
     }
 
     /// Packets that have not left yet.
-    pub(crate) fn waiting(&self) -> u32 {
+    pub fn waiting(&self) -> u32 {
         self.departed.waiting()
     }
 
     /// Bytes that have left, modulo 2^32.
-    pub(crate) fn bytes(&self) -> u32 {
+    pub fn bytes(&self) -> u32 {
         self.moved.load(Ordering::Relaxed)
     }
 
@@ -225,7 +225,7 @@ impl Tally {
 }
 
 /// Whether a packet is of a frame.
-pub(crate) fn is_of_frame(packet: &[u8]) -> bool {
+pub fn is_of_frame(packet: &[u8]) -> bool {
     identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid))
 }
 
@@ -235,7 +235,7 @@ pub(super) fn count(counter: &AtomicU32) {
 }
 
 /// Waits while bytes leave, and some time longer.
-pub(crate) struct Standstill {
+pub struct Standstill {
     tally: Arc<Tally>,
     patience: Duration,
     bytes: u32,
@@ -248,10 +248,10 @@ pub(crate) struct Standstill {
 }
 
 /// The end of a run waits so long before it says so; a link of which no byte leaves for so long stands still.
-pub(crate) const SOON: Duration = Duration::from_millis(500);
+pub const SOON: Duration = Duration::from_millis(500);
 
 /// After what time without a byte a link stands still, `least` or twice as long as a packet takes: it may leave in one piece.
-pub(crate) fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
+pub fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
     least.max(2 * packet)
 }

@@ -160,7 +160,8 @@ fn read(path: impl AsRef<Path>) -> Option<String> {
     std::fs::read_to_string(path).ok()
 }
 
-pub(crate) fn processor() -> String {
+/// Name of the processor, or its architecture.
+pub fn processor() -> String {
     let text = read("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));
     let name = line.and_then(|line| line.split_once(':'));
@@ -169,7 +170,7 @@ pub(crate) fn processor() -> String {
 }
 
 /// The machine's load over the last minute and the last five.
-pub(crate) fn load() -> Option<[f64; 2]> {
+pub fn load() -> Option<[f64; 2]> {
     let text = read("/proc/loadavg")?;
     let mut figures = text.split_whitespace().map(str::parse);
     Some([figures.next()?.ok()?, figures.next()?.ok()?])

@@ -7,8 +7,8 @@ mod http;
 mod page;
 mod text;
 
-use crate::config::metrics_address;
 use crate::timing::Latencies;
+use skyloop_config::metrics_address;
 use std::collections::VecDeque;
 use std::io;
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};

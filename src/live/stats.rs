@@ -2,13 +2,13 @@
 
 mod frames;
 
-use crate::effect::counted;
-use crate::engine::Shot;
 use crate::timing::Latencies;
 pub use crate::timing::{row, text as times};
 pub use frames::FrameAccount;
 pub(crate) use frames::{Pending, Request};
 use skyloop_firmware_sim::times::Times;
+use skyloop_render::effect::counted;
+use skyloop_render::engine::Shot;
 use std::collections::BTreeMap;
 
 /// What was rendered.

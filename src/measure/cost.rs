@@ -15,12 +15,12 @@ pub use row::Row;
 
 use super::ratio::with_threads;
 use super::{Machine, thread_ms};
-use crate::attitude::VehicleState;
-use crate::engine::Emulator;
-use crate::fidelity::{Fidelity, KNOBS, PRESETS, Value};
-use crate::rng::{NoiseKey, word};
-use crate::scene::Unobservable;
 use serde::Serialize;
+use skyloop_base::rng::{NoiseKey, word};
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::engine::Emulator;
+use skyloop_render::fidelity::{Fidelity, KNOBS, PRESETS, Value};
+use skyloop_render::scene::Unobservable;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -116,7 +116,7 @@ impl Report {
     /// Measures the frames of `vehicles`; `told` hears of each part that is done, and of how many, and says whether to go on. The emulator is left as it was but for
     /// the number of its next frame.
     ///
-    /// Fails only where [`crate::scene::View::new`] does, or as `told` says.
+    /// Fails only where [`skyloop_render::scene::View::new`] does, or as `told` says.
     pub fn measure(
         emulator: &mut Emulator,
         vehicles: &[VehicleState],
@@ -241,7 +241,7 @@ mod tests {
         let all = settings();
         for setting in all.iter().skip(PRESETS.len()) {
             let (name, value) = setting.moved.unwrap();
-            let other = |knob: &&crate::fidelity::Knob| {
+            let other = |knob: &&skyloop_render::fidelity::Knob| {
                 !knob.is_same(&setting.fidelity, &Fidelity::REALTIME)
             };
             let others: Vec<_> = KNOBS.iter().filter(other).collect();

@@ -5,17 +5,17 @@
 use super::population::before;
 use super::ratio::{Machine, Row, pools, row, with_threads};
 use super::smear::smear;
-use crate::attitude::VehicleState;
-use crate::camera::Camera;
-use crate::engine::Emulator;
-use crate::fidelity::Orbits;
-use crate::kernels::{self, Converter};
-use crate::load::{ConfigError, Folder};
-use crate::rng::NoiseKey;
-use crate::rng::poisson::Switch;
 use hifitime::Unit;
 use serde::Serialize;
+use skyloop_base::load::{ConfigError, Folder};
+use skyloop_base::rng::NoiseKey;
+use skyloop_base::rng::poisson::Switch;
 use skyloop_orbit::sgp4_batch::Level;
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::camera::Camera;
+use skyloop_render::engine::Emulator;
+use skyloop_render::fidelity::Orbits;
+use skyloop_render::kernels::{self, Converter};
 use std::fmt;
 use std::hint::black_box;
 

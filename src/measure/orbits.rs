@@ -7,16 +7,16 @@ mod table;
 
 use super::ratio::{Machine, Row, ns, pools, row, with_threads};
 use super::sample::Sample;
-use crate::crew;
-use crate::load::ConfigError;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
+use skyloop_base::load::ConfigError;
 use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4;
 use skyloop_orbit::sgp4_batch::{Batch, Level, States};
 use skyloop_orbit::synth::{Synthetic, population};
 use skyloop_orbit::tracks::{Look, Places, Tracks};
+use skyloop_render::crew;
 use std::f64::consts::PI;
 use std::hint::black_box;
 

@@ -1,12 +1,12 @@
 //! A synthetic catalogue before the built-in scene's camera.
 
-use crate::attitude::VehicleState;
-use crate::config::Config;
-use crate::flight::{self, FlightError};
-use crate::load::ConfigError;
-use crate::sky::photometry::Sphere;
-use crate::sky::population::Look;
+use skyloop_base::load::ConfigError;
+use skyloop_config::Config;
+use skyloop_config::flight::{self, FlightError};
 use skyloop_orbit::synth::population;
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::sky::photometry::Sphere;
+use skyloop_render::sky::population::Look;
 
 /// The built-in scene with so many synthetic spheres in place of its objects, and its first vehicle.
 pub fn before(objects: usize) -> Result<(Config, VehicleState), ConfigError> {

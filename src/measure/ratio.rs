@@ -1,10 +1,10 @@
 //! One work against another: both are done in turns, so that what else the machine does falls on both alike.
 
 use super::sample::Sample;
-use crate::host;
-use crate::load::ConfigError;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
+use skyloop_base::load::ConfigError;
+use skyloop_live::host;
 use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
 use std::time::Instant;

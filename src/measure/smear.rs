@@ -3,13 +3,13 @@
 use super::frames::MS;
 use super::population::before;
 use super::ratio::{Row, row};
-use crate::attitude::VehicleState;
-use crate::camera::Camera;
-use crate::engine::Emulator;
-use crate::fidelity::Fidelity;
-use crate::load::{ConfigError, Folder};
-use crate::scene::{EffectId, EffectSet, Scene, Source, View};
 use nalgebra::Vector3;
+use skyloop_base::load::{ConfigError, Folder};
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::camera::Camera;
+use skyloop_render::engine::Emulator;
+use skyloop_render::fidelity::Fidelity;
+use skyloop_render::scene::{EffectId, EffectSet, Scene, Source, View};
 use std::hint::black_box;
 
 /// Stars, and how far (px) they run.

@@ -2,10 +2,10 @@
 
 use super::sip::Sip;
 use super::wcs::Wcs;
-use crate::camera::Camera;
-use crate::label::Label;
 use nalgebra::Matrix3;
 use skyloop_orbit::time::{parse_utc, utc_mjd};
+use skyloop_render::camera::Camera;
+use skyloop_render::label::Label;
 use std::io::{self, Write};
 
 /// Headers and data are filled up to whole blocks.

@@ -3,9 +3,9 @@
 use super::chart::{AMBER, BLUE, SVG_MARK};
 use super::folder::{Folder, OutputError};
 use super::plot::{Curve, magnitudes};
-use crate::light_curve::Point;
 use hifitime::Epoch;
 use skyloop_orbit::time::utc_text;
+use skyloop_render::light_curve::Point;
 use std::io::Write;
 use std::path::Path;
 

@@ -34,12 +34,12 @@ pub use light_curve::{may_replace_light_curve, write_light_curve};
 pub use scatter::{Dot, Scatter, write_scatter};
 pub use text::{make_folder, remove_file, write_files, write_text};
 
-use crate::camera::Camera;
-use crate::frame::Frame;
-use crate::label::Label;
 use folder::{ELECTRONS, FITS, Folder, PNG, PREVIEW};
 use sheet::ContactSheet;
 use skyloop_orbit::{Mark, OutputFile};
+use skyloop_render::camera::Camera;
+use skyloop_render::frame::Frame;
+use skyloop_render::label::Label;
 use std::path::Path;
 use stretch::Levels;
 

@@ -1,6 +1,6 @@
 //! The one name of an object that a picture shows.
 
-use crate::label::ObjectLabel;
+use skyloop_render::label::ObjectLabel;
 
 /// A star's proper name, else its Bayer or Flamsteed designation, else its HR number; an RSO's first
 /// name; the id where there is none.

@@ -3,15 +3,15 @@
 use super::canvas::{Canvas, text_size};
 use super::names::shown;
 use super::stretch::{Levels, Stretch, panel_size, scaled};
-use crate::camera::Camera;
-use crate::frame::Frame;
-use crate::label::{Label, ObjectLabel};
 use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_6X12, FONT_7X13_BOLD};
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use embedded_graphics::primitives::Rectangle;
 use image::{Rgb, RgbImage};
+use skyloop_render::camera::Camera;
+use skyloop_render::frame::Frame;
+use skyloop_render::label::{Label, ObjectLabel};
 
 /// Stars.
 pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);

@@ -1,12 +1,12 @@
 //! Passes through a camera's field as a table, CSV and JSON.
 
-use crate::effect::counted;
-use crate::label::why_hidden;
 use crate::passes::{Glimpse, Lit, Pass};
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use skyloop_orbit::Object;
 use skyloop_orbit::time::utc_text;
+use skyloop_render::effect::counted;
+use skyloop_render::label::why_hidden;
 use std::fmt::Write;
 
 /// A pass, in the units of files.

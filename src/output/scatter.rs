@@ -2,8 +2,8 @@
 
 use super::chart::{AMBER, Axis, BLUE, CHARACTER_PX, Chart, Drawn, font, svg};
 use super::folder::{Folder, OutputError};
-use crate::range::nearest;
 use plotters::prelude::*;
+use skyloop_base::range::nearest;
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;

@@ -2,14 +2,14 @@
 
 use super::canvas::{Canvas, text_size};
 use super::panel::{self, HIDDEN, RINGED, RSO, STAR, WANDERER};
-use crate::camera::Camera;
-use crate::frame::Frame;
-use crate::label::Label;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use image::RgbImage;
 use image::imageops::replace;
+use skyloop_render::camera::Camera;
+use skyloop_render::frame::Frame;
+use skyloop_render::label::Label;
 
 const PANELS: u32 = 12;
 const COLUMNS: usize = 4;

@@ -4,8 +4,8 @@
 //! `f = sum A_pq u^p v^q`, `g = sum B_pq u^p v^q`, 2 <= p + q <= the order. Backwards `AP`, `BP`, from p + q = 1.
 //! Least squares over the detector, of the lowest order that leaves less than [`ENOUGH_PX`] everywhere.
 
-use crate::camera::{Camera, Optics};
 use nalgebra::{DMatrix, DVector};
+use skyloop_render::camera::{Camera, Optics};
 
 /// A residual (px) that no star's place shows.
 const ENOUGH_PX: f64 = 1e-4;

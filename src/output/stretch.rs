@@ -14,8 +14,8 @@
 //!
 //! So what has no light is black and what is full is white, whatever part of the frame they take.
 
-use crate::camera::Camera;
-use crate::label::Label;
+use skyloop_render::camera::Camera;
+use skyloop_render::label::Label;
 
 /// Longer side of a panel, px.
 const PANEL_PX: usize = 512;

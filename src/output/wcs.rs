@@ -2,9 +2,9 @@
 //! for a fisheye, with the polynomials of [`Sip`] where the lens distorts.
 
 use super::sip::Sip;
-use crate::attitude::degrees_of_turn;
-use crate::camera::{Camera, Model};
 use nalgebra::{Matrix3, Vector3};
+use skyloop_render::attitude::degrees_of_turn;
+use skyloop_render::camera::{Camera, Model};
 
 /// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077), LONPOLE = 180 deg.
 #[derive(Debug, Clone, PartialEq)]

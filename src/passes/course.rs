@@ -1,16 +1,16 @@
 //! The observer's way in steps: position and attitude at every instant, without asking orbit and sidereal time each time.
 
 use super::NoPasses;
-use crate::attitude::VehicleState;
-use crate::flight::Flight;
-use crate::scene::{Exposure, shutter};
-use crate::sky::apparent::Observer;
-use crate::sky::population::Shutter;
-use crate::sky::shadow::Earth;
 use hifitime::Epoch;
 use nalgebra::{Matrix3, Vector3};
+use skyloop_config::flight::Flight;
 use skyloop_orbit::time::seconds;
 use skyloop_orbit::{StateVector, frames};
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::scene::{Exposure, shutter};
+use skyloop_render::sky::apparent::Observer;
+use skyloop_render::sky::population::Shutter;
+use skyloop_render::sky::shadow::Earth;
 
 /// Knots of a step. Positions are the polynomial through them: with 2.5 s between, 1e-7 m off in a low orbit.
 const KNOTS: usize = 5;

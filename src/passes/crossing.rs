@@ -2,10 +2,10 @@
 
 use super::search::{Seeker, Sight};
 use super::{NoPasses, Search};
-use crate::light_curve::{NoLightCurve, Point, point_from};
-use crate::scene::Hidden;
-use crate::sky::Population;
 use hifitime::Epoch;
+use skyloop_render::light_curve::{NoLightCurve, Point, point_from};
+use skyloop_render::scene::Hidden;
+use skyloop_render::sky::Population;
 
 /// A stay is looked at every so many seconds, for what is least and what is dark,
 const LOOK_S: f64 = 1.0;

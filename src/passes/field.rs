@@ -1,7 +1,7 @@
 //! The field of a camera: the directions (unit vectors, camera axes) whose images lie on its detector.
 
-use crate::camera::Camera;
 use nalgebra::Vector3;
+use skyloop_render::camera::Camera;
 
 /// Points along each side of the detector.
 const POINTS: usize = 64;

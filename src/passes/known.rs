@@ -1,10 +1,10 @@
 //! Where in time an object has states.
 
-use crate::attitude::{MAX_POSITION, MAX_SPEED};
 use hifitime::{Epoch, Unit};
 use nalgebra::Matrix3;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, OrbitError, StateVector};
+use skyloop_render::attitude::{MAX_POSITION, MAX_SPEED};
 use thiserror::Error;
 
 /// The time over which motion is looked at, s: SGP4's velocities are not how its positions change. Only of those beyond their apogees.

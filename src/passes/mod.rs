@@ -15,20 +15,20 @@ mod search;
 
 pub use crossing::{Glimpse, Lit, Pass};
 
-use crate::camera::Camera;
-use crate::flight::{Flight, FlightError};
-use crate::light_curve::NoLightCurve;
-use crate::scene::Unobservable;
-use crate::sky::field::Field as Cone;
-use crate::sky::{Corrections, Population};
 use course::Course;
 use field::Field;
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::Seeker;
+use skyloop_config::flight::{Flight, FlightError};
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, Orbit};
+use skyloop_render::camera::Camera;
+use skyloop_render::light_curve::NoLightCurve;
+use skyloop_render::scene::Unobservable;
+use skyloop_render::sky::field::Field as Cone;
+use skyloop_render::sky::{Corrections, Population};
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;

@@ -1,11 +1,11 @@
 //! When the pointing has a direction: an object that it follows may have no states.
 
 use super::Search;
-use crate::flight::Flight;
-use crate::sky::bodies::LIGHT_M_S;
 use hifitime::{Epoch, Unit};
+use skyloop_config::flight::Flight;
 use skyloop_orbit::Object;
 use skyloop_orbit::time::seconds;
+use skyloop_render::sky::bodies::LIGHT_M_S;
 
 /// Ends of a part are bisected down to this, s.
 const FINE_S: f64 = 1e-3;

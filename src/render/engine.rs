@@ -1,25 +1,24 @@
 //! The engine: one vehicle state in, one labelled frame out.
 
-use crate::abort::{Abort, WorkLimit};
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::config::Config;
 use crate::crew;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::{Frame, Memory};
 use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
-use crate::rng::NoiseKey;
 use crate::scene::{
     EffectId, Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, View, World,
 };
-use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
-use crate::sky::catalog::Catalog;
+use crate::sky::catalog::{Catalog, Selection};
 use crate::sky::population::Population;
 use crate::sky::starlight::StarLight;
+use crate::sky::{Corrections, StarField};
 use hifitime::{Epoch, Unit};
+use skyloop_base::abort::{Abort, WorkLimit};
+use skyloop_base::rng::NoiseKey;
 use skyloop_orbit::Ages;
 use skyloop_orbit::sgp4_batch::Level;
 use std::hint::black_box;
@@ -36,10 +35,43 @@ const SURELY: f64 = 40.0;
 /// Threads that are warmed up, of many the first few.
 const LEADERS: usize = 4;
 
+/// The stars and the corrections of their directions.
+#[derive(Debug, Clone, Copy)]
+pub struct Sky {
+    /// Which part of the catalogue.
+    pub selection: Selection,
+    /// Corrections from catalogue to apparent place.
+    pub corrections: Corrections,
+    /// Whether stars carry their colour into the band (else the band magnitude is V).
+    pub colour: bool,
+}
+
+/// What an emulator is made of.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The camera.
+    pub camera: Camera,
+    /// Error tolerances.
+    pub fidelity: Fidelity,
+    /// Which effects may run.
+    pub choice: Choice,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// The faintest object that labels list, as signal-to-noise ratio.
+    pub label_snr: f64,
+    /// The stars.
+    pub sky: Sky,
+    /// Resident space objects.
+    pub population: Arc<Population>,
+    /// Records of the object files that were refused.
+    pub rejected_records: u32,
+}
+
 /// The emulated camera under its sky.
 #[derive(Debug)]
 pub struct Emulator {
     world: World,
+    sky: Sky,
     configured: Arc<Camera>,
     camera: Arc<Camera>,
     fidelity: Fidelity,
@@ -135,31 +167,34 @@ pub trait Witness: Sync {
 impl Witness for () {}
 
 impl Emulator {
-    /// The emulator that `config` describes; takes its objects out of it. Tolerances are brought into their ranges
-    /// ([`Fidelity::within_ranges`]); of a `label_snr` that is no number or below 0 labels list all objects.
-    pub fn new(config: &mut Config) -> Emulator {
-        let population = Arc::new(config.take_population());
-        let starlight = Arc::new(StarLight::new(config.sky.selection));
-        Emulator::of(config, &config.camera, population, starlight, config.seed)
+    /// The emulator of `setup`. Tolerances are brought into their ranges ([`Fidelity::within_ranges`]); a
+    /// `label_snr` that is no number or below 0 lists all objects.
+    pub fn new(setup: impl Into<Setup>) -> Emulator {
+        let setup: Setup = setup.into();
+        let starlight = Arc::new(StarLight::new(setup.sky.selection));
+        Emulator::of(setup, starlight)
     }
 
-    /// The emulator of a further camera of the same vehicle, number `number` from 1 on: it sees the same objects, whose orbits are worked out once for both,
-    /// and has noise of its own.
-    pub fn beside(&self, config: &Config, camera: &Camera, number: u64) -> Emulator {
-        let (population, starlight) = (&self.world.population, &self.world.starlight);
-        let seed = self.seed.wrapping_add(number);
-        Emulator::of(config, camera, population.clone(), starlight.clone(), seed)
+    /// The emulator of a further camera of the same vehicle, number `number` from 1 on: it sees the same
+    /// objects, whose orbits are computed once for both, and has noise of its own.
+    pub fn beside(&self, camera: &Camera, number: u64) -> Emulator {
+        let setup = Setup {
+            camera: camera.clone(),
+            fidelity: self.fidelity,
+            choice: self.choice.clone(),
+            seed: self.seed.wrapping_add(number),
+            label_snr: self.label_snr,
+            sky: self.sky,
+            population: self.world.population.clone(),
+            rejected_records: self.rejected_records,
+        };
+        Emulator::of(setup, self.world.starlight.clone())
     }
 
-    fn of(
-        config: &Config,
-        camera: &Camera,
-        population: Arc<Population>,
-        starlight: Arc<StarLight>,
-        seed: u64,
-    ) -> Emulator {
-        let camera = Arc::new(camera.clone());
-        let (band, sky) = (&camera.optics.band, &config.sky);
+    fn of(setup: Setup, starlight: Arc<StarLight>) -> Emulator {
+        let (sky, population) = (setup.sky, setup.population);
+        let camera = Arc::new(setup.camera);
+        let band = &camera.optics.band;
         // What a start takes longest for, side by side.
         let (stars, ()) = rayon::join(
             || StarField::new(Catalog::embedded(sky.selection), band, sky.colour),
@@ -167,19 +202,20 @@ impl Emulator {
         );
         let world = World {
             stars,
-            atmosphere: Arc::new(Atmosphere::of(&camera.optics.band)),
+            atmosphere: Arc::new(Atmosphere::of(band)),
             starlight,
             population,
-            corrections: config.sky.corrections,
+            corrections: sky.corrections,
         };
         Emulator {
             world,
+            sky,
             configured: camera.clone(),
             camera,
-            fidelity: config.fidelity.within_ranges(),
-            seed,
-            label_snr: config.label_snr.max(0.0),
-            choice: config.choice.clone(),
+            fidelity: setup.fidelity.within_ranges(),
+            seed: setup.seed,
+            label_snr: setup.label_snr.max(0.0),
+            choice: setup.choice,
             keep_expected: false,
             level: Some(Level::best()),
             memory: Memory::default(),
@@ -188,7 +224,7 @@ impl Emulator {
             abort: Abort::default(),
             overrun: None,
             next_frame: 0,
-            rejected_records: config.rejected.len() as u32,
+            rejected_records: setup.rejected_records,
             ages: (None, false),
         }
     }
@@ -476,14 +512,30 @@ fn reserve() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sky::photometry::Sphere;
+    use crate::sky::population::Looks;
+    use skyloop_base::load::Folder;
 
-    /// However many cameras there are, one catalogue is held and carried on.
+    /// However many cameras there are, one catalogue is held and propagated.
     #[test]
     fn cameras_beside_one_another_have_one_sky() {
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/soak.toml");
-        let mut config = Config::load(file.as_ref()).unwrap();
-        let first = Emulator::new(&mut config);
-        let second = first.beside(&config, &config.camera, 1);
+        let camera = Camera::load("rigel-l", &Folder::current()).unwrap();
+        let sky = Sky {
+            selection: Selection::Bsc,
+            corrections: Corrections::default(),
+            colour: true,
+        };
+        let first = Emulator::new(Setup {
+            camera: camera.clone(),
+            fidelity: Fidelity::REALTIME,
+            choice: Choice::default(),
+            seed: 1,
+            label_snr: 1.0,
+            sky,
+            population: Arc::new(Population::new(Vec::new(), Sphere::default(), Looks::new())),
+            rejected_records: 0,
+        });
+        let second = first.beside(&camera, 1);
         let [a, b] = [&first.world, &second.world];
         assert!(Arc::ptr_eq(&a.population, &b.population));
         assert!(Arc::ptr_eq(&a.starlight, &b.starlight));

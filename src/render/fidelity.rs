@@ -6,8 +6,8 @@ mod knobs;
 pub use coarser::Coarser;
 pub use knobs::{Allowed, Knob, Setting, Value};
 
-use crate::range::nearest;
 use Allowed::{Numbers, Words};
+use skyloop_base::range::nearest;
 use std::f64::consts::TAU;
 
 /// Makes of each row a field of [`Fidelity`], its value in each preset, and its [`Knob`].

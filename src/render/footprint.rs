@@ -3,12 +3,12 @@
 mod drawn;
 mod streak;
 
-use crate::abort::WorkLimit;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, Span};
 use crate::track::{Sample, Track, Window};
 use drawn::Drawn;
+use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 
@@ -362,8 +362,8 @@ impl Footprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::Folder;
     use crate::track::{Course, Place, Rows};
+    use skyloop_base::load::Folder;
 
     fn line(from: [f64; 2], to: [f64; 2], fidelity: &Fidelity) -> Track {
         let place = |t: f64| {

@@ -1,6 +1,6 @@
 //! The frame: digits, and on request the expected electrons behind them.
 
-use crate::rng::NoiseKey;
+use skyloop_base::rng::NoiseKey;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 

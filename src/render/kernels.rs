@@ -30,15 +30,15 @@ pub use light::{Reading, Span};
 pub use lines::Lines;
 pub use real::Real;
 
-use crate::rng::normal;
-use crate::rng::poisson::{self, SEARCHED, Switch};
-use crate::rng::{self, NoiseKey};
 use corners::{body as corners_body, twin as corners_twin};
 use dots::{body as dots_body, twin as dots_twin};
 use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
 use pack::{body as pack_body, twin as pack_twin};
 use search::search;
+use skyloop_base::rng::normal;
+use skyloop_base::rng::poisson::{self, SEARCHED, Switch};
+use skyloop_base::rng::{self, NoiseKey};
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that a body works on at a time: they stay in the first-level cache.

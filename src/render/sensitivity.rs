@@ -248,11 +248,11 @@ fn triangle_sr(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     #[test]
     fn figures_are_those_of_hand_formulas() {
-        for name in crate::load::CAMERAS {
+        for name in skyloop_base::load::CAMERAS {
             let camera = Camera::load(name, &Folder::current()).unwrap();
             let found = Sensitivity::of(&camera);
             let (optics, detector) = (&camera.optics, &camera.detector);

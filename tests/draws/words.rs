@@ -108,7 +108,7 @@ fn every_words_normal_draw_is_its_quantile() {
     let worst = f64::from_bits(worst.into_inner());
     println!("off by {worst:.2e}");
     assert!(worst > WITHIN - 1e-7, "{worst:e}");
-    for said in [FRAMES, include_str!("../../src/rng/normal.rs")] {
+    for said in [FRAMES, include_str!("../../src/base/rng/normal.rs")] {
         assert!(said.contains(&format!("within {WITHIN:e} of the exact quantile")));
     }
     for tail in tails {

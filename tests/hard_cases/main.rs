@@ -3,9 +3,9 @@
 //!
 //! | case | tested in |
 //! |---|---|
-//! | celestial poles, wrap of right ascension, boresight at +-Z | `pointing`; star groups around both poles: `src/sky/star_field.rs` |
+//! | celestial poles, wrap of right ascension, boresight at +-Z | `pointing`; star groups around both poles: `src/render/sky/star_field.rs` |
 //! | half turns, signs of quaternions, slerp near 0 and near pi | `pointing` |
-//! | behind the camera, 90 deg off axis, last pixel's edge, straddling bands and corners | `field`; tracks that go behind the camera: `src/track/mod.rs` |
+//! | behind the camera, 90 deg off axis, last pixel's edge, straddling bands and corners | `field`; tracks that go behind the camera: `src/render/track/mod.rs` |
 //! | fields of 0.1 to 180 deg | `field`; cones and corners: `tests/optics/projection.rs`, wide fields that turn: `tests/truth/smear.rs` |
 //! | rates from 0 through 1e-12 to 100 deg/s | `motion`; every length of a streak against integration: `tests/truth/smear.rs` |
 //! | exposures of 0, 1e-9 and 10^4 s, ends below a nanosecond | `motion` |
@@ -19,11 +19,11 @@
 //! | grazing penumbra | `near`; against rays on the ellipsoid, contact: `tests/shadow.rs` |
 //! | leap seconds, years 1950 to 2100 | `time`; a century of SGP4: `src/orbit/tests/batch_edges.rs`; epochs beyond the series: `tests/apparent.rs` |
 //! | 10^7 steps of clock and attitude | `time`, `pointing` |
-//! | distortion's inverse near its fold | `field`; everywhere else: `src/camera/projection.rs`, against OpenCV: `tests/optics/projection.rs` |
+//! | distortion's inverse near its fold | `field`; everywhere else: `src/render/camera/projection.rs`, against OpenCV: `tests/optics/projection.rs` |
 //! | accumulation order over 10^6 sources | `brightness` |
 //! | NaN and infinity: cameras, scenes, states, lenses, tracks, shadows, orbits, searches | `entrances` |
 //! | the same: every other public function of real numbers, with what is left out and why | `functions` |
-//! | the same: settings that callers make and files refuse | `settings`; the wall clock: `src/serve/clock.rs`, points of streaks: `src/track/rule.rs` |
+//! | the same: settings that callers make and files refuse | `settings`; the wall clock: `src/live/serve/clock.rs`, points of streaks: `src/render/track/rule.rs` |
 //! | the same: commands on the wire | `tests/wire/bad_packets.rs`, `wall_clock.rs`; any octets: `protocols/tests/fuzz` |
 //! | the same: element sets, OMM and OEM | `src/orbit/tests/` (`element_files`, `omm_files`, `ephemeris_messages`) |
 //! | the same: populations, attitude lists, the command line | `tests/rso/population.rs`, `firmware-sim/src/attitude_list.rs`, `tests/cli/inputs.rs` |

@@ -1,4 +1,4 @@
-"""Zenith brightness of hydroxyl's lines in steps of 10 nm, R: the table HYDROXYL_R of src/sky/atmosphere/airglow.rs.
+"""Zenith brightness of hydroxyl's lines in steps of 10 nm, R: the table HYDROXYL_R of src/render/sky/atmosphere/airglow.rs.
 
 From the spectrum of ESO's sky model (SkyCalc 1.4; Noll et al. 2012, A&A 543, A92) that PyPI moons1d 1.0.3 holds: lines above the continuum,
 the lower quartile of 3 nm, over the transmission of the lower atmosphere where that is above 0.3. The lines that the table LINES of

@@ -1,4 +1,4 @@
-"""The terms of src/sky/moon/series.rs: python moon_terms.py de440.bsp elpMppDeFull.js
+"""The terms of src/render/sky/moon/series.rs: python moon_terms.py de440.bsp elpMppDeFull.js
 
 The second file is the series ELP/MPP02 in npm astronomia 4.2.0 (package/data). Terms of at least 0.25 arcsec are chosen that stand
 whole in the difference between SOFA's moon98 (pyerfa) and DE440; printed with what they leave of it over 1991 to 2060.

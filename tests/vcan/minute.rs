@@ -81,7 +81,7 @@ fn whole(flight: &Flight, bits_us: f64, kept: Duration) {
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
 fn a_minute_over_can_is_the_minute_in_memory() {
-    // X-Val: by hand as in src/serve/budget.rs, without any stuff bit, and without the last frame, which is there as soon as it
+    // X-Val: by hand as in src/live/serve/budget.rs, without any stuff bit, and without the last frame, which is there as soon as it
     // begins: the packets' 86, 4 x 1260, 673 and 65 octets take 12 + 720 + 96 + 9 frames of 111 us, 4 of 63, one of 79 and one of
     // 71; on FD 81 + 10 + 1 of 97.75 us, 4 of 35.125, one of 65.75 and one of 81.75.
     let classic = 837.0 * 111.0 + 4.0 * 63.0 + 79.0 + 71.0;

@@ -29,7 +29,7 @@ fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
     let (own, taker) = link::loopback("memory", &options(60.0)).unwrap();
     let emulator = Emulator::new(&mut config);
-    let further = emulator.beside(&config, &camera, 1);
+    let further = emulator.beside(&camera, 1);
     let links = [(wire, Roles::ALL)];
     let mut server = Server::new(emulator, links, config.run.output, clock, &NATIVE);
     let mut head = server.head(further, [(own, TAKES)], &config.run);

@@ -2,7 +2,7 @@
 
 macro_rules! files {
     ($($path:literal),* $(,)?) => {
-        &[$(($path, include_str!(concat!("../../configs/", $path)))),*]
+        &[$(($path, include_str!(concat!("../../../configs/", $path)))),*]
     };
 }
 
@@ -42,7 +42,7 @@ pub const CAMERAS: &[&str] = &[
 
 /// A valid camera file, and in the table `spare` valid values of other keys.
 pub const EXAMPLE_CAMERA: &str = concat!(
-    include_str!("../../configs/cameras/cots-wide.toml"),
+    include_str!("../../../configs/cameras/cots-wide.toml"),
     r#"
 [spare.optics]
 psf = { images = [{ file = "x", at_px = [0.0, 0.0] }], obscuration = 0.0, fwhm_px = 2.0, beta = 2.5, oversampling = 4.0, wavelength_exponent = 0.0 }
@@ -59,7 +59,7 @@ hot_e_s = 0.0
 );
 
 /// Every key with its default.
-pub const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");
+pub const DEFAULT_TOML: &str = include_str!("../../../configs/default.toml");
 
 /// Folder and file of the scene that runs where none is named.
 pub const DEFAULT_SCENE: (&str, &str) = ("scenes/rcm-2019-06-15", "scene.toml");

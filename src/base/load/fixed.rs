@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 
 /// Exactly `N` values. Serde's own arrays stop reading after `N` and leave what follows unseen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Fixed<T, const N: usize>(pub [T; N]);
+pub struct Fixed<T, const N: usize>(pub [T; N]);
 
 impl<T, const N: usize> Fixed<T, N> {
     /// The arrays of a list of them.

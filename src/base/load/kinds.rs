@@ -5,7 +5,7 @@ use super::{Check, ConfigError, Kind, one_of};
 /// Refuses an unknown kind of a table, keys that it does not take, and a lack of those that it needs.
 /// `[table, key, kind]`: the table, its key that names the kind, and the kind; `given`: the other
 /// keys, and whether they are given.
-pub(crate) fn only_its_keys(
+pub fn only_its_keys(
     [table, key, kind]: [&str; 3],
     kinds: &[Kind],
     given: &[(&str, bool)],

@@ -6,14 +6,14 @@ use serde_json::{Map, Value, json};
 use std::ops::RangeInclusive;
 
 /// A key and what its value may be. In the key `[]` stands for any place in a list, `*` for any name.
-pub(crate) type Limit = (&'static str, Allowed);
+pub type Limit = (&'static str, Allowed);
 
 /// The end of a text in a [`Allowed::Form`]: `$` would match before a last line feed in Python.
-pub(crate) const END: &str = r"(?![\s\S])";
+pub const END: &str = r"(?![\s\S])";
 
 /// What the value of a key may be.
 #[derive(Clone)]
-pub(crate) enum Allowed {
+pub enum Allowed {
     /// A number.
     Number(RangeInclusive<f64>),
     /// A text of these.
@@ -39,14 +39,14 @@ pub(crate) enum Allowed {
 }
 
 /// A kind of table, the keys that it needs, and others that it may have.
-pub(crate) type Kind = (
+pub type Kind = (
     &'static str,
     &'static [&'static str],
     &'static [&'static str],
 );
 
 /// The range of the number of a key, if the table has one.
-pub(crate) fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
+pub fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
     limits.iter().find_map(|(pattern, allowed)| match allowed {
         Allowed::Number(range) if matches(pattern, key) => Some(range.clone()),
         _ => None,
@@ -54,7 +54,7 @@ pub(crate) fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64
 }
 
 /// What a key may be, in words, if its schema has a range, a length or a choice of words.
-pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
+pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
     let forms = forms_of(schema, key);
     let mut words = Vec::new();
     let mut texts = Vec::new();
@@ -87,7 +87,7 @@ pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
 }
 
 /// Whether the value of a key is a number by the schema.
-pub(crate) fn is_number(schema: &Schema, key: &str) -> bool {
+pub fn is_number(schema: &Schema, key: &str) -> bool {
     let is_number = |(form, _): &(&Value, &Value)| {
         let kind = form.get("type").and_then(Value::as_str);
         kind.is_some_and(|kind| ["number", "integer"].contains(&kind))
@@ -136,7 +136,7 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
 }
 
 /// Gives whole numbers the ends of their types: schemars leaves out those of 32 and 64 bits. Limits of keys replace them.
-pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
+pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
     for node in nodes {
         match node {
             Value::Array(list) => bound_integers(list.iter_mut()),
@@ -176,7 +176,7 @@ pub(super) fn matches(pattern: &str, key: &str) -> bool {
 }
 
 /// Writes the limits into the schema of a file.
-pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
+pub fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
         // Rules between keys stand where the keys are.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {
@@ -357,5 +357,5 @@ fn split_items(schema: &mut Schema, pointer: &str) {
     list.entry("prefixItems").or_insert_with(|| places().into());
 }
 
-#[cfg(test)]
-pub(crate) mod tests;
+#[cfg(any(test, feature = "test-support"))]
+pub mod tests;

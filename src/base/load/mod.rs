@@ -13,18 +13,18 @@ mod syntax;
 mod table;
 mod words;
 
-pub(crate) use embedded::EXAMPLE_CAMERA;
+pub use embedded::EXAMPLE_CAMERA;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
-pub(crate) use fixed::Fixed;
+pub use fixed::Fixed;
 pub use folder::Folder;
-pub(crate) use kinds::only_its_keys;
-pub(crate) use limits::{Allowed, END, Kind, Limit};
+pub use kinds::only_its_keys;
+pub use limits::{Allowed, END, Kind, Limit};
 use report::MAX_FAULTS;
-pub(crate) use report::{Noticed, read, read_noticed};
-pub(crate) use table::{
+pub use report::{Noticed, read, read_noticed};
+pub use table::{
     TextOrList, named_tables, some_table, some_tables, some_word, table, tables, word,
 };
-pub(crate) use words::{MEANT, advice, nearest};
+pub use words::{MEANT, advice, nearest};
 
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -187,7 +187,7 @@ impl ConfigError {
     }
 
     /// The same as the error of a rule between its key and `keys`: where one of these is faulty itself, only that is reported.
-    pub(crate) fn needs(self, keys: &[&str]) -> ConfigError {
+    pub fn needs(self, keys: &[&str]) -> ConfigError {
         ConfigError::Rule {
             needs: keys.iter().map(|key| (*key).to_string()).collect(),
             error: Box::new(self),
@@ -210,7 +210,7 @@ impl ConfigError {
 }
 
 /// The JSON Schema (draft 2020-12) of a file that is read as `Raw`, with the limits of its values.
-pub(crate) fn schema_of<Raw: JsonSchema>(title: &str, limits: &[&[Limit]]) -> Schema {
+pub fn schema_of<Raw: JsonSchema>(title: &str, limits: &[&[Limit]]) -> Schema {
     let generator = SchemaSettings::draft2020_12().into_generator();
     let mut schema = generator.into_root_schema_for::<Raw>();
     limits::bound_integers(schema.ensure_object().values_mut());
@@ -222,7 +222,8 @@ pub(crate) fn schema_of<Raw: JsonSchema>(title: &str, limits: &[&[Limit]]) -> Sc
 }
 
 /// Checks values of one file, so that each check is one line.
-pub(crate) struct Check<'a> {
+pub struct Check<'a> {
+    /// The file's name in messages.
     pub file: &'a str,
     notices: RefCell<Vec<String>>,
 }
@@ -319,7 +320,7 @@ impl<'a> Check<'a> {
 }
 
 /// The choice between words.
-pub(crate) fn one_of(words: &[&str]) -> String {
+pub fn one_of(words: &[&str]) -> String {
     let quoted: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
     match quoted.as_slice() {
         [only] => only.clone(),
@@ -396,7 +397,7 @@ fn unit_of(key: &str) -> &'static str {
 }
 
 /// What the years of times begin with: the series of the Earth's and the Sun's positions hold from 1900 to 2100 (`sky::bodies`).
-pub(crate) const CENTURIES: [&str; 2] = ["19", "20"];
+pub const CENTURIES: [&str; 2] = ["19", "20"];
 
 /// A time: a string, or TOML's own date and time.
 #[derive(Deserialize)]
@@ -404,8 +405,10 @@ pub(crate) const CENTURIES: [&str; 2] = ["19", "20"];
     untagged,
     expecting = "expected a UTC time such as 2019-06-15T23:35:50.500Z"
 )]
-pub(crate) enum RawTime {
+pub enum RawTime {
+    /// As text.
     Text(String),
+    /// As TOML writes it.
     Date(toml::value::Datetime),
 }
 
@@ -435,5 +438,6 @@ impl fmt::Display for RawTime {
     }
 }
 
-#[cfg(test)]
-pub(crate) use limits::tests::{agree, both};
+/// Compares schemas with loaders, for tests of the crates that read files.
+#[cfg(any(test, feature = "test-support"))]
+pub use limits::tests::{agree, both};

@@ -25,12 +25,12 @@ pub(super) const MAX_FAULTS: usize = 30;
 const MAX_READS: usize = 100;
 
 /// A value and the notices of its checks, one line each.
-pub(crate) type Noticed<T> = (T, Vec<String>);
+pub type Noticed<T> = (T, Vec<String>);
 
 /// Parses `text`, the contents of `file`, checks it with `validate`, and logs notices of a valid
 /// file. `example` is a valid file with all required keys, and in its table `spare` values of
 /// others.
-pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
+pub fn read<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
     example: &'static str,
@@ -45,7 +45,7 @@ pub(crate) fn read<Raw: DeserializeOwned + JsonSchema, T>(
 }
 
 /// The same; notices are returned instead of logged.
-pub(crate) fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
+pub fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
     example: &'static str,

@@ -10,36 +10,32 @@ use std::fmt;
 use std::marker::PhantomData;
 
 /// A table, not a list.
-pub(crate) fn table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
-    from: D,
-) -> Result<T, D::Error> {
+pub fn table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_map(Keys(PhantomData))
 }
 
 /// An optional table.
-pub(crate) fn some_table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+pub fn some_table<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
     table(from).map(Some)
 }
 
 /// A list of tables.
-pub(crate) fn tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
-    from: D,
-) -> Result<Vec<T>, D::Error> {
+pub fn tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Vec<T>, D::Error> {
     let entries = Vec::<Entry<T>>::deserialize(from)?;
     Ok(entries.into_iter().map(|Entry(entry)| entry).collect())
 }
 
 /// An optional list of tables.
-pub(crate) fn some_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+pub fn some_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<Vec<T>>, D::Error> {
     tables(from).map(Some)
 }
 
 /// Tables by name.
-pub(crate) fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+pub fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<BTreeMap<String, T>, D::Error> {
     let entries = BTreeMap::<String, Entry<T>>::deserialize(from)?;
@@ -49,11 +45,14 @@ pub(crate) fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
 
 /// A value that is a text or a list, or a whole number where `number` accepts one. Serde's untagged
 /// enums refuse a list as a whole; here the error is of the entry.
-pub(crate) struct TextOrList<T, L> {
+pub struct TextOrList<T, L> {
     /// What the value is, in errors.
     pub expected: &'static str,
+    /// Makes it of a text.
     pub text: fn(String) -> T,
+    /// Makes it of a number.
     pub number: Option<fn(u32) -> T>,
+    /// Makes it of a list.
     pub list: fn(L) -> T,
 }
 
@@ -80,12 +79,12 @@ impl<'de, T, L: Deserialize<'de>> Visitor<'de> for TextOrList<T, L> {
 }
 
 /// A choice of words: serde takes tables for them too.
-pub(crate) fn word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+pub fn word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     T::deserialize(String::deserialize(from)?.into_deserializer())
 }
 
 /// An optional word.
-pub(crate) fn some_word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
+pub fn some_word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
     word(from).map(Some)

@@ -23,13 +23,15 @@ pub struct NoiseKey {
 
 /// Pixels that share a group of counters, and counters that they share. Pixel `i` of a group has word `i / 16` of counter `i % 16`:
 /// sixteen counters worked out side by side give sixteen neighbours their words.
-pub(crate) const GROUP: usize = 64;
-pub(crate) const COUNTERS: usize = 16;
+pub const GROUP: usize = 64;
+/// Counters that a group shares.
+pub const COUNTERS: usize = 16;
 
-/// Rounds of Philox: ten have the authors' margin of safety; seven, the fewest that pass all of BigCrush (their table 2), serve the
-/// words that every pixel of every frame draws.
+/// Rounds of Philox, with the authors' margin of safety.
 const ROUNDS: usize = 10;
-pub(crate) const PIXEL_ROUNDS: usize = 7;
+/// Rounds for the words that every pixel of every frame draws: the fewest that pass all of BigCrush
+/// (their table 2).
+pub const PIXEL_ROUNDS: usize = 7;
 
 /// The word of one pixel (row-major index) for an effect that draws a single one in each.
 #[inline(always)]
@@ -40,12 +42,7 @@ pub fn word(key: NoiseKey, effect: u8, pixel: usize) -> u32 {
 
 /// The four words of a counter.
 #[inline(always)]
-pub(crate) fn block<const ROUNDS: usize>(
-    key: NoiseKey,
-    effect: u8,
-    index: u32,
-    draw: u32,
-) -> [u32; 4] {
+pub fn block<const ROUNDS: usize>(key: NoiseKey, effect: u8, index: u32, draw: u32) -> [u32; 4] {
     let counter = [
         index,
         draw,

@@ -25,7 +25,7 @@ pub fn uniform_of(word: u32) -> f64 {
 
 /// The same in single precision, within 1e-7 of it.
 #[inline(always)]
-pub(crate) fn uniform_quickly(word: u32) -> f32 {
+pub fn uniform_quickly(word: u32) -> f32 {
     let beyond = beyond(word) * (1.0 / ALL);
     if (word as i32) < 0 {
         1.0 - beyond
@@ -35,11 +35,11 @@ pub(crate) fn uniform_quickly(word: u32) -> f32 {
 }
 
 /// Words nearer than this to either end lie beyond `w = 7`: 1 in 2193 (`u (1 - u) = exp(-7) / 4`).
-pub(crate) const FAR: u32 = 979_349;
+pub const FAR: u32 = 979_349;
 
 /// How many words lie between this one and the end of its half.
 #[inline(always)]
-pub(crate) fn from_the_end(word: u32) -> u32 {
+pub fn from_the_end(word: u32) -> u32 {
     word & 0x7FFF_FFFF
 }
 
@@ -48,13 +48,13 @@ const ALL: f32 = 4_294_967_296.0;
 
 /// `2^62 (1 - x^2)` where so many words lie `beyond`.
 #[inline(always)]
-pub(crate) fn square_left(beyond: f32) -> f32 {
+pub fn square_left(beyond: f32) -> f32 {
     beyond * (ALL - beyond)
 }
 
 /// How far `w` is from the middle of where it is near, `3.5 - w`, by [`square_left`].
 #[inline(always)]
-pub(crate) fn to_middle(left: f32) -> f32 {
+pub fn to_middle(left: f32) -> f32 {
     3.5 + ln_over_62(left)
 }
 
@@ -79,13 +79,13 @@ fn ln_over_62(y: f32) -> f32 {
 
 /// So many words lie beyond one that is not far.
 #[inline(always)]
-pub(crate) fn beyond(word: u32) -> f32 {
+pub fn beyond(word: u32) -> f32 {
     from_the_end(word) as i32 as f32
 }
 
 /// The draw, where the word is not far, by [`to_middle`].
 #[inline(always)]
-pub(crate) fn near(word: u32, v: f32) -> f32 {
+pub fn near(word: u32, v: f32) -> f32 {
     let v2 = v * v;
     let a = v.mul_add(-1.549_963_8e-10, 1.147_732_6e-9);
     let b = v.mul_add(3.192_419_2e-13, -4.428_122e-12);
@@ -97,7 +97,7 @@ pub(crate) fn near(word: u32, v: f32) -> f32 {
 
 /// The draw, where the word is far.
 #[inline(always)]
-pub(crate) fn far(word: u32) -> f32 {
+pub fn far(word: u32) -> f32 {
     let beyond = beyond(word) + 0.5;
     let (x, v) = (x_of(beyond), to_middle(square_left(beyond)));
     let s = (3.5 - v).sqrt() - 3.7;

@@ -15,13 +15,13 @@
 use super::normal::{normal, uniform_of};
 
 /// Means below this (e-) are searched from 0 on.
-pub(crate) const SEARCHED: f32 = 16.0;
+pub const SEARCHED: f32 = 16.0;
 /// Means from this on (e-) are drawn by the expansion in any case: their draws have no more digits than a single-precision number.
 const WHOLE: f32 = 1_048_576.0;
 
 /// The mean (e-) from which on draws are the expansion's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Switch(pub(crate) f32);
+pub struct Switch(pub f32);
 
 impl Switch {
     /// Switches, and what the draws' total-variation distance from Poisson is below (1).
@@ -44,14 +44,14 @@ const LEAST: f32 = 6.0;
 
 /// A mean that can be drawn of: none where it is negative or no number.
 #[inline(always)]
-pub(crate) fn mean_of(e: f32) -> f32 {
+pub fn mean_of(e: f32) -> f32 {
     let e = if e > 0.0 { e } else { 0.0 };
     if e < LARGEST { e } else { LARGEST }
 }
 
 /// The draw of a mean from 6 e- on, by its [`inverse_root`] and the normal draw `z`.
 #[inline(always)]
-pub(crate) fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
+pub fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
     let mean = if mean > LEAST { mean } else { LEAST };
     let z2 = z * z;
     let third = z2.mul_add(z2.mul_add(1.0 / 270.0, 7.0 / 810.0), -8.0 / 405.0);
@@ -70,7 +70,7 @@ pub fn expanded(mean: f32, z: f32) -> f32 {
 /// `1 / sqrt(x)` for a normal number, within 5e-6 of it: a first guess by halving the exponent, and Newton's method (processors divide and
 /// take roots as slowly as they do all else of a draw).
 #[inline(always)]
-pub(crate) fn inverse_root(x: f32) -> f32 {
+pub fn inverse_root(x: f32) -> f32 {
     let x = if x > LEAST { x } else { LEAST };
     let mut y = f32::from_bits(0x5F37_5A86 - (x.to_bits() >> 1));
     for _ in 0..2 {
@@ -81,7 +81,7 @@ pub(crate) fn inverse_root(x: f32) -> f32 {
 
 /// `exp(-mean)`, for means below 16, within 1e-14 of it: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the exponential's series.
 #[inline(always)]
-pub(crate) fn none(mean: f64) -> f64 {
+pub fn none(mean: f64) -> f64 {
     // What is added to 1.5 * 2^52 is rounded, and its last bits are the whole number.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     // In two parts, the first of 32 bits.
@@ -100,7 +100,7 @@ pub(crate) fn none(mean: f64) -> f64 {
 
 /// The same in single precision, within 5e-7 of it (relative).
 #[inline(always)]
-pub(crate) fn none_quickly(mean: f32) -> f32 {
+pub fn none_quickly(mean: f32) -> f32 {
     // What is added to 1.5 * 2^23 is rounded, and its last bits are the whole number.
     const ROUND: f32 = 12_582_912.0;
     // In two parts, the first of 10 bits.
@@ -118,7 +118,7 @@ pub(crate) fn none_quickly(mean: f32) -> f32 {
 }
 
 /// `1 / k`.
-pub(crate) const INVERSE: [f64; MOST] = {
+pub const INVERSE: [f64; MOST] = {
     let mut inverse = [0.0; MOST];
     let mut k = 1;
     while k < MOST {
@@ -129,7 +129,7 @@ pub(crate) const INVERSE: [f64; MOST] = {
 };
 
 /// `1 / (k + 1)` in single precision.
-pub(crate) const INVERSE_QUICKLY: [f32; MOST] = {
+pub const INVERSE_QUICKLY: [f32; MOST] = {
     let mut inverse = [0.0; MOST];
     let mut k = 0;
     while k < MOST {
@@ -154,7 +154,7 @@ const INVERSE_FACTORIAL: [f64; 12] = {
 ///
 /// A step's probability errs by 5e-7 of it and, of each of k steps, by three roundings: 3 m 2^-24 in all below a mean of m; so many sums of numbers below 1 by half
 /// as much each. Of 40 steps at a mean of 16 that is 5e-6, and the place of a word adds 1e-7.
-pub(crate) const UNSURE: f32 = 1e-5;
+pub const UNSURE: f32 = 1e-5;
 
 /// More than any draw of a mean below 16: the last word's quantile is 50.
 const MOST: usize = 64;
@@ -182,7 +182,7 @@ pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
 }
 
 /// The draw by a search from where less than 10^-19 lies below.
-pub(crate) fn from_below(mean: f32, word: u32) -> f32 {
+pub fn from_below(mean: f32, word: u32) -> f32 {
     let (u, mean) = (uniform_of(word), f64::from(mean));
     let reach = 9.0 * libm::sqrt(mean);
     let mut k = libm::floor(mean - reach).max(0.0);

@@ -1,12 +1,6 @@
 //! The directions of `look_at`: where a vehicle sees its target, and what is up.
 
-use crate::camera::Camera;
-use crate::config::{LookAt, Target, Up};
-use crate::sky::Corrections;
-use crate::sky::apparent::{Observer, object_direction};
-use crate::sky::bodies::Bodies;
-use crate::sky::planets;
-use crate::sky::shadow::Earth;
+use crate::{LookAt, Target, Up};
 use hifitime::Epoch;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::mission::Mission;
@@ -15,6 +9,12 @@ use skyloop_firmware_sim::profile::{
 };
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
+use skyloop_render::camera::Camera;
+use skyloop_render::sky::Corrections;
+use skyloop_render::sky::apparent::{Observer, object_direction};
+use skyloop_render::sky::bodies::Bodies;
+use skyloop_render::sky::planets;
+use skyloop_render::sky::shadow::Earth;
 use std::sync::Arc;
 
 /// The boresight of `camera` at a target, with the corrections that the sky of its frames has.

@@ -6,7 +6,7 @@
 
 use super::place::{Place, place_of};
 use super::{CaptureError, Origin, Record, candump, pcapng};
-use crate::link::{LinkUrl, Roles};
+use crate::{LinkUrl, Roles};
 use bytes::Bytes;
 use skyloop_orbit::{LARGEST_FILE, path_text};
 use skyloop_protocols::{Command, Direction, Personality, Reply};

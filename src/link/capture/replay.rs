@@ -10,8 +10,8 @@ use super::difference::{called, first};
 use super::place::{Place, place_of, sealed};
 pub use super::recording::{Recording, load};
 use super::silence::Silence;
-use crate::link::inbox::{Observer, inbox};
-use crate::link::{
+use crate::inbox::{Observer, inbox};
+use crate::{
     FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire, lock,
 };
 use bytes::Bytes;

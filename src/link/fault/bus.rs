@@ -11,7 +11,7 @@ use super::injector::Injector;
 use super::outage::Change;
 use super::plan::Plan;
 use super::stopped::Shape;
-use crate::link::{Tally, count, lock};
+use crate::{Tally, count, lock};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
 use skyloop_protocols::can::form::{ATTITUDE_BEGIN, FROM_EMULATOR, SHORT_ACK, TO_EMULATOR};
 use skyloop_protocols::can::isotp::Pdu;

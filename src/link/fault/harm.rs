@@ -3,7 +3,7 @@
 use super::engine::How;
 use super::line::Order;
 use super::rule::Rule;
-use crate::rng::PixelStream;
+use skyloop_base::rng::PixelStream;
 use skyloop_protocols::FaultKind;
 use std::time::Duration;
 

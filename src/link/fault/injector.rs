@@ -6,7 +6,7 @@ use super::harm::{is_damage, is_loss};
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
 use super::spared::Spared;
-use crate::link::{Tally, count, lock};
+use crate::{Tally, count, lock};
 use skyloop_protocols::{Command, Direction, FaultKind, Personality};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};

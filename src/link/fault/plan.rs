@@ -1,9 +1,9 @@
 //! The schedule of faults, a TOML file.
 
 use super::rule::{Rule, SEED};
-use crate::load::{Allowed, Check, ConfigError, Folder, Limit, one_of, read, tables};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::{Allowed, Check, ConfigError, Folder, Limit, one_of, read, tables};
 use skyloop_protocols::{Direction, Fault, FaultKind};
 use std::ops::RangeInclusive;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! A rule: one fault, when it is in force, and its random numbers.
 
-use crate::rng::{NoiseKey, PixelStream};
+use skyloop_base::rng::{NoiseKey, PixelStream};
 use skyloop_protocols::Fault;
 use std::time::Duration;
 

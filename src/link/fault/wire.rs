@@ -4,8 +4,8 @@ use super::book::Book;
 use super::engine::{Damageable, Pushed};
 use super::injector::Injector;
 use super::plan::{Plan, impossible};
-use crate::link::inbox::inbox;
-use crate::link::{
+use crate::inbox::inbox;
+use crate::{
     Inbound, Inbox, Intake, LinkError, Outbound, Outbox, Tally, Wire, count, lock, outbox,
 };
 use bytes::Bytes;

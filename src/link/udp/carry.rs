@@ -2,8 +2,8 @@
 
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
-use crate::link::pace::Pace;
-use crate::link::{Inbound, Intake, Outbound, Unsent};
+use crate::pace::Pace;
+use crate::{Inbound, Intake, Outbound, Unsent};
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};

@@ -1,7 +1,7 @@
 //! Who the emulator talks with over UDP: one client at a time.
 
 use super::proof::{Party, Proof, Prover};
-use crate::link::{Every, Options, Tally, count, is_of_frame};
+use crate::{Every, Options, Tally, count, is_of_frame};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -269,7 +269,7 @@ impl Exchange {
 mod tests {
     use super::Heard::{Packet, Proof as Returned, Stranger};
     use super::*;
-    use crate::link::fixture::options;
+    use crate::fixture::options;
     use skyloop_protocols::{Command, MAX_PACKET, WireTime, apid};
 
     fn at(port: u16) -> SocketAddr {

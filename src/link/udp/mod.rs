@@ -150,8 +150,8 @@ fn start(
 mod tests {
     use super::carry::BURST;
     use super::*;
-    use crate::link::fixture::{PATIENCE, options};
-    use crate::link::{Outbound, Standstill};
+    use crate::fixture::{PATIENCE, options};
+    use crate::{Outbound, Standstill};
     use bytes::Bytes;
     use skyloop_protocols::Counters;
     use std::time::Instant;

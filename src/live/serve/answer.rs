@@ -2,16 +2,16 @@
 
 use super::Server;
 use super::clock::Sync;
-use crate::link::LinkError;
-use crate::scene::Exposure;
 use crate::timing::FrameTimes;
 use bytes::Bytes;
 use hifitime::Epoch;
 use skyloop_firmware_sim::time::to_wire;
+use skyloop_link::LinkError;
 use skyloop_protocols::{
     Ack, Counters, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing,
     WireTime, Withheld,
 };
+use skyloop_render::scene::Exposure;
 use std::time::Instant;
 
 impl Server {

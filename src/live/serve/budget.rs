@@ -1,7 +1,6 @@
 //! How long a frame takes on a link, level by level, before it is tried.
 
-use crate::camera::Camera;
-use crate::link::{Roles, Wire};
+use skyloop_link::{Roles, Wire};
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, packed_length,
@@ -12,6 +11,7 @@ use skyloop_protocols::{
     CompressedBlock, FrameEnd, FrameHeader, LabelLevel, LabelPart, ObjectPart, Output, Packing,
     PixelBlock, PixelLevel, WindowBlock,
 };
+use skyloop_render::camera::Camera;
 use std::time::Duration;
 
 /// Octets of a packet beside its fields.
@@ -200,14 +200,15 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
-    use crate::link::{self, fixture::options};
+    use skyloop_config::Config;
     use skyloop_firmware_sim::can::settings::Settings;
+    use skyloop_link::{self as link, Options};
     use std::sync::Arc;
 
     /// Octets and time of the built-in scene's 20 windows of 11 x 11 pixels on a bus, in µs.
     fn windows_on(bus: &str) -> (usize, f64) {
-        let (mut wire, _port) = link::loopback("memory", &options()).unwrap();
+        let options = Options::default();
+        let (mut wire, _port) = link::loopback("memory", &options).unwrap();
         let bus = Settings::parse(bus, &["bitrate", "fd", "load"]).unwrap();
         wire.airtime = Some(Arc::new(move |octets| bus.packet_duration(octets)));
         let camera = Config::builtin().unwrap().camera;

@@ -3,8 +3,8 @@
 use super::packed::packed;
 use super::picture::Picture;
 use super::select::{brightest_objects, windows};
-use crate::link::Roles;
 use skyloop_firmware_sim::time::to_wire;
+use skyloop_link::Roles;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,

@@ -9,13 +9,13 @@ use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
 use super::withheld::{LEFT_OUT, NO_ATTITUDE, RUN_ENDED};
 use super::{POLL, Server, add};
-use crate::abort::Abort;
-use crate::config::Clock as Kind;
-use crate::engine::Shot;
-use crate::link::LinkError;
-use crate::scene::Exposure;
 use crate::stats::Request;
+use skyloop_base::abort::Abort;
+use skyloop_config::Clock as Kind;
+use skyloop_link::LinkError;
 use skyloop_protocols::{AttitudeSource, PixelLevel};
+use skyloop_render::engine::Shot;
+use skyloop_render::scene::Exposure;
 use std::time::{Duration, Instant};
 
 impl Server {

@@ -1,10 +1,10 @@
 //! Further cameras of the same vehicle: each at links of its own, all with the attitudes, Triggers, pauses and Resets of the first one's client, as they came.
 
 use super::Server;
-use crate::config::Run;
-use crate::engine::Emulator;
-use crate::link::{Roles, Wire, relay};
+use skyloop_config::Run;
+use skyloop_link::{Roles, Wire, relay};
 use skyloop_protocols::Command;
+use skyloop_render::engine::Emulator;
 
 /// What the link of the truth is for, where another brings it.
 const TOLD: Roles = Roles {

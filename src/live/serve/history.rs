@@ -1,13 +1,13 @@
 //! The attitudes that have come, and what they make of an exposure.
 
 use super::Latched;
-use crate::attitude::{VehicleState, between, rates_between};
-use crate::config::{OnStale, Staleness};
-use crate::scene::{Exposure, shutter};
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use skyloop_config::{OnStale, Staleness};
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::AttitudeSource;
+use skyloop_render::attitude::{VehicleState, between, rates_between};
+use skyloop_render::scene::{Exposure, shutter};
 use std::collections::VecDeque;
 
 /// Messages that are kept: some exposures of any client's rate, since of those that follow each other closely not all are.

@@ -4,15 +4,15 @@ use super::clock::{Due, Heard, MAX_WAITING, SURE_S};
 use super::receive::Refusal;
 use super::withheld::{CLOCK_SET, name};
 use super::{Latched, Server, add};
-use crate::attitude::{AttitudeError, VehicleState};
-use crate::config::OutOfOrder;
-use crate::link::{Inbound, LinkError};
-use crate::scene::{Exposure, shutter, turn_at};
 use crate::stats::Request;
 use hifitime::Epoch;
+use skyloop_config::OutOfOrder;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
+use skyloop_link::{Inbound, LinkError};
 use skyloop_orbit::time::{seconds, utc_text};
 use skyloop_protocols::{Attitude, Header, Reason, Withheld};
+use skyloop_render::attitude::{AttitudeError, VehicleState};
+use skyloop_render::scene::{Exposure, shutter, turn_at};
 use std::time::Instant;
 
 impl Server {

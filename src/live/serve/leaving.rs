@@ -4,12 +4,12 @@ use super::channel::Channel;
 use super::picture::Picture;
 use super::withheld::of_unsent;
 use super::{Server, add};
-use crate::link::{Exit, Mark, QUEUE, Unsent};
 use crate::metrics::Snapshot;
-use crate::scene::Exposure;
 use crate::stats::Pending;
 use crate::timing::FrameTimes;
+use skyloop_link::{Exit, Mark, QUEUE, Unsent};
 use skyloop_orbit::time::utc_days_since_j2000;
+use skyloop_render::scene::Exposure;
 use std::time::{Duration, Instant};
 
 /// Frames of each link whose times are waited for at most: as many as its queue may hold.

@@ -4,8 +4,8 @@
 //! tolerances took, and what the last one took on its way. What was too slow is tried again after a few frames, and each time that it is too slow once more after twice as many:
 //! one hiccup costs little, and what never is in time is seldom tried.
 
-use crate::config::OnOverrun;
-use crate::fidelity::{Coarser, Fidelity};
+use skyloop_config::OnOverrun;
+use skyloop_render::fidelity::{Coarser, Fidelity};
 use std::time::Duration;
 
 /// After so many exposures what was too slow is tried again, the first time and at most.
@@ -219,7 +219,7 @@ impl Overrun {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fidelity::{Knob, Value};
+    use skyloop_render::fidelity::{Knob, Value};
 
     const LATE: Verdict = shoot(0, Some("late"));
     const FINEST: Verdict = shoot(0, None);

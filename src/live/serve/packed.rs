@@ -1,9 +1,9 @@
 //! Pixels as the wire has them.
 
-use crate::kernels;
 use skyloop_orbit::sgp4_batch::Level;
 use skyloop_protocols::pixels::{pack, packed_length};
 use skyloop_protocols::{EncodeError, Packing};
+use skyloop_render::kernels;
 
 /// [`pack`] with the processor's vector instructions.
 pub(super) fn packed(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {

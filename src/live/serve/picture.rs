@@ -3,11 +3,11 @@
 use super::clock::{Due, Sync};
 use super::shooter::Spare;
 use super::told;
-use crate::engine::{Opening, Shot};
 use crate::stats::Request;
 use crate::timing::spare_s;
 use crc32fast::Hasher;
 use skyloop_protocols::{AttitudeSource, FrameEnd, Header, Overrun, Timing};
+use skyloop_render::engine::{Opening, Shot};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};

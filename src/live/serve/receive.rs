@@ -2,7 +2,7 @@
 
 use super::deliver::LISTEN;
 use super::{Server, add};
-use crate::link::{Inbound, LinkError, QUEUE};
+use skyloop_link::{Inbound, LinkError, QUEUE};
 use skyloop_protocols::apid::{ATTITUDE, CHALLENGE, COMMAND};
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;

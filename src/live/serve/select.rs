@@ -1,9 +1,9 @@
 //! Which parts of a shot fit a narrow line: its brightest objects, and windows around its brightest stars.
 
-use crate::engine::Shot;
-use crate::label::ObjectLabel;
 use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
+use skyloop_render::engine::Shot;
+use skyloop_render::label::ObjectLabel;
 
 /// Stars and RSOs whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
 /// The Moon, planets, particles and defects are in the label's text alone.

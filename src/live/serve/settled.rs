@@ -3,9 +3,9 @@
 use super::channel::Channel;
 use super::overrun::Overrun;
 use super::{Server, budget, clock};
-use crate::camera::RATE_HZ;
-use crate::config::{Clock as Kind, OnOverrun, Run};
-use crate::range::nearest;
+use skyloop_base::range::nearest;
+use skyloop_config::{Clock as Kind, OnOverrun, Run};
+use skyloop_render::camera::RATE_HZ;
 
 /// Frames that are on their way over a link at most: one that is sent, and one that waits, the newest.
 const UNDER_WAY: usize = 2;

@@ -1,12 +1,12 @@
 //! The thread that makes frames, so that packets come and go meanwhile.
 
-use crate::abort::Abort;
-use crate::attitude::VehicleState;
-use crate::camera::Camera;
-use crate::engine::{Emulator, Opening, Shot, Witness};
-use crate::fidelity::Fidelity;
-use crate::link::lock;
-use crate::scene::Unobservable;
+use skyloop_base::abort::Abort;
+use skyloop_link::lock;
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::camera::Camera;
+use skyloop_render::engine::{Emulator, Opening, Shot, Witness};
+use skyloop_render::fidelity::Fidelity;
+use skyloop_render::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::Thread;

@@ -2,8 +2,8 @@
 //! number has its columns, filled up with spaces, which JSON allows between a name and its number.
 
 use super::picture::Picture;
-use crate::engine::Opening;
 use skyloop_protocols::{AttitudeSource, SyncState};
+use skyloop_render::engine::Opening;
 use std::time::{Duration, Instant};
 
 /// What stands in place of a label's last brace: its times at a moment, on a link that has what it gets then on its way after a `backlog`, and the brace. Nothing

@@ -1,16 +1,16 @@
 //! How far a setting's frame is from the reference's: images, background, pixels.
 
 use super::Setting;
-use crate::attitude::VehicleState;
-use crate::engine::Emulator;
-use crate::fidelity::{Choice, Fidelity};
-use crate::footprint::Footprint;
-use crate::frame::Frame;
-use crate::label::VISIBLE_SNR;
 use crate::measure::rendered;
-use crate::plan::Plan;
-use crate::scene::{Scene, Source, Unobservable};
 use serde::Serialize;
+use skyloop_render::attitude::VehicleState;
+use skyloop_render::engine::Emulator;
+use skyloop_render::fidelity::{Choice, Fidelity};
+use skyloop_render::footprint::Footprint;
+use skyloop_render::frame::Frame;
+use skyloop_render::label::VISIBLE_SNR;
+use skyloop_render::plan::Plan;
+use skyloop_render::scene::{Scene, Source, Unobservable};
 use std::collections::HashMap;
 
 /// Images with less of their light on the detector are not compared.
@@ -93,7 +93,7 @@ fn frame(
 
 /// Adds to `sums` what each of `settings` is off by in the frame of `vehicle`.
 ///
-/// Fails only where [`crate::scene::View::new`] does.
+/// Fails only where [`skyloop_render::scene::View::new`] does.
 pub fn add(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
@@ -198,8 +198,8 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
-    use crate::flight;
+    use skyloop_config::Config;
+    use skyloop_config::flight;
 
     /// An image of so many electrons on a detector of 4 x 4 pixels: its shares by column and row.
     fn image(electrons: f64, shares: &[([usize; 2], f32)]) -> Drawn {

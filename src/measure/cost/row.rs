@@ -1,9 +1,9 @@
 //! A setting's errors and times, and where it stands among the others.
 
 use super::{Errors, Setting, Sums};
-use crate::fidelity::{Fidelity, Value};
 use crate::measure::sample::Sample;
 use serde::Serialize;
+use skyloop_render::fidelity::{Fidelity, Value};
 
 /// A setting, measured.
 #[derive(Debug, Clone, PartialEq, Serialize)]

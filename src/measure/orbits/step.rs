@@ -1,17 +1,17 @@
 //! The whole step: who of a catalogue is before a camera, who can be seen, and the label's text.
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
-use crate::crew;
-use crate::effect::name_of;
-use crate::engine::Emulator;
-use crate::fidelity::{Choice, Orbits};
-use crate::label::Label;
-use crate::load::ConfigError;
 use crate::measure::population::before;
 use crate::measure::sample::Sample;
-use crate::plan::Plan;
-use crate::scene::{KINDS, Unobservable, View};
 use hifitime::Unit;
+use skyloop_base::load::ConfigError;
+use skyloop_render::crew;
+use skyloop_render::effect::name_of;
+use skyloop_render::engine::Emulator;
+use skyloop_render::fidelity::{Choice, Orbits};
+use skyloop_render::label::Label;
+use skyloop_render::plan::Plan;
+use skyloop_render::scene::{KINDS, Unobservable, View};
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -1,6 +1,6 @@
 //! The band a camera sees, its photometric zero point and the colour of stars in it.
 
-use crate::range::nearest;
+use skyloop_base::range::nearest;
 use std::f64::consts::LN_10;
 
 /// Apparent magnitude of the Sun in every band of this system (Clark et al. 2021, below Eq. (11)).

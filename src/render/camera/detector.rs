@@ -132,7 +132,7 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use crate::camera::Camera;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     #[test]
     fn a_frame_holds_its_lower_edges_and_not_its_upper_ones() {

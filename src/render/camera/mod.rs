@@ -26,7 +26,7 @@ pub use stray::Stray;
 pub use vignetting::Vignetting;
 
 use crate::attitude::{Attitude, angle_between};
-use crate::load::{ConfigError, Folder};
+use skyloop_base::load::{ConfigError, Folder};
 use std::ops::RangeInclusive;
 
 /// Exposure times (s) that a file or a command may set.

@@ -12,8 +12,8 @@
 //! the excess that displacement damage adds to a pixel is taken as exponential (assumed, after the tails of irradiated sensors:
 //! Virmontois et al. 2010, IEEE TNS 57, 3101).
 
-use crate::range::nearest;
-use crate::rng::{NoiseKey, PixelStream};
+use skyloop_base::range::nearest;
+use skyloop_base::rng::{NoiseKey, PixelStream};
 use std::fmt;
 
 /// What a pattern is drawn from. Currents hold at the detector's temperature.

@@ -18,8 +18,8 @@
 //! the file's energy here: at 100 MeV they would leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
 
 use super::Detector;
-use crate::range::nearest;
-use crate::rng::{NoiseKey, PixelStream};
+use skyloop_base::range::nearest;
+use skyloop_base::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
 pub const MOST_EVENTS: f64 = 1e5;
@@ -284,7 +284,7 @@ fn whole_electrons(shares: &[(u32, f64)], charge: f64) -> Vec<(u32, u32)> {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     const PLAIN: Radiation = Radiation {
         flux: Flux::Fixed(1.0),

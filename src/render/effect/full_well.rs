@@ -13,10 +13,10 @@ use super::bloom::Bloom;
 use super::cause::digits;
 use super::shown::{apart, greatest, held_e};
 use super::{Cost, Effect, Need, Pass};
-use crate::abort::WorkLimit;
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{EffectId, Scene, drawn_e};
+use skyloop_base::abort::WorkLimit;
 use std::cell::Cell;
 
 thread_local! {

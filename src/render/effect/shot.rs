@@ -13,8 +13,8 @@ use super::shown::greatest;
 use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
-use crate::rng::poisson::Switch;
 use crate::scene::{EffectId, Scene};
+use skyloop_base::rng::poisson::Switch;
 
 /// Shot noise.
 pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise", judge).random();

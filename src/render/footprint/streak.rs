@@ -1,11 +1,11 @@
 //! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of it are laid on pixels by a kernel.
 
 use super::{DOT_NS, Footprint, HELD_NS, LAID_NS, Light, Wings};
-use crate::abort::WorkLimit;
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, BESIDE, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
+use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are copied at a time.
@@ -212,7 +212,7 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     /// The pixels of some points' light, each a share of 1.
     fn image(points: &[[f64; 2]]) -> Vec<f32> {

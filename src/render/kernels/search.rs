@@ -4,8 +4,8 @@
 //! the same: those that lie farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does not, its few are searched again.
 
 use super::BLOCK;
-use crate::rng::normal::{uniform_of, uniform_quickly};
-use crate::rng::poisson::{self, SEARCHED};
+use skyloop_base::rng::normal::{uniform_of, uniform_quickly};
+use skyloop_base::rng::poisson::{self, SEARCHED};
 
 /// Means that are searched side by side.
 const LANES: usize = 32;
@@ -92,7 +92,7 @@ fn search_finely(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; L
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::poisson::Switch;
+    use skyloop_base::rng::poisson::Switch;
 
     /// Words on both sides of each step of the distribution, from next to it to far beyond where single precision is sure, and at the ends of all words.
     fn words(mean: f32) -> Vec<u32> {

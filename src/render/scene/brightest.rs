@@ -1,10 +1,10 @@
 //! How much light the brightest pixel may hold: a bound that costs far less than drawing the sources.
 
 use super::{Lit, Source};
-use crate::abort::WorkLimit;
 use crate::camera::Detector;
 use crate::lanes;
 use rayon::prelude::*;
+use skyloop_base::abort::WorkLimit;
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -237,7 +237,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::footprint::Footprint;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     #[test]
     fn of_many_lights_no_pixel_has_more() {

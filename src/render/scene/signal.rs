@@ -222,7 +222,7 @@ fn from<T>(values: &[T], first: usize) -> &[T] {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::load::Folder;
+    use skyloop_base::load::Folder;
 
     /// Pixel by pixel, as the formula has it.
     fn by_hand(noise: &Noise<'_>, shares: &[f32], electrons: f64) -> f64 {

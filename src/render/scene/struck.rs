@@ -1,8 +1,8 @@
 //! The charge that all particles together leave in each pixel.
 
-use crate::abort::WorkLimit;
 use crate::camera::{Detector, Event};
 use rayon::prelude::*;
+use skyloop_base::abort::WorkLimit;
 use std::ops::Range;
 
 /// The pixels that particles hit, row by row.

@@ -17,8 +17,8 @@
 
 use super::bodies::AU_M;
 use super::shadow::{EARTH_RADIUS_M, Earth};
-use crate::range::nearest;
 use nalgebra::Vector3;
+use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342 W/m^2; Kiehl & Trenberth 1997, BAMS 78,

@@ -5,9 +5,9 @@ use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
 use super::body_attitude::BodyAttitude;
 use super::shape::Shape;
 use crate::attitude::angle_between;
-use crate::range::nearest;
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use skyloop_base::range::nearest;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::seconds;
 

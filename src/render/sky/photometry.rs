@@ -7,8 +7,8 @@
 use super::bodies::AU_M;
 use crate::attitude::angle_between;
 use crate::camera::SUN_MAGNITUDE;
-use crate::range::nearest;
 use nalgebra::Vector3;
+use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1), (10),

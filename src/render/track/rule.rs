@@ -1,6 +1,6 @@
 //! Points and weights that integrate what a Gaussian collects of a piece of a streak: few on a short piece, equally spaced ones on a long.
 
-use crate::range::nearest;
+use skyloop_base::range::nearest;
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 

@@ -1,11 +1,11 @@
 //! The camera's own cadence: which exposure ends when, and what time it then is in the scene.
 
 use super::Due;
-use crate::camera::{EXPOSURE_S, RATE_HZ};
-use crate::link::lock;
-use crate::range::nearest;
 use hifitime::Epoch;
+use skyloop_base::range::nearest;
+use skyloop_link::lock;
 use skyloop_orbit::time::seconds;
+use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 

@@ -10,11 +10,11 @@ pub(super) use discipline::SURE_S;
 
 use super::Latched;
 use super::receive::Refusal;
-use crate::camera::Camera;
-use crate::config::{Clock as Kind, Run, Trigger};
 use hifitime::Epoch;
 use paced::Paced;
+use skyloop_config::{Clock as Kind, Run, Trigger};
 use skyloop_protocols::{Mode, SyncState};
+use skyloop_render::camera::Camera;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stepped::Stepped;

@@ -3,12 +3,12 @@
 
 use super::discipline::{Correction, Discipline, is_set};
 use super::{Asked, Cadence, Clock, Due, Heard, MAX_WAITING, Sync, full};
-use crate::camera::Camera;
 use crate::serve::Latched;
 use crate::serve::receive::Refusal;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::{Mode, SyncState};
+use skyloop_render::camera::Camera;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -245,7 +245,7 @@ impl Clock for Paced {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
+    use skyloop_config::Config;
 
     const RATE_HZ: f64 = 20.0;
     const EXPOSURE_S: f64 = 0.01;

@@ -1,11 +1,11 @@
 //! In step: each attitude, or each trigger, gives its frame, as fast as that can be made.
 
 use super::{Asked, Cadence, Clock, Due, MAX_WAITING, full};
-use crate::camera::Camera;
 use crate::serve::Latched;
 use crate::serve::receive::Refusal;
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::Mode;
+use skyloop_render::camera::Camera;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

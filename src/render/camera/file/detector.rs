@@ -1,10 +1,10 @@
 //! `[detector]` of a camera file.
 
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
-use crate::load::Allowed::{Number, Word};
-use crate::load::{Check, ConfigError, Fixed, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Number, Word};
+use skyloop_base::load::{Check, ConfigError, Fixed, Limit, one_of};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 

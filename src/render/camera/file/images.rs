@@ -1,10 +1,10 @@
 //! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
-use crate::load::Allowed::{Count, EachOfSeveral, Number};
-use crate::load::{Check, ConfigError, Fixed, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, EachOfSeveral, Number};
+use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -11,15 +11,15 @@ mod timing;
 mod vignetting;
 
 use super::Camera;
-use crate::load::{
-    Allowed, CAMERAS, Check, ConfigError, END, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
-    read_noticed, schema_of, some_table, table,
-};
 use detector::RawDetector;
 use optics::RawOptics;
 use radiation::RawRadiation;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::{
+    Allowed, CAMERAS, Check, ConfigError, END, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
+    read_noticed, schema_of, some_table, table,
+};
 use std::ops::RangeInclusive;
 use timing::{RawMounting, RawTiming};
 

@@ -6,11 +6,11 @@ use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
-use crate::load::Allowed::Number;
-use crate::load::{Check, ConfigError, Fixed, Folder, Limit, TextOrList, some_table, table};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
+use skyloop_base::load::Allowed::Number;
+use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit, TextOrList, some_table, table};
 use std::ops::RangeInclusive;
 
 /// Usual ratios of focal length to aperture: from Abbe's sine condition to pinholes.

@@ -1,11 +1,11 @@
 //! `[optics.projection]` of a camera file.
 
 use crate::camera::{Detector, Model, Optics, Projection};
-use crate::load::Allowed::{Count, Needs, Number};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, Needs, Number};
+use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -3,13 +3,13 @@
 use super::images::{RawImage, grid};
 use crate::camera::psf::{Airy, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
-use crate::load::Allowed::{Count, Number};
-use crate::load::{
-    Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, only_its_keys, some_tables,
-};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, Number};
+use skyloop_base::load::{
+    Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, only_its_keys, some_tables,
+};
 use std::sync::Arc;
 
 #[derive(Deserialize, JsonSchema)]

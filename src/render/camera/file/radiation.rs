@@ -2,10 +2,10 @@
 
 use super::timing::Timing;
 use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
-use crate::load::Allowed::Number;
-use crate::load::{Check, ConfigError, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::Number;
+use skyloop_base::load::{Check, ConfigError, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

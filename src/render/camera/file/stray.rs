@@ -1,10 +1,10 @@
 //! `[optics.stray]` of a camera file.
 
 use crate::camera::Stray;
-use crate::load::Allowed::{Count, Number};
-use crate::load::{Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, Number};
+use skyloop_base::load::{Check, ConfigError, Fixed, Limit};
 
 /// The Sun's radius as seen from the Earth, deg.
 const SUN_RADIUS_DEG: f64 = 0.27;

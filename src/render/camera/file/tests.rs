@@ -1,7 +1,7 @@
 //! Faults of camera files, and that the JSON Schema has the limits of the loader.
 
 use super::*;
-use crate::load::{agree, both};
+use skyloop_base::load::{agree, both};
 
 /// The text of a camera file, with these tables for the point spread function and whatever follows it.
 fn file(psf: &str) -> String {

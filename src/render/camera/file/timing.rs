@@ -3,10 +3,10 @@
 use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
-use crate::load::Allowed::{Needs, Number};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Needs, Number};
+use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use std::ops::RangeInclusive;
 
 /// 10 degrees: what is turned by more is mounted otherwise.

@@ -1,10 +1,10 @@
 //! `[optics.vignetting]` of a camera file.
 
 use crate::camera::Vignetting;
-use crate::load::Allowed::{Count, NotBoth, Number};
-use crate::load::{Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use skyloop_base::load::Allowed::{Count, NotBoth, Number};
+use skyloop_base::load::{Check, ConfigError, Fixed, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

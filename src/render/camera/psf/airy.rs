@@ -6,7 +6,7 @@
 //! Unit of width: `lambda N` at the band's reference wavelength.
 
 use super::circular::Quadrant;
-use crate::range::nearest;
+use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// Shape and table of a band's diffraction.

@@ -1,7 +1,7 @@
 //! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
 use crate::kernels::{Lines, Real};
-use crate::range::nearest;
+use skyloop_base::range::nearest;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 

@@ -20,9 +20,9 @@ pub use moffat::Moffat;
 
 use crate::fidelity::Fidelity;
 use crate::kernels::{Lines, Place};
-use crate::range::nearest;
 use circular::Quadrant;
 use gaussian::Gaussian;
+use skyloop_base::range::nearest;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 //! `2 alpha sqrt(2^(1/beta) - 1)`.
 
 use super::circular::Quadrant;
-use crate::range::nearest;
+use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// Shape and table of a Moffat profile.

@@ -13,10 +13,10 @@ use super::lines::Lines;
 use super::near::Near;
 use super::runs::Run;
 use super::sampled::Block;
-use crate::abort::WorkLimit;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;
+use skyloop_base::abort::WorkLimit;
 
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;

@@ -3,9 +3,9 @@
 
 use super::lines::{Lines, Places};
 use super::runs::Runs;
-use crate::abort::WorkLimit;
 use crate::footprint::Footprint;
 use rayon::prelude::*;
+use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::OnceLock;
 

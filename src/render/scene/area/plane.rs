@@ -1,9 +1,9 @@
 //! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
 
-use crate::abort::WorkLimit;
 use crate::camera::{Camera, Model, Projection, Vignetting};
 use crate::scene::{EffectId, EffectSet, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use skyloop_base::abort::WorkLimit;
 
 /// The detector's pixels as solid angles, with those effects that shape them.
 pub struct Plane<'a> {
