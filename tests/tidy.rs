@@ -104,7 +104,7 @@ const FENCES: &[(&str, &[&str])] = &[
     // Only the ends of the corridor know the wire.
     (
         "skyloop_protocols::",
-        &["cli", "config", "lib", "link", "live", "render/attitude"],
+        &["cli", "config", "link", "live", "render/attitude"],
     ),
     ("tokio::", &["link/udp"]),
     (
