@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use skyloop::camera::{Camera, Flux, Radiation};
+use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
@@ -14,7 +14,16 @@ use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
 
-const README: &str = include_str!("../README.md");
+/// The folder of the repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A document, by its path from the root.
+fn page(path: &str) -> String {
+    std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
 const ARCHITECTURE: &str = include_str!("../ARCHITECTURE.md");
 const MANIFEST: &str = include_str!("../Cargo.toml");
 
@@ -55,21 +64,20 @@ fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
 
 #[path = "documents/accuracy.rs"]
 mod accuracy;
-#[path = "documents/command_line.rs"]
-mod command_line;
 #[path = "../examples/effect_pictures/draw.rs"]
 mod draw;
 #[path = "support/fixtures.rs"]
 mod fixtures;
 #[path = "../examples/effect_pictures/pictures.rs"]
 mod pictures;
-
-use fixtures::{Frames, scene};
+#[path = "documents/prose.rs"]
+mod prose;
+#[path = "documents/reference.rs"]
+mod reference;
 
 #[test]
 fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
-    let page = std::fs::read_to_string(folder.join("effects.md")).unwrap();
+    let page = page("docs/explanation/effects.md");
     let sections = page.lines().filter_map(|line| line.strip_prefix("## "));
     let effects: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
     assert_eq!(sections.collect::<Vec<_>>(), effects);
@@ -77,9 +85,9 @@ fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
     assert_eq!(pictured, effects);
     for picture in pictures::PICTURES {
         let file = format!("effects/{}", picture.file());
-        assert!(page.contains(&format!("]({file})")), "{file}");
+        assert!(page.contains(&format!("](../{file})")), "{file}");
         let decoded = |png: &[u8]| image::load_from_memory(png).unwrap();
-        let shown = std::fs::read(folder.join(&file)).unwrap();
+        let shown = std::fs::read(root().join("docs").join(&file)).unwrap();
         assert!(
             decoded(&shown) == decoded(&draw::png(picture).unwrap()),
             "docs/{file} is another picture: cargo run --release --example effect_pictures"
@@ -89,9 +97,8 @@ fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
 
 #[test]
 fn every_scene_has_its_section_and_a_picture() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let page = std::fs::read_to_string(root.join("docs/scenes.md")).unwrap();
-    let files = std::fs::read_dir(root.join("configs/scenes")).unwrap();
+    let page = page("docs/explanation/scenes.md");
+    let files = std::fs::read_dir(root().join("configs/scenes")).unwrap();
     let files = files.map(|entry| entry.unwrap().path());
     let scenes: Names = files
         .filter(|path| path.is_dir() || path.extension().is_some_and(|end| end == "toml"))
@@ -101,59 +108,19 @@ fn every_scene_has_its_section_and_a_picture() {
     assert_eq!(names(sections), scenes);
     for scene in &scenes {
         let text = section(&page, &format!("## {scene}"));
-        assert!(text.contains(&format!("](scenes/{scene}.png)")), "{scene}");
-        let picture = image::open(root.join(format!("docs/scenes/{scene}.png"))).unwrap();
+        assert!(
+            text.contains(&format!("](../scenes/{scene}.png)")),
+            "{scene}"
+        );
+        let picture = image::open(root().join(format!("docs/scenes/{scene}.png"))).unwrap();
         assert!(picture.width() <= 512, "{scene}");
     }
-    assert!(README.contains("(docs/scenes.md)"));
 }
 
 #[test]
-fn the_readme_lists_the_labels_fields() {
-    let first = |config: Config| Frames::of(config).shoot(0);
-    let mut label = first(Config::builtin().unwrap()).label;
-    let too_faint = vec!["NORAD 5".to_string()];
-    label.unseen.insert("too faint", too_faint);
-    label.unseen_counts.insert("too faint", 2);
-    label.unseen_left_out = Some(1);
-    label.overrun = Some("late");
-    // A detector with defects, and more particles than are drawn.
-    let mut flawed = Config::builtin().unwrap();
-    flawed.camera = fixtures::camera("cmos-rolling");
-    flawed.camera.radiation = Some(Radiation {
-        flux: Flux::Fixed(1e9),
-        thickness_um: 1.0,
-        energy_mev: 534.0,
-        diffusion_um: 0.0,
-        readout_s: 0.0,
-    });
-    let mut near_sun = Frames::of(scene("near-sun.toml"));
-    let last = near_sun.mission.frames - 1;
-    let texts = [
-        label.to_json(),
-        first(flawed).json.to_string(),
-        first(scene("moon-in-field.toml")).json.to_string(),
-        near_sun.shoot(last).json.to_string(),
-    ];
-    let labels = texts.map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());
-    let [label, flaws, moon, sun] = &labels;
-    let of_frames = [label, flaws, sun].map(|label| label.as_object().unwrap().keys().cloned());
-    let mut fields: Names = of_frames.into_iter().flatten().collect();
-    let of_frame = label["effects"].as_array().unwrap();
-    let objects = [label, flaws, moon].map(|label| label["objects"].as_array().unwrap());
-    for object in of_frame.iter().chain(objects.into_iter().flatten()) {
-        fields.extend(object.as_object().unwrap().keys().cloned());
-    }
-    // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
-    assert!(fields.contains("range_km") && fields.contains("reason"));
-    // By the server, where there is one: `tests/live`; by what writes files: `tests/output`; where there are no objects: `tests/area`.
-    fields.extend(["timing", "files", "no_objects"].map(str::to_string));
-    assert_eq!(first_column(section(README, "## Labels")), fields);
-}
-
-#[test]
-fn the_readme_lists_the_knobs_and_what_presets_have() {
-    let rows = section(README, "### Fidelity").lines();
+fn the_knobs_are_listed_with_what_presets_have() {
+    let page = page("docs/how-to/accuracy-and-time.md");
+    let rows = section(&page, "## Fidelity").lines();
     let rows = rows.filter(|row| row.starts_with("| `"));
     let rows: Vec<Vec<&str>> = rows.map(cells).collect();
     assert_eq!(rows.len(), KNOBS.len());
@@ -172,19 +139,20 @@ fn the_readme_lists_the_knobs_and_what_presets_have() {
 
 #[test]
 fn the_readmes_commands_exist() {
-    assert!(README.contains("    cargo run --release -- loopback "));
-    assert!(README.contains("    tests/run "));
+    let readme = page("README.md");
+    assert!(readme.contains("    cargo run --release -- loopback "));
+    assert!(readme.contains("    tests/run "));
     for file in [
         "tests/run",
         "configs/run.toml",
         "docs/loopback.png",
         "protocols/docs/icd.md",
     ] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
-        assert!(README.contains(file) && path.is_file(), "{file}");
+        let is_there = root().join(file).is_file();
+        assert!(readme.contains(file) && is_there, "{file}");
     }
     assert!(include_str!("../.ci/run").contains("tests/run"));
-    Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/run.toml")).unwrap();
+    Config::load(&root().join("configs/run.toml")).unwrap();
 }
 
 /// The keys that a table knows, as the refusal of an unknown one names them.
@@ -292,13 +260,17 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
 
 #[test]
 fn the_cameras_are_listed_and_sourced() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/cameras");
+    let folder = root().join("configs/cameras");
     let files = std::fs::read_dir(&folder).unwrap();
     let files: Names = files.map(|entry| stem(&entry.unwrap().path())).collect();
     assert_eq!(files, names(CAMERAS.iter().copied()), "built in");
-    let listed = first_column(section(README, "## Cameras"));
+    let page = page("docs/how-to/camera.md");
+    let listed = first_column(section(&page, "## Built-in cameras"));
     for name in CAMERAS {
-        assert!(listed.contains(*name), "{name} is not in the README");
+        assert!(
+            listed.contains(*name),
+            "{name} is not on the page of cameras"
+        );
         assert_eq!(Camera::load(name, &Folder::current()).unwrap().name, *name);
         let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
         for line in text.lines().filter(|line| {
@@ -310,57 +282,6 @@ fn the_cameras_are_listed_and_sourced() {
             assert!(is_sourced, "{name}: source of {line}");
         }
     }
-}
-
-#[test]
-fn the_readme_lists_the_cameras_keys() {
-    let folder = tempfile::tempdir().unwrap();
-    let probe = |text: &str, table: &str| {
-        let file = folder.path().join("probe.toml");
-        std::fs::write(&file, text).unwrap();
-        let refused = Camera::load("probe.toml", &Folder::of(&file)).unwrap_err();
-        known(refused, table)
-    };
-    let optics = [
-        "optics",
-        "optics.psf",
-        "optics.projection",
-        "optics.vignetting",
-        "optics.stray",
-    ];
-    let others = ["detector", "radiation", "timing", "mounting"];
-    let wanted = all_keys(&[&optics[..], &others].concat(), probe);
-    let listed = first_column(section(README, "## Cameras")).into_iter();
-    let keys = listed.filter(|key| !CAMERAS.contains(&key.as_str()));
-    assert_eq!(keys.collect::<Names>(), wanted);
-}
-
-#[test]
-fn the_readme_lists_a_populations_keys() {
-    let folder = tempfile::tempdir().unwrap();
-    let probe = |population: &str, table: &str| {
-        std::fs::write(folder.path().join("people.toml"), population).unwrap();
-        let scene = "[objects]\npopulation = \"people.toml\"";
-        let folder = Folder::Disk(folder.path().to_path_buf());
-        let refused = Config::parse("scene.toml", scene, &folder);
-        known(refused.unwrap_err(), table)
-    };
-    let mut wanted = probe("no_such_key = 1", "");
-    wanted.remove("shapes");
-    wanted.remove("objects");
-    for (text, table) in [
-        ("[[objects]]\nno_such_key = 1", "objects."),
-        ("[[objects]]\nsphere = { no_such_key = 1 }", "sphere."),
-        ("[[objects]]\nattitude = { no_such_key = 1 }", "attitude."),
-        ("[shapes.thing]\nno_such_key = 1", "shapes.NAME."),
-        ("[shapes.thing]\nparts = [{ no_such_key = 1 }]", "parts."),
-    ] {
-        wanted.extend(probe(&format!("{text}\n"), table));
-    }
-    for table in ["objects.sphere", "objects.attitude"] {
-        assert!(wanted.remove(table), "{table}");
-    }
-    assert_eq!(first_column(section(README, "## Populations")), wanted);
 }
 
 #[test]
@@ -400,8 +321,9 @@ fn cells(row: &str) -> Vec<&str> {
 }
 
 #[test]
-fn the_readme_says_how_long_each_output_level_takes() {
-    let text = section(README, "### Output levels");
+fn the_page_of_links_says_how_long_each_output_level_takes() {
+    let page = page("docs/how-to/links.md");
+    let text = section(&page, "## Output levels");
     let mut rows = text.lines().skip_while(|row| !row.starts_with("| | `"));
     let links = cells(rows.next().expect("the table's head"));
     let rows = rows.skip(1).take_while(|row| row.starts_with('|'));
@@ -424,7 +346,10 @@ fn the_readme_says_how_long_each_output_level_takes() {
             let said = line.trim().strip_prefix(row[0]).expect(line);
             let seconds = format!(" octets {:>10} s ", row[column]);
             let is_said = said.contains(&seconds);
-            assert!(is_said, "{link}: README has {seconds:?}, the program{said}");
+            assert!(
+                is_said,
+                "{link}: the page has {seconds:?}, the program{said}"
+            );
         }
     }
 }

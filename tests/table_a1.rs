@@ -8,7 +8,7 @@ use skyloop::config::Config;
 use table::{distance, mean, mean_distances, reproduce, scene};
 
 #[test]
-fn the_rows_lie_where_sbois_has_them_as_far_as_the_readme_says() {
+fn the_rows_lie_where_sbois_has_them_as_far_as_the_documents_say() {
     let fitted = reproduce(scene('B').unwrap()).unwrap();
     assert_eq!(fitted.len(), 36);
     let distances = mean_distances(&fitted, &reproduce(scene('A').unwrap()).unwrap());
@@ -19,8 +19,10 @@ fn the_rows_lie_where_sbois_has_them_as_far_as_the_readme_says() {
     for (name, [stars, rsos]) in distances {
         let row = format!("| {name} | {stars:.2} | {rsos:.2} |");
         assert!(
-            include_str!("../README.md").lines().any(|line| line == row),
-            "README.md, 'Accuracy', lacks the row, as it is now: {row}"
+            include_str!("../docs/explanation/accuracy.md")
+                .lines()
+                .any(|line| line == row),
+            "docs/explanation/accuracy.md lacks the row, as it is now: {row}"
         );
     }
 }

@@ -2,7 +2,6 @@
 
 mod common;
 
-use std::collections::BTreeSet;
 use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -279,25 +278,4 @@ fn errors_say_what_to_do() {
     }
     let error = error_of("--link udp://127.0.0.1:9 --hold 0,0,0,1");
     assert!(error.contains("--epoch"), "{error}");
-}
-
-const README: &str = include_str!("../../README.md");
-
-#[test]
-fn the_readme_lists_the_command_line() {
-    let output = skyloop_fc("--help");
-    let help = String::from_utf8(output.stdout).unwrap();
-    let offered: BTreeSet<&str> = help
-        .lines()
-        .filter_map(|line| line.split_whitespace().find(|word| word.starts_with("--")))
-        .filter(|option| !["--help", "--version"].contains(option))
-        .collect();
-    let (_, section) = README.split_once("\n### `skyloop-fc`\n").unwrap();
-    let section = section.split("\n## ").next().unwrap();
-    let listed: BTreeSet<&str> = section
-        .lines()
-        .filter_map(|line| line.strip_prefix("| `")?.split(['`', ' ']).next())
-        .collect();
-    assert!(!listed.is_empty());
-    assert_eq!(listed, offered);
 }

@@ -243,8 +243,8 @@ impl RawPopulation {
     /// Objects that an entry selects are left out of files that others bring whole.
     fn entries(self, check: &Check, folder: &Folder) -> Result<Entries, ConfigError> {
         let Some(listed) = self.objects else {
-            let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; README.md, Populations, has \
-                          the form";
+            let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; \
+                          docs/how-to/populations.md has the form";
             return Err(check.explain("objects", reason));
         };
         let mut shapes = BTreeMap::new();

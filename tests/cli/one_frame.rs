@@ -1,16 +1,14 @@
-//! A frame without a scene file: the README's example, and where `--radec` and `--nadir` look.
+//! A frame without a scene file: the example of `docs/how-to/render.md`, and where `--radec` and `--nadir` look.
 
 use crate::{EPOCH, Folder, STATE, camera};
 use nalgebra::Vector3;
 use serde_json::Value;
 
 #[test]
-fn the_readmes_example_prints_what_it_says() {
+fn the_example_of_the_guide_prints_what_it_says() {
     let here = Folder::new();
-    let readme = include_str!("../../README.md");
-    let (_, rest) = readme
-        .split_once("A catalogue, an observer of it and one frame")
-        .unwrap();
+    let guide = include_str!("../../docs/how-to/render.md");
+    let (_, rest) = guide.split_once("Here the catalogue is made up").unwrap();
     let (_, rest) = rest.split_once("\n\n").unwrap();
     let is_shown = |line: &&str| line.is_empty() || line.starts_with("    ");
     let lines = rest.lines().take_while(is_shown);
@@ -27,7 +25,7 @@ fn the_readmes_example_prints_what_it_says() {
     for (line, now) in table.iter().zip(now) {
         // Times depend on the machine.
         if !line.contains("render time") {
-            assert_eq!(*line, now, "README.md, skyloop render");
+            assert_eq!(*line, now, "docs/how-to/render.md");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The Python client of the README: with every built-in camera, with loss, and at a camera's full rate.
+//! The Python client, `examples/client.py`: with every built-in camera, with loss, and at a camera's full rate.
 #![cfg(unix)]
 
 use crate::run::Process;
@@ -256,11 +256,11 @@ fn the_client_takes_large_frames_at_four_a_second() {
     assert_eq!(frames, 4, "{printed}");
 }
 
-/// The README shows the first part of the file.
+/// The guide shows a part of the file.
 #[test]
-fn the_readme_shows_the_client() {
-    let readme = repository_text("README.md");
-    let mut blocks = readme.split("```python\n").skip(1);
+fn the_guide_shows_the_client() {
+    let guide = repository_text("docs/how-to/write-a-client.md");
+    let mut blocks = guide.split("```python\n").skip(1);
     let (block, rest) = blocks.next().unwrap().split_once("```").unwrap();
     has(&repository_text("examples/client.py"), &[block]);
     assert!(block.lines().count() > 10 && blocks.next().is_none());

@@ -333,13 +333,13 @@ fn processors_that_are_granted_are_those_of_all_threads() {
     process.end_by("-INT").exits(0);
 }
 
-/// The examples of README.md and of `--help` with several links.
+/// The examples of `docs/how-to/links.md` and of `--help` with several links.
 #[test]
 fn examples_with_several_links_have_their_roles() {
     let help = Folder::new().run("run --help").out;
-    let readme = crate::repository_text("README.md");
+    let guide = crate::repository_text("docs/how-to/links.md");
     let mut examples = 0;
-    for line in readme.lines().chain(help.lines()) {
+    for line in guide.lines().chain(help.lines()) {
         let urls = line.split("--link '").skip(1);
         let urls = urls.filter_map(|rest| Some(rest.split_once('\'')?.0.to_string()));
         let urls: Vec<String> = urls.collect();

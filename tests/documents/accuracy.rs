@@ -1,9 +1,9 @@
-//! `docs/cost.md` has the bounds of the knobs, and everybody the same figures of what `reference` takes.
+//! `docs/explanation/cost.md` has the bounds of the knobs, and all pages the same figures of what `reference` takes.
 
 use super::{DEFAULT_TOML, KNOBS, Value, cells, section};
 use skyloop::fidelity::{Fidelity, Knob};
 
-const COST: &str = include_str!("../../docs/cost.md");
+const COST: &str = include_str!("../../docs/explanation/cost.md");
 
 /// The rows of a section's first table.
 fn rows(heading: &str) -> Vec<Vec<&'static str>> {

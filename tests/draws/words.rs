@@ -8,7 +8,7 @@ use skyloop::rng::poisson::{Switch, expanded, poisson};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-const FRAMES: &str = include_str!("../../docs/frames.md");
+const FRAMES: &str = include_str!("../../docs/explanation/frames.md");
 
 /// How far normal draws are from `[exact, slope, bend]`, the quantile of the run's middle word and of the others by Taylor's series; the furthest.
 struct Off<'a> {

@@ -94,13 +94,13 @@ fn points(plot: &str, color: &str) -> Vec<[i32; 2]> {
     points.collect()
 }
 
-/// The picture in the README is this one; a platform may put a point a pixel beside.
+/// The picture of `docs/how-to/passes.md` is this one; a platform may put a point a pixel beside.
 #[test]
-fn the_readme_shows_what_is_drawn() {
+fn the_documents_show_what_is_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let (_, _, code) = curve(ROCKET, "ROCKET BODY", "--step 0.05", folder.path());
     assert_eq!(code, 0);
-    let shown = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/lightcurve.svg");
+    let shown = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/how-to/lightcurve.svg");
     let [drawn, shown] = [folder.path().join("lightcurve.svg"), shown]
         .map(|file| std::fs::read_to_string(file).unwrap());
     let words = |plot: &str| -> Vec<String> {
@@ -113,7 +113,7 @@ fn the_readme_shows_what_is_drawn() {
     let is_near = |(a, b): (&[i32; 2], &[i32; 2])| (0..2).all(|k| (a[k] - b[k]).abs() <= 1);
     assert!(
         drawn.iter().zip(&shown).all(is_near),
-        "make docs/lightcurve.svg anew: skyloop lightcurve --scene {ROCKET} --object \"ROCKET BODY\" --step 0.05"
+        "make docs/how-to/lightcurve.svg anew: skyloop lightcurve --scene {ROCKET} --object \"ROCKET BODY\" --step 0.05"
     );
 }
 

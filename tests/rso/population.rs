@@ -225,7 +225,7 @@ spin: utc = "2026-01-01T00:00:00Z", rates_deg_s = [1, 0, inf] } | .attitude.rate
 /// Whole populations.
 const POPULATIONS: &str = r#"
 [[objects]]\nobject = "one.tle"\nsphere = {}\n[[objects]]\nobject = "both.tle:6251"\nsphere = {} | objects[1].object | NORAD 6251 | keep one of the two
-# none | objects: is missing | README.md | Populations
+# none | objects: is missing | docs/how-to/populations.md
 objects = []\nobjcts = 1 | objcts
 objects = [ | not TOML
 shapes = 3\nobjects = [] | shapes: must be a table of keys, not 3
@@ -265,7 +265,7 @@ fn the_scenes_with_populations_load() {
     }
 }
 
-/// What docs/scenes.md says of geo-belt-stare, by the labels of its first and last frame.
+/// What docs/explanation/scenes.md says of geo-belt-stare, by the labels of its first and last frame.
 #[test]
 fn satellites_stand_still_and_the_one_given_up_drifts() {
     let mut frames = Frames::of(fixtures::scene("geo-belt-stare"));

@@ -281,7 +281,7 @@ fn file_text(name: &str, answers: &[Answer]) -> String {
     let rate_hz = (1.0 / exposure_s).min(5.0);
     format!(
         "# Written by `skyloop camera new`. [given]: from the data sheet. [assumed]: typical; replace it by what you know.\n\
-         # All keys: README.md, Cameras. Check: skyloop camera check FILE\n\
+         # All keys: docs/reference/configuration.md. Check: skyloop camera check FILE\n\
          name = {name:?}\n\
          \n[optics]\n\
          focal_length_mm = {focal_mm:?}    # mm [given]\n\
