@@ -3,7 +3,7 @@
 
 use super::{page, root};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Bytes of `README.md` and `ARCHITECTURE.md`, and of a page of `docs/`.
 const MAX_ENTRANCE: usize = 12_288;
@@ -11,6 +11,11 @@ const MAX_PAGE: usize = 16_384;
 /// Columns of a line of prose, and words of a sentence.
 const MAX_COLUMNS: usize = 100;
 const MAX_WORDS: usize = 35;
+
+/// Words that pages do not use: people's acts for what the program does, and old names.
+const AVOIDED: &[&str] = &[
+    "asked", "dear", "kept", "laid", "nobody", "obey", "octet", "octets", "told", "whoever",
+];
 
 /// The Markdown files below a folder, by their paths from the root.
 fn below(folder: &str) -> Vec<String> {
@@ -152,6 +157,29 @@ fn sentences_have_at_most_35_words() {
 }
 
 #[test]
+fn pages_use_plain_words() {
+    let mut found = Vec::new();
+    // That page names them to replace them.
+    for path in written()
+        .iter()
+        .filter(|path| !path.ends_with("/names-to-change.md"))
+    {
+        for (number, (line, is_code)) in lines(&page(path)).into_iter().enumerate() {
+            let text = if is_code {
+                String::new()
+            } else {
+                spoken(line).to_lowercase()
+            };
+            let words = text.split(|c: char| !c.is_alphabetic());
+            for word in words.filter(|word| AVOIDED.contains(word)) {
+                found.push(format!("{path}:{}: {word}", number + 1));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{found:#?}");
+}
+
+#[test]
 fn sentences_and_code_are_told_apart() {
     let text = "# Head line.\n\nOne `a. b` [two\nthree](x.md). Four!\n\n    code. code\n\n- five\n";
     let read: Vec<String> = paragraphs(text)
@@ -164,11 +192,11 @@ fn sentences_and_code_are_told_apart() {
 
 /// The name by which a link finds a heading, as GitHub and mdBook make it.
 fn anchor(heading: &str) -> String {
-    let kept = heading.to_lowercase();
-    let kept = kept
+    let text = heading.to_lowercase();
+    let text = text
         .chars()
         .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
-    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    text.map(|c| if c == ' ' { '-' } else { c }).collect()
 }
 
 /// The anchors of a page.
@@ -190,36 +218,41 @@ fn targets(text: &str) -> Vec<String> {
     targets.collect()
 }
 
+/// What is wrong with a link from a page, if anything. `known` has the anchors of files so far.
+fn fault(path: &str, target: &str, known: &mut BTreeMap<PathBuf, Vec<String>>) -> Option<String> {
+    let here = root().join(path);
+    let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+    let file = if file.is_empty() {
+        here
+    } else {
+        here.parent().unwrap().join(file)
+    };
+    if !file.exists() {
+        return Some(format!("{path}: no file of the link {target}"));
+    }
+    let read = |file: &PathBuf| anchors(&std::fs::read_to_string(file).unwrap());
+    let is_there = heading.is_empty() || {
+        let anchors = known.entry(file).or_insert_with_key(read);
+        anchors.iter().any(|anchor| anchor == heading)
+    };
+    (!is_there).then(|| format!("{path}: no heading of the link {target}"))
+}
+
 #[test]
 fn links_lead_to_files_and_headings() {
     let mut pages = below("docs");
     pages.extend(["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(str::to_string));
     pages.extend(below("protocols/docs"));
-    let mut known: BTreeMap<PathBuf, Vec<String>> = BTreeMap::new();
-    let mut links = 0;
+    let mut known = BTreeMap::new();
+    let (mut links, mut faults) = (0, Vec::new());
     for path in &pages {
-        let folder = root().join(path);
-        let folder = folder.parent().unwrap();
-        for target in targets(&page(path)) {
-            if target.contains("://") {
-                continue;
-            }
+        let targets = targets(&page(path)).into_iter();
+        for target in targets.filter(|target| !target.contains("://")) {
             links += 1;
-            let (file, heading) = target.split_once('#').unwrap_or((&target, ""));
-            let file = if file.is_empty() {
-                root().join(path)
-            } else {
-                folder.join(file)
-            };
-            assert!(file.exists(), "{path}: no file of the link {target}");
-            if !heading.is_empty() {
-                let read = |file: &Path| anchors(&std::fs::read_to_string(file).unwrap());
-                let anchors = known.entry(file).or_insert_with_key(|file| read(file));
-                let is_there = anchors.iter().any(|anchor| anchor == heading);
-                assert!(is_there, "{path}: no heading of the link {target}");
-            }
+            faults.extend(fault(path, &target, &mut known));
         }
     }
+    assert!(faults.is_empty(), "{faults:#?}");
     assert!(links > 200, "{links}");
 }
 
