@@ -89,7 +89,7 @@ struct RawPopulation {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawEntry {
-    /// Or all objects of these [orbit files](#orbit-files), or of folders of them
+    /// Or all objects of these orbit files, or of folders of them
     files: Option<Vec<String>>,
     /// One object: FILE, or FILE:NAME by name, id or number
     object: Option<String>,
