@@ -1,6 +1,6 @@
 //! The page of a program's command line, from its help texts.
 
-use super::page::{code, head, prose, row};
+use super::page::{code, head, prose, row, wrapped};
 use std::process::Command;
 
 /// What the help of a command says.
@@ -41,7 +41,10 @@ fn below(program: &str, path: &str, words: &[&str], global: &[Entry]) -> String 
 }
 
 fn section(name: &str, help: &Help, global: &[Entry]) -> String {
-    let mut text = format!("## `{name}`\n\n{}\n\n", help.about.trim());
+    let mut text = format!("## `{name}`\n\n");
+    for paragraph in help.about.trim().split("\n\n") {
+        text += &format!("{}\n\n", wrapped(paragraph, ""));
+    }
     text += &format!("```text\n{}\n```\n\n", help.usage.trim());
     let commands = help.commands.iter().filter(|one| one.name != "help");
     let commands: String = commands

@@ -1,6 +1,6 @@
 //! Tables of the keys of files and of labels, from their JSON Schemas.
 
-use super::page::{code, head, prose, row};
+use super::page::{code, head, prose, row, wrapped};
 use serde_json::Value;
 
 /// A schema and what its tables show beside it.
@@ -41,7 +41,7 @@ impl Keys {
     fn section<'t>(&'t self, place: &str, table: &'t Value, inner: &mut Tables<'t>) -> String {
         let mut text = String::new();
         if let Some(about) = table["description"].as_str().filter(|_| !place.is_empty()) {
-            text += &format!("{}\n\n", meaning(about));
+            text += &format!("{}\n\n", wrapped(&meaning(about), ""));
         }
         let third = if self.is_output { "Present" } else { "Default" };
         text += &head(&["Key", "Value", third, "Meaning"]);
@@ -60,7 +60,7 @@ impl Keys {
         }
         let rules: Vec<String> = rules(table)
             .iter()
-            .map(|rule| format!("- {rule}\n"))
+            .map(|rule| format!("{}\n", wrapped(&format!("- {rule}"), "  ")))
             .collect();
         let between = if rules.is_empty() { "" } else { "\n" };
         format!("{text}{between}{}\n", rules.concat())

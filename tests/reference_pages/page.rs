@@ -29,6 +29,22 @@ pub fn check(page: &str, part: &str, text: &str, test: &str) {
     );
 }
 
+/// Text in lines of at most 100 columns, all but the first with this indent.
+pub fn wrapped(text: &str, indent: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last_mut().unwrap();
+        if line.is_empty() {
+            *line = word.to_string();
+        } else if line.chars().count() + 1 + word.chars().count() <= 100 {
+            *line += &format!(" {word}");
+        } else {
+            lines.push(format!("{indent}{word}"));
+        }
+    }
+    lines.join("\n")
+}
+
 /// A row of a table.
 pub fn row<S: Display>(cells: &[S]) -> String {
     let cells: String = cells.iter().map(|cell| format!(" {cell} |")).collect();
