@@ -211,7 +211,7 @@ fn exchange(
             });
             drop(shots);
             over.store(true, Ordering::Relaxed);
-            (server.stats, ended)
+            (server.stats().clone(), ended)
         });
         let writing = scope.spawn(|| write(writer, to_write));
         let mut moved = Instant::now();

@@ -1,120 +1,71 @@
-//! One link, and what its client has agreed with the emulator.
+//! One link of a run, with the state of its client.
 
-use super::add;
-use super::deliver::Delivery;
-use super::leaving::Left;
-use super::passed::Passed;
-use super::withheld::{Messages, name};
-use crate::stats::FrameAccount;
+use super::delivery::{Delivery, Progress};
+use super::exchange::Exchange;
+use super::reasons::{name, not_reached};
+use super::report_log::ReportLog;
+use super::telemetry::{Left, add};
+use crate::metrics::Snapshot;
+use crate::stats::{FrameAccount, Pending};
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
 use skyloop_link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, patience};
-use skyloop_protocols::credit::CreditAccount;
-use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
-use skyloop_protocols::{Direction, MAX_PACKET, Output, Positions, Withheld};
+use skyloop_orbit::time::utc_days_since_j2000;
+use skyloop_protocols::sequence::SequenceCounts;
+use skyloop_protocols::{Direction, MAX_PACKET, Output, Withheld};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Answers that may wait for room in the link's queue.
-pub(super) const MAX_ANSWERS: usize = 1024;
-/// Bytes of a piece of memory for packets of frames: it is given back when the last packet in it is.
-const PAPER: usize = 32 * MAX_PACKET;
-/// Frames of which packets can be sent again: the present one and the one before.
-const KEPT_FRAMES: usize = 2;
+/// Maximum number of answers that wait for room in the link's queue.
+const MAX_ANSWERS: usize = 1024;
+/// Bytes allocated at once for frame packets; freed with the last packet in them.
+const PACKET_BUFFER: usize = 32 * MAX_PACKET;
 
 /// One link of a run.
 pub(super) struct Channel {
     pub wire: Wire,
     pub roles: Roles,
     pub counts: SequenceCounts,
-    /// Memory for the next packets of its frames.
-    pub paper: BytesMut,
+    /// Memory for the next frame packets.
+    pub packet_buffer: BytesMut,
     pub exchange: Exchange,
-    /// Frames on their way, the first to be sent first.
+    /// Frames to be sent, in this order.
     pub deliveries: VecDeque<Delivery>,
     /// Packets that never got into the link's queue.
     pub lost: u32,
     /// How the requests for its frames ended.
     pub frames: FrameAccount,
-    /// When its frames were where.
     pub latencies: Latencies,
-    /// Of the frame that left it last whole.
+    /// The last frame that left whole.
     pub last: Option<Left>,
-    /// Of the last frame, which may not have left.
+    /// The last frame, which may not have left whole.
     pub latest: Option<Left>,
-    /// What the log says about frames that its client does not get.
-    pub messages: Messages,
+    pub report_log: ReportLog,
     pub flow: Flow,
-    pub passed: Passed,
+    pub superseded: Superseded,
     /// Whether the link has ended.
     pub gone: bool,
-    /// Packets that the link got after the last frame packet.
+    /// Packets queued after the last frame packet.
     behind: u32,
 }
 
-/// What one client has agreed with the emulator on a link.
-#[derive(Debug, Default)]
-pub(super) struct Exchange {
-    pub number: u32,
-    /// Whether its client has sent a valid packet: nobody else gets frames.
-    pub heard: bool,
-    /// Set where its client took nothing for too long: it gets no frames.
-    pub deaf: Option<Deaf>,
-    /// Why its client has not got the last frame whole.
-    pub withheld: Withheld,
-    /// Whether a Status has brought that reason.
-    pub is_in_status: bool,
-    /// Whether its client has sent a valid Trigger.
-    pub triggered: bool,
-    pub credit: CreditAccount,
-    /// What its client granted first.
-    pub window: Option<u32>,
-    /// The most that it has granted at once since.
-    pub step: u32,
-    pub gaps: GapDetector,
-    /// What each frame brings.
-    pub output: Output,
-    /// Where windows lie; empty: around the brightest stars.
-    pub positions: Option<Positions>,
-    /// The last frames, for those who ask again.
-    pub kept: VecDeque<Kept>,
-    /// Packets in and out that faults had lost when it began.
-    lost_to_faults: [u32; 2],
-    /// Counts Resets, so that a frame under way notices one.
-    pub resets: u32,
-    /// Answers for which the link has no room yet, oldest first.
-    answers: VecDeque<Bytes>,
-    /// Whether answers had to be dropped.
-    overrun: bool,
-    /// When the client asked to be released, until the link has been told.
-    release: Option<Instant>,
-}
-
-/// Why a client gets no frames until it takes some again.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Deaf {
-    pub why: Withheld,
-    /// Bytes that had left its link.
-    pub bytes: u32,
-    /// Whether it has sent a packet since.
-    pub heard: bool,
-}
-
-/// When bytes left a link last in whose queue packets of frames wait.
+/// When bytes last left a link whose queue holds frame packets.
 #[derive(Debug)]
 pub(super) struct Flow {
     bytes: u32,
     moved: Instant,
-    /// Whether it is reported that none leaves, and whether Status still says so.
+    /// Whether the standstill is reported, and whether Status still shows it.
     pub reported: bool,
     pub in_status: bool,
 }
 
-/// A frame's packets as they were sent.
-#[derive(Debug)]
-pub(super) struct Kept {
+/// Frames that were replaced by newer ones before their cause was known.
+#[derive(Debug, Default)]
+pub(super) struct Superseded {
+    entries: Vec<Pending>,
+    /// The last one, and the bytes that had left the link at the first.
     pub frame: u32,
-    pub packets: Vec<Bytes>,
+    pub bytes: u32,
 }
 
 impl Channel {
@@ -127,7 +78,7 @@ impl Channel {
             wire,
             roles,
             counts: SequenceCounts::new(),
-            paper: BytesMut::with_capacity(PAPER),
+            packet_buffer: BytesMut::with_capacity(PACKET_BUFFER),
             exchange,
             deliveries: VecDeque::new(),
             lost: 0,
@@ -135,50 +86,31 @@ impl Channel {
             latencies: Latencies::default(),
             last: None,
             latest: None,
-            messages: Messages::default(),
+            report_log: ReportLog::default(),
             flow: Flow {
                 bytes: 0,
                 moved: Instant::now(),
                 reported: false,
                 in_status: false,
             },
-            passed: Passed::default(),
+            superseded: Superseded::default(),
             gone: false,
             behind: 0,
         }
     }
 
-    /// Another client: nothing of the last one's is left.
+    /// Begins the exchange of another client.
     pub fn open_exchange(&mut self, number: u32, output: Output) {
         self.lose_answers();
-        self.count_open(name(Withheld::SlowLink));
-        self.exchange = Exchange {
-            number,
-            lost_to_faults: self.wire.tally.lost_to_faults(),
-            output,
-            ..Exchange::default()
-        };
+        self.settle_superseded(name(Withheld::SlowLink));
+        self.exchange = Exchange::open(number, output, self.wire.tally.lost_to_faults());
     }
 
-    /// The same client begins anew: only its answers are left.
-    pub fn reset(&mut self, output: Output, asked: Instant) {
-        self.count_open(name(Withheld::SlowLink));
-        let before = std::mem::take(&mut self.exchange);
-        self.exchange = Exchange {
-            number: before.number,
-            heard: true,
-            lost_to_faults: self.wire.tally.lost_to_faults(),
-            resets: before.resets.wrapping_add(1),
-            // What the link lacks it lacks still.
-            deaf: before
-                .deaf
-                .filter(|deaf| matches!(deaf.why, Withheld::NoProof | Withheld::NotRead)),
-            answers: before.answers,
-            overrun: before.overrun,
-            release: Some(asked),
-            output,
-            ..Exchange::default()
-        };
+    /// Restarts the exchange of the same client.
+    pub fn reset(&mut self, output: Output, now: Instant) {
+        self.settle_superseded(name(Withheld::SlowLink));
+        let lost_to_faults = self.wire.tally.lost_to_faults();
+        self.exchange.reset(output, lost_to_faults, now);
     }
 
     /// Queues an answer behind those that wait. A client that takes nothing loses answers beyond [`MAX_ANSWERS`].
@@ -196,7 +128,7 @@ impl Channel {
         self.flush().map(|_| ())
     }
 
-    /// Answers that still fit.
+    /// How many more answers can be queued.
     pub fn room(&self) -> usize {
         MAX_ANSWERS - self.exchange.answers.len()
     }
@@ -225,11 +157,11 @@ impl Channel {
         let exchange = self.exchange.number;
         let (paid, packet) = (is_of_frame(packet), packet.clone());
         let back = self.give(Outbound::Packet { exchange, packet })?;
-        let Some(Outbound::Packet { .. }) = back else {
-            self.behind = if paid { 0 } else { self.behind.wrapping_add(1) };
-            return Ok(true);
-        };
-        Ok(false)
+        if let Some(Outbound::Packet { .. }) = back {
+            return Ok(false);
+        }
+        self.behind = if paid { 0 } else { self.behind.wrapping_add(1) };
+        Ok(true)
     }
 
     fn give(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
@@ -238,13 +170,20 @@ impl Channel {
         given
     }
 
-    /// Whether frame packets, sent again or not, have been given to the link and have not left it: the client cannot
-    /// grant for them yet.
+    /// Whether frame packets are in the link's queue: the client cannot grant credit for them yet.
     pub fn carries_frames(&self) -> bool {
         self.wire.tally.waiting() > self.behind
     }
 
-    /// Looks whether bytes leave while packets of frames wait.
+    /// What shows that the client takes data.
+    pub fn progress(&self) -> Progress {
+        Progress {
+            credit: self.exchange.credit.granted(),
+            bytes: self.wire.tally.bytes(),
+        }
+    }
+
+    /// Notes whether bytes leave while frame packets wait.
     pub fn watch(&mut self, now: Instant) {
         let bytes = self.wire.tally.bytes();
         if bytes == self.flow.bytes && self.carries_frames() {
@@ -261,85 +200,136 @@ impl Channel {
         };
     }
 
-    /// When bytes left last, as far as packets of frames waited.
+    /// When bytes last left while frame packets waited.
     pub fn moved(&self) -> Instant {
         self.flow.moved
     }
 
-    /// Whether for `least` no byte has left its link, where a packet takes less on it. A fault that holds packets back is no standstill.
+    /// Whether no byte has left the link for `least`, or for the airtime of a packet if that is longer. A
+    /// fault that holds packets back is no standstill.
     pub fn stands_still(&self, least: Duration) -> bool {
         let airtime = self.wire.airtime.as_ref();
         self.flow.moved.elapsed() >= patience(airtime, least) && !self.wire.tally.is_held_back()
     }
 
-    /// What faults do to packets in and out, and have done in this exchange.
+    /// Harm by injected faults to packets in and out, in this exchange.
     pub fn harm(&self) -> [Option<Harm>; 2] {
         let [lost_in, lost_out] = self.exchange.lost_to_faults;
         [(Direction::In, lost_in), (Direction::Out, lost_out)]
             .map(|(direction, before)| self.wire.tally.harm(direction, before))
     }
 
-    /// Whether its client gets no frames: it took nothing for too long, and what it lacked then it lacks still.
-    pub fn is_deaf(&mut self) -> bool {
+    /// Whether the client gets no frames: it took nothing for too long, and has not recovered.
+    pub fn is_muted(&mut self) -> bool {
         let tally = &self.wire.tally;
-        let is_over = |deaf: Deaf| match deaf.why {
-            Withheld::NoProof => !tally.awaits_proof(),
-            Withheld::NotRead => {
-                deaf.heard && (tally.bytes() != deaf.bytes || tally.waiting() == 0)
+        if let Some(mute) = self.exchange.muted {
+            let is_over = match mute.why {
+                Withheld::NoProof => !tally.awaits_proof(),
+                Withheld::NotRead => {
+                    mute.heard && (tally.bytes() != mute.bytes || tally.waiting() == 0)
+                }
+                _ => self.exchange.credit.may_send(),
+            };
+            if is_over {
+                self.exchange.muted = None;
             }
-            _ => self.exchange.credit.may_send(),
-        };
-        if self.exchange.deaf.is_some_and(is_over) {
-            self.exchange.deaf = None;
         }
-        self.exchange.deaf.is_some()
+        self.exchange.muted.is_some()
     }
 
-    /// How long what the link has got takes until it has left, where that is known.
+    /// How long the packets in the link's queue take to leave, if that is known.
     pub fn backlog(&self) -> Duration {
         let packets = self.wire.tally.waiting();
         self.wire.packet_airtime().saturating_mul(packets)
     }
 
-    /// Counts the answers that wait as lost.
+    /// Counts the waiting answers as lost.
     pub fn lose_answers(&mut self) {
-        add(
-            &mut self.lost,
-            self.exchange.answers.drain(..).count() as u32,
-        );
+        let waiting = std::mem::take(&mut self.exchange.answers);
+        add(&mut self.lost, waiting.len() as u32);
     }
 
-    /// Takes the oldest frame out that waits behind others, where more than `most` are on their way.
-    pub fn make_way(&mut self, most: usize) -> Option<Delivery> {
-        if self.deliveries.len() <= most {
+    /// Adds a delivery. If there are more than `max`, returns the oldest that has not begun.
+    pub fn enqueue(&mut self, mut delivery: Delivery, max: usize) -> Option<Delivery> {
+        delivery.unproved = self.wire.tally.unproved();
+        self.deliveries.push_back(delivery);
+        if self.deliveries.len() <= max {
             return None;
         }
-        let at = self
-            .deliveries
-            .iter()
-            .position(|delivery| !delivery.has_begun())?;
+        let mut deliveries = self.deliveries.iter();
+        let at = deliveries.position(|delivery| !delivery.has_begun())?;
         self.deliveries.remove(at)
     }
 
-    /// Whether the client of an exchange has gone, or was followed by another.
+    /// Whether the client of an exchange has gone, or another followed.
     pub fn has_gone(&self, exchange: u32) -> bool {
         self.exchange.number != exchange || self.wire.tally.has_ended(exchange)
     }
 
-    /// Whether its client waits for that frame.
+    /// Whether the present client waits for that frame.
     pub fn awaits(&self, frame: u32) -> bool {
         let mut deliveries = self.deliveries.iter();
         deliveries.any(|delivery| delivery.frame == frame && delivery.is_for(&self.exchange))
     }
 
-    /// Makes room for the packets of another frame.
-    pub fn keep(&mut self, frame: u32) {
-        while self.exchange.kept.len() >= KEPT_FRAMES {
-            self.exchange.kept.pop_front();
+    /// Reports in the log and in Status that the client does not get a frame, or will not.
+    pub fn report(&mut self, why: Withheld, detail: &str) {
+        self.warn(why, &not_reached(why, detail));
+    }
+
+    /// Reports in the log and in Status why frames do not come, or come late.
+    pub fn warn(&mut self, why: Withheld, message: &str) {
+        self.exchange.withheld = why;
+        self.exchange.is_in_status = false;
+        self.flow.in_status = false;
+        self.log(why, message);
+    }
+
+    /// Logs a message with the remedy.
+    pub fn log(&mut self, why: Withheld, message: &str) {
+        let harm = self.harm();
+        self.report_log.log(&self.wire.address, why, message, harm);
+    }
+
+    /// Notes a superseded frame whose cause is not known yet.
+    pub fn supersede(&mut self, frame: u32, entry: Pending) {
+        if self.superseded.entries.is_empty() {
+            self.superseded.bytes = self.wire.tally.bytes();
         }
-        self.exchange.kept.push_back(Kept {
-            frame,
-            packets: Vec::new(),
-        });
+        self.superseded.frame = frame;
+        self.superseded.entries.push(entry);
+    }
+
+    /// Whether superseded frames have no cause yet.
+    pub fn has_superseded(&self) -> bool {
+        !self.superseded.entries.is_empty()
+    }
+
+    /// Books the superseded frames under a cause.
+    pub fn settle_superseded(&mut self, cause: &'static str) {
+        for entry in std::mem::take(&mut self.superseded.entries) {
+            self.frames.withhold(entry, cause);
+        }
+    }
+
+    /// Its figures for `/metrics`; `account` includes the skipped exposures.
+    pub fn snapshot(&self, account: FrameAccount) -> Snapshot {
+        let mut snapshot = Snapshot::of(&self.latencies);
+        (snapshot.requested, snapshot.delivered) = (account.requested, account.delivered);
+        snapshot.withheld = account.withheld.into_iter().collect();
+        if let Some(Left {
+            times, exposure, ..
+        }) = &self.latest
+        {
+            snapshot.attitude_age_s = Some(times.attitude_age_s);
+            let has_deadline = times.spare_s != f64::INFINITY;
+            snapshot.deadline_spare_s = has_deadline.then_some(times.spare_s);
+            snapshot.exposure_s = exposure.map(|exposure| {
+                // 1970-01-01 is J2000.0 less 10957.5 days.
+                let unix_s = |at| (utc_days_since_j2000(at) + 10_957.5) * 86_400.0;
+                [exposure.start, exposure.mid, exposure.end].map(unix_s)
+            });
+        }
+        snapshot
     }
 }

@@ -1,76 +1,99 @@
-//! The attitudes that have come, and what they make of an exposure.
+//! The accepted attitudes, and the vehicle state that an exposure gets from them.
 
-use super::Latched;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_config::{OnStale, Staleness};
 use skyloop_orbit::time::seconds;
-use skyloop_protocols::AttitudeSource;
+use skyloop_protocols::{AttitudeSource, Header};
 use skyloop_render::attitude::{VehicleState, between, rates_between};
 use skyloop_render::scene::{Exposure, shutter};
 use std::collections::VecDeque;
+use std::time::Instant;
 
-/// Messages that are kept: some exposures of any client's rate, since of those that follow each other closely not all are.
-const KEPT: usize = 512;
-/// Of messages that are nearer to each other than this share of an exposure only the newest is kept.
-const GRAIN: f64 = 1.0 / 64.0;
+/// Maximum number of stored messages. They span several exposures at any client rate, because
+/// [`MIN_SPACING`] thins them out.
+const CAPACITY: usize = 512;
+/// Of messages closer to each other than this share of an exposure, only the newest is stored.
+const MIN_SPACING: f64 = 1.0 / 64.0;
 
-/// The attitudes of one exchange, in the order of their times.
+/// An attitude that has been accepted.
+#[derive(Debug, Clone)]
+pub(super) struct Latched {
+    pub vehicle: VehicleState,
+    pub header: Header,
+    pub arrived: Instant,
+    /// Its number among all accepted attitudes.
+    pub number: u64,
+    /// Whether an attitude with a later time came before it.
+    pub out_of_order: bool,
+}
+
+/// The attitudes of one exchange, sorted by time.
 #[derive(Debug)]
 pub(super) struct History {
     messages: VecDeque<Latched>,
 }
 
 impl Default for History {
-    /// None yet, and room for all that are kept.
+    /// Empty, with all memory reserved.
     fn default() -> Self {
-        let messages = VecDeque::with_capacity(KEPT + 1);
+        let messages = VecDeque::with_capacity(CAPACITY + 1);
         Self { messages }
     }
 }
 
-/// What an exposure is made with.
+/// The vehicle state of an exposure.
 #[derive(Debug, Clone)]
 pub(super) struct Pointing {
-    /// Attitude in the middle of the exposure, rates that take it from its start to its end, and the orbit.
+    /// Attitude at mid-exposure, mean rates over the exposure, and the orbit.
     pub vehicle: VehicleState,
-    /// The message that it goes by: the last one before the middle, else the first.
+    /// The message that it is derived from: the last one before mid-exposure, else the first.
     pub message: Latched,
-    /// How it was got.
+    /// Method of derivation.
     pub source: AttitudeSource,
-    /// Middle of the exposure minus the time of that message, s.
+    /// Mid-exposure minus the time of that message, s.
     pub age_s: f64,
 }
 
+impl Pointing {
+    /// The vehicle state of an exposure at the time of an attitude.
+    pub fn exact(latched: &Latched) -> Pointing {
+        Pointing {
+            vehicle: latched.vehicle.clone(),
+            message: latched.clone(),
+            source: AttitudeSource::Exact,
+            age_s: 0.0,
+        }
+    }
+}
+
 impl History {
-    /// Takes a message in its place by time.
+    /// Inserts a message by its time.
     pub fn add(&mut self, latched: Latched, exposure_s: f64) {
         let epoch = latched.vehicle.epoch;
         let at = self.after(epoch);
         let is_last = at == self.messages.len();
         self.messages.insert(at, latched);
-        let grain = seconds(exposure_s * GRAIN);
-        // The one before it is between two that are nearer to each other than the grain.
+        let spacing = seconds(exposure_s * MIN_SPACING);
+        // The message before it lies between two that are closer to each other than the spacing.
         if is_last
-            && let Some(before) = at
-                .checked_sub(2)
-                .and_then(|before| self.messages.get(before))
-            && epoch - before.vehicle.epoch < grain
+            && let Some(before) = self.messages.iter().rev().nth(2)
+            && epoch - before.vehicle.epoch < spacing
         {
             self.messages.remove(at - 1);
         }
-        if self.messages.len() > KEPT {
+        if self.messages.len() > CAPACITY {
             self.messages.pop_front();
         }
     }
 
-    /// Forgets those of a later time.
+    /// Removes the messages with a later time.
     pub fn forget_after(&mut self, epoch: Epoch) {
         let at = self.after(epoch);
         self.messages.truncate(at);
     }
 
-    /// Forgets all.
+    /// Removes all messages.
     pub fn clear(&mut self) {
         self.messages.clear();
     }
@@ -80,24 +103,24 @@ impl History {
         self.messages.back()
     }
 
-    /// The place of the first message of a later time.
+    /// Index of the first message with a later time.
     fn after(&self, epoch: Epoch) -> usize {
         self.messages
             .partition_point(|message| message.vehicle.epoch <= epoch)
     }
 
-    /// The newest message that is not of a later time.
+    /// The newest message whose time is not later.
     pub fn latest_by(&self, epoch: Epoch) -> Option<&Latched> {
-        let after = self.after(epoch);
-        after.checked_sub(1).and_then(|at| self.messages.get(at))
+        self.messages.range(..self.after(epoch)).next_back()
     }
 
-    /// What an exposure is made with; none before the first message. One of a future too far counts only where none is near before the exposure.
+    /// The vehicle state of an exposure; none before the first message. A message too far in the
+    /// future is used only if no message shortly before the exposure exists.
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);
         let limit = seconds(staleness.limit_s);
         let after = self.after(exposure.mid);
-        let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
+        let before = self.latest_by(exposure.mid);
         let near_before = before.is_some_and(|one| one.vehicle.epoch + limit >= exposure.mid);
         let next = self.messages.get(after);
         let near_after = next.filter(|one| one.vehicle.epoch <= exposure.mid + limit);
@@ -105,9 +128,9 @@ impl History {
         if is_far && !near_before {
             return Some(out_of_reach(last, exposure, staleness, true));
         }
-        // What it says of the way there is not believed.
+        // A message too far in the future is not used to interpolate.
         let ends_before = is_far && near_after.is_none();
-        // After a silence the next message may be the nearer one; between it and the last before nobody knows the way.
+        // After a silence the next message may be nearer. The motion in the gap is unknown.
         let message = match (before, near_after) {
             (Some(_), Some(next)) if !near_before => next,
             _ => before.unwrap_or(first),
@@ -124,9 +147,10 @@ impl History {
             Some(_) => AttitudeSource::Extrapolated,
         };
         let is_known = before.is_none() || near_before;
-        let vehicle = match is_known && exposure.start < last.vehicle.epoch && !ends_before {
-            true => self.turning(exposure, message)?,
-            false => message.vehicle.at(exposure.mid),
+        let vehicle = if is_known && exposure.start < last.vehicle.epoch && !ends_before {
+            self.turning(exposure, message)?
+        } else {
+            message.vehicle.at(exposure.mid)
         };
         Some(Pointing {
             vehicle,
@@ -136,15 +160,16 @@ impl History {
         })
     }
 
-    /// The attitude in the middle, with the constant rates that take it from that at the start to that at the end.
+    /// The attitude at mid-exposure, with the constant rates that connect those at start and end.
     fn turning(&self, exposure: &Exposure, message: &Latched) -> Option<VehicleState> {
         let [start, mid, end] =
             [exposure.start, exposure.mid, exposure.end].map(|epoch| self.at(epoch));
         let (start, mid, end) = (start?, mid?, end?);
         let open_s = (exposure.end - exposure.start).to_seconds();
-        let rates = match open_s > 0.0 {
-            true => rates_between(&start.attitude, &end.attitude, open_s),
-            false => mid.rates,
+        let rates = if open_s > 0.0 {
+            rates_between(&start.attitude, &end.attitude, open_s)
+        } else {
+            mid.rates
         };
         Some(VehicleState {
             sequence: message.vehicle.sequence,
@@ -155,9 +180,7 @@ impl History {
 
     /// The vehicle at one instant.
     fn at(&self, epoch: Epoch) -> Option<VehicleState> {
-        let after = self.after(epoch);
-        let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
-        match (before, self.messages.get(after)) {
+        match (self.latest_by(epoch), self.messages.get(self.after(epoch))) {
             (Some(a), Some(b)) => Some(between(&a.vehicle, &b.vehicle, epoch)),
             (Some(one), None) | (None, Some(one)) => Some(one.vehicle.at(epoch)),
             (None, None) => None,
@@ -165,7 +188,7 @@ impl History {
     }
 }
 
-/// What is made of an attitude that is too old, or of a future too far.
+/// The vehicle state from an attitude that is too old, or too far in the future.
 fn out_of_reach(
     message: &Latched,
     exposure: &Exposure,
@@ -173,15 +196,15 @@ fn out_of_reach(
     is_future: bool,
 ) -> Pointing {
     let carried = message.vehicle.at(exposure.mid);
-    let told = &message.vehicle;
+    let received = &message.vehicle;
     let limit_s = if is_future {
         -staleness.limit_s
     } else {
         staleness.limit_s
     };
     let held = || {
-        let held = told.at(told.epoch + seconds(limit_s));
-        // Its orbit goes on; but one that leads to where nothing can be shown is held, too.
+        let held = received.at(received.epoch + seconds(limit_s));
+        // The orbit continues, unless the position would become unobservable.
         let orbit = match shutter(&carried, exposure) {
             Ok(_) => carried.clone(),
             Err(_) => VehicleState {
@@ -205,6 +228,6 @@ fn out_of_reach(
         vehicle,
         message: message.clone(),
         source,
-        age_s: (exposure.mid - told.epoch).to_seconds(),
+        age_s: (exposure.mid - received.epoch).to_seconds(),
     }
 }

@@ -1,230 +1,251 @@
-//! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
+//! Packets from the links: decoded, executed by the table of commands, answered.
 
-use super::deliver::LISTEN;
-use super::{Server, add};
+use super::commands::{Answer, row};
+use super::frame_queue::LISTEN;
+use super::handlers::Call;
+use super::reasons::name;
+use super::refusal::Refusal;
+use super::state::State;
+use super::status::status;
+use super::telemetry::add;
+use crate::stats::Request;
 use skyloop_link::{Inbound, LinkError, QUEUE};
 use skyloop_protocols::apid::{ATTITUDE, CHALLENGE, COMMAND};
-use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
+use skyloop_protocols::{Command, DecodeError, Header, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
-/// Why a valid packet is refused.
-pub(super) struct Refusal {
-    pub reason: Reason,
-    pub detail: String,
-}
+/// Detail of the refusal of a wrong Challenge.
+const WRONG_CHALLENGE: &str = "this Challenge is not of this address or time";
 
-impl Refusal {
-    /// A value is out of range.
-    pub fn value(detail: impl Into<String>) -> Refusal {
-        let (reason, detail) = (Reason::ValueOutOfRange, detail.into());
-        Refusal { reason, detail }
-    }
-
-    /// Not now.
-    pub fn busy(detail: impl Into<String>) -> Refusal {
-        let (reason, detail) = (Reason::Busy, detail.into());
-        Refusal { reason, detail }
-    }
-
-    /// Not here.
-    pub fn not_supported(detail: impl Into<String>) -> Refusal {
-        let (reason, detail) = (Reason::NotSupported, detail.into());
-        Refusal { reason, detail }
-    }
-}
-
-impl Server {
-    /// Waits up to `timeout` for a packet or news of the renderer; acts on a packet that is there; false when a link has ended.
-    pub(super) fn receive(&mut self, timeout: Duration) -> Result<bool, LinkError> {
-        let timeout = if self.flush()? {
-            timeout
-        } else {
-            timeout.min(LISTEN)
-        };
-        match self.take_one_each()? {
-            None => return Ok(false),
-            Some(true) => return Ok(true),
-            Some(false) => {}
-        }
-        // Each queue unparks this thread, and so does the renderer: see `Server::serve`.
+/// Waits up to `timeout` for a packet or an event of the renderer; handles a packet that is there.
+/// False if a link has ended.
+pub(super) fn receive(state: &mut State, timeout: Duration) -> Result<bool, LinkError> {
+    let timeout = if state.session.flush()? {
+        timeout
+    } else {
+        timeout.min(LISTEN)
+    };
+    let received = take_one_each(state)?;
+    if received == Some(false) {
+        // Each link's queue and the renderer unpark this thread.
         std::thread::park_timeout(timeout);
-        Ok(true)
     }
+    Ok(received.is_some())
+}
 
-    /// Acts on the packets that have come; false when a link has ended. As many as a full queue holds: a
-    /// flood does not stop the frames.
-    pub(super) fn receive_waiting(&mut self) -> Result<bool, LinkError> {
-        self.flush()?;
-        for _ in 0..QUEUE {
-            match self.take_one_each()? {
-                Some(true) => {}
-                Some(false) => break,
-                None => return Ok(false),
-            }
+/// Handles the packets that have arrived; false if a link has ended. At most a full queue of them, so
+/// that a flood does not stop the frames.
+pub(super) fn receive_waiting(state: &mut State) -> Result<bool, LinkError> {
+    state.session.flush()?;
+    for _ in 0..QUEUE {
+        match take_one_each(state)? {
+            Some(true) => {}
+            Some(false) => break,
+            None => return Ok(false),
         }
-        Ok(true)
     }
+    Ok(true)
+}
 
-    /// Acts on the next packet of each link; whether there was any, or none when a link has ended.
-    fn take_one_each(&mut self) -> Result<Option<bool>, LinkError> {
-        let mut took = false;
-        for at in 0..self.channels.len() {
-            match self.channels[at].wire.inbox.try_recv() {
-                Ok(inbound) => {
-                    self.handle(at, inbound)?;
-                    took = true;
-                }
-                Err(TryRecvError::Empty) => {}
-                Err(TryRecvError::Disconnected) => {
-                    self.channels[at].gone = true;
-                    return Ok(None);
-                }
+/// Handles the next packet of each link; whether there was one, or none if a link has ended.
+fn take_one_each(state: &mut State) -> Result<Option<bool>, LinkError> {
+    let mut received = false;
+    for link in 0..state.session.channels.len() {
+        let channel = &mut state.session.channels[link];
+        match channel.wire.inbox.try_recv() {
+            Ok(inbound) => {
+                handle(state, link, &inbound)?;
+                received = true;
+            }
+            Err(TryRecvError::Empty) => {}
+            Err(TryRecvError::Disconnected) => {
+                channel.gone = true;
+                return Ok(None);
             }
         }
-        Ok(Some(took))
     }
+    Ok(Some(received))
+}
 
-    fn handle(&mut self, at: usize, inbound: Inbound) -> Result<(), LinkError> {
-        let newer = inbound
-            .exchange
-            .wrapping_sub(self.channels[at].exchange.number);
-        if newer > u32::MAX / 2 {
-            // Of a client that another has followed: it was late.
-            add(&mut self.counters.foreign_packets, 1);
-            return Ok(());
-        }
-        if newer != 0 {
-            self.open_exchange(at, inbound.exchange);
-        }
-        if let Some(deaf) = &mut self.channels[at].exchange.deaf {
-            deaf.heard = true;
-        }
-        let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
-            Ok(decoded) => decoded,
-            Err(error) => {
-                let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
-                self.see_refused(at, apid, count);
-                // One that proves the address stays in the link.
-                if matches!(
-                    (self.personality.decode_reply)(&inbound.packet),
-                    Ok((_, Reply::Challenge(_)))
-                ) {
-                    const WRONG: &str = "this Challenge is not of this address or time";
-                    self.counters.refuse(Reason::ValueOutOfRange);
-                    if self.channels[at].wire.tally.awaits_proof() {
-                        self.report(at, Withheld::NoProof, WRONG);
-                    }
-                    return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
-                }
-                self.counters.refuse_undecodable(&error);
-                // What was damaged on the way requests nothing: it may have been anything.
-                let is_value = matches!(
-                    error.reason(),
-                    Reason::QuaternionNotUnit | Reason::NotFinite | Reason::ValueOutOfRange
-                );
-                if is_value && apid == ATTITUDE {
-                    self.fail_refused("Attitude");
-                }
-                // Of another version all packets are refused: no frame will come.
-                let is_foreign = apid != CHALLENGE && error.reason() == Reason::BadVersion;
-                // What cannot be identified may be the first attitude.
-                let may_be_first =
-                    ![COMMAND, CHALLENGE].contains(&apid) && self.truth.history.latest().is_none();
-                let is_needed = apid == ATTITUDE && self.is_requested_by("Attitude");
-                if is_foreign || may_be_first || is_needed {
-                    self.report(at, Withheld::Refused, &error.to_string());
-                }
-                return self.nack(at, apid, count, error.reason(), &error.to_string());
-            }
-        };
-        self.channels[at].exchange.heard = true;
-        // A Reset begins the counts anew. What the first camera's client says of the vehicle is only a part of its packets: it has counted them.
-        let is_handed_on = self.is_led && self.channels[at].roles.truth;
-        let missing = match command {
-            Command::Reset => 0,
-            _ if is_handed_on => 0,
-            _ => {
-                let gaps = &mut self.channels[at].exchange.gaps;
-                gaps.missing(header.apid, header.sequence_count)
-            }
-        };
-        add(&mut self.counters.sequence_gaps, u32::from(missing));
-        let done = match command {
-            command if !self.channels[at].roles.truth && self.is_truth(&command) => {
-                Err(self.not_the_truth())
-            }
-            Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
-            command => self.obey(at, header, command, inbound.arrived),
-        };
-        if self.channels[at].roles.truth && Self::is_of_the_vehicle(&command) && done.is_ok() {
-            self.told.iter().for_each(|head| head.bring(&inbound));
-        }
-        if let Err(Refusal { reason, detail }) = done {
-            self.counters.refuse(reason);
-            let requests = match command {
-                Command::Attitude(_) => Some("Attitude"),
-                Command::Trigger { .. } => Some("Trigger"),
-                _ => None,
+fn handle(state: &mut State, link: usize, inbound: &Inbound) -> Result<(), LinkError> {
+    if !enter_exchange(state, link, inbound.exchange) {
+        return Ok(());
+    }
+    match (state.session.personality.decode_command)(&inbound.packet) {
+        Ok((header, command)) => {
+            let call = Call {
+                link,
+                header,
+                inbound,
             };
-            if let Some(what) = requests {
-                self.fail_refused(what);
-                if what == "Trigger" {
-                    self.channels[at].messages.note_trigger();
-                }
-                // By a cadence frames come by the attitude before.
-                let is_first = what == "Attitude" && self.truth.history.latest().is_none();
-                if is_first || self.is_requested_by(what) {
-                    self.report(at, Withheld::Refused, &detail);
-                }
-            }
-            return self.nack(at, header.apid, header.sequence_count, reason, &detail);
+            execute(state, &call, command)
         }
+        Err(error) => refuse_undecodable(state, link, &inbound.packet, &error),
+    }
+}
+
+/// Opens the exchange of a packet, if it is new. False if the packet is late: another client followed.
+fn enter_exchange(state: &mut State, link: usize, exchange: u32) -> bool {
+    let channel = &mut state.session.channels[link];
+    let newer = exchange.wrapping_sub(channel.exchange.number);
+    if newer > u32::MAX / 2 {
+        add(&mut state.telemetry.counters.foreign_packets, 1);
+        return false;
+    }
+    if newer != 0 {
+        channel.open_exchange(exchange, state.session.default_output);
+        if channel.roles.truth {
+            state.restart_client(false, Instant::now());
+        }
+        state.frames.cancel_unwanted(&state.session);
+    }
+    if let Some(mute) = &mut state.session.channels[link].exchange.muted {
+        mute.heard = true;
+    }
+    true
+}
+
+fn execute(state: &mut State, call: &Call<'_>, command: Command) -> Result<(), LinkError> {
+    count_gaps(state, call, &command);
+    let row = row(command);
+    let (name, answer, is_relayed) = (row.name, row.answer, row.is_relayed);
+    if let Err(refusal) = row.run(state, call) {
+        return refuse(state, call, name, &refusal);
+    }
+    if is_relayed && state.session.channels[call.link].roles.truth {
+        state.followers.relay(call.inbound);
+    }
+    let counters = &mut state.telemetry.counters;
+    add(
         match command {
-            Command::Attitude(_) => add(&mut self.counters.attitudes, 1),
-            _ => add(&mut self.counters.commands, 1),
-        }
-        match command {
-            Command::Attitude(_)
-            | Command::Trigger { .. }
-            | Command::Credit { .. }
-            | Command::Resend { .. } => Ok(()),
-            Command::Ping => {
-                self.ack(at, &header)?;
-                if let Some(cadence) = self.clock.cadence() {
-                    cadence.advance(Instant::now());
-                }
-                self.channels[at].exchange.is_in_status = true;
-                self.send(at, &Reply::Status(self.status(at)), self.now())
-            }
-            _ => self.ack(at, &header),
-        }
+            Command::Attitude(_) => &mut counters.attitudes,
+            _ => &mut counters.commands,
+        },
+        1,
+    );
+    if answer != Answer::Silent {
+        state.session.ack(call.link, &call.header)?;
     }
-
-    /// A refused packet that states the expected count is not missing; what else a damaged header states is
-    /// not believed.
-    fn see_refused(&mut self, at: usize, apid: u16, count: u16) {
-        let known = &mut self.channels[at].exchange.gaps;
-        let mut gaps = known.clone();
-        if gaps.missing(apid, count) == 0 {
-            *known = gaps;
-        }
+    if answer == Answer::AckAndStatus {
+        send_status(state, call.link)?;
     }
+    Ok(())
+}
 
-    /// Another client: nothing of the last one's is left.
-    fn open_exchange(&mut self, at: usize, number: u32) {
-        self.channels[at].open_exchange(number, self.output);
-        if self.channels[at].roles.truth {
-            self.clear_truth(false, Instant::now());
-        }
-        self.cancel_unwanted();
+/// Counts missing packets. Reset restarts the counts. A further camera gets only some of the packets of
+/// the first camera's client.
+fn count_gaps(state: &mut State, call: &Call<'_>, command: &Command) {
+    let channel = &mut state.session.channels[call.link];
+    channel.exchange.heard = true;
+    let is_relay = state.followers.is_follower && channel.roles.truth;
+    if is_relay || matches!(command, Command::Reset) {
+        return;
     }
+    let Header {
+        apid,
+        sequence_count,
+        ..
+    } = call.header;
+    let missing = channel.exchange.gaps.missing(apid, sequence_count);
+    let counter = &mut state.telemetry.counters.sequence_gaps;
+    add(counter, u32::from(missing));
+}
 
-    fn not_the_truth(&self) -> Refusal {
-        let truth = self.channels.iter().find(|channel| channel.roles.truth);
-        let address = truth.map_or("another link", |channel| &channel.wire.address);
-        Refusal::not_supported(format!(
-            "this link takes no Attitude, Trigger, Pause or Resume, and no settings of the first camera: send them over {address}"
-        ))
+fn send_status(state: &mut State, link: usize) -> Result<(), LinkError> {
+    if let Some(cadence) = state.client.clock.cadence() {
+        cadence.advance(Instant::now());
+    }
+    state.session.channels[link].exchange.is_in_status = true;
+    let status = Reply::Status(status(state, link));
+    state.session.send(link, &status, state.client.now())
+}
+
+/// Refuses a command, with the frame that it requests.
+fn refuse(
+    state: &mut State,
+    call: &Call<'_>,
+    packet: &str,
+    refusal: &Refusal,
+) -> Result<(), LinkError> {
+    let Refusal { reason, detail } = refusal;
+    state.telemetry.counters.refuse(*reason);
+    let is_requested = fail_refused(state, packet);
+    // At a cadence frames continue with the attitude before.
+    let is_first = packet == "Attitude" && !state.client.has_attitude();
+    let channel = &mut state.session.channels[call.link];
+    if packet == "Trigger" {
+        // The refusal is the reason, and not that Triggers are missing.
+        channel.report_log.untriggered = None;
+    }
+    if is_first || is_requested {
+        channel.report(Withheld::Refused, detail);
+    }
+    let id = (call.header.apid, call.header.sequence_count);
+    let now = state.client.now();
+    state.session.nack(call.link, id, *reason, detail, now)
+}
+
+/// Books the frame that a refused packet requests; whether it requests one.
+fn fail_refused(state: &mut State, packet: &str) -> bool {
+    let is_requested = state.client.is_requested_by(packet);
+    if is_requested {
+        let cause = name(Withheld::Refused);
+        state.session.fail(Request::default(), cause);
+    }
+    is_requested
+}
+
+/// Refuses a packet that cannot be decoded.
+fn refuse_undecodable(
+    state: &mut State,
+    link: usize,
+    packet: &[u8],
+    error: &DecodeError,
+) -> Result<(), LinkError> {
+    let id @ (apid, _) = packet::identify(packet).unwrap_or((0, 0));
+    see_refused(state, link, id);
+    let now = state.client.now();
+    let counters = &mut state.telemetry.counters;
+    // The link takes a right Challenge out.
+    let reply = (state.session.personality.decode_reply)(packet);
+    if matches!(reply, Ok((_, Reply::Challenge(_)))) {
+        let reason = Reason::ValueOutOfRange;
+        counters.refuse(reason);
+        let channel = &mut state.session.channels[link];
+        if channel.wire.tally.awaits_proof() {
+            channel.report(Withheld::NoProof, WRONG_CHALLENGE);
+        }
+        return state.session.nack(link, id, reason, WRONG_CHALLENGE, now);
+    }
+    counters.refuse_undecodable(error);
+    let detail = error.to_string();
+    let is_attitude = apid == ATTITUDE;
+    // A damaged packet requests nothing: it may have been anything.
+    let is_value = matches!(
+        error.reason(),
+        Reason::QuaternionNotUnit | Reason::NotFinite | Reason::ValueOutOfRange
+    );
+    if is_value && is_attitude {
+        fail_refused(state, "Attitude");
+    }
+    // All packets of another version are refused: no frame will come.
+    let is_foreign = apid != CHALLENGE && error.reason() == Reason::BadVersion;
+    // An unknown packet may be the first attitude.
+    let may_be_first = ![COMMAND, CHALLENGE].contains(&apid) && !state.client.has_attitude();
+    let is_needed = is_attitude && state.client.is_requested_by("Attitude");
+    if is_foreign || may_be_first || is_needed {
+        state.session.channels[link].report(Withheld::Refused, &detail);
+    }
+    state.session.nack(link, id, error.reason(), &detail, now)
+}
+
+/// Counts a refused packet as received if its sequence count is the expected one. Other counts of a
+/// damaged header are not used.
+fn see_refused(state: &mut State, link: usize, (apid, count): (u16, u16)) {
+    let known = &mut state.session.channels[link].exchange.gaps;
+    let mut gaps = known.clone();
+    if gaps.missing(apid, count) == 0 {
+        *known = gaps;
     }
 }

@@ -1,6 +1,6 @@
-//! The camera's own cadence: which exposure ends when, and what time it then is in the scene.
+//! The camera's own cadence: when each exposure ends, and its scene time.
 
-use super::Due;
+use super::due::Due;
 use hifitime::Epoch;
 use skyloop_base::range::nearest;
 use skyloop_link::lock;
@@ -9,36 +9,37 @@ use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A client whose first attitude differs from this machine's clock by more than this plays a scene of another
-/// time; frames then carry its time, running at the wall's pace.
+/// If the client's first attitude differs from this machine's clock by more than this, the scene has
+/// a time of its own that runs at the pace of the wall clock.
 const SAME_CLOCK_S: f64 = 10.0;
 
-/// Which exposure ends when, and what time it then is in the scene.
+/// When each exposure ends, and its scene time.
 #[derive(Debug)]
 pub struct Cadence {
     period: Duration,
-    /// After an exposure's end its frame is late by this time; none: a period.
+    /// Time from an exposure's end to the deadline of its frame; none: a period.
     latency: Option<Duration>,
-    /// End of the exposure under way; none while the cadence rests.
+    /// End of the present exposure; none while the cadence rests.
     next: Option<Instant>,
     /// Whether the cadence rests after it.
     rests: bool,
-    /// End of an exposure that waits for its frame, and the scene's time then where that has stood still since.
+    /// End of an exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
     /// End of the single shot that was commanded, until its frame is taken.
     shot: Option<Instant>,
-    /// Scene time and the instant that it was read at.
+    /// A scene time and its instant.
     zero: Option<(Epoch, Instant)>,
-    /// Whether the scene's time stands still, and no exposure ends.
+    /// Whether the scene time is stopped, so that no exposure ends.
     paused: bool,
-    /// Whether the scene's time is only guessed since a pause: the next that is told counts.
+    /// Whether the scene time is extrapolated since a pause: the next time stamp sets it.
     guessed: bool,
     /// Exposures without a frame.
     pub missed: u32,
 }
 
 impl Cadence {
-    /// A clock that ticks `rate_hz` times a second once it is set; a rate outside of [`RATE_HZ`] is brought into it, here and below.
+    /// A cadence that starts when the scene time is set. Rates are clamped to [`RATE_HZ`], here and
+    /// below.
     pub fn new(rate_hz: f64, latency: Option<Duration>) -> Cadence {
         Cadence {
             period: period(rate_hz),
@@ -54,13 +55,13 @@ impl Cadence {
         }
     }
 
-    /// Whether the next time that is told is the scene's: none was yet, or not since a pause.
+    /// Whether the next time stamp sets the scene time: the first, or the first after a pause.
     pub fn awaits_time(&self) -> bool {
         self.zero.is_none() || self.guessed
     }
 
-    /// Learns the scene's time from a client's first attitude; the first exposure ends a period later. If that time is near this machine's, the
-    /// scene has this machine's.
+    /// Sets the scene time by a client's first attitude; the first exposure ends a period later. If
+    /// it is near this machine's time, that is used.
     pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
         if !self.awaits_time() {
             return;
@@ -75,12 +76,13 @@ impl Cadence {
         self.start(scene, arrived);
     }
 
-    /// From now on it is `scene` at `at`; the first exposure ends a period later, unless the cadence rests or is paused.
+    /// Sets the scene time at `at`; the first exposure ends a period later, unless the cadence rests
+    /// or is paused.
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
         if !std::mem::replace(&mut self.guessed, self.paused) {
-            // What ended before has the time that it is now; since a pause it has the time that it was.
+            // A waiting exposure takes the new scene time, except after a pause.
             self.ended = self.ended.map(|(end, _)| (end, None));
         }
         if !self.rests && !self.paused {
@@ -88,10 +90,10 @@ impl Cadence {
         }
     }
 
-    /// The scene's time stands still, and the exposure under way is given up; one that has ended waits for its frame as before.
+    /// Stops the scene time and drops the present exposure; one that has ended still gets its frame.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
-        // One that waits since an earlier pause has kept its own.
+        // One that waits since an earlier pause already has its scene time.
         let scene = |(end, scene): (Instant, Option<Epoch>)| (end, scene.or(self.scene_at(end)));
         self.ended = self.ended.map(scene);
         self.zero = self.scene_at(at).map(|scene| (scene, at));
@@ -99,7 +101,7 @@ impl Cadence {
         self.give_up_shot();
     }
 
-    /// Counts a single shot that is under way, which gets no frame; one that has ended waits for its frame.
+    /// Counts a single shot that is being exposed as missed; one that has ended waits for its frame.
     fn give_up_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
         if self.shot.take_if(|shot| Some(*shot) != ended).is_some() {
@@ -112,7 +114,7 @@ impl Cadence {
         self.paused
     }
 
-    /// The scene's time goes on from where it stands, until another is told; the first exposure ends a period later.
+    /// Continues the scene time until a time stamp sets it; the first exposure ends a period later.
     pub fn resume(&mut self, at: Instant) {
         if !std::mem::take(&mut self.paused) {
             return;
@@ -121,17 +123,17 @@ impl Cadence {
         self.next = self.zero.filter(|_| !self.rests).map(|_| at + self.period);
     }
 
-    /// After an exposure's end its frame is late by this time.
+    /// Time from an exposure's end to the deadline of its frame.
     pub fn latency(&self) -> Duration {
         self.latency.unwrap_or(self.period)
     }
 
-    /// What that is at another rate.
+    /// The same at another rate.
     pub fn latency_at(&self, rate_hz: f64) -> Duration {
         self.latency.unwrap_or_else(|| period(rate_hz))
     }
 
-    /// The scene's time at an instant, once it is known.
+    /// The scene time at an instant, once it is known.
     pub fn scene_at(&self, at: Instant) -> Option<Epoch> {
         let (scene, zero) = self.zero?;
         if self.paused {
@@ -144,24 +146,26 @@ impl Cadence {
         Some(scene + seconds(since))
     }
 
-    /// When it is or was that time in the scene, once that is known; never, while that stands still.
+    /// The instant of a scene time, once it is known; none during a pause.
     pub fn instant_of(&self, epoch: Epoch) -> Option<Instant> {
         let (scene, zero) = self.zero.filter(|_| !self.paused)?;
         let since_s = (epoch - scene).to_seconds();
         let since = Duration::try_from_secs_f64(since_s.abs()).ok()?;
-        match since_s < 0.0 {
-            true => zero.checked_sub(since),
-            false => zero.checked_add(since),
+        if since_s < 0.0 {
+            zero.checked_sub(since)
+        } else {
+            zero.checked_add(since)
         }
     }
 
-    /// Sets the scene's time ahead by so much (s); exposures end when it is the time that they were to end at.
+    /// Advances the scene time by `ahead_s`; exposures keep their scene times.
     pub fn set_ahead(&mut self, ahead_s: f64) {
         let earlier = |at: Instant| {
             let by = Duration::from_secs_f64(ahead_s.abs().min(1.0));
-            match ahead_s < 0.0 {
-                true => at + by,
-                false => at.checked_sub(by).unwrap_or(at),
+            if ahead_s < 0.0 {
+                at + by
+            } else {
+                at.checked_sub(by).unwrap_or(at)
             }
         };
         if let Some((_, zero)) = &mut self.zero {
@@ -173,7 +177,7 @@ impl Cadence {
         self.ended = self.ended.map(|(end, scene)| (earlier(end), scene));
     }
 
-    /// Forgets the scene's time: the next client sets it anew.
+    /// Forgets the scene time: the next client sets it.
     pub fn clear(&mut self, rate_hz: f64, now: Instant) {
         self.end(now);
         *self = Cadence {
@@ -182,7 +186,7 @@ impl Cadence {
         };
     }
 
-    /// Counts what has ended by `now` and gets no frame any more.
+    /// Counts the exposures that have ended by `now` as missed.
     pub fn end(&mut self, now: Instant) {
         self.advance(now);
         self.give_up_shot();
@@ -191,8 +195,8 @@ impl Cadence {
         self.shot = None;
     }
 
-    /// Lets frames run at another rate: a period after the last exposure, or after `arrived` where that is past
-    /// or the cadence rests. A single shot under way is that last exposure.
+    /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if that
+    /// is past or the cadence rests. A present single shot counts as the last exposure.
     pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
         self.advance(arrived);
         let before = std::mem::replace(&mut self.period, period(rate_hz));
@@ -213,7 +217,8 @@ impl Cadence {
         };
     }
 
-    /// One frame whose exposure starts at `arrived`, then none until a rate is set; the exposure is brought into [`EXPOSURE_S`].
+    /// Exposes one frame from `arrived` on, then none until a rate is set. The exposure time is
+    /// clamped to [`EXPOSURE_S`].
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.advance(arrived);
         self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
@@ -233,7 +238,7 @@ impl Cadence {
         due.map_or(RESTING, |due| due.saturating_duration_since(now))
     }
 
-    /// If an exposure has ended: its middle in the scene's time, when it ended, and when its frame is late.
+    /// Takes the exposure that has ended, if there is one.
     pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Due> {
         self.zero?;
         self.advance(now);
@@ -250,8 +255,8 @@ impl Cadence {
         })
     }
 
-    /// Ends the exposures whose end has come by `now`. One of them waits for its frame: a single shot before
-    /// all, else the newest. The others are missed.
+    /// Ends the exposures that end by `now`. One of them waits for its frame: a single shot first,
+    /// else the newest. The others are missed.
     pub fn advance(&mut self, now: Instant) {
         let Some(end) = self.next.filter(|end| *end <= now) else {
             return;
@@ -274,7 +279,8 @@ fn period(rate_hz: f64) -> Duration {
     Duration::from_secs_f64(1.0 / nearest(rate_hz, RATE_HZ))
 }
 
-/// This machine's time at an instant: for all clocks that ask within some seconds the same, to the nanosecond.
+/// This machine's time at an instant. All clocks that read within some seconds agree to the
+/// nanosecond.
 fn system_time(at: Instant) -> Epoch {
     static READ: Mutex<Option<(Instant, Epoch)>> = Mutex::new(None);
     const HOLDS: Duration = Duration::from_secs(10);

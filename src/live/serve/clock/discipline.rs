@@ -1,51 +1,52 @@
-//! How a clock follows the times that a client tells: they come late by what the wire takes, each by another time, and never early.
+//! Follows the client's clock by its time stamps. They arrive late by a varying transit time, and
+//! never early.
 
 use hifitime::Epoch;
 use std::collections::VecDeque;
 
-/// Times that are looked at together: the one among them that came least late counts.
+/// Number of time stamps in the window. The one with the shortest transit time counts.
 const WINDOW: usize = 16;
-/// The share of what is found that each time told corrects: a single one that is wrong moves little.
+/// Share of the found offset that each time stamp corrects.
 const GAIN: f64 = 0.25;
-/// What is off by more than this has not come late: the client's clock has been set, or the time is wrong, s.
+/// A larger offset is no transit time: the client's clock was stepped, or the stamp is wrong, s.
 const JUMP_S: f64 = 0.25;
-/// Times are off alike that differ by no more than this, s.
+/// Offsets that differ by no more than this are alike, s.
 const ALIKE_S: f64 = 0.1;
-/// It has been set where all that it tells for so long is off alike, s.
+/// A step is accepted after offsets have been alike for this long, s.
 pub const SURE_S: f64 = 0.25;
 
-/// What is known of the client's clock.
+/// Estimate of the client's clock.
 #[derive(Debug, Default)]
 pub(super) struct Discipline {
-    /// What the client's clock was ahead of ours as it was first heard, of the latest times told, s.
+    /// Latest offsets: the client's time minus the undisciplined scene time, s.
     ahead: VecDeque<f64>,
-    /// What has been corrected so far, jumps included, s.
+    /// Sum of all corrections, steps included, s.
     offset_s: f64,
-    /// The first time of those that are off alike: by how much, s, and when.
+    /// The first of the offsets that are alike, s, and when.
     doubted: Option<(f64, Epoch)>,
 }
 
-/// What is to be done about a time that was told.
+/// What follows from a time stamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Correction {
-    /// The scene's time is set ahead by so much, s.
+    /// Advance the scene time by this much, s.
     Slew(f64),
-    /// It is off by so much (s): late or wrong, or the first of a clock that was set.
+    /// It is off by this much, s: late, wrong, or the first after a clock step.
     Doubt(f64),
-    /// The client's clock has jumped: its time is the scene's from here on.
+    /// The client's clock was stepped: its time becomes the scene time.
     Jump,
 }
 
-/// Whether a time that is told when it is `own` has not just come late: the client's clock has been set, or the time is wrong.
-pub(super) fn is_set(told: Epoch, own: Epoch) -> bool {
-    (told - own).to_seconds().abs() > JUMP_S
+/// Whether the offset is too large for a transit time: a clock step, or a wrong time stamp.
+pub(super) fn is_set(stamp: Epoch, own: Epoch) -> bool {
+    (stamp - own).to_seconds().abs() > JUMP_S
 }
 
 impl Discipline {
-    /// A time was told when the scene's was `own`.
-    pub fn hear(&mut self, told: Epoch, own: Epoch) -> Correction {
-        let ahead_s = (told - own).to_seconds();
-        if is_set(told, own) {
+    /// Evaluates a time stamp that arrived at scene time `own`.
+    pub fn observe(&mut self, stamp: Epoch, own: Epoch) -> Correction {
+        let ahead_s = (stamp - own).to_seconds();
+        if is_set(stamp, own) {
             let alike = self
                 .doubted
                 .filter(|(first_s, _)| (ahead_s - first_s).abs() <= ALIKE_S);
@@ -70,7 +71,7 @@ impl Discipline {
         Correction::Slew(by_s)
     }
 
-    /// What the client's clock is ahead of ours, s, counted from when it was first heard.
+    /// Client's clock minus this machine's, s, relative to the first observation.
     pub fn offset_s(&self) -> f64 {
         self.offset_s
     }
@@ -92,7 +93,7 @@ mod tests {
             let late_s = wire_s * (f64::from(n) * 0.618_033_988_75).fract();
             let told = start + seconds(sent_s * (1.0 + drift));
             let own = start + seconds(sent_s + late_s + offset_s);
-            match discipline.hear(told, own) {
+            match discipline.observe(told, own) {
                 Correction::Slew(by_s) => offset_s += by_s,
                 other => panic!("{other:?}"),
             }
@@ -121,13 +122,16 @@ mod tests {
             for n in 0..4 {
                 let now = own + seconds(0.08 * f64::from(n));
                 // X-Val: 0, 80, 160 and 240 ms: not sure yet.
-                let told = discipline.hear(now + seconds(by_s), now);
+                let told = discipline.observe(now + seconds(by_s), now);
                 assert!(
                     matches!(told, Correction::Doubt(ahead_s) if (ahead_s - by_s).abs() < 1e-6)
                 );
             }
             let now = own + seconds(0.26);
-            assert_eq!(discipline.hear(now + seconds(by_s), now), Correction::Jump);
+            assert_eq!(
+                discipline.observe(now + seconds(by_s), now),
+                Correction::Jump
+            );
         }
         assert!(discipline.offset_s().abs() < 1e-6);
     }
@@ -136,7 +140,7 @@ mod tests {
     fn what_comes_late_or_is_wrong_is_no_jump() {
         let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
         let hear = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
-            discipline.hear(start + seconds(told_s), start + seconds(own_s))
+            discipline.observe(start + seconds(told_s), start + seconds(own_s))
         };
         // Every second one 0.3 s late; a burst of half a second's times at once; wrong ones, each by another time.
         let mut discipline = Discipline::default();

@@ -1,10 +1,11 @@
-//! By the camera's cadence, or at triggers: in this machine's time, or in that which the client's attitudes and triggers
-//! tell.
+//! Exposures at the camera's cadence or at triggers, in this machine's time or the client's.
 
+use super::cadence::Cadence;
 use super::discipline::{Correction, Discipline, is_set};
-use super::{Asked, Cadence, Clock, Due, Heard, MAX_WAITING, Sync, full};
-use crate::serve::Latched;
-use crate::serve::receive::Refusal;
+use super::due::{Due, MAX_WAITING, Sync, TimeCheck, TriggerRequest, full, no_triggers};
+use super::exposure_clock::ExposureClock;
+use crate::serve::history::Latched;
+use crate::serve::refusal::Refusal;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::{Mode, SyncState};
@@ -12,26 +13,27 @@ use skyloop_render::camera::Camera;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How far ahead of the client's time a Trigger may ask, s: one further ahead would occupy a place for nothing.
+/// How far ahead of the client's time a Trigger may start, s. One further ahead would block the queue.
 const MAX_AHEAD_S: f64 = 86_400.0;
 
 /// Exposures at a cadence or at triggers.
 pub(super) struct Paced {
     cadence: Cadence,
-    /// How the client's time is followed; none by this machine's clock, from the first attitude on.
+    /// How the client's time is followed; none: this machine's clock, from the first attitude on.
     follows: Option<Follows>,
-    /// Triggers that wait for the end of their exposures, the first to end first; none where they ask for nothing.
-    triggers: Option<Vec<Asked>>,
-    /// The scene's time that a pause has stopped, or the latest that was told since.
-    stood: Option<Epoch>,
+    /// Triggers that wait for the end of their exposures, sorted by it; none: frames follow the
+    /// cadence.
+    triggers: Option<Vec<TriggerRequest>>,
+    /// Scene time at which a pause stopped, or the latest time stamp since.
+    paused_at: Option<Epoch>,
 }
 
 /// The client's clock.
 struct Follows {
     discipline: Discipline,
-    /// When its time was last heard.
+    /// Arrival of its last consistent time stamp.
     heard: Option<Instant>,
-    /// After this silence it is no longer followed.
+    /// Silence after which the state is holdover.
     holdover: Duration,
 }
 
@@ -42,49 +44,50 @@ impl Paced {
             cadence,
             follows: None,
             triggers: None,
-            stood: None,
+            paused_at: None,
         }
     }
 
-    /// By the client's clock; `packets`: triggers ask for frames.
-    pub fn external(cadence: Cadence, packets: bool, holdover: Duration) -> Paced {
+    /// By the client's clock; `by_trigger`: triggers request frames.
+    pub fn external(cadence: Cadence, by_trigger: bool, holdover: Duration) -> Paced {
         Paced {
             follows: Some(Follows {
                 discipline: Discipline::default(),
                 heard: None,
                 holdover,
             }),
-            triggers: packets.then(Vec::new),
+            triggers: by_trigger.then(Vec::new),
             ..Paced::wall(cadence)
         }
     }
 
-    /// Since a pause any time may be told. Where it lies before the one that stood still, triggers of that would wait
-    /// for it to come again.
-    fn told_anew(&mut self, told: Epoch) -> Heard {
-        let before = self.stood.filter(|stood| told < *stood);
-        let is_set_back = before.is_some_and(|stood| is_set(told, stood));
+    /// After a pause any time is accepted. If it is before the paused time, waiting triggers would
+    /// wait until that time comes again.
+    fn first_after_pause(&mut self, time: Epoch) -> TimeCheck {
+        let before = self.paused_at.filter(|paused| time < *paused);
+        let is_set_back = before.is_some_and(|paused| is_set(time, paused));
         let waits = self.triggers.as_ref().is_some_and(|all| !all.is_empty());
         if is_set_back && waits {
-            self.stood = Some(told);
-            return Heard::Jumped;
+            self.paused_at = Some(time);
+            return TimeCheck::Jumped;
         }
-        self.stood = before.or(Some(told));
-        Heard::Fits
+        self.paused_at = before.or(Some(time));
+        TimeCheck::Consistent
     }
 
-    /// When the exposure of a trigger has ended.
-    fn end_of(&self, asked: &Asked) -> Option<Instant> {
-        let end = asked.start + seconds(asked.camera.exposure_s);
+    /// When the exposure of a trigger ends.
+    fn end_of(&self, request: &TriggerRequest) -> Option<Instant> {
+        let end = request.start + seconds(request.camera.exposure_s);
         self.cadence.instant_of(end)
     }
 }
 
-impl Clock for Paced {
+impl ExposureClock for Paced {
     fn mode(&self) -> Mode {
-        match self.follows {
-            Some(_) => Mode::External,
-            None => Mode::Wall,
+        if self.follows.is_some() {
+            Mode::External
+        } else {
+            Mode::Wall
         }
     }
 
@@ -98,55 +101,55 @@ impl Clock for Paced {
         }
     }
 
-    fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
+    fn observe_time(&mut self, time: Epoch, arrived: Instant) -> TimeCheck {
         let Some(follows) = &mut self.follows else {
-            return Heard::Fits;
+            return TimeCheck::Consistent;
         };
         let own = self.cadence.scene_at(arrived);
         let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
             follows.discipline = Discipline::default();
             follows.heard = Some(arrived);
-            self.cadence.start(told, arrived);
-            return self.told_anew(told);
+            self.cadence.start(time, arrived);
+            return self.first_after_pause(time);
         };
-        match follows.discipline.hear(told, own) {
+        match follows.discipline.observe(time, own) {
             Correction::Slew(ahead_s) => {
                 follows.heard = Some(arrived);
                 self.cadence.set_ahead(ahead_s);
-                Heard::Fits
+                TimeCheck::Consistent
             }
-            Correction::Doubt(ahead_s) => Heard::Doubted(ahead_s),
+            Correction::Doubt(ahead_s) => TimeCheck::Doubtful(ahead_s),
             Correction::Jump => {
                 follows.heard = Some(arrived);
-                self.cadence.start(told, arrived);
-                Heard::Jumped
+                self.cadence.start(time, arrived);
+                TimeCheck::Jumped
             }
         }
     }
 
-    fn forget(&mut self) -> u32 {
+    fn drop_requests(&mut self) -> u32 {
         let waiting = self.triggers.as_mut();
         waiting.map_or(0, |waiting| waiting.drain(..).count() as u32)
     }
 
-    fn triggered(&mut self, asked: Asked) -> Result<(), Refusal> {
+    fn triggered(&mut self, request: TriggerRequest) -> Result<(), Refusal> {
         let Some(waiting) = &mut self.triggers else {
-            return Err(super::no_triggers());
+            return Err(no_triggers());
         };
         if waiting.len() >= MAX_WAITING {
             return Err(full("triggers"));
         }
-        let now = self.cadence.scene_at(asked.arrived);
-        let ahead_s = now.map_or(0.0, |now| (asked.start - now).to_seconds());
+        let now = self.cadence.scene_at(request.arrived);
+        let ahead_s = now.map_or(0.0, |now| (request.start - now).to_seconds());
         if ahead_s > MAX_AHEAD_S {
             return Err(Refusal::value(format!(
                 "Trigger.start: {ahead_s:.0} s ahead of the client's clock, at most {MAX_AHEAD_S} s; send it nearer to its time"
             )));
         }
-        let ends = |asked: &Asked| asked.start + seconds(asked.camera.exposure_s);
-        let end = ends(&asked);
+        let ends = |request: &TriggerRequest| request.start + seconds(request.camera.exposure_s);
+        let end = ends(&request);
         let at = waiting.partition_point(|other| ends(other) <= end);
-        waiting.insert(at, asked);
+        waiting.insert(at, request);
         Ok(())
     }
 
@@ -166,17 +169,17 @@ impl Clock for Paced {
         };
         let first = waiting.first()?;
         let end = self.end_of(first).filter(|end| *end <= now)?;
-        // A trigger that comes after the end of its exposure could be answered from then on.
+        // A trigger may arrive after the end of its exposure.
         let end = end.max(first.arrived);
         let latency = self.cadence.latency();
-        let asked = self.triggers.as_mut()?.remove(0);
+        let request = self.triggers.as_mut()?.remove(0);
         Some(Due {
-            mid: asked.start + seconds(asked.camera.exposure_s / 2.0),
+            mid: request.start + seconds(request.camera.exposure_s / 2.0),
             end,
             deadline: Some(end + latency),
-            trigger: asked.number,
+            trigger: request.number,
             latched: None,
-            camera: Some(asked.camera),
+            camera: Some(request.camera),
         })
     }
 
@@ -184,14 +187,15 @@ impl Clock for Paced {
         if self.triggers.is_none() {
             self.cadence.end(now);
         }
-        self.forget()
+        self.drop_requests()
     }
 
     fn missed(&self) -> u32 {
-        // Where triggers ask for frames the cadence tells the time, and no exposures are due by it.
-        match self.triggers {
-            None => self.cadence.missed,
-            Some(_) => 0,
+        // With triggers the cadence only keeps the time.
+        if self.triggers.is_some() {
+            0
+        } else {
+            self.cadence.missed
         }
     }
 
@@ -201,7 +205,7 @@ impl Clock for Paced {
 
     fn pause(&mut self, now: Instant) {
         self.cadence.pause(now);
-        self.stood = self.cadence.scene_at(now);
+        self.paused_at = self.cadence.scene_at(now);
     }
 
     fn is_paused(&self) -> bool {
@@ -211,15 +215,15 @@ impl Clock for Paced {
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
         // Their latency does not include the pause.
-        for asked in self.triggers.iter_mut().flatten() {
-            asked.arrived = asked.arrived.max(now);
+        for request in self.triggers.iter_mut().flatten() {
+            request.arrived = request.arrived.max(now);
         }
     }
 
-    fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
+    fn restart(&mut self, rate_hz: f64, now: Instant) -> u32 {
         let waited = self.end(now);
         self.cadence.clear(rate_hz, now);
-        self.stood = None;
+        self.paused_at = None;
         if let Some(follows) = &mut self.follows {
             (follows.discipline, follows.heard) = (Discipline::default(), None);
         }
@@ -249,14 +253,14 @@ mod tests {
 
     const RATE_HZ: f64 = 20.0;
     const EXPOSURE_S: f64 = 0.01;
-    /// Between two times that the client tells.
+    /// Interval of the client's time stamps.
     const TICK_S: f64 = 0.02;
 
     fn scene() -> Epoch {
         Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0)
     }
 
-    /// The emulator's side of a flight, at instants that are made up: no test depends on when it runs.
+    /// The emulator's side of a flight, at computed instants: no test depends on real time.
     struct Flight {
         clock: Paced,
         camera: Camera,
@@ -288,13 +292,16 @@ mod tests {
             self.clock.sync(self.now())
         }
 
-        /// For so long the client tells what `time_s` says of each moment, if anything, both in s.
-        fn fly(&mut self, length_s: f64, time_s: impl Fn(f64) -> Option<f64>) -> Vec<Heard> {
+        /// For `length_s` the client sends `time_s` of each moment, if there is one.
+        fn fly(&mut self, length_s: f64, time_s: impl Fn(f64) -> Option<f64>) -> Vec<TimeCheck> {
             let mut heard = Vec::new();
             for _ in 0..(length_s / TICK_S).round() as u32 {
                 self.now_s += TICK_S;
                 if let Some(time_s) = time_s(self.now_s) {
-                    heard.push(self.clock.hear(scene() + seconds(time_s), self.now()));
+                    heard.push(
+                        self.clock
+                            .observe_time(scene() + seconds(time_s), self.now()),
+                    );
                 }
                 while let Some(due) = self.clock.take_due(&self.camera, self.now()) {
                     let end = due.mid + seconds(EXPOSURE_S / 2.0);
@@ -331,7 +338,7 @@ mod tests {
         assert_eq!(flight.ends.len(), 0);
         flight.fly(5.0, |s| Some(s - 1.02));
         assert_eq!(flight.sync().state, SyncState::Locked);
-        // X-Val: 4.98 s after the first time told, at 20 Hz.
+        // X-Val: 4.98 s after the first time stamp, at 20 Hz.
         assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 99);
         flight.fly(2.0, |_| None);
         assert_eq!(flight.sync().state, SyncState::Holdover);
@@ -350,7 +357,7 @@ mod tests {
             let late_s = |s: f64| 0.004 * (s / TICK_S * 0.618_033_988_75).fract();
             flight.fly(TICK_S, |_| Some(0.0));
             flight.fly(10.0, |s| Some(time_s(s - late_s(s))));
-            // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each time told corrects a quarter of what is left (3 ticks' drift).
+            // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each time stamp corrects a quarter of what is left (3 ticks' drift).
             let off_s = 0.005 + 0.4 * (pace - 1.0_f64).abs();
             let count = flight.on_the_grid(0.0, time_s, off_s);
             let due = (10.0 * pace * RATE_HZ).floor() as usize;
@@ -368,12 +375,19 @@ mod tests {
         for (hours, before_s) in [(1.0, 0.0), (-1.0, 3600.0)] {
             let time_s = |s: f64| s - TICK_S + before_s + hours * 3600.0;
             let heard = flight.fly(0.4, |s| Some(time_s(s)));
-            let jump = heard.iter().position(|one| *one == Heard::Jumped).unwrap();
+            let jump = heard
+                .iter()
+                .position(|one| *one == TimeCheck::Jumped)
+                .unwrap();
             // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th tick of 20 ms, which is the first after 0.26 s.
             assert_eq!(jump, 13);
             let mut before = heard[..jump].iter();
-            assert!(before.all(|one| matches!(one, Heard::Doubted(_))));
-            assert!(heard[jump + 1..].iter().all(|one| *one == Heard::Fits));
+            assert!(before.all(|one| matches!(one, TimeCheck::Doubtful(_))));
+            assert!(
+                heard[jump + 1..]
+                    .iter()
+                    .all(|one| *one == TimeCheck::Consistent)
+            );
             let zero_s = time_s(flight.now_s - 0.4 + 14.0 * TICK_S);
             // Those before it are of the other time, but for one on the seam.
             let is_after = |end_s: f64| (1e-3..1000.0).contains(&(end_s - zero_s));
@@ -387,7 +401,7 @@ mod tests {
         }
     }
 
-    /// Who tells nothing but nonsense is not followed, and that shows.
+    /// Inconsistent time stamps lead to holdover.
     #[test]
     fn times_that_are_all_doubted_lead_to_holdover() {
         let mut flight = Flight::begin();
@@ -395,7 +409,11 @@ mod tests {
         assert_eq!(flight.sync().state, SyncState::Locked);
         // Each is off by another hour.
         let heard = flight.fly(2.0, |s| Some(s + 3600.0 * (s / TICK_S).round()));
-        assert!(heard.iter().all(|one| matches!(one, Heard::Doubted(_))));
+        assert!(
+            heard
+                .iter()
+                .all(|one| matches!(one, TimeCheck::Doubtful(_)))
+        );
         assert_eq!(flight.sync().state, SyncState::Holdover);
         flight.fly(0.5, Some);
         assert_eq!(flight.sync().state, SyncState::Locked);

@@ -1,8 +1,10 @@
-//! In step: each attitude, or each trigger, gives its frame, as fast as that can be made.
+//! Stepped: each attitude, or each trigger, gives one frame, as fast as it can be rendered.
 
-use super::{Asked, Cadence, Clock, Due, MAX_WAITING, full};
-use crate::serve::Latched;
-use crate::serve::receive::Refusal;
+use super::cadence::Cadence;
+use super::due::{Due, MAX_WAITING, TriggerRequest, full, no_triggers};
+use super::exposure_clock::ExposureClock;
+use crate::serve::history::Latched;
+use crate::serve::refusal::Refusal;
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::Mode;
 use skyloop_render::camera::Camera;
@@ -10,26 +12,25 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Exposures in the order in which they were asked for.
+/// Exposures in the order of their requests.
 pub(super) struct Stepped {
-    /// Whether triggers ask for frames, and not attitudes.
-    packets: bool,
+    /// Whether triggers request frames, and not attitudes.
+    by_trigger: bool,
     waiting: VecDeque<Due>,
-    /// Whether all wait until that is over.
     paused: bool,
 }
 
 impl Stepped {
-    pub fn new(packets: bool) -> Stepped {
+    pub fn new(by_trigger: bool) -> Stepped {
         Stepped {
-            packets,
+            by_trigger,
             waiting: VecDeque::new(),
             paused: false,
         }
     }
 }
 
-impl Clock for Stepped {
+impl ExposureClock for Stepped {
     fn mode(&self) -> Mode {
         Mode::Stepped
     }
@@ -38,12 +39,16 @@ impl Clock for Stepped {
         None
     }
 
-    fn asks(&self) -> &'static str {
-        if self.packets { "Trigger" } else { "Attitude" }
+    fn requested_by(&self) -> &'static str {
+        if self.by_trigger {
+            "Trigger"
+        } else {
+            "Attitude"
+        }
     }
 
     fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>) {
-        if self.packets {
+        if self.by_trigger {
             return;
         }
         self.waiting.push_back(Due {
@@ -56,26 +61,26 @@ impl Clock for Stepped {
         });
     }
 
-    fn triggered(&mut self, asked: Asked) -> Result<(), Refusal> {
-        if !self.packets {
-            return Err(super::no_triggers());
+    fn triggered(&mut self, request: TriggerRequest) -> Result<(), Refusal> {
+        if !self.by_trigger {
+            return Err(no_triggers());
         }
         if self.waiting.len() >= MAX_WAITING {
             return Err(full("triggers"));
         }
         self.waiting.push_back(Due {
-            mid: asked.start + seconds(asked.camera.exposure_s / 2.0),
-            end: asked.arrived,
+            mid: request.start + seconds(request.camera.exposure_s / 2.0),
+            end: request.arrived,
             deadline: None,
-            trigger: asked.number,
+            trigger: request.number,
             latched: None,
-            camera: Some(asked.camera),
+            camera: Some(request.camera),
         });
         Ok(())
     }
 
     fn is_full(&self) -> bool {
-        !self.packets && self.waiting.len() >= MAX_WAITING
+        !self.by_trigger && self.waiting.len() >= MAX_WAITING
     }
 
     fn until_due(&self, _: Instant) -> Option<Duration> {
@@ -103,13 +108,13 @@ impl Clock for Stepped {
 
     fn resume(&mut self, now: Instant) {
         self.paused = false;
-        // They have waited for this, and for nothing of ours.
+        // Their latency does not include the pause.
         for due in &mut self.waiting {
             due.end = due.end.max(now);
         }
     }
 
-    fn clear(&mut self, _: f64, now: Instant) -> u32 {
+    fn restart(&mut self, _: f64, now: Instant) -> u32 {
         self.paused = false;
         self.end(now)
     }

@@ -1,4 +1,4 @@
-//! Pixels as the wire has them.
+//! Pixel values in the format of the wire.
 
 use skyloop_orbit::sgp4_batch::Level;
 use skyloop_protocols::pixels::{pack, packed_length};
@@ -15,7 +15,7 @@ pub(super) fn packed(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Resul
         kernels::pack_12(Some(Level::best()), pixels, data);
         return Ok(());
     }
-    // Of two octets a pixel, or an error that it tells.
+    // Two bytes a pixel, or an error.
     pack(packing, pixels, data)
 }
 
@@ -40,7 +40,7 @@ mod tests {
                 let length = packed_length(packing, pixels.len());
                 let [plain, fast] = both(packing, &pixels, length);
                 assert!(plain == fast && plain.0.is_ok(), "{packing:?} {count}");
-                // Too little room is told alike.
+                // Both report a wrong length.
                 let [plain, fast] = both(packing, &pixels, length + 1);
                 assert!(plain == fast && plain.0.is_err(), "{packing:?} {count}");
             }

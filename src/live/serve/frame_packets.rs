@@ -1,8 +1,9 @@
-//! A shot cut into the packets that a client asked for.
+//! A frame divided into the packets that its client has selected.
 
-use super::packed::packed;
-use super::picture::Picture;
+use super::frame_job::FrameJob;
+use super::pack::packed;
 use super::select::{brightest_objects, windows};
+use hifitime::Epoch;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_link::Roles;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
@@ -16,136 +17,119 @@ use skyloop_protocols::{
     ObjectPart, Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime,
     rice,
 };
+use skyloop_render::engine::Opening;
 use std::borrow::Cow;
 use std::iter::once;
 use std::time::{Duration, Instant};
 
-/// The packets of one frame, one after the other. What the pixels themselves decide (windows, compressed blocks, object records) is worked out as the
-/// frame is opened, which then waits for all of it; all pixels and label text open it as soon as the label is done.
-pub(super) struct Cut {
+/// The packets of one frame, in order. Windows, compressed blocks and object records depend on the pixels,
+/// so they need the whole frame; plain pixels and label text need the label alone.
+pub(super) struct FramePackets {
     header: FrameHeader,
-    /// Of all its packets.
+    /// Time stamp of all its packets.
     pub time: WireTime,
     /// First pixel of each window.
     windows: Vec<[u16; 2]>,
     /// First pixel, number of pixels and code of each compressed block.
     compressed: Vec<(u32, u16, Vec<u8>)>,
-    /// Octets of the object records.
+    /// Encoded object records.
     records: Vec<u8>,
-    /// Packets that have been given.
-    given: u32,
+    /// Number of packets that were encoded.
+    encoded: u32,
 }
 
 /// The next packet.
 pub(super) enum Next<T> {
-    /// As it was encoded.
+    /// Result of the encoder.
     Packet(Result<T, EncodeError>),
-    /// What it holds is not there yet.
+    /// Its content is not rendered yet.
     NotYet,
-    /// All have been given.
+    /// All packets were encoded.
     Over,
 }
 
-impl Cut {
-    /// Of `picture`, what `output` asks for and `roles` allow; none while too little of it is known, or why there are no words for it.
+impl FramePackets {
+    /// The packets of a frame, by what `output` selects and `roles` allow; none while too little of it is
+    /// rendered. Errors: the protocol cannot represent it.
     pub fn open(
-        picture: &Picture,
+        job: &FrameJob,
         output: &Output,
         positions: Option<&Positions>,
         roles: Roles,
-    ) -> Result<Option<Cut>, String> {
-        let Some(opening) = &picture.opening else {
+    ) -> Result<Option<FramePackets>, String> {
+        let Some(opening) = &job.opening else {
             return Ok(None);
         };
-        let pixel_level = match roles.pixels {
-            true => output.pixels,
-            false => PixelLevel::None,
+        let output = Output {
+            pixels: if roles.pixels {
+                output.pixels
+            } else {
+                PixelLevel::None
+            },
+            labels: if roles.labels {
+                output.labels
+            } else {
+                LabelLevel::None
+            },
+            ..*output
         };
-        let label_level = match roles.labels {
-            true => output.labels,
-            false => LabelLevel::None,
-        };
-        let decided = matches!(pixel_level, PixelLevel::None | PixelLevel::Frame)
-            && label_level != LabelLevel::Objects;
-        let shot = picture.shot.as_deref();
-        if shot.is_none() && !decided {
+        let (pixels, labels) = (output.pixels, output.labels);
+        let needs_shot = matches!(pixels, PixelLevel::Windows | PixelLevel::Compressed)
+            || labels == LabelLevel::Objects;
+        let shot = job.shot.as_deref().filter(|_| needs_shot);
+        if needs_shot && shot.is_none() {
             return Ok(None);
         }
         let detector = &opening.camera.detector;
-        let instant = |epoch| to_wire(epoch).ok_or("a time beyond the time code");
         let (width, height) = (detector.width as u16, detector.height as u16);
-        let packing = Packing::for_bits(detector.bits);
         let size = u16::from(output.window_size).min(width).min(height) as u8;
-        let windows = match (pixel_level, shot) {
-            (PixelLevel::Windows, Some(shot)) => windows(shot, size, output.windows, positions),
-            _ => Vec::new(),
-        };
-        let compressed = match (pixel_level, shot) {
-            (PixelLevel::Compressed, Some(shot)) => compress(&shot.frame.digits, detector.bits),
-            _ => Vec::new(),
-        };
-        let records = match (label_level, shot) {
-            (LabelLevel::Objects, Some(shot)) => brightest_objects(shot, output.objects),
-            _ => Vec::new(),
-        };
-        let objects = (records.len() / OBJECT_LENGTH) as u16;
-        let (label_bytes, parts) = match label_level {
-            LabelLevel::None => (0, Some(0)),
-            LabelLevel::Objects => (records.len(), Some(object_parts(objects))),
-            LabelLevel::Text => {
-                let octets = picture.text_length().unwrap_or_default();
-                (octets, u32::try_from(octets).ok().and_then(label_parts))
+        let (mut selected, mut compressed, mut records) = (Vec::new(), Vec::new(), Vec::new());
+        if let Some(shot) = shot {
+            match pixels {
+                PixelLevel::Windows => {
+                    selected = windows(shot, size, output.windows, positions);
+                }
+                PixelLevel::Compressed => {
+                    compressed = compress(&shot.frame.digits, detector.bits);
+                }
+                PixelLevel::None | PixelLevel::Frame => {}
             }
-        };
-        let mut header = FrameHeader {
-            frame: opening.number,
-            attitude_sequence: opening.key.sequence,
-            width,
-            height,
-            bits: detector.bits,
-            packing,
-            pixel_level,
-            label_level,
-            window_size: if pixel_level == PixelLevel::Windows {
-                size
-            } else {
-                0
-            },
-            windows: windows.len() as u16,
-            blocks: compressed.len() as u32,
-            label_parts: parts.ok_or("more labels than packets can number")?,
-            label_bytes: label_bytes as u32,
-            exposure_start: instant(opening.exposure.start)?,
-            exposure_end: instant(opening.exposure.end)?,
-            seed: opening.key.seed,
-            gain_e_per_dn: detector.gain_e_per_dn,
-            offset_dn: detector.offset_dn,
-        };
-        if let Some(blocks) = header.blocks_due() {
-            header.blocks = blocks;
+            if labels == LabelLevel::Objects {
+                records = brightest_objects(shot, output.objects);
+            }
         }
-        Ok(Some(Cut {
-            time: instant(opening.exposure.mid)?,
+        let label_bytes = match labels {
+            LabelLevel::Text => job.text_length().unwrap_or_default(),
+            LabelLevel::None | LabelLevel::Objects => records.len(),
+        };
+        let mut header = header(opening, &output, label_bytes)?;
+        if pixels == PixelLevel::Windows {
+            header.window_size = size;
+        }
+        header.windows = selected.len() as u16;
+        header.blocks = compressed.len() as u32;
+        header.blocks = header.blocks_due().unwrap_or(header.blocks);
+        Ok(Some(FramePackets {
+            time: wire_time(opening.exposure.mid)?,
             header,
-            windows,
+            windows: selected,
             compressed,
             records,
-            given: 0,
+            encoded: 0,
         }))
     }
 
-    /// How many packets the frame has.
-    pub fn packets(&self) -> u32 {
+    /// Number of packets of the frame.
+    pub fn count(&self) -> u32 {
         self.header.blocks + u32::from(self.header.label_parts) + 2
     }
 
-    /// How many bytes each of its packets has.
+    /// Length of each packet in bytes.
     pub fn lengths(&self) -> impl Iterator<Item = usize> {
         let header = &self.header;
         let (packing, size) = (header.packing, header.window_size);
-        // Of so many items, with at most so many in a packet, those of one packet.
-        let share =
-            |all: usize, most: usize, place: usize| all.saturating_sub(place * most).min(most);
+        // Number of items in packet `index`, with `max` items in a full packet.
+        let share = |all: usize, max: usize, index: usize| all.saturating_sub(index * max).min(max);
         let blocks = (0..header.blocks as usize).map(move |place| match header.pixel_level {
             PixelLevel::Windows => {
                 let most = windows_per_block(packing, size);
@@ -176,63 +160,64 @@ impl Cut {
         fields.map(|fields| HEADER_LENGTH + fields + CRC_LENGTH)
     }
 
-    /// Whether all packets have been given.
+    /// Whether all packets were encoded.
     pub fn is_over(&self) -> bool {
-        self.given >= self.packets()
+        self.encoded >= self.count()
     }
 
-    /// Gives the next packet to `encode`, if what it holds is there; its link has it on its way after a `backlog`.
+    /// Passes the next packet to `encode`, if its content is rendered. The packet leaves after a
+    /// `backlog`.
     pub fn next<T>(
         &mut self,
-        picture: &Picture,
+        job: &FrameJob,
         backlog: Duration,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Next<T> {
         if self.is_over() {
             return Next::Over;
         }
-        let number = self.given;
+        let number = self.encoded;
         let packet = match number.checked_sub(1) {
             None => Some(encode(&Reply::FrameHeader(self.header))),
             Some(place) => match place.checked_sub(self.header.blocks) {
-                None => self.pixels(picture, place, encode),
-                // What follows the pixels waits until all of them are there.
-                Some(_) if picture.shot.is_none() => None,
+                None => self.pixels(job, place, encode),
+                // Labels and the end follow the complete pixels.
+                Some(_) if job.shot.is_none() => None,
                 Some(part) if part < u32::from(self.header.label_parts) => {
-                    Some(self.labels(picture, part as u16, backlog, encode))
+                    Some(self.labels(job, part as u16, backlog, encode))
                 }
                 Some(_) => Some(encode(&Reply::FrameEnd(
-                    picture.closing(Instant::now(), backlog),
+                    job.closing(Instant::now(), backlog),
                 ))),
             },
         };
         match packet {
             None => Next::NotYet,
             Some(packet) => {
-                self.given += 1;
+                self.encoded += 1;
                 Next::Packet(packet)
             }
         }
     }
 
-    /// None while its pixels are not there.
+    /// None until its pixels are rendered.
     fn pixels<T>(
         &self,
-        picture: &Picture,
+        job: &FrameJob,
         index: u32,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Option<Result<T, EncodeError>> {
         match self.header.pixel_level {
-            PixelLevel::Windows => Some(self.window_block(picture, index, encode)),
+            PixelLevel::Windows => Some(self.window_block(job, index, encode)),
             PixelLevel::Compressed => Some(self.compressed_block(index, encode)),
             _ => {
                 let packing = self.header.packing;
                 let size = pixels_per_block(packing);
                 let first = index as usize * size;
                 let end = (first + size).min(self.header.pixels() as usize);
-                let pixels = picture.digits().get(first..end)?;
-                let mut octets = [0; MAX_PACKET];
-                let data = &mut octets[..packed_length(packing, pixels.len())];
+                let pixels = job.dn().get(first..end)?;
+                let mut buffer = [0; MAX_PACKET];
+                let data = &mut buffer[..packed_length(packing, pixels.len())];
                 let block = packed(packing, pixels, data).and_then(|()| {
                     encode(&Reply::PixelBlock(PixelBlock {
                         frame: self.header.frame,
@@ -266,7 +251,7 @@ impl Cut {
 
     fn window_block<T>(
         &self,
-        picture: &Picture,
+        job: &FrameJob,
         index: u32,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
@@ -281,10 +266,10 @@ impl Cut {
             data.extend(column.to_be_bytes());
             data.extend(row.to_be_bytes());
             pixels.clear();
-            let rows = picture.digits().chunks(width).skip(usize::from(*row));
-            for digits in rows.take(side) {
-                let digits = digits.get(usize::from(*column)..).unwrap_or_default();
-                pixels.extend(digits.iter().take(side));
+            let rows = job.dn().chunks(width).skip(usize::from(*row));
+            for row in rows.take(side) {
+                let row = row.get(usize::from(*column)..).unwrap_or_default();
+                pixels.extend(row.iter().take(side));
             }
             let at = data.len();
             data.resize(at + packed_length(packing, pixels.len()), 0);
@@ -303,38 +288,72 @@ impl Cut {
 
     fn labels<'a, T>(
         &'a self,
-        picture: &'a Picture,
+        job: &'a FrameJob,
         part: u16,
         backlog: Duration,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
         let (frame, parts) = (self.header.frame, self.header.label_parts);
-        let octets = |[head, tail]: [&'a [u8]; 2], most: usize| {
-            let from = usize::from(part) * most;
-            piece(head, tail, from, most).ok_or(NO_SUCH_PACKET)
+        let piece_of = |[head, tail]: [&'a [u8]; 2], max: usize| {
+            let from = usize::from(part) * max;
+            piece(head, tail, from, max).ok_or(NO_SUCH_PACKET)
         };
         match self.header.label_level {
             LabelLevel::Objects => encode(&Reply::Objects(ObjectPart {
                 frame,
                 part,
                 parts,
-                data: &octets([&self.records, &[]], OBJECTS_PER_PART * OBJECT_LENGTH)?,
+                data: &piece_of([&self.records, &[]], OBJECTS_PER_PART * OBJECT_LENGTH)?,
             })),
             _ => {
-                let text = picture.text(Instant::now(), backlog);
+                let text = job.text(Instant::now(), backlog);
                 let text = text.ok_or(NO_SUCH_PACKET)?.map(str::as_bytes);
                 encode(&Reply::Labels(LabelPart {
                     frame,
                     part,
                     parts,
-                    text: &octets(text, LABEL_TEXT_PER_PART)?,
+                    text: &piece_of(text, LABEL_TEXT_PER_PART)?,
                 }))
             }
         }
     }
 }
 
-/// Octets of two texts, one behind the other, from one on and at most so many; none beyond their end.
+fn wire_time(epoch: Epoch) -> Result<WireTime, String> {
+    to_wire(epoch).ok_or_else(|| "a time beyond the time code".to_string())
+}
+
+/// The header of a frame, without windows and compressed blocks.
+fn header(opening: &Opening, output: &Output, label_bytes: usize) -> Result<FrameHeader, String> {
+    let detector = &opening.camera.detector;
+    let label_parts = match output.labels {
+        LabelLevel::None => Some(0),
+        LabelLevel::Objects => Some(object_parts((label_bytes / OBJECT_LENGTH) as u16)),
+        LabelLevel::Text => u32::try_from(label_bytes).ok().and_then(label_parts),
+    };
+    Ok(FrameHeader {
+        frame: opening.number,
+        attitude_sequence: opening.key.sequence,
+        width: detector.width as u16,
+        height: detector.height as u16,
+        bits: detector.bits,
+        packing: Packing::for_bits(detector.bits),
+        pixel_level: output.pixels,
+        label_level: output.labels,
+        window_size: 0,
+        windows: 0,
+        blocks: 0,
+        label_parts: label_parts.ok_or("more labels than packets can number")?,
+        label_bytes: label_bytes as u32,
+        exposure_start: wire_time(opening.exposure.start)?,
+        exposure_end: wire_time(opening.exposure.end)?,
+        seed: opening.key.seed,
+        gain_e_per_dn: detector.gain_e_per_dn,
+        offset_dn: detector.offset_dn,
+    })
+}
+
+/// At most `most` bytes of two joined texts from `from` on; none beyond their end.
 fn piece<'a>(head: &'a [u8], tail: &'a [u8], from: usize, most: usize) -> Option<Cow<'a, [u8]>> {
     let end = head.len() + tail.len();
     let to = end.min(from.checked_add(most)?);
@@ -349,25 +368,25 @@ fn piece<'a>(head: &'a [u8], tail: &'a [u8], from: usize, most: usize) -> Option
     }
 }
 
-/// The header counts its packets: none is asked for that is not there.
+/// A packet beyond the number in the header.
 const NO_SUCH_PACKET: EncodeError = EncodeError::Inconsistent {
     what: "the frame's header and the packets of its frame",
 };
 
-/// All pixels in blocks that each fit a packet: first pixel, number of pixels and code.
-fn compress(digits: &[u16], bits: u8) -> Vec<(u32, u16, Vec<u8>)> {
-    /// A block's count has 16 bits.
-    const MOST: usize = u16::MAX as usize / rice::BLOCK * rice::BLOCK;
+/// All pixels in blocks that each fit into a packet: first pixel, number of pixels and code.
+fn compress(dn: &[u16], bits: u8) -> Vec<(u32, u16, Vec<u8>)> {
+    /// The count of a block has 16 bits.
+    const MAX: usize = u16::MAX as usize / rice::BLOCK * rice::BLOCK;
     let mut blocks = Vec::new();
     let mut first = 0;
-    while first < digits.len() {
+    while first < dn.len() {
         let mut code = vec![0; COMPRESSED_DATA];
-        let some = &digits[first..digits.len().min(first + MOST)];
-        let (taken, octets) = rice::encode(some, bits, &mut code);
+        let some = &dn[first..dn.len().min(first + MAX)];
+        let (taken, bytes) = rice::encode(some, bits, &mut code);
         if taken == 0 {
-            break; // digits of more than `bits` bits, which no detector makes
+            break; // pixel values with more than `bits` bits, which no detector makes
         }
-        code.truncate(octets);
+        code.truncate(bytes);
         blocks.push((first as u32, taken as u16, code));
         first += taken;
     }

@@ -1,113 +1,125 @@
-//! What is done where a frame would be late: it comes late, it is left out, or it is rendered more coarsely. It asks no clock.
+//! Policy for frames that would be late: send them late, drop them, or render them more coarsely. It
+//! reads no clock.
 //!
-//! A frame is there when it is rendered and the device holds it no more; then it takes its way over the line. What it will take is what the last one by the same
-//! tolerances took, and what the last one took on its way. What was too slow is tried again after a few frames, and each time that it is too slow once more after twice as many:
-//! one hiccup costs little, and what never is in time is seldom tried.
+//! A frame is ready when it is rendered and the device's delay is over; then it is transmitted. Both
+//! durations are estimated by the last frame with the same tolerances. A level that was too slow is
+//! retried after a few exposures, and after each failure the interval doubles: one outlier costs little,
+//! and a level that is always too slow is rarely tried.
 
-use skyloop_config::OnOverrun;
+use skyloop_base::range::nearest;
+use skyloop_config::{Delay, OnOverrun};
+use skyloop_render::camera::RATE_HZ;
 use skyloop_render::fidelity::{Coarser, Fidelity};
 use std::time::Duration;
 
-/// After so many exposures what was too slow is tried again, the first time and at most.
-const TRIED_AGAIN: [u32; 2] = [4, 256];
+/// Exposures before a level that was too slow is retried: the first time, and at most.
+const RETRY_AFTER: [u32; 2] = [4, 256];
 
-/// The policy, and what frames take.
+/// Maximum number of frames in flight on a link: one that is sent, and the newest, which waits.
+const MAX_IN_FLIGHT: usize = 2;
+/// Maximum number of frames that the device holds in addition, by its delay.
+const MAX_HELD: usize = 16;
+
+/// The policy, and the estimates.
 #[derive(Debug)]
-pub struct Overrun {
+pub struct LatePolicy {
     policy: OnOverrun,
-    /// As it is configured first, then coarser and coarser.
+    /// The configured tolerances, then coarser and coarser ones.
     levels: Vec<Level>,
-    /// Exposures that were left out.
+    /// Number of dropped exposures.
     pub dropped: u32,
-    /// Since the last frame.
+    /// Whether exposures were dropped since the last frame.
     newly_dropped: bool,
-    /// From the moment that all of a frame could have left to its last octet's leaving.
-    way: Estimate,
+    /// From the moment when a frame is ready until its last byte has left.
+    transmission: Estimate,
+    /// Output delay of the device; 0 for the stepped clock.
+    pub delay: Delay,
 }
 
-/// Tolerances, and what a frame by them takes.
+/// Tolerances, and the render time with them.
 #[derive(Debug)]
 struct Level {
     fidelity: Fidelity,
-    takes: Estimate,
+    render: Estimate,
 }
 
 impl Level {
     fn untried(fidelity: Fidelity) -> Level {
         Level {
             fidelity,
-            takes: Estimate::default(),
+            render: Estimate::default(),
         }
     }
 }
 
-/// What something takes, by the last time that it was done.
+/// Estimate of a duration by its last measurement.
 #[derive(Debug, Default)]
 struct Estimate {
-    /// That, s; none: it was never done.
+    /// The last measurement, s; none yet.
     took_s: Option<f64>,
-    /// What it might take then, s.
+    /// The allowed duration at that time, s.
     allowed_s: f64,
     /// Exposures since then.
     since: u32,
-    /// After how many it is tried again where that is too long; 0: it was in time.
-    patience: u32,
+    /// Exposures before a retry; 0: it was in time.
+    retry_after: u32,
 }
 
 impl Estimate {
-    /// Whether it is to be tried again, whatever it took.
+    /// Whether it is measured again, however long it took.
     fn is_due(&self) -> bool {
-        self.took_s.is_none() || self.since >= self.patience.max(TRIED_AGAIN[0])
+        self.took_s.is_none() || self.since >= self.retry_after.max(RETRY_AFTER[0])
     }
 
-    /// Whether it may be done within `s`.
+    /// Whether it may take no more than `s`.
     fn fits(&self, s: f64) -> bool {
         self.is_due() || self.took_s.is_none_or(|took_s| took_s <= s)
     }
 
-    /// What it is reckoned to take, s.
-    fn reckoned_s(&self) -> f64 {
+    /// The expected duration, s.
+    fn expected_s(&self) -> f64 {
         let took_s = self.took_s.filter(|_| !self.is_due());
         took_s.unwrap_or(0.0)
     }
 
     fn learn(&mut self, took: Duration) {
-        let (took_s, [first, most]) = (took.as_secs_f64(), TRIED_AGAIN);
-        self.patience = match took_s <= self.allowed_s {
-            true => 0,
-            false => self.patience.saturating_mul(2).clamp(first, most),
+        let (took_s, [first, most]) = (took.as_secs_f64(), RETRY_AFTER);
+        self.retry_after = if took_s <= self.allowed_s {
+            0
+        } else {
+            self.retry_after.saturating_mul(2).clamp(first, most)
         };
         (self.took_s, self.since) = (Some(took_s), 0);
     }
 
-    /// An exposure goes by without it.
+    /// Counts an exposure without a measurement.
     fn pass(&mut self) {
         self.since = self.since.saturating_add(1);
     }
 }
 
-/// What is to be done with an exposure.
+/// What happens to an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Verdict {
-    /// Rendered.
-    Shoot {
-        /// By which of the levels.
+pub enum Decision {
+    /// Render it.
+    Render {
+        /// Level of tolerances.
         level: usize,
-        /// What its label says.
+        /// What its label says about lateness.
         overrun: Option<&'static str>,
     },
-    /// Left out.
+    /// Drop it.
     Drop,
 }
 
-impl Overrun {
-    /// Renders by `fidelity`, and where that would be late and so it is configured by what each of `steps` makes of what stands before it. Those that make nothing
-    /// coarser are no levels: they are told of.
+impl LatePolicy {
+    /// Renders with `fidelity`; with the policy `coarsen`, each of `steps` adds a level. Returns the steps
+    /// that are no coarser than the level before.
     pub fn new(
         policy: OnOverrun,
         fidelity: Fidelity,
         steps: &[Coarser],
-    ) -> (Overrun, Vec<Coarser>) {
+    ) -> (LatePolicy, Vec<Coarser>) {
         let steps = match policy {
             OnOverrun::Coarsen => steps,
             OnOverrun::Late | OnOverrun::Drop => &[],
@@ -116,31 +128,34 @@ impl Overrun {
         let mut levels = vec![Level::untried(fidelity)];
         for step in steps {
             let coarser = step.than(&last);
-            match coarser == last {
-                true => idle.push(*step),
-                false => levels.push(Level::untried(coarser)),
+            if coarser == last {
+                idle.push(*step);
+            } else {
+                levels.push(Level::untried(coarser));
             }
             last = coarser;
         }
-        let overrun = Overrun {
+        let policy = LatePolicy {
             policy,
             levels,
             dropped: 0,
             newly_dropped: false,
-            way: Estimate::default(),
+            transmission: Estimate::default(),
+            delay: Delay::default(),
         };
-        (overrun, idle)
+        (policy, idle)
     }
 
-    /// What is to be done with an exposure whose frame is late after this time, none: never, and leaves the device no sooner than when it is `held` no more.
-    pub fn decide(&mut self, spare: Option<Duration>, held: Duration) -> Verdict {
+    /// Decides about an exposure. Its frame is late after `spare` (none: never) and leaves the device no
+    /// earlier than after `held`.
+    pub fn decide(&mut self, spare: Option<Duration>, held: Duration) -> Decision {
         let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
-            return self.shoot(0, None);
+            return self.render(0, None);
         };
         let held_s = held.as_secs_f64();
-        let ready_s = spare_s - self.way.reckoned_s();
+        let ready_s = spare_s - self.transmission.expected_s();
         let is_held_too_long = held_s > ready_s.max(0.0);
-        let in_time = |level: &Level| !is_held_too_long && level.takes.fits(ready_s);
+        let in_time = |level: &Level| !is_held_too_long && level.render.fits(ready_s);
         let (level, overrun) = match (self.levels.iter().position(in_time), self.policy) {
             (Some(0), _) => (0, None),
             (Some(level), _) => (level, Some("coarsen")),
@@ -148,47 +163,47 @@ impl Overrun {
                 self.pass(None);
                 self.dropped = self.dropped.wrapping_add(1);
                 self.newly_dropped = true;
-                return Verdict::Drop;
+                return Decision::Drop;
             }
             (None, OnOverrun::Late | OnOverrun::Coarsen) => {
-                // What is held anyway need not be coarser than there is time for meanwhile.
+                // A frame that is held need not be coarser than the time until its release allows.
                 let last = self.levels.len().saturating_sub(1);
-                let is_held = |level: &Level| level.takes.fits(held_s);
+                let is_held = |level: &Level| level.render.fits(held_s);
                 let held = self.levels.iter().position(is_held);
                 let level = held.filter(|_| is_held_too_long).unwrap_or(last);
                 (level, Some("late"))
             }
         };
-        if let Some(Level { takes, .. }) = self.levels.get_mut(level) {
-            takes.allowed_s = ready_s.max(held_s);
-            self.way.allowed_s = spare_s - takes.reckoned_s().max(held_s);
+        if let Some(Level { render, .. }) = self.levels.get_mut(level) {
+            render.allowed_s = ready_s.max(held_s);
+            self.transmission.allowed_s = spare_s - render.expected_s().max(held_s);
         }
-        self.shoot(level, overrun)
+        self.render(level, overrun)
     }
 
-    fn shoot(&mut self, level: usize, overrun: Option<&'static str>) -> Verdict {
+    fn render(&mut self, level: usize, overrun: Option<&'static str>) -> Decision {
         self.pass(Some(level));
         let dropped = std::mem::take(&mut self.newly_dropped).then_some("drop");
-        Verdict::Shoot {
+        Decision::Render {
             level,
             overrun: overrun.or(dropped),
         }
     }
 
-    /// An exposure goes by without all but a level, which is about to be renewed.
-    fn pass(&mut self, renewed: Option<usize>) {
+    /// Counts an exposure for all levels but the one that is measured.
+    fn pass(&mut self, measured: Option<usize>) {
         let others = self.levels.iter_mut().enumerate();
-        for (_, level) in others.filter(|(i, _)| Some(*i) != renewed) {
-            level.takes.pass();
+        for (_, level) in others.filter(|(i, _)| Some(*i) != measured) {
+            level.render.pass();
         }
-        // Frames that are made renew it, sooner or later.
-        if renewed.is_none() {
-            self.way.pass();
+        // Each rendered frame measures it.
+        if measured.is_none() {
+            self.transmission.pass();
         }
     }
 
-    /// Whether exposures are left out whose frames would be late.
-    pub fn leaves_out(&self) -> bool {
+    /// Whether late frames are dropped.
+    pub fn drops(&self) -> bool {
         self.policy == OnOverrun::Drop
     }
 
@@ -203,16 +218,55 @@ impl Overrun {
         coarser.map(|level| level.fidelity).collect()
     }
 
-    /// A frame took so long to leave, once all of it could.
-    pub fn learn_way(&mut self, took: Duration) {
-        self.way.learn(took);
+    /// Measures the transmission of a frame.
+    pub fn learn_transmission(&mut self, took: Duration) {
+        self.transmission.learn(took);
     }
 
-    /// A frame by a level took so long.
+    /// Measures the rendering of a frame.
     pub fn learn(&mut self, level: usize, took: Duration) {
         if let Some(level) = self.levels.get_mut(level) {
-            level.takes.learn(took);
+            level.render.learn(took);
         }
+    }
+
+    /// Why no frame leaves before its deadline, `latency_s` after the end of its exposure, because the
+    /// device holds each of them longer.
+    pub fn never_in_time(&self, latency_s: f64) -> Option<String> {
+        let delay_s = self.delay.delay_s;
+        let dropped = if self.drops() {
+            ", so that run.on_overrun = \"drop\" leaves all of them out"
+        } else {
+            ""
+        };
+        (delay_s >= latency_s).then(|| {
+            format!(
+                "run.delay_s = {delay_s}: no frame leaves before its deadline, {latency_s} s after its exposure's end{dropped}"
+            )
+        })
+    }
+
+    /// Number of frames that the device holds at a rate, by its delay.
+    fn held(&self, rate_hz: f64) -> f64 {
+        (self.delay.delay_s + self.delay.jitter_s) * nearest(rate_hz, RATE_HZ)
+    }
+
+    /// Errors: the device holds more than [`MAX_HELD`] frames at this rate.
+    pub fn check_held(&self, rate_hz: f64) -> Result<(), String> {
+        let held = self.held(rate_hz);
+        if held <= MAX_HELD as f64 {
+            return Ok(());
+        }
+        Err(format!(
+            "run.delay_s and run.jitter_s: {} s at {rate_hz} Hz hold back {held:.0} frames: at most {MAX_HELD}; shorten them",
+            self.delay.delay_s + self.delay.jitter_s
+        ))
+    }
+
+    /// Maximum number of frames in flight on a link, at a rate; none: Triggers come at any rate.
+    pub fn max_in_flight(&self, rate_hz: Option<f64>) -> usize {
+        let held = rate_hz.map_or(MAX_HELD, |rate_hz| self.held(rate_hz).ceil() as usize);
+        MAX_IN_FLIGHT + held.min(MAX_HELD)
     }
 }
 
@@ -221,28 +275,28 @@ mod tests {
     use super::*;
     use skyloop_render::fidelity::{Knob, Value};
 
-    const LATE: Verdict = shoot(0, Some("late"));
-    const FINEST: Verdict = shoot(0, None);
+    const LATE: Decision = render(0, Some("late"));
+    const FINEST: Decision = render(0, None);
 
-    const fn shoot(level: usize, overrun: Option<&'static str>) -> Verdict {
-        Verdict::Shoot { level, overrun }
+    const fn render(level: usize, overrun: Option<&'static str>) -> Decision {
+        Decision::Render { level, overrun }
     }
 
-    fn coarsened(level: usize) -> Verdict {
-        shoot(level, Some("coarsen"))
+    fn coarsened(level: usize) -> Decision {
+        render(level, Some("coarsen"))
     }
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
 
-    impl Overrun {
-        fn of(policy: OnOverrun) -> Overrun {
-            Overrun::new(policy, Fidelity::REALTIME, &[fast(), wing_e(1.0)]).0
+    impl LatePolicy {
+        fn of(policy: OnOverrun) -> LatePolicy {
+            LatePolicy::new(policy, Fidelity::REALTIME, &[fast(), wing_e(1.0)]).0
         }
 
         /// Decides about a frame that is late after `spare` ms and held for `held` ms.
-        fn at(&mut self, spare: u64, held: u64) -> Verdict {
+        fn at(&mut self, spare: u64, held: u64) -> Decision {
             self.decide(Some(ms(spare)), ms(held))
         }
 
@@ -264,7 +318,7 @@ mod tests {
 
     #[test]
     fn late_frames_come_late_and_say_so() {
-        let mut overrun = Overrun::of(OnOverrun::Late);
+        let mut overrun = LatePolicy::of(OnOverrun::Late);
         assert_eq!(overrun.at(0, 0), FINEST, "nothing is known yet");
         overrun.took([50]);
         assert_eq!([overrun.at(50, 0), overrun.at(49, 0)], [FINEST, LATE]);
@@ -275,24 +329,24 @@ mod tests {
 
     #[test]
     fn exposures_are_left_out_until_a_frame_may_be_in_time_again() {
-        let mut overrun = Overrun::of(OnOverrun::Drop);
+        let mut overrun = LatePolicy::of(OnOverrun::Drop);
         overrun.took([200]);
         let verdicts = std::iter::repeat_with(|| overrun.at(100, 0));
-        let dropped = verdicts.take_while(|verdict| *verdict == Verdict::Drop);
+        let dropped = verdicts.take_while(|verdict| *verdict == Decision::Drop);
         assert_eq!((dropped.count(), overrun.dropped), (4, 4));
         overrun.took([10]);
         assert_eq!(overrun.at(100, 0), FINEST);
         // The first frame after those that were left out has said so.
         overrun.took([101]);
-        assert_eq!(overrun.at(100, 0), Verdict::Drop);
+        assert_eq!(overrun.at(100, 0), Decision::Drop);
         overrun.took([99]);
-        assert_eq!(overrun.at(100, 0), shoot(0, Some("drop")));
+        assert_eq!(overrun.at(100, 0), render(0, Some("drop")));
         assert_eq!(overrun.at(100, 0), FINEST);
     }
 
     #[test]
     fn frames_are_coarsened_in_the_order_that_is_configured() {
-        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([200]);
         assert_eq!(overrun.at(100, 0), coarsened(1));
         assert_eq!(overrun.fidelity(1), Some(Fidelity::FAST));
@@ -300,7 +354,7 @@ mod tests {
         assert_eq!(overrun.at(100, 0), coarsened(2));
         assert_eq!(overrun.fidelity(2).unwrap().wing_e, 1.0);
         overrun.learn(2, ms(120));
-        assert_eq!(overrun.at(100, 0), shoot(2, Some("late")), "the coarsest");
+        assert_eq!(overrun.at(100, 0), render(2, Some("late")), "the coarsest");
         // With more time the finest that fits.
         overrun.learn(2, ms(90));
         assert_eq!(overrun.at(160, 0), coarsened(1));
@@ -314,10 +368,10 @@ mod tests {
     #[test]
     fn what_never_is_in_time_is_tried_ever_more_seldom_and_one_hiccup_costs_little() {
         for policy in [OnOverrun::Coarsen, OnOverrun::Drop] {
-            let mut overrun = Overrun::of(policy);
+            let mut overrun = LatePolicy::of(policy);
             let mut tried = Vec::new();
             for n in 0..2000 {
-                if let Verdict::Shoot { level, .. } = overrun.at(100, 0) {
+                if let Decision::Render { level, .. } = overrun.at(100, 0) {
                     overrun.learn(level, if level == 0 { ms(115) } else { ms(60) });
                     tried.extend((level == 0).then_some(n));
                 }
@@ -326,7 +380,7 @@ mod tests {
             // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then five times 256 and one.
             assert_eq!(apart, [4, 8, 16, 32, 64, 128, 256, 256, 256, 256, 256, 256]);
             // When it is in time again, that is forgotten.
-            let is_tried = |verdict| matches!(verdict, Verdict::Shoot { level: 0, .. });
+            let is_tried = |verdict| matches!(verdict, Decision::Render { level: 0, .. });
             while !is_tried(overrun.at(100, 0)) {}
             overrun.took([90]);
             assert_eq!(overrun.at(100, 0), FINEST);
@@ -338,13 +392,13 @@ mod tests {
 
     #[test]
     fn a_way_that_took_long_once_leaves_few_exposures_out() {
-        let mut overrun = Overrun::of(OnOverrun::Drop);
+        let mut overrun = LatePolicy::of(OnOverrun::Drop);
         overrun.took([10]);
         assert_eq!(overrun.at(100, 80), FINEST);
-        overrun.learn_way(ms(95));
-        assert_eq!([(); 4].map(|()| overrun.at(100, 80)), [Verdict::Drop; 4]);
-        assert_eq!(overrun.at(100, 80), shoot(0, Some("drop")));
-        overrun.learn_way(ms(5));
+        overrun.learn_transmission(ms(95));
+        assert_eq!([(); 4].map(|()| overrun.at(100, 80)), [Decision::Drop; 4]);
+        assert_eq!(overrun.at(100, 80), render(0, Some("drop")));
+        overrun.learn_transmission(ms(5));
         assert_eq!(overrun.at(100, 80), FINEST);
     }
 
@@ -353,33 +407,33 @@ mod tests {
         for (policy, verdict) in [
             (OnOverrun::Late, LATE),
             (OnOverrun::Coarsen, LATE),
-            (OnOverrun::Drop, Verdict::Drop),
+            (OnOverrun::Drop, Decision::Drop),
         ] {
             // Before the first frame, too.
-            let mut overrun = Overrun::of(policy);
+            let mut overrun = LatePolicy::of(policy);
             assert_eq!(overrun.at(100, 101), verdict);
             overrun.took([90]);
             assert_eq!(overrun.at(100, 101), verdict);
         }
         // What is rendered meanwhile takes no time besides; the way comes after both.
-        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([70]);
         assert_eq!(overrun.at(100, 80), FINEST);
-        overrun.learn_way(ms(25));
+        overrun.learn_transmission(ms(25));
         assert_eq!([overrun.at(100, 80), overrun.at(100, 75)], [LATE, FINEST]);
         overrun.took([90]);
         assert_eq!(overrun.at(100, 75), coarsened(1));
         // Held for too long, and the finest not ready by then: the first that is; if none is, the last.
-        let mut overrun = Overrun::of(OnOverrun::Coarsen);
+        let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([150, 100]);
-        assert_eq!(overrun.at(100, 101), shoot(1, Some("late")));
+        assert_eq!(overrun.at(100, 101), render(1, Some("late")));
         overrun.took([150, 140, 130]);
-        assert_eq!(overrun.at(100, 101), shoot(2, Some("late")));
+        assert_eq!(overrun.at(100, 101), render(2, Some("late")));
     }
 
     /// The settings of all levels, and the steps that are none, from `fidelity` on.
     fn levels(fidelity: Fidelity, steps: &[Coarser]) -> (Vec<Fidelity>, Vec<String>) {
-        let (overrun, idle) = Overrun::new(OnOverrun::Coarsen, fidelity, steps);
+        let (overrun, idle) = LatePolicy::new(OnOverrun::Coarsen, fidelity, steps);
         let levels = overrun.levels.iter().map(|level| level.fidelity).collect();
         (levels, idle.iter().map(|step| step.to_string()).collect())
     }
@@ -406,11 +460,11 @@ mod tests {
             (OnOverrun::Late, 0),
             (OnOverrun::Drop, 0),
         ] {
-            let (mut overrun, idle) = Overrun::new(policy, Fidelity::FAST, &[fast()]);
+            let (mut overrun, idle) = LatePolicy::new(policy, Fidelity::FAST, &[fast()]);
             assert_eq!((overrun.levels.len(), idle.len()), (1, idle_steps));
             overrun.took([200]);
             let late = if policy == OnOverrun::Drop {
-                Verdict::Drop
+                Decision::Drop
             } else {
                 LATE
             };

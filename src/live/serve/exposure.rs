@@ -1,0 +1,222 @@
+//! A due exposure becomes an order to the renderer, and the renderer's events complete the frame.
+
+use super::client::check_representable;
+use super::clock::due::Due;
+use super::frame_job::FrameSource;
+use super::history::Pointing;
+use super::late_policy::Decision;
+use super::reasons::{LEFT_OUT, NO_ATTITUDE};
+use super::render_thread::{RenderEvent, RenderOrder, Renderer, RowBuffers, Task};
+use super::state::State;
+use super::telemetry::{Telemetry, add};
+use crate::stats::Request;
+use skyloop_base::abort::Abort;
+use skyloop_link::LinkError;
+use skyloop_protocols::AttitudeSource;
+use skyloop_render::camera::Camera;
+use skyloop_render::scene::Exposure;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Whether another frame may be rendered. The stepped clock renders and sends one after the other.
+fn is_free(state: &State, limit: Option<u32>) -> bool {
+    let is_idle = !state.client.is_stepped() || state.frames.jobs.is_empty();
+    let is_wanted = limit.is_none_or(|limit| state.telemetry.stats.frames < limit);
+    is_idle && is_wanted && !state.frames.is_rendering()
+}
+
+/// Time until an exposure is due that can be rendered, or somewhat less; none: not known.
+pub(super) fn until_due(state: &State, limit: Option<u32>) -> Option<Duration> {
+    if !is_free(state, limit) {
+        return None;
+    }
+    state.client.clock.until_due(Instant::now())
+}
+
+/// Orders the frame of a due exposure; whether one was due.
+pub(super) fn start_exposure(
+    state: &mut State,
+    renderer: &Renderer,
+    limit: Option<u32>,
+) -> Result<bool, LinkError> {
+    if !is_free(state, limit) {
+        return Ok(false);
+    }
+    let now = Instant::now();
+    let camera = state.client.camera().clone();
+    let Some(mut due) = state.client.clock.take_due(&camera, now) else {
+        return Ok(false);
+    };
+    let camera = due.camera.take().unwrap_or(camera);
+    let exposure = Exposure::around(due.mid, camera.exposure_s);
+    let request = Request::default();
+    let Some(pointing) = state.client.pointing(&due, &exposure) else {
+        state.session.fail(request, NO_ATTITUDE);
+        state.telemetry.miss(&due);
+        return Ok(true);
+    };
+    if let Err(why) = check_representable(&exposure) {
+        state.refuse_accepted(Some(request), &pointing.message, &due, &why)?;
+        return Ok(true);
+    }
+    let spare = due
+        .deadline
+        .map(|deadline| deadline.saturating_duration_since(now));
+    // Without the jitter, which is not known before.
+    let release = due.end + Duration::from_secs_f64(state.late.delay.delay_s);
+    let held = release.saturating_duration_since(now);
+    let Decision::Render { level, overrun } = state.late.decide(spare, held) else {
+        state.session.fail(request, LEFT_OUT);
+        state.telemetry.miss(&due);
+        state.telemetry.stats.dropped = state.late.dropped;
+        return Ok(true);
+    };
+    let plan = FramePlan {
+        due,
+        camera,
+        pointing,
+        level,
+        overrun,
+    };
+    order_frame(state, renderer, request, plan);
+    Ok(true)
+}
+
+/// A frame that the late policy has accepted.
+struct FramePlan {
+    due: Due,
+    camera: Arc<Camera>,
+    pointing: Pointing,
+    level: usize,
+    overrun: Option<&'static str>,
+}
+
+/// Orders a frame from the renderer.
+fn order_frame(state: &mut State, renderer: &Renderer, request: Request, plan: FramePlan) {
+    let FramePlan {
+        due,
+        camera,
+        pointing,
+        level,
+        overrun,
+    } = plan;
+    count_source(&mut state.telemetry, &pointing);
+    let Pointing {
+        vehicle,
+        message,
+        source,
+        age_s,
+    } = pointing;
+    let is_requested = due.latched.is_some();
+    let number = state.frames.next_frame;
+    let release = due.end + state.late.delay.of(state.followers.camera, number);
+    // Late because of the jitter alone.
+    let is_late = due.deadline.is_some_and(|deadline| release > deadline);
+    let overrun = if is_late { Some("late") } else { overrun };
+    let is_timed = !state.client.is_stepped();
+    let abort = Abort::default();
+    let order = RenderOrder {
+        number,
+        camera,
+        vehicle,
+        repeat: state.client.count_repeat(message.number, is_requested),
+        fidelity: state.late.fidelity(level),
+        overrun,
+        streams: is_timed && state.session.wants_rows(),
+        abort: abort.clone(),
+        coarser: state.late.coarser_than(level),
+    };
+    let source = FrameSource {
+        due,
+        message,
+        source,
+        age_s,
+        sync: state.client.sync(Instant::now()),
+        level,
+        overrun,
+        is_timed,
+        release,
+    };
+    state.frames.start(request, source, abort);
+    state.session.set_rendering(true);
+    if !renderer.give(Task::Render(Box::new(order))) {
+        tracing::error!("the renderer's thread has ended");
+    }
+}
+
+/// Counts a frame from an attitude that is too old, or of the future.
+fn count_source(telemetry: &mut Telemetry, pointing: &Pointing) {
+    let counters = &mut telemetry.counters;
+    let counter = match pointing.source {
+        AttitudeSource::Future => &mut counters.attitudes_future,
+        AttitudeSource::Held | AttitudeSource::Invalid if pointing.age_s < 0.0 => {
+            &mut counters.attitudes_future
+        }
+        AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => {
+            &mut counters.attitudes_stale
+        }
+        AttitudeSource::Exact | AttitudeSource::Interpolated | AttitudeSource::Extrapolated => {
+            return;
+        }
+    };
+    add(counter, 1);
+}
+
+/// Handles an event of the renderer.
+pub(super) fn handle_event(
+    state: &mut State,
+    event: RenderEvent,
+    buffers: &RowBuffers,
+) -> Result<(), LinkError> {
+    let Some(at) = state.frames.rendering_job() else {
+        return Ok(());
+    };
+    // A frame may be complete, or refused, before the renderer notices the cancellation.
+    let is_cancelled = state.frames.is_cancelled();
+    let job = &mut state.frames.jobs[at];
+    match event {
+        RenderEvent::Coarsened => {
+            job.source.level += 1;
+            job.source.overrun = Some("coarsen");
+        }
+        RenderEvent::Labelled(opening) => {
+            job.opening = Some(opening);
+            begin_deliveries(state, at);
+        }
+        RenderEvent::Rows(first, dn, ready) => job.add_rows(first, dn, ready, buffers),
+        RenderEvent::Complete(shot, ..) if is_cancelled => {
+            state.frames.pool.put(shot);
+            abandon(state, at);
+        }
+        RenderEvent::Failed(_) if is_cancelled => abandon(state, at),
+        RenderEvent::Abandoned => abandon(state, at),
+        RenderEvent::Complete(shot, ready, took) => {
+            state.late.learn(job.source.level, took);
+            state.telemetry.rendered(&shot, job.source.level > 0);
+            state.frames.complete(at, shot, ready);
+            state.session.set_rendering(false);
+            begin_deliveries(state, at);
+        }
+        RenderEvent::Failed(why) => {
+            let job = state.frames.remove_failed(at);
+            state.session.set_rendering(false);
+            let (message, due) = (&job.source.message, &job.source.due);
+            state.refuse_accepted(job.request, message, due, &why)?;
+        }
+    }
+    Ok(())
+}
+
+fn begin_deliveries(state: &mut State, at: usize) {
+    let max = state.max_in_flight();
+    let number = state.frames.jobs[at].number;
+    let (session, telemetry) = (&mut state.session, &mut state.telemetry);
+    state.frames.begin(number, max, session, telemetry);
+}
+
+/// Drops the frame that was rendered.
+pub(super) fn abandon(state: &mut State, at: usize) {
+    let (session, telemetry) = (&mut state.session, &mut state.telemetry);
+    state.frames.abandon(at, session, telemetry);
+    state.session.set_rendering(false);
+}
