@@ -2,6 +2,7 @@
 
 mod first;
 
+use first::maybe_seconds;
 pub use first::{Miss, Slow};
 use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::times::Times;
@@ -292,10 +293,6 @@ fn summary<S: Serializer>(times: &Times, serializer: S) -> Result<S::Ok, S::Erro
         max_ms: ms(1.0),
     };
     summary.serialize(serializer)
-}
-
-fn maybe_seconds<S: Serializer>(time: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
-    time.map(|time| time.as_secs_f64()).serialize(serializer)
 }
 
 #[cfg(test)]

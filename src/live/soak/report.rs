@@ -1,11 +1,11 @@
 //! The report of a long run: as a table, as JSON, as JUnit XML.
 
-use super::{Camera, Limits, Measured, Verdict};
+use super::limits::{Camera, Limits, Measured};
 use crate::host::{HostReport, Memory};
 use crate::realtime::Granted;
 use crate::timing::row;
 use serde::{Serialize, Serializer};
-use skyloop_firmware_sim::verdict::Suite;
+use skyloop_firmware_sim::verdict::{Suite, Verdict};
 use std::path::Path;
 
 /// What a long run is told by.
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::host::Host;
     use crate::realtime::{Asked, ask};
-    use crate::soak::tests::{limits, run};
+    use crate::soak::limits::tests::{limits, run};
 
     #[test]
     fn the_report_has_it_all_and_a_case_for_each_verdict() {

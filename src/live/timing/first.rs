@@ -1,7 +1,6 @@
 //! Which frame was the first to break a limit of a run, and by how much.
 
-use super::maybe_seconds;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::time::Duration;
 
 /// The first frame of a run that missed its deadline.
@@ -48,4 +47,12 @@ impl Slow {
 fn told(time: Option<String>, unexposed: Option<&str>) -> String {
     let none = unexposed.map(|side| format!("an exposure {side} has no frame"));
     none.or(time).unwrap_or_else(|| "not whole".to_string())
+}
+
+/// A time in s, or null.
+pub(super) fn maybe_seconds<S: Serializer>(
+    time: &Option<Duration>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    time.map(|time| time.as_secs_f64()).serialize(serializer)
 }

@@ -1,0 +1,401 @@
+//! Limits of a long run, and the verdicts about them.
+
+use super::drift::Drift;
+use crate::host::Memory;
+use crate::timing::Latencies;
+use serde::Serialize;
+use skyloop_firmware_sim::verdict::Verdict;
+use std::time::Duration;
+
+/// What a run must keep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Limits {
+    /// The most deadlines that may be missed, of all frames (0 to 1).
+    pub max_miss_rate: f64,
+    /// The longest time from the trigger to the last octet that 99 of 100 frames must keep, ms; one that does not come whole does not.
+    pub max_p99_ms: Option<f64>,
+    /// By what share of it resident memory may have grown at the end, since the run was warm.
+    pub max_growth: Option<f64>,
+}
+
+/// One camera's frames.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Camera {
+    /// What it is called.
+    pub name: String,
+    /// When they were where.
+    pub latencies: Latencies,
+    /// Whether their times kept pace with the client's clock; in reports the drift, s.
+    #[serde(rename = "drift_s")]
+    pub drift: Drift,
+}
+
+/// What was measured of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Measured {
+    /// Its cameras, the first first.
+    pub cameras: Vec<Camera>,
+    /// That it was stopped before its time.
+    pub stopped: Option<String>,
+    /// Its memory.
+    pub memory: Memory,
+    /// From the start of the command to the first frame at the client, s; `None`: there was none.
+    pub first_frame_s: Option<f64>,
+}
+
+impl Limits {
+    /// What is to be measured so that the first frame that breaks a limit can be named.
+    #[must_use]
+    pub fn latencies(&self) -> Latencies {
+        let most = |most_ms| bound(most_ms).unwrap_or(Duration::ZERO);
+        Latencies::watching(self.max_p99_ms.map(most))
+    }
+
+    /// A verdict for each limit, of each camera. A run without frames keeps none, and one that was stopped is none.
+    #[must_use]
+    pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
+        let mut verdicts = Vec::new();
+        for Camera {
+            name, latencies, ..
+        } in &found.cameras
+        {
+            let mut own = vec![self.deadlines(latencies)];
+            own.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
+            if found.cameras.len() > 1 {
+                for verdict in &mut own {
+                    verdict.text = format!("{name}: {}", verdict.text);
+                    verdict.camera = Some(name.clone());
+                }
+            }
+            verdicts.extend(own);
+        }
+        // A run that was stopped before it was warm tells nothing of it.
+        let is_told = found.stopped.is_none() || found.memory.warm.is_some();
+        let most = self.max_growth.filter(|_| is_told);
+        verdicts.extend(most.map(|most| growth(most, &found.memory)));
+        let stopped = found.stopped.clone();
+        verdicts.extend(stopped.map(|text| Verdict::new("minutes", false, text)));
+        verdicts
+    }
+
+    fn deadlines(&self, found: &Latencies) -> Verdict {
+        let Latencies { frames, missed, .. } = found;
+        let rate = *missed as f64 / *frames as f64;
+        let most = self.max_miss_rate;
+        let passed = rate <= most;
+        let told = format!("deadlines missed: {missed} of {frames} ({})", short(rate));
+        let first = found.first_miss.filter(|_| !passed);
+        let text = match (passed, first) {
+            _ if *frames == 0 => {
+                "deadlines: there was no frame; give the run more minutes than a period of the camera's takes".to_string()
+            }
+            (true, _) => format!("{told} within {}", short(most)),
+            (false, None) => format!("{told} is not within {}", short(most)),
+            (false, Some(miss)) => format!(
+                "{told} is above {}: frame {} was the first ({})",
+                short(most),
+                miss.frame,
+                miss.told()
+            ),
+        };
+        Verdict {
+            frame: first.map(|miss| miss.frame),
+            ..Verdict::new("deadlines", passed, text)
+        }
+    }
+}
+
+/// A limit as a duration; beyond all durations it is the longest, and `None` is what no duration keeps.
+fn bound(most_ms: f64) -> Option<Duration> {
+    let most = Duration::try_from_secs_f64(most_ms * 1e-3).unwrap_or(Duration::MAX);
+    (most_ms >= 0.0).then_some(most)
+}
+
+fn p99(most_ms: f64, found: &Latencies) -> Verdict {
+    let whole = found.last_octet.count();
+    let lost = found.frames.saturating_sub(whole);
+    // Those that did not come whole take longer than all others.
+    let part = 0.99 * (1.0 + lost as f64 / whole as f64);
+    let p99 = found.last_octet.quantile(part).filter(|_| part <= 1.0);
+    let ms = |time: Duration| time.as_secs_f64() * 1e3;
+    let within = |p99: Duration| bound(most_ms).is_some_and(|most| p99 <= most);
+    let passed = p99.is_some_and(within);
+    let first = found.first_above.filter(|_| !passed);
+    let named = first.map(|slow| format!("frame {} was the first ({})", slow.frame, slow.told()));
+    let text = match (p99, named) {
+        (None, _) if found.frames == 0 => "p99 is not known: there was no frame".to_string(),
+        (None, named) => format!(
+            "p99 is above {most_ms} ms: {lost} of {} frames did not come whole{}",
+            found.frames,
+            named.map_or(String::new(), |named| format!("; {named}"))
+        ),
+        (Some(p99), _) if passed => format!("p99 {:.1} ms within {most_ms} ms", ms(p99)),
+        (Some(p99), None) => format!("p99 {:.1} ms is not within {most_ms} ms", ms(p99)),
+        (Some(p99), Some(named)) => {
+            format!("p99 {:.1} ms is above {most_ms} ms: {named}", ms(p99))
+        }
+    };
+    Verdict {
+        frame: first.map(|slow| slow.frame),
+        ..Verdict::new("p99", passed, text)
+    }
+}
+
+fn growth(most: f64, memory: &Memory) -> Verdict {
+    let passed = memory.growth().is_some_and(|growth| growth <= most);
+    let is = if passed { "within" } else { "is not within" };
+    let text = format!("memory {} {is} {:+} %", memory.told(), most * 1e2);
+    Verdict::new("memory", passed, text)
+}
+
+/// A rate in two figures: `0`, `6.7e-4`, `1e-3`, `0.5`, `1`.
+fn short(rate: f64) -> String {
+    match rate {
+        0.0 => "0".to_string(),
+        0.1.. => format!("{}", (rate * 100.0).round() / 100.0),
+        _ => format!("{rate:.1e}").replace(".0e", "e"),
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::timing::FrameTimes;
+
+    const TIMES: FrameTimes = FrameTimes {
+        frame: 0,
+        attitude_age_s: 0.0,
+        first_pixel: Duration::ZERO,
+        last_pixel: Duration::ZERO,
+        first_octet: Duration::ZERO,
+        last_octet: Duration::from_millis(4),
+        spare_s: 0.05,
+        whole: true,
+    };
+
+    pub fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
+        Limits {
+            max_miss_rate,
+            max_p99_ms,
+            max_growth: None,
+        }
+    }
+
+    fn of(latencies: Latencies) -> Measured {
+        let name = "A".to_string();
+        Measured {
+            cameras: vec![Camera {
+                name,
+                latencies,
+                ..Camera::default()
+            }],
+            ..Measured::default()
+        }
+    }
+
+    /// A run of so many frames; from the `slow` one on each second takes 14.2 ms, and those of `late` miss their deadline by 4.2 ms.
+    pub fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
+        let mut all = limits.latencies();
+        for frame in 0..frames {
+            let mut times = FrameTimes { frame, ..TIMES };
+            if frame >= slow && (frame - slow).is_multiple_of(2) {
+                times.last_octet = Duration::from_micros(14_200);
+            }
+            if late.contains(&frame) {
+                times.spare_s = -4.2e-3;
+            }
+            all.add(&times);
+        }
+        of(all)
+    }
+
+    fn texts(limits: &Limits, found: &Measured) -> Vec<String> {
+        let verdicts = limits.judge(found);
+        verdicts.into_iter().map(|verdict| verdict.text).collect()
+    }
+
+    #[test]
+    fn a_run_that_keeps_its_limits_passes() {
+        let limits = limits(1e-3, Some(12.0));
+        let found = run(&limits, 18_000, 18_000, 17..29);
+        let verdicts = limits.judge(&found);
+        assert!(verdicts.iter().all(|verdict| verdict.passed));
+        assert!(verdicts.iter().all(|verdict| verdict.frame.is_none()));
+        // X-Val: 12 / 18000 = 6.67e-4.
+        assert_eq!(
+            verdicts[0].text,
+            "deadlines missed: 12 of 18000 (6.7e-4) within 1e-3"
+        );
+        assert_eq!(verdicts[1].text, "p99 4.0 ms within 12 ms");
+    }
+
+    #[test]
+    fn what_is_not_kept_names_the_first_frame() {
+        let limits = limits(1e-3, Some(12.0));
+        let found = run(&limits, 1000, 512, 17..29);
+        let verdicts = limits.judge(&found);
+        assert!(verdicts.iter().all(|verdict| !verdict.passed));
+        assert_eq!(
+            verdicts[0].text,
+            "deadlines missed: 12 of 1000 (1.2e-2) is above 1e-3: frame 17 was the first (late by 4.20 ms)"
+        );
+        assert_eq!(verdicts[0].frame, Some(17));
+        let text = &verdicts[1].text;
+        assert!(
+            text.starts_with("p99 14.") && text.contains("is above 12 ms"),
+            "{text}"
+        );
+        assert!(
+            text.ends_with("frame 512 was the first (14.2 ms)"),
+            "{text}"
+        );
+        assert_eq!(verdicts[1].frame, Some(512));
+    }
+
+    #[test]
+    fn a_limit_that_is_just_reached_is_kept() {
+        let none = limits(0.0, None);
+        assert_eq!(
+            texts(&none, &run(&none, 10, 10, 0..0)),
+            ["deadlines missed: 0 of 10 (0) within 0"]
+        );
+        let tenth = limits(0.1, Some(14.2));
+        assert!(
+            tenth
+                .judge(&run(&tenth, 10, 0, 3..4))
+                .iter()
+                .all(|v| v.passed)
+        );
+    }
+
+    #[test]
+    fn a_run_without_frames_passes_nothing() {
+        let limits = limits(1.0, Some(1e9));
+        let verdicts = limits.judge(&of(limits.latencies()));
+        assert!(verdicts.iter().all(|verdict| !verdict.passed));
+        assert_eq!(verdicts[1].text, "p99 is not known: there was no frame");
+        let mut broken = limits.latencies();
+        broken.add(&FrameTimes {
+            whole: false,
+            ..TIMES
+        });
+        let verdicts = limits.judge(&of(broken));
+        assert_eq!(
+            verdicts[1].text,
+            "p99 is above 1000000000 ms: 1 of 1 frames did not come whole; frame 0 was the first (not whole)"
+        );
+    }
+
+    #[test]
+    fn what_does_not_come_whole_takes_longer_than_all_else() {
+        let limits = limits(1.0, Some(12.0));
+        let lost = |count: u32| {
+            let mut found = run(&limits, 1000 - count, 1000, 0..0);
+            for frame in 1000 - count..1000 {
+                let frame = FrameTimes::incomplete(frame);
+                found.cameras[0].latencies.add(&frame);
+            }
+            limits.judge(&found).remove(1)
+        };
+        // X-Val: 10 of 1000 are one in a hundred.
+        assert_eq!(lost(10).text, "p99 4.0 ms within 12 ms");
+        let more = lost(11);
+        assert!(!more.passed);
+        assert_eq!(
+            more.text,
+            "p99 is above 12 ms: 11 of 1000 frames did not come whole; frame 989 was the first (not whole)"
+        );
+        assert_eq!(more.frame, Some(989));
+    }
+
+    #[test]
+    fn limits_that_are_no_numbers_are_kept_by_none() {
+        for hard in [f64::NAN, f64::NEG_INFINITY, -1.0] {
+            let limits = limits(hard, Some(hard));
+            let verdicts = limits.judge(&run(&limits, 10, 5, 0..0));
+            assert!(verdicts.iter().all(|verdict| !verdict.passed), "{hard}");
+        }
+        let limits = limits(f64::INFINITY, Some(f64::MAX));
+        let verdicts = limits.judge(&run(&limits, 10, 5, 0..10));
+        assert!(verdicts.iter().all(|verdict| verdict.passed));
+    }
+
+    #[test]
+    fn memory_may_grow_by_so_much() {
+        let limits = Limits {
+            max_growth: Some(0.01),
+            ..limits(1.0, None)
+        };
+        let with = |warm, end| Measured {
+            memory: Memory {
+                warm_s: 60.0,
+                warm,
+                end,
+                ..Memory::default()
+            },
+            ..run(&limits, 1, 1, 0..0)
+        };
+        for (warm, end, passes) in [
+            (Some(100_000_000), Some(101_000_000), true),
+            (Some(100_000_000), Some(90_000_000), true),
+            (Some(100_000_000), Some(101_100_000), false),
+            (None, Some(1), false),
+            (Some(0), Some(1), false),
+        ] {
+            let verdict = limits.judge(&with(warm, end)).remove(1);
+            assert_eq!(
+                (verdict.name, verdict.passed),
+                ("memory", passes),
+                "{verdict:?}"
+            );
+        }
+        let verdict = limits
+            .judge(&with(Some(100_000_000), Some(102_000_000)))
+            .remove(1);
+        assert_eq!(
+            verdict.text,
+            "memory 100.00 MB after 60 s, 102.00 MB at the end (+2.00 %) is not within +1 %"
+        );
+    }
+
+    #[test]
+    fn each_camera_keeps_its_limits_and_a_run_that_was_stopped_keeps_nothing() {
+        let limits = limits(1e-3, Some(12.0));
+        let mut both = run(&limits, 1000, 1000, 0..0);
+        let mut other = run(&limits, 1000, 512, 0..0);
+        other.cameras[0].name = "starboard".to_string();
+        both.cameras.append(&mut other.cameras);
+        both.stopped = Some("stopped after 0.50 of 30 min".to_string());
+        let verdicts = limits.judge(&both);
+        let passed: Vec<_> = verdicts.iter().map(|v| (v.name, v.passed)).collect();
+        assert_eq!(
+            passed,
+            [
+                ("deadlines", true),
+                ("p99", true),
+                ("deadlines", true),
+                ("p99", false),
+                ("minutes", false)
+            ]
+        );
+        assert!(verdicts[0].text.starts_with("A: deadlines missed"));
+        assert!(verdicts[3].text.starts_with("starboard: p99 14."));
+        assert_eq!(verdicts[4].text, "stopped after 0.50 of 30 min");
+    }
+
+    #[test]
+    fn rates_are_short() {
+        // X-Val: by hand.
+        for (rate, text) in [
+            (0.0, "0"),
+            (1e-3, "1e-3"),
+            (6.667e-4, "6.7e-4"),
+            (1.0, "1"),
+            (0.1, "0.1"),
+            (0.333, "0.33"),
+            (0.012, "1.2e-2"),
+        ] {
+            assert_eq!(short(rate), text);
+        }
+    }
+}
