@@ -1,6 +1,6 @@
 //! `skyloop bench`: what this machine makes of the works that take the time, as ratios of one run.
 
-use super::progress;
+use super::common::progress;
 use clap::{Args as ClapArgs, Subcommand};
 use skyloop::measure::{Report, frames, orbits};
 use skyloop_firmware_sim::console::say;
@@ -50,9 +50,10 @@ fn measure<R: Report>(form: Form) -> anyhow::Result<()> {
 
 impl Form {
     fn text<R: Report>(&self, report: &R) -> serde_json::Result<String> {
-        Ok(match self.json {
-            true => format!("{}\n", serde_json::to_string_pretty(report)?),
-            false => report.to_string(),
+        Ok(if self.json {
+            format!("{}\n", serde_json::to_string_pretty(report)?)
+        } else {
+            report.to_string()
         })
     }
 }

@@ -1,6 +1,6 @@
 //! `--budget-ms`: the tolerances that a machine has the time for, measured at the start of a run.
 
-use super::progress;
+use super::common::progress;
 use anyhow::{Context, bail};
 use hifitime::Epoch;
 use skyloop::attitude::VehicleState;
@@ -49,9 +49,10 @@ impl Budget {
         let measured = Report::measure(emulator, &vehicles()?, EFFORT, |done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
-            match stop.load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            if stop.load(Ordering::Relaxed) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
         });
         bar.finish_and_clear();
@@ -101,9 +102,10 @@ fn in_file(chosen: &Chosen<'_>) -> String {
             let is_word = KNOBS.iter().any(|other| {
                 other.name == knob && matches!(other.allowed, skyloop::fidelity::Allowed::Words(_))
             });
-            let value = match is_word {
-                true => format!("{:?}", value.to_string()),
-                false => value.to_string(),
+            let value = if is_word {
+                format!("{:?}", value.to_string())
+            } else {
+                value.to_string()
             };
             format!("{{ preset = \"realtime\", {knob} = {value} }}")
         }

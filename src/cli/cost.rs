@@ -1,7 +1,7 @@
 //! `skyloop cost`: what each setting of the tolerances costs in time, and what it is off by.
 
 use super::budget::{BUDGETS_MS, chosen_text};
-use super::{Force, Records, mission, progress, say_json, scene, scene_name, warn_of_old};
+use super::common::{Force, Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::attitude::VehicleState;
@@ -138,9 +138,10 @@ fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
     };
     let dot = |row: &Row| Dot {
         at: [row.p50_ms, row.errors.frame_rms_e],
-        name: match is_named(row) {
-            true => row.setting.clone(),
-            false => String::new(),
+        name: if is_named(row) {
+            row.setting.clone()
+        } else {
+            String::new()
         },
         is_large: row.knob.is_none(),
         is_front: row.is_front,

@@ -257,9 +257,10 @@ impl Instruments {
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
         // On CAN the flow control of each long packet is waited for.
         let flow_control = Duration::from_micros(Parameters::FD.timeout_us);
-        let patience = match self.buses.contains(&true) {
-            true => needs.patience.min(flow_control),
-            false => needs.patience,
+        let patience = if self.buses.contains(&true) {
+            needs.patience.min(flow_control)
+        } else {
+            needs.patience
         };
         book.stopped(since, &Needs { patience, ..needs })
     }

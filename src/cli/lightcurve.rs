@@ -1,9 +1,9 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::interval::Interval;
-use super::{
+use super::common::{
     Force, Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
 };
+use super::interval::Interval;
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Config, Observer};
@@ -159,9 +159,12 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
         bail!("--exposure {exposure_s}: a number of seconds from 0 to 10000 is wanted");
     }
     let length_s = (to - from).to_seconds();
-    let named = |option: &str, given: bool, value: String| match given {
-        true => format!("{option} {value}"),
-        false => format!("{option} {value} (the scene's)"),
+    let named = |option: &str, given: bool, value: String| {
+        if given {
+            format!("{option} {value}")
+        } else {
+            format!("{option} {value} (the scene's)")
+        }
     };
     let ends = [
         named("--from", args.interval.from.is_some(), utc_text(from)),

@@ -1,18 +1,17 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::budget::{Budget, FRAMES};
-use super::cost::spread;
-use super::instruments::{Instruments, both, settings};
+use super::budget::Budget;
+use super::common::{Force, Orbits, PANICKED, Records, levels, mission, progress};
+use super::instruments;
+use super::instruments::{Instruments, both};
 use super::live::link_options;
-use super::{
-    Force, Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level,
-};
+use super::session::{Session, configure};
 use anyhow::{Context, Error, anyhow, bail};
 use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
-use skyloop::config::{Clock, Config};
+use skyloop::config::Config;
 use skyloop::effect::counted;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::Shot;
 use skyloop::link::fault::{Needs, Stop};
 use skyloop::link::{self, Roles};
 use skyloop::orbit::path_text;
@@ -22,11 +21,12 @@ use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
+use skyloop_firmware_sim::mission::Mission;
+use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::verdict::{self, Limits, Suite, UNFINISHED, Verdict, VerdictFile};
 use skyloop_protocols::PixelLevel;
-use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -94,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// Runs both programs, and writes frames and verdicts.
 fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> anyhow::Result<()> {
     let started = Instant::now();
-    let mut config = configure(args)?;
+    let config = scene_with_frames(args)?;
     let mission = mission(&config, args.scene.as_deref())?;
     let links = std::slice::from_ref(&args.link);
     let mut instruments = args.instruments.prepare(links, args.force.force)?;
@@ -105,47 +105,60 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     let options = link_options(&config.run, Some(instruments.bus()));
     let (wire, port) = link::loopback(&args.link, &options)?;
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
-    let output = config.run.output;
+    let pixels = config.run.output.pixels;
     let needs = Needs {
         patience: mission.timeout,
-        long_packets: matches!(output.pixels, PixelLevel::Frame | PixelLevel::Compressed),
+        long_packets: matches!(pixels, PixelLevel::Frame | PixelLevel::Compressed),
     };
-    let mut emulator = Emulator::new(&mut config);
+    let mut session = Session::new(config);
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
-    let chosen = args
-        .budget
-        .settle(&mut emulator, &interrupted, || spread(&mission, FRAMES))?;
+    let chosen = session.settle_budget(&args.budget, Some(&mission), &interrupted)?;
     let writer = Writer::create_over(&args.out, mission.frames, args.force.force)?;
-    instruments.begin(settings(output, &emulator))?;
-    let server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    let frames = counted(mission.frames as usize, "frame");
-    let (camera, addresses) = (&config.camera.name, server.addresses().join(" and "));
-    let levels = server.levels();
-    let introduction = format!("{chosen}{levels}{frames} of {camera} over {addresses}\n");
+    instruments.begin(session.settings())?;
+    let (config, server) = session.stepped(links);
+    let introduction = format!(
+        "{chosen}{}{} of {} over {}\n",
+        server.levels(),
+        counted(mission.frames as usize, "frame"),
+        config.camera.name,
+        server.addresses().join(" and ")
+    );
     let (flown, unwritten) = instruments.finish_after(|instruments| {
         say(format_args!("{introduction}"))?;
-        let bar = progress(mission.frames, "frames");
-        let flight_computer = FlightComputer::new(port, mission);
-        let to = (instruments, needs);
-        let flown = exchange(server, flight_computer, writer, to, &interrupted, &bar)?;
-        let (report, cut_short) = match flown.report {
-            Ok(report) => (report, None),
-            Err(error) => blamed(error, instruments.faults())?,
-        };
-        let table = table(&rows(&flown.stats, &report, instruments));
-        let stopped = || flown.stopped.map(|stop| stopped_by(&stop, &args.link));
-        Ok((report, cut_short.or_else(stopped), table))
+        let pair = (server, port, mission);
+        run_pair(args, pair, writer, (instruments, needs), &interrupted)
     });
     let Some((report, cut_short, table)) = flown else {
         return unwritten.map_or(Ok(()), Err);
     };
     (suite.table, suite.seconds) = (table, started.elapsed().as_secs_f64());
-    // A recording that is not whole fails the run, in the JUnit file too.
+    // An incomplete recording fails the run, in the JUnit file too.
     let cut_short = both(cut_short, unwritten);
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     cut_short.map_or(Ok(()), Err)?;
     came_whole(&report, &interrupted)?;
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
+
+/// Runs emulator and flight computer; returns the report, the error that cut it short, and the table.
+fn run_pair(
+    args: &Args,
+    (server, port, mission): (Server, Box<dyn Port + Send>, Mission),
+    writer: Writer,
+    (instruments, needs): (&Instruments, Needs),
+    interrupted: &AtomicBool,
+) -> anyhow::Result<(Report, Option<Error>, String)> {
+    let bar = progress(mission.frames, "frames");
+    let flight_computer = FlightComputer::new(port, mission);
+    let to = (instruments, needs);
+    let flown = exchange(server, flight_computer, writer, to, interrupted, &bar)?;
+    let (report, cut_short) = match flown.report {
+        Ok(report) => (report, None),
+        Err(error) => blamed(error, instruments.faults())?,
+    };
+    let table = table(&rows(&flown.stats, &report, instruments));
+    let stopped = || flown.stopped.map(|stop| stopped_by(&stop, &args.link));
+    Ok((report, cut_short.or_else(stopped), table))
 }
 
 /// Prints the table and the verdicts, and writes the JUnit file.
@@ -172,14 +185,12 @@ fn conclude(
 }
 
 /// The scene as the options change it.
-fn configure(args: &Args) -> anyhow::Result<Config> {
-    let mut config = scene(args.scene.as_deref())?;
-    args.records.settle(&config)?;
-    args.orbits.settle(&mut config);
+fn scene_with_frames(args: &Args) -> anyhow::Result<Config> {
+    let (scene, output) = (args.scene.as_deref(), args.output.as_deref());
+    let mut config = configure(scene, &args.records, &args.orbits, output)?;
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }
-    config.run.output = with_level(config.run.output, args.output.as_deref());
     Ok(config)
 }
 

@@ -1,9 +1,11 @@
 //! `skyloop passes`: which objects cross the camera's field, when, and how bright.
 
+use super::common::{
+    Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
+};
 use super::interval::Interval;
 use super::lightcurve::find;
 use super::pointing::{Place, Pointing};
-use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::Unit;

@@ -1,7 +1,7 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
+use super::common::{Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use super::pointing::Pointing;
-use super::{Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;

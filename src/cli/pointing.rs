@@ -1,6 +1,6 @@
 //! Where a camera is and looks, as options of `render`, `plan` and `passes`.
 
-use super::render::Numbers;
+use super::numbers::Numbers;
 use anyhow::{Context, anyhow};
 use clap::Args;
 use clap::builder::PossibleValuesParser;

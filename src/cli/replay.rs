@@ -1,12 +1,11 @@
 //! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
 
-use super::instruments::settings;
-use super::{Records, levels, scene, with_level};
+use super::common::{Orbits, Records, levels};
+use super::session::{Session, configure};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
 use skyloop::effect::counted;
-use skyloop::engine::Emulator;
 use skyloop::link::capture::Origin;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
 use skyloop::orbit::inputs;
@@ -50,8 +49,9 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command; `verbose`: lists the frames.
 pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let recording = load(&args.file, &NATIVE)?;
-    let mut config = scene(args.config.as_deref().or(args.scene.as_deref()))?;
-    Records::default().settle(&config)?;
+    let file = args.config.as_deref().or(args.scene.as_deref());
+    let (records, orbits) = (Records::default(), Orbits::default());
+    let config = configure(file, &records, &orbits, args.output.as_deref())?;
     if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
         bail!(
             "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",
@@ -61,11 +61,10 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let gaps = gaps(&recording);
     say(has_both_directions(&args, &recording, &gaps)?)?;
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
-    let output = with_level(config.run.output, args.output.as_deref());
-    let emulator = Emulator::new(&mut config);
-    let hint = compare_origins(&args, &recording, settings(output, &emulator));
+    let session = Session::new(config);
+    let hint = compare_origins(&args, &recording, session.settings());
     let (links, replay) = Replay::of(recording, &NATIVE);
-    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    let (config, mut server) = session.stepped(links);
     server.set_run(&config.run);
     wait(&args, server, &replay, &interrupted, &hint)?;
     let progress = replay.progress();

@@ -1,23 +1,19 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::budget::{Budget, FRAMES, around};
-use super::cameras::Links;
-use super::cost::spread;
-use super::instruments::{Instruments, both, settings};
+use super::budget::Budget;
+use super::common::{Force, Orbits, PANICKED, Records, levels, mission};
+use super::instruments::{Instruments, both};
 use super::ready::{self, Head, Ready, ReadyFile};
-use super::{
-    Force, Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level,
-};
+use super::session::{Cameras, Links, Session, configure};
+use super::{instruments, live};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
-use skyloop::attitude::VehicleState;
 use skyloop::config::{Clock, Config, Run, Trigger};
 use skyloop::effect::counted;
-use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
 use skyloop::orbit::path_text;
-use skyloop::serve::{Ended, Server};
+use skyloop::serve::Ended;
 use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::{decimal, whole};
@@ -68,10 +64,9 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut config = Config::load(&args.config)?;
-    args.records.settle(&config)?;
-    args.orbits.settle(&mut config);
-    // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
+    let file = Some(args.config.as_path());
+    let config = configure(file, &args.records, &args.orbits, args.output.as_deref())?;
+    // Before the links, so that the name of a pseudo-terminal is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let (urls, key) = if args.link.is_empty() {
         let key = format!("{}: run.link", path_text(&args.config));
@@ -82,20 +77,28 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut instruments = outputs(&args, &urls)?;
     let help = live::help(&config, args.metrics.as_deref())?;
     let (links, seen) = open_links(&config, &urls, key, &instruments)?;
-    let objects = config.objects.len();
-    let output = with_level(config.run.output, args.output.as_deref());
-    let (emulator, chosen, first) = emulator(&args, &mut config, &stop)?;
-    let recorded = settings(output, &emulator);
-    let (server, heads) = cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
-    let mut ready = ready_file(&args, &config, &server, &heads, help.metrics_address())?;
-    // The last that may fail: earlier files are replaced here.
+    let mission = match config.sequence {
+        Some(_) => Some(mission(&config, file)?),
+        None => None,
+    };
+    let mut session = Session::new(config);
+    let chosen = session.settle_budget(&args.budget, mission.as_ref(), &stop)?;
+    let (recorded, objects) = (session.settings(), session.objects);
+    let warm_up = match &mission {
+        Some(mission) if session.config.run.clock != Clock::Stepped => {
+            Some(flight::vehicle(mission, 0)?)
+        }
+        _ => None,
+    };
+    let (config, cameras) = session.live(links, warm_up.as_ref(), &help)?;
+    let mut ready = ready_file(&args, &config, &cameras, help.metrics_address())?;
+    // The last step that may fail: earlier files are replaced here.
     instruments.begin(recorded)?;
     let (_, error) = instruments.finish_after(|instruments| {
         warn_of_rates(&config);
-        let notes = format!("{chosen}{help}");
-        introduce(&config, objects, &server, &heads, &notes)?;
+        introduce(&config, objects, &cameras, &format!("{chosen}{help}"))?;
         ready.iter_mut().try_for_each(ReadyFile::publish)?;
-        let served = serve(&args, &config, server, heads, &seen, &stop);
+        let served = serve(&args, &config, cameras, &seen, &stop);
         drop(ready);
         let reported = report(&config, &served, instruments);
         let ended = match served.ended {
@@ -145,49 +148,25 @@ fn open_links(
     Ok((links, seen))
 }
 
-/// The emulator, what `--budget-ms` chose for it, and the vehicle of the first frame by a clock.
-fn emulator(
-    args: &Args,
-    config: &mut Config,
-    stop: &AtomicBool,
-) -> anyhow::Result<(Emulator, String, Option<VehicleState>)> {
-    let scene = match config.sequence {
-        Some(_) => Some(mission(config, Some(&args.config))?),
-        None => None,
-    };
-    let clock = config.run.clock;
-    let mut emulator = Emulator::new(config);
-    let chosen = args.budget.settle(&mut emulator, stop, || match &scene {
-        Some(mission) => spread(mission, FRAMES),
-        None => around(),
-    })?;
-    let first = match &scene {
-        Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
-        _ => None,
-    };
-    Ok((emulator, chosen, first))
-}
-
 /// Prints the cameras, when their frames come, and where they listen.
 fn introduce(
     config: &Config,
     objects: usize,
-    server: &Server,
-    heads: &[Server],
-    chosen: &str,
+    cameras: &Cameras,
+    notes: &str,
 ) -> anyhow::Result<()> {
     let camera = &config.camera;
     say(format_args!(
-        "{chosen}{} ({} x {}), {}, {}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{notes}{} ({} x {}), {}, {}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
         counted(objects, "object"),
         pace(&config.run, camera.rate_hz),
-        server.levels(),
-        server.addresses().join(" and ")
+        cameras.first.levels(),
+        cameras.first.addresses().join(" and ")
     ))?;
-    for (head, at) in config.heads.iter().zip(heads) {
+    for (head, at) in config.heads.iter().zip(&cameras.further) {
         say(format_args!(
             "head {}: {}, {}, {}\n",
             head.name,
@@ -202,20 +181,20 @@ fn introduce(
 fn ready_file(
     args: &Args,
     config: &Config,
-    server: &Server,
-    heads: &[Server],
+    cameras: &Cameras,
     metrics: Option<String>,
 ) -> anyhow::Result<Option<ReadyFile>> {
     let Some(file) = &args.ready_file else {
         return Ok(None);
     };
-    let heads = config.heads.iter().zip(heads).map(|(head, at)| Head {
+    let heads = config.heads.iter().zip(&cameras.further);
+    let heads = heads.map(|(head, at)| Head {
         name: &head.name,
         links: at.addresses()[1..].to_vec(),
     });
     let ready = Ready {
         pid: std::process::id(),
-        links: server.addresses().iter().map(ToString::to_string).collect(),
+        links: cameras.first.addresses(),
         heads: heads.collect(),
         metrics,
     };
@@ -237,18 +216,21 @@ struct Served {
 fn serve(
     args: &Args,
     config: &Config,
-    mut server: Server,
-    heads: Vec<Server>,
+    cameras: Cameras,
     seen: &AtomicBool,
     stop: &AtomicBool,
 ) -> Served {
+    let Cameras {
+        first: mut server,
+        further,
+    } = cameras;
     let ended_flag = AtomicBool::new(false);
     let begin = Instant::now();
     let timeout = args.timeout.map(Duration::try_from_secs_f64);
     let until = timeout.and_then(|timeout| begin.checked_add(timeout.ok()?));
     server.end_by(until);
     let (mut ended, heads, cut) = std::thread::scope(|scope| {
-        let heads = config.heads.iter().zip(heads).map(|(head, mut server)| {
+        let heads = config.heads.iter().zip(further).map(|(head, mut server)| {
             let (ended, name) = (&ended_flag, &head.name);
             server.end_by(until);
             scope.spawn(move || {

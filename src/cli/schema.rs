@@ -1,6 +1,6 @@
 //! `skyloop schema`: the JSON Schemas of files.
 
-use super::say_json;
+use super::common::say_json;
 use clap::{Args as ClapArgs, ValueEnum};
 use skyloop::camera::Camera;
 use skyloop::config::Config;

@@ -1,7 +1,7 @@
 //! `skyloop completions` and `skyloop man`: what a shell and `man` make of the command line.
 
-use super::{Cli, Force};
-use clap::{Args as ClapArgs, CommandFactory};
+use super::common::Force;
+use clap::Args as ClapArgs;
 use clap_complete::Shell;
 use clap_mangen::Man;
 use skyloop::orbit::Mark;
@@ -29,16 +29,16 @@ pub struct Manual {
 /// How a page of skyloop is recognised.
 const MARK: Mark = &["", ".TH skyloop"];
 
-pub fn completions(args: Completions) -> anyhow::Result<()> {
+pub fn completions(args: Completions, mut command: clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "skyloop", &mut script);
+    clap_complete::generate(args.shell, &mut command, "skyloop", &mut script);
     say(String::from_utf8_lossy(&script))?;
     Ok(())
 }
 
-pub fn manual(args: Manual) -> anyhow::Result<()> {
+pub fn manual(args: Manual, command: clap::Command) -> anyhow::Result<()> {
     // Without this subcommands lack the program's name.
-    let mut command = Cli::command().disable_help_subcommand(true);
+    let mut command = command.disable_help_subcommand(true);
     command.build();
     let Some(folder) = args.folder else {
         let mut page = Vec::new();

@@ -44,9 +44,10 @@ pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::
         sensitivity,
         warnings,
     };
-    match json {
-        true => Ok(serde_json::to_string_pretty(&report)? + "\n"),
-        false => Ok(report.table(camera)),
+    if json {
+        Ok(serde_json::to_string_pretty(&report)? + "\n")
+    } else {
+        Ok(report.table(camera))
     }
 }
 

@@ -1,7 +1,7 @@
 //! `skyloop camera new`: a camera file from the six figures of a data sheet.
 
-use super::super::{Force, is_stdout};
 use super::check::report;
+use crate::cli::common::{Force, is_stdout};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::camera::Camera;
@@ -108,9 +108,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     } else {
         all_given(&given)?
     };
-    let name = match to_stdout {
-        true => "camera".into(),
-        false => args.file.file_stem().unwrap_or_default().to_string_lossy(),
+    let name = if to_stdout {
+        "camera".into()
+    } else {
+        args.file.file_stem().unwrap_or_default().to_string_lossy()
     };
     let text = file_text(&name, &answers);
     let (camera, notices) = Camera::parse_noticed(&shown, &text)
@@ -267,9 +268,10 @@ fn file_text(name: &str, answers: &[Answer]) -> String {
     let (pixel_um, (focal, is_field), (aperture, is_ratio)) = (of(1).0, of(2), of(3));
     let (exposure_s, full_well_e) = (of(4).0, of(5).0);
     // A pinhole's field w of n pixels p: f = n p / (2 tan(w/2)).
-    let focal_mm = match is_field {
-        true => width * pixel_um * 1e-3 / (2.0 * (focal.to_radians() / 2.0).tan()),
-        false => focal,
+    let focal_mm = if is_field {
+        width * pixel_um * 1e-3 / (2.0 * (focal.to_radians() / 2.0).tan())
+    } else {
+        focal
     };
     let aperture_mm = if is_ratio {
         focal_mm / aperture

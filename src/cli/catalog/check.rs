@@ -1,7 +1,7 @@
 //! `skyloop catalog check`: what files of orbits hold, and what of it cannot be used.
 
-use super::super::say_json;
 use super::source::{Source, shown, sources};
+use crate::cli::common::say_json;
 use anyhow::bail;
 use clap::Args as ClapArgs;
 use hifitime::Epoch;

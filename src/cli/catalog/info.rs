@@ -1,7 +1,7 @@
 //! `skyloop catalog info`: the objects of files by kind of orbit, or one of them.
 
-use super::super::{Records, say_json};
 use super::source::{readable, shown, sources};
+use crate::cli::common::{Records, say_json};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;

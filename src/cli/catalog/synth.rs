@@ -1,6 +1,6 @@
 //! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
 
-use super::super::Force;
+use crate::cli::common::Force;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
@@ -175,9 +175,10 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow
     let year = utc_text(epoch).get(..4).and_then(|year| year.parse().ok());
     let is_year = year.is_some_and(|year| TLE_YEARS.contains(&year));
     let fits = largest.is_none_or(|largest| largest <= LARGEST_ALPHA5) && is_year;
-    let (format, end) = match fits {
-        true => (Format::ThreeLine, "3le"),
-        false => (Format::OmmCsv, "csv"),
+    let (format, end) = if fits {
+        (Format::ThreeLine, "3le")
+    } else {
+        (Format::OmmCsv, "csv")
     };
     let mut toml = format!(
         "{} {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",

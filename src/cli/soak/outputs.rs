@@ -1,6 +1,6 @@
 //! The files with the verdicts of a soak.
 
-use super::Args;
+use super::args::Args;
 use anyhow::Error;
 use skyloop::orbit::Mark;
 use skyloop::soak::{Report, suite};
