@@ -130,9 +130,12 @@ impl RunStats {
 
     /// The rows of the times, link by link where there are several, of frames with or without deadlines.
     pub fn latency_rows(&self, deadlines: bool) -> Vec<(String, String)> {
-        let of = |latencies: &Latencies| match deadlines {
-            true => latencies.rows(),
-            false => latencies.stage_rows(),
+        let of = |latencies: &Latencies| {
+            if deadlines {
+                latencies.rows()
+            } else {
+                latencies.stage_rows()
+            }
         };
         let mut rows = of(&self.latencies);
         if !self.further.is_empty() {

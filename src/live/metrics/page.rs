@@ -24,9 +24,10 @@ fn written(labels: &[(&str, &str)]) -> String {
         format!("{key}=\"{}\"", value.replace('\n', "\\n"))
     });
     let labels = labels.collect::<Vec<_>>().join(",");
-    match labels.is_empty() {
-        true => labels,
-        false => format!("{{{labels}}}"),
+    if labels.is_empty() {
+        labels
+    } else {
+        format!("{{{labels}}}")
     }
 }
 
