@@ -17,9 +17,11 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Of {
-    /// Frames (what is measured if nothing is named): noise and whole frames against their own slow paths, two threads
+    /// Frames (what is measured if nothing is named): noise and whole frames against their own slow
+    /// paths, two threads
     Frame(Form),
-    /// A catalogue's orbits: vector instructions against the sgp4 crate, threads, tracks, a camera's whole step
+    /// A catalogue's orbits: vector instructions against the sgp4 crate, threads, tracks, a
+    /// camera's whole step
     Orbit(Form),
 }
 

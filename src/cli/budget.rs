@@ -16,8 +16,8 @@ use std::time::Duration;
 /// The time that a frame may take.
 #[derive(clap::Args)]
 pub(super) struct Budget {
-    /// Measure at the start what settings of `fidelity` take, and run with the most accurate of which 99 frames in 100 take no longer than so many
-    /// milliseconds
+    /// Measure at the start what settings of `fidelity` take, and run with the most accurate of
+    /// which 99 frames in 100 take no longer than so many milliseconds
     #[arg(long, value_name = "MS", value_parser = decimal(BUDGETS_MS), allow_hyphen_values = true)]
     budget_ms: Option<f64>,
 }
@@ -34,8 +34,8 @@ const EFFORT: Effort = Effort {
 pub(super) const BUDGETS_MS: RangeInclusive<f64> = 1e-3..=1e6;
 
 impl Budget {
-    /// Gives `emulator` the best setting for the frames of `vehicles`, which are computed only then; what was chosen, or nothing without a budget or where
-    /// `stop` ends the measurement.
+    /// Gives `emulator` the best setting for the frames of `vehicles`, which are computed only
+    /// then; what was chosen, or nothing without a budget or where `stop` ends the measurement.
     pub fn settle(
         &self,
         emulator: &mut Emulator,

@@ -32,7 +32,8 @@ pub fn scene_name(file: Option<&Path>) -> String {
 /// How orbits are propagated.
 #[derive(clap::Args, Default)]
 pub struct Orbits {
-    /// Ask SGP4 for every object in every frame, instead of for those alone that may be in the field; frames and labels are the same
+    /// Ask SGP4 for every object in every frame, instead of for those alone that may be in the
+    /// field; frames and labels are the same
     #[arg(long)]
     exact: bool,
 }

@@ -33,7 +33,8 @@ pub struct Args {
     /// Rounds of which times are taken, at most; after two minutes there are no more
     #[arg(long, value_name = "N", default_value_t = ROUNDS as u32, value_parser = whole(1..=100_000u32), allow_negative_numbers = true)]
     rounds: u32,
-    /// Make frames on one thread, and tell what it has had of its processor: for machines that have other work, too
+    /// Make frames on one thread, and tell what it has had of its processor: for machines that have
+    /// other work, too
     #[arg(long)]
     one_core: bool,
     /// Folder for cost.csv and cost.svg; made if it does not exist

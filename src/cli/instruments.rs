@@ -1,4 +1,4 @@
-//! What `run` and `loopback` can put between a link and the emulator: faults and a recording.
+//! Faults and recordings, which `run` and `loopback` put between a link and the emulator.
 
 use anyhow::{Error, anyhow, bail};
 use clap::Args;
@@ -37,7 +37,7 @@ pub struct Choice {
 pub struct Instruments {
     faults: Option<(Plan, Arc<Mutex<Book>>)>,
     capture: Option<Capture>,
-    /// The fault log. Threads of links have the book that writes it; a start that fails does not wait for them.
+    /// The fault log. The threads of links write it.
     log: Option<(PathBuf, OutputFile)>,
     /// The files that the run was made from.
     inputs: Vec<Input>,
@@ -46,8 +46,8 @@ pub struct Instruments {
 }
 
 impl Choice {
-    /// Opens their files, for these links, and changes nothing in them before [`Instruments::begin`]. With `force` files that skyloop did not
-    /// make are accepted.
+    /// Opens the files, and does not change them before [`Instruments::begin`]. `force` accepts
+    /// files that skyloop did not make.
     pub fn prepare(&self, links: &[String], force: bool) -> anyhow::Result<Instruments> {
         // Without the faults: a replay needs none.
         let inputs = inputs();
@@ -85,7 +85,7 @@ fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
     anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
 
-/// What a run has been set to beside its files, as recordings tell it.
+/// The settings of a run beside its files, for recordings.
 pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
     let level = (output.pixels, output.labels);
     let level = Output::PRESETS
@@ -121,8 +121,8 @@ impl Choice {
             .collect()
     }
 
-    /// Refuses outputs that name one file, another option's input, or a file of the output folder `out`. `input` and `output` are the options
-    /// of the command that name files beside these.
+    /// Refuses outputs that name the same file, an input, or a file in the output folder `out`.
+    /// `input` and `output` are further files of the command.
     pub fn check_files(
         &self,
         input: Option<(&'static str, &Path)>,
@@ -137,7 +137,7 @@ impl Choice {
     }
 }
 
-/// Refuses two options that name the same file, of which one at least is written.
+/// Refuses two options that name the same file.
 pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
     for (place, (name, file)) in given.iter().enumerate() {
         if let Some((other, _)) = given[..place]
@@ -153,7 +153,7 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses options that name a file which the run writes into its output folder.
+/// Refuses options that name a file in the output folder.
 fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
     if let Some((name, file)) = given.iter().find(|(_, file)| is_same_file(out, file)) {
         bail!(
@@ -181,13 +181,14 @@ pub fn both(first: Option<Error>, second: Option<Error>) -> Option<Error> {
     }
 }
 
-/// Whether a recording holds CAN frames: that of a run with one link, a bus. Of several links it holds packets.
+/// Whether a recording holds CAN frames: if the only link is a bus. Else it holds packets.
 fn records_frames(buses: &[bool]) -> bool {
     buses == [true]
 }
 
 impl Instruments {
-    /// What stands between a CAN bus and its link. The recording is next to the emulator: it holds what that received.
+    /// The instruments between a CAN bus and its link. The recording is next to the emulator, so
+    /// that it holds what that received.
     pub fn bus(&self) -> BusInstruments {
         let faults = self.faults.clone();
         let capture = self.capture.as_ref();
@@ -214,7 +215,7 @@ impl Instruments {
         }
     }
 
-    /// Puts them around the open links, where they do not stand at a bus.
+    /// Puts the instruments around the open links, except at a bus.
     pub fn around(&self, links: Vec<(Wire, Roles)>) -> Result<Vec<(Wire, Roles)>, LinkError> {
         let mut around = Vec::with_capacity(links.len());
         for (number, ((mut wire, roles), on_bus)) in (0..).zip(links.into_iter().zip(&self.buses)) {
@@ -233,7 +234,7 @@ impl Instruments {
         Ok(around)
     }
 
-    /// Begins their files, in place of earlier ones: everything else has been checked. `settings` are those of [`settings`].
+    /// Begins the files, and replaces earlier ones. Everything else has been checked before.
     pub fn begin(&mut self, settings: Vec<(String, String)>) -> anyhow::Result<()> {
         if let Some((file, output)) = &mut self.log {
             output.begin().map_err(|why| unwritten(file, &why))?;
@@ -251,7 +252,7 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault by which nothing passes any more. None if no packet met one after `since`, or it is over.
+    /// The fault that blocks all packets; none if no packet met it after `since`, or it is over.
     pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
@@ -265,19 +266,19 @@ impl Instruments {
         book.stopped(since, &Needs { patience, ..needs })
     }
 
-    /// What they have to say in a run's table.
+    /// The row in the table of the run.
     pub fn row(&self) -> Option<(String, String)> {
         self.faults().map(|done| row("faults injected", done))
     }
 
-    /// What the faults have done, if any are injected.
+    /// A summary of the injected faults, if there are any.
     pub fn faults(&self) -> Option<String> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
         Some(book.summary())
     }
 
-    /// Does `body`, and ends their files whatever comes of it. With its error, if it has one, the error of files that are not whole.
+    /// Runs `body`, and then ends the files in any case. Both errors are reported.
     pub fn finish_after<T>(
         self,
         body: impl FnOnce(&Instruments) -> anyhow::Result<T>,
@@ -290,7 +291,7 @@ impl Instruments {
         }
     }
 
-    /// Ends their files; an error that names those that are not whole.
+    /// Ends the files; an error names those that are incomplete.
     fn finish(mut self) -> anyhow::Result<()> {
         let captured = self.capture.map_or(Ok(0), Capture::finish);
         let logged = self.faults.map_or(Ok(()), |(_, book)| {

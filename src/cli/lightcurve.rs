@@ -20,7 +20,8 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene file with [objects] and an [observer] [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    /// Scene file with [objects] and an [observer] [default: the built-in FAI on CASSIOPE, 15 June
+    /// 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// The object: a name, an id or a number of its file
@@ -31,7 +32,8 @@ pub struct Args {
     /// Seconds from one instant to the next [default: the scene's period]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     step: Option<f64>,
-    /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the camera's exposure time]
+    /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the
+    /// camera's exposure time]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     exposure: Option<f64>,
     /// Folder for lightcurve.csv and lightcurve.svg; made if it does not exist
@@ -87,21 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let title = format!("{} seen from {}", object.label(), observer.label());
     write_light_curve(&args.out, &title, &points)?;
-    let shown = points.iter().filter_map(|point| point.band_mag());
-    let (count, brightest, faintest) = shown.fold(
-        (0, f64::INFINITY, f64::NEG_INFINITY),
-        |(n, low, high), mag| (n + 1, low.min(mag), high.max(mag)),
-    );
-    let causes = causes(&points);
-    let what = match (count, causes.as_str()) {
-        (0, _) => format!("no light of it arrives: {causes}"),
-        (_, "") => {
-            format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}")
-        }
-        _ => format!(
-            "light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}; at others none: {causes}"
-        ),
-    };
+    let what = summary(&points);
     say(format_args!(
         "{title}, of {}: {} from {} to {}, {what}\nwrote {}\n",
         counted(population.objects().len(), "object"),
@@ -115,6 +103,25 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// At how many instants light arrives, how bright, and why not at others.
+fn summary(points: &[Point]) -> String {
+    let shown = points.iter().filter_map(|point| point.band_mag());
+    let (count, brightest, faintest) = shown.fold(
+        (0, f64::INFINITY, f64::NEG_INFINITY),
+        |(n, low, high), mag| (n + 1, low.min(mag), high.max(mag)),
+    );
+    let causes = causes(points);
+    match (count, causes.as_str()) {
+        (0, _) => format!("no light of it arrives: {causes}"),
+        (_, "") => {
+            format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}")
+        }
+        _ => format!(
+            "light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}; at others none: {causes}"
+        ),
+    }
+}
+
 /// Why no light arrives, and at how many instants: `3 behind the Earth, 1 in the Earth's shadow`.
 fn causes(points: &[Point]) -> String {
     let mut counts = BTreeMap::new();
@@ -125,7 +132,8 @@ fn causes(points: &[Point]) -> String {
     counts.collect::<Vec<_>>().join(", ")
 }
 
-/// What helps where an ephemeris ends after these points: its instants begin and end half an exposure within it.
+/// What helps where an ephemeris ends after these points: its instants begin and end half an
+/// exposure within it.
 fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
     if !matches!(
         error,

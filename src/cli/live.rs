@@ -1,4 +1,4 @@
-//! What a live run is given beside its links: a place for its figures, and help of the system.
+//! Metrics and real-time settings of a live run.
 
 use anyhow::Context;
 use skyloop::config::{Config, Run};
@@ -12,15 +12,15 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// What was granted, printed as lines of text; it lasts as long as this value.
+/// Metrics server and granted real-time settings, for as long as this value lives.
 pub struct Help {
-    /// Where the figures of each camera are, and what serves them.
+    /// The figures of each camera, and their server.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
     pub granted: Granted,
 }
 
-/// Serves the figures of all cameras at `address`, else where the run has them, and asks the system for what the run wants. Before links are opened: their threads have what
-/// the one has that starts them.
+/// Serves the figures of all cameras, and applies the real-time settings. Called before links are
+/// opened, because their threads inherit the settings.
 pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let run = &config.run;
     let from = if address.is_some() {
@@ -29,7 +29,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
         "run.metrics"
     };
     let address = address.or(run.metrics.as_deref());
-    // Before the system is asked: the thread that serves figures is like any other program's.
+    // First, because the metrics thread does not run in real time.
     let metrics = match address {
         None => None,
         Some(address) => {
@@ -42,7 +42,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let asked = &run.realtime;
     let mut rendering = Vec::new();
     if !asked.is_nothing() {
-        // Each of those that render, which may be there already: files are read side by side.
+        // Threads of the pool may exist already, since files are read in parallel.
         let thread = asked.of_thread();
         rendering = rayon::broadcast(|_| realtime::ask(&thread));
     }
@@ -51,7 +51,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     Ok(Help { metrics, granted })
 }
 
-/// The options of a run's links; `bus` stands between a CAN bus and its link.
+/// The options of a run's links, with the instruments of a CAN bus.
 pub fn link_options(run: &Run, bus: Option<BusInstruments>) -> link::Options {
     link::Options {
         idle: Duration::from_secs_f64(run.idle_s),
@@ -60,7 +60,7 @@ pub fn link_options(run: &Run, bus: Option<BusInstruments>) -> link::Options {
     }
 }
 
-/// Errors: what opening a run's links would refuse without asking the system, with file and key.
+/// Errors: the run file has a link that cannot be opened on any system, with file and key.
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
     let file = path_text(file);
     link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;
@@ -71,7 +71,7 @@ pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What the log says of a further camera says of which.
+/// Names a further camera in its log messages.
 pub fn of_head(name: &str) -> tracing::Span {
     tracing::warn_span!("head", name)
 }
@@ -82,7 +82,7 @@ impl Help {
         Some(metrics.address().to_string())
     }
 
-    /// Lets the `server` of a camera leave its figures there; 0 is the first.
+    /// Publishes the figures of a camera's `server`; 0 is the first.
     pub fn serve(&self, camera: usize, server: &mut Server) {
         let places = self.metrics.as_ref().map(|(places, _)| places);
         if let Some(place) = places.and_then(|places| places.get(camera)) {

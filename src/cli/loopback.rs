@@ -35,8 +35,9 @@ use std::time::{Duration, Instant};
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal), pty (one at the pace of
-    /// a baud rate, such as pty?baud=921600), can (on vcan0) or slcan (CAN frames over a pseudo-terminal)
+    /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal), pty
+    /// (one at the pace of a baud rate, such as pty?baud=921600), can (on vcan0) or slcan (CAN
+    /// frames over a pseudo-terminal)
     #[arg(long, default_value = "memory")]
     link: String,
     /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]
@@ -140,7 +141,8 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
-/// Runs emulator and flight computer; returns the report, the error that cut it short, and the table.
+/// Runs emulator and flight computer; returns the report, the error that cut it short, and the
+/// table.
 fn run_pair(
     args: &Args,
     (server, port, mission): (Server, Box<dyn Port + Send>, Mission),
@@ -215,7 +217,8 @@ fn exchange(
     let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
-            // The flight computer closes the link when it has its frames, and reports every other end.
+            // The flight computer closes the link when it has its frames, and reports every other
+            // end.
             let ended = server.run(&stop, None, |shot| {
                 // A writer that has failed has dropped its end; its error is reported below.
                 let _ = shots.send(shot.clone());
@@ -287,7 +290,8 @@ fn stopped_by(stop: &Stop, link: &str) -> Error {
     )
 }
 
-/// Errors: the run was interrupted, or frames did not arrive. The count is that of the verdict on the frames.
+/// Errors: the run was interrupted, or frames did not arrive. The count is that of the verdict on
+/// the frames.
 fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
@@ -300,7 +304,8 @@ fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The report of a run that injected faults may have ended, and the error that says so; any other error is returned.
+/// The report of a run that injected faults may have ended, and the error that says so; any other
+/// error is returned.
 fn blamed(
     error: RunError,
     faults: Option<String>,

@@ -41,7 +41,8 @@ pub struct Cli {
     /// Log what is refused, and which effects the first frame needs and why
     #[arg(short, long, global = true, overrides_with = "verbose")]
     pub verbose: bool,
-    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do not give it themselves
+    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do
+    /// not give it themselves
     #[arg(long, global = true, value_name = "S", allow_negative_numbers = true)]
     ut1_utc: Option<f64>,
     #[command(subcommand)]
@@ -54,7 +55,8 @@ enum Command {
     Loopback(loopback::Args),
     /// Run the emulator alone and wait for a flight computer
     Run(run::Args),
-    /// Run for minutes against a client that takes all frames, and fail where deadlines or latencies are not kept
+    /// Run for minutes against a client that takes all frames, and fail where deadlines or
+    /// latencies are not kept
     Soak(soak::Args),
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),

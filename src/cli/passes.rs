@@ -23,7 +23,8 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene file with [objects], an [observer] and attitudes [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    /// Scene file with [objects], an [observer] and attitudes [default: the built-in FAI on
+    /// CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     #[command(flatten)]
@@ -102,27 +103,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         .collect();
     let unpointed = unpointed.into_iter().map(|times| times.map(utc_text));
     let not_searched: Vec<[String; 2]> = unpointed.collect();
-    if !not_searched.is_empty() {
-        let times = not_searched.iter().take(5);
-        let times = times.map(|[from, to]| format!("{from} to {to}"));
-        let more = match not_searched.len() {
-            ..=5 => String::new(),
-            count => format!(" and {} more times", count - 5),
-        };
-        let times = times.collect::<Vec<_>>().join(", ");
-        tracing::warn!("not searched, since the pointing has no direction: {times}{more}");
-    }
-    if unknown.len() == population.objects().len() && passes.is_empty() {
-        tracing::warn!(
-            "no object has states through all of the search, and none passes: choose --from and --to within what their orbits cover"
-        );
-    }
-    for reason in unknown.values().take(5) {
-        tracing::warn!("{reason}");
-    }
-    if unknown.len() > 5 {
-        tracing::warn!("{} more without a state", unknown.len() - 5);
-    }
+    warn_of_gaps(&not_searched);
+    let all_unknown = unknown.len() == population.objects().len() && passes.is_empty();
+    warn_of_unknown(unknown.values(), all_unknown);
     let searched = Searched {
         scene: name,
         from: utc_text(search.from),
@@ -133,22 +116,58 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         not_searched,
         leap_seconds: leap_seconds(search.from, search.to),
     };
+    print(&args, &searched, &rows)
+}
+
+/// Prints the passes in the format of the options.
+fn print(args: &Args, searched: &Searched, rows: &[Row]) -> anyhow::Result<()> {
     let line = searched.line(rows.len());
     if args.json {
-        say(json(&searched, &rows))?;
+        say(json(searched, rows))?;
     } else if args.csv {
-        write_out(csv(&rows))?;
-        // Rows alone on standard output.
+        write_out(csv(rows))?;
+        // Standard output has rows alone.
         let _ = writeln!(std::io::stderr(), "{line}");
     } else if rows.is_empty() {
         say(format_args!("{line}\n"))?;
     } else {
-        say(format_args!("{}{line}\n", table(&rows)))?;
+        say(format_args!("{}{line}\n", table(rows)))?;
     }
     Ok(())
 }
 
-/// What helps where the scene's attitudes or orbit end.
+/// Warns of times that were not searched.
+fn warn_of_gaps(not_searched: &[[String; 2]]) {
+    if not_searched.is_empty() {
+        return;
+    }
+    let times = not_searched.iter().take(5);
+    let times = times.map(|[from, to]| format!("{from} to {to}"));
+    let more = match not_searched.len() {
+        ..=5 => String::new(),
+        count => format!(" and {} more times", count - 5),
+    };
+    let times = times.collect::<Vec<_>>().join(", ");
+    tracing::warn!("not searched, since the pointing has no direction: {times}{more}");
+}
+
+/// Warns of objects without a state, with the reasons.
+fn warn_of_unknown<'a>(reasons: impl ExactSizeIterator<Item = &'a String>, all_unknown: bool) {
+    if all_unknown {
+        tracing::warn!(
+            "no object has states through all of the search, and none passes: choose --from and --to within what their orbits cover"
+        );
+    }
+    let more = reasons.len().saturating_sub(5);
+    reasons
+        .take(5)
+        .for_each(|reason| tracing::warn!("{reason}"));
+    if more > 0 {
+        tracing::warn!("{more} more without a state");
+    }
+}
+
+/// The remedy if the scene's attitudes or orbit end.
 fn remedy(error: &NoPasses) -> &'static str {
     match error {
         NoPasses::Flight(FlightError::Profile(ProfileError::OutsideList(_))) => {

@@ -1,4 +1,5 @@
-//! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
+//! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and
+//! what it saves.
 
 use super::common::{Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use super::pointing::Pointing;
@@ -32,7 +33,8 @@ pub struct Args {
     frame: u32,
     #[command(flatten)]
     pointing: Pointing,
-    /// Render the frame, and set measured errors and times beside the declared ones (takes seconds, for slow frames minutes)
+    /// Render the frame, and set measured errors and times beside the declared ones (takes seconds,
+    /// for slow frames minutes)
     #[arg(long)]
     measure: bool,
     /// Print JSON instead of a table

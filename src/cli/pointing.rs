@@ -14,7 +14,8 @@ use skyloop_firmware_sim::text::number;
 
 #[derive(Args)]
 pub struct Place {
-    /// Observer's state in km and km/s, GCRF, at the first instant, instead of a scene's observer; carried on by two-body motion and J2
+    /// Observer's state in km and km/s, GCRF, at the first instant, instead of a scene's observer;
+    /// carried on by two-body motion and J2
     #[arg(
         long,
         value_name = "x,y,z,vx,vy,vz",
@@ -51,8 +52,8 @@ pub struct Pointing {
         conflicts_with_all = ["radec", "nadir", "look_at"]
     )]
     attitude: Option<Numbers<4>>,
-    /// The boresight's right ascension and declination (ICRF), and the position angle of what is up in the image (-Y), from north
-    /// through east; deg, at the first instant
+    /// The boresight's right ascension and declination (ICRF), and the position angle of what is up
+    /// in the image (-Y), from north through east; deg, at the first instant
     #[arg(
         long,
         value_name = "RA,DEC,ROLL",
@@ -63,14 +64,16 @@ pub struct Pointing {
     /// +Z to the Earth's centre, +X towards the velocity
     #[arg(long, conflicts_with = "look_at")]
     nadir: bool,
-    /// Point the boresight at a target and follow it: Sun, Moon, a planet, an object's name or number, limb:HEIGHT_KM[,AZIMUTH_DEG],
-    /// velocity, or RA,DEC in deg
+    /// Point the boresight at a target and follow it: Sun, Moon, a planet, an object's name or
+    /// number, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg
     #[arg(long, value_name = "TARGET", allow_hyphen_values = true)]
     look_at: Option<String>,
-    /// With --look-at: what is up in the image (-Y) [default: north; zenith for the limb and the velocity]
+    /// With --look-at: what is up in the image (-Y) [default: north; zenith for the limb and the
+    /// velocity]
     #[arg(long, value_name = "WHAT", requires = "look_at", value_parser = PossibleValuesParser::new(Up::ALL.map(|(name, _)| name)))]
     up: Option<String>,
-    /// With --look-at: position angle of -Y from what is up, in the sense from north through east, deg
+    /// With --look-at: position angle of -Y from what is up, in the sense from north through east,
+    /// deg
     #[arg(long, value_name = "DEG", requires = "look_at", value_parser = number, allow_hyphen_values = true)]
     roll: Option<f64>,
     /// Body rates in deg/s, body axes, from the first instant on, of --attitude or --radec
@@ -79,7 +82,8 @@ pub struct Pointing {
 }
 
 impl Pointing {
-    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`; `None` without any of the options.
+    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`;
+    /// `None` without any of the options.
     pub fn sequence(&self, epoch: Epoch, config: &Config) -> anyhow::Result<Option<Sequence>> {
         let look_at = self.target(config)?;
         let attitude = match (self.attitude, self.radec) {

@@ -33,7 +33,8 @@ pub struct ReadyFile {
 /// How a ready file is recognised; one that a killed run has left is replaced.
 const MARK: Mark = &["{", "\"pid\"", "\"links\""];
 
-/// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a file that skyloop did not write.
+/// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a
+/// file that skyloop did not write.
 pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
     let shown = path_text(file);
     let folder = file

@@ -23,10 +23,12 @@ use std::sync::atomic::AtomicBool;
 #[derive(ClapArgs)]
 #[command(group = ArgGroup::new("looks").args(["scene", "attitude", "radec", "nadir", "look_at"]).required(true))]
 pub struct Args {
-    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --radec, --nadir, --look-at, --rates, --state, --orbit, --rso
+    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --radec,
+    /// --nadir, --look-at, --rates, --state, --orbit, --rso
     #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "radec", "nadir", "look_at", "rates", "state", "orbit", "rso"])]
     scene: Option<PathBuf>,
-    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
+    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon,
+    /// or a camera file
     #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
     camera: String,
     /// Middle of the first exposure, such as 2019-06-15T23:35:50Z
@@ -54,7 +56,8 @@ pub struct Args {
     /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
     #[arg(long, value_name = "SNR", value_parser = decimal(0.0..=1e9), allow_hyphen_values = true)]
     label_snr: Option<f64>,
-    /// Refuse a frame that costs more than so many seconds on one core for each megapixel, and at least so much for smaller frames [default: no limit]
+    /// Refuse a frame that costs more than so many seconds on one core for each megapixel, and at
+    /// least so much for smaller frames [default: no limit]
     #[arg(long, value_name = "S", value_parser = decimal(0.01..=1e6), allow_hyphen_values = true)]
     work_limit: Option<f64>,
     /// Folder for frames and labels; made if it does not exist

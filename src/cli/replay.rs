@@ -36,8 +36,8 @@ pub struct Args {
     patience: Duration,
 }
 
-/// An emulator that has nothing to do for this long does not come where the recorded one was. It gives a frame up that
-/// finds no room after 2 s.
+/// An emulator that has nothing to do for this long does not come where the recorded one was. It
+/// gives a frame up that finds no room after 2 s.
 const SILENCE: Duration = Duration::from_secs(10);
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -121,7 +121,8 @@ fn has_both_directions(args: &Args, recording: &Recording, gaps: &str) -> anyhow
     ))
 }
 
-/// Warns of files and settings that are not those of the recording; what may be behind a difference.
+/// Warns of files and settings that are not those of the recording; what may be behind a
+/// difference.
 fn compare_origins(args: &Args, recording: &Recording, settings: Vec<(String, String)>) -> String {
     let inputs = inputs().into_iter();
     let now = Origin {

@@ -29,8 +29,9 @@ pub struct Args {
     /// Configuration file (see configs/default.toml)
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600; several with roles, such as
-    /// --link 'udp://127.0.0.1:4810?roles=truth+labels' --link 'udp://127.0.0.1:4811?roles=pixels' [default: the file's]
+    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600;
+    /// several with roles, such as --link 'udp://127.0.0.1:4810?roles=truth+labels' --link
+    /// 'udp://127.0.0.1:4811?roles=pixels' [default: the file's]
     #[arg(long, value_name = "URL")]
     link: Vec<String>,
     /// What frames bring until a client says otherwise [default: the file's]
@@ -39,7 +40,8 @@ pub struct Args {
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: Option<u32>,
-    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464 [default: the file's, else nowhere]
+    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464
+    /// [default: the file's, else nowhere]
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<String>,
     /// End with an error if no client has come after this many seconds
@@ -148,7 +150,7 @@ fn open_links(
     Ok((links, seen))
 }
 
-/// Prints the cameras, when their frames come, and where they listen.
+/// Prints the cameras, their pace and their addresses.
 fn introduce(
     config: &Config,
     objects: usize,
@@ -282,14 +284,15 @@ fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow
     Ok(())
 }
 
-/// A limit of time that has ended a run.
+/// The time limit that has ended a run.
 #[derive(Clone, Copy, PartialEq)]
 enum Cut {
     NoClient,
     TimedOut,
 }
 
-/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from `begin`. Once it is stopped, by whomever, its heads end with it.
+/// Stops the run when `--wait-for-client` or `--timeout`, counted from `begin`, is over. Further
+/// cameras end with the run.
 fn limit(
     args: &Args,
     begin: Instant,
@@ -316,7 +319,7 @@ fn limit(
     None
 }
 
-/// Errors: a limit of time has ended the run before --frames were sent, or they were not sent by then.
+/// Errors: `--frames` were not sent within the time limits.
 fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()> {
     let seconds = |s: Option<f64>| s.unwrap_or_default();
     match (cut, args.frames) {
@@ -337,7 +340,7 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()>
     }
 }
 
-/// A rate of its own has no meaning for a camera whose frames follow packets.
+/// Warns of rates of further cameras whose frames follow packets.
 fn warn_of_rates(config: &Config) {
     let asks = asks(&config.run).filter(|_| config.run.clock == Clock::Stepped);
     for head in config.heads.iter().filter(|head| head.has_own_rate) {
@@ -350,7 +353,7 @@ fn warn_of_rates(config: &Config) {
     }
 }
 
-/// What asks for each frame, where a camera's rate does not.
+/// The packet that requests each frame; none if frames follow the camera's rate.
 fn asks(run: &Run) -> Option<&'static str> {
     match (run.clock, run.trigger) {
         (_, Trigger::Packet) => Some("Trigger"),
@@ -359,7 +362,7 @@ fn asks(run: &Run) -> Option<&'static str> {
     }
 }
 
-/// When a camera's frames come.
+/// When frames come, as text.
 fn pace(run: &Run, rate_hz: f64) -> String {
     if let Some(asks) = asks(run) {
         return format!("a frame for each {asks}");

@@ -1,4 +1,5 @@
-//! Builds what `run`, `loopback`, `soak` and `replay` serve: configuration, emulator, cameras at links.
+//! Builds what `run`, `loopback`, `soak` and `replay` serve: configuration, emulator, cameras at
+//! links.
 
 use super::budget::{Budget, FRAMES, around};
 use super::common::{Orbits, Records, scene, with_level};
@@ -58,7 +59,8 @@ impl Session {
         }
     }
 
-    /// Chooses tolerances by `--budget-ms`, for the frames of a mission; returns the choice as text.
+    /// Chooses tolerances by `--budget-ms`, for the frames of a mission; returns the choice as
+    /// text.
     pub fn settle_budget(
         &mut self,
         budget: &Budget,
@@ -83,8 +85,8 @@ impl Session {
         (self.config, server)
     }
 
-    /// Puts each camera at its links, with the clock of the run file. If the vehicle is known at the start
-    /// (`warm_up`), each camera renders a frame of it beforehand.
+    /// Puts each camera at its links, with the clock of the run file. If the vehicle is known at
+    /// the start (`warm_up`), each camera renders a frame of it beforehand.
     pub fn live(
         self,
         links: Vec<Links>,
@@ -103,7 +105,7 @@ impl Session {
         };
         warm_up(&mut emulator);
         let heads = (1..).zip(&config.heads).map(|(number, head)| {
-            let mut emulator = emulator.beside(&config, &head.camera, number);
+            let mut emulator = emulator.beside(&head.camera, number);
             warm_up(&mut emulator);
             emulator
         });

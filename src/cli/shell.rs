@@ -18,8 +18,8 @@ pub struct Completions {
 
 #[derive(ClapArgs)]
 pub struct Manual {
-    /// Folder for a page a command, skyloop.1, skyloop-run.1 and so on; made if it does not exist. Without it the page of skyloop itself is
-    /// printed
+    /// Folder for a page a command, skyloop.1, skyloop-run.1 and so on; made if it does not exist.
+    /// Without it the page of skyloop itself is printed
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
     #[command(flatten)]

@@ -1,6 +1,5 @@
-//! What the machine did while a run was on: a late frame may be the host's fault.
-//!
-//! From Linux' `/proc` and `/sys`; what cannot be read is told as unknown.
+//! Load of the machine during a run, from Linux' `/proc` and `/sys`: a late frame may be the host's
+//! fault. Values that cannot be read are unknown.
 
 mod memory;
 
@@ -9,7 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
-/// The machine at one moment.
+/// State of the machine at one instant.
 #[derive(Debug, Clone)]
 pub struct Host {
     at: Instant,
@@ -18,7 +17,7 @@ pub struct Host {
     governor: Option<String>,
     load: Option<[f64; 2]>,
     time: Option<MachineTime>,
-    /// Time that this process has had, clock ticks.
+    /// Processor time of this process, clock ticks.
     own: Option<u64>,
     switches: Option<Switches>,
 }
@@ -55,7 +54,7 @@ impl Host {
         }
     }
 
-    /// What it did since an `earlier` moment.
+    /// The load since an `earlier` instant.
     #[must_use]
     pub fn since(&self, earlier: &Host) -> HostReport {
         let switched = |count: fn(&Switches) -> u64| {
@@ -90,7 +89,7 @@ impl Host {
     }
 }
 
-/// What the machine did over some time; `None` is what could not be read.
+/// Load of the machine over an interval; `None`: could not be read.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HostReport {
     /// The processor, as the system calls it.
@@ -99,7 +98,7 @@ pub struct HostReport {
     pub processors: Option<usize>,
     /// The release of the kernel.
     pub kernel: Option<String>,
-    /// Who sets the processors' clock, such as `performance`; `none` where nobody does.
+    /// The frequency governor, such as `performance`; `none` if there is none.
     pub governor: Option<String>,
     /// The time, s.
     pub seconds: f64,
@@ -109,13 +108,14 @@ pub struct HostReport {
     pub load_5_min: Option<f64>,
     /// How often a thread of this process waited for something.
     pub voluntary_switches: Option<u64>,
-    /// How often one had to make room for another.
+    /// How often a thread was preempted.
     pub involuntary_switches: Option<u64>,
     /// This process's share (0 to 1) of the time of all processors.
     pub own: Option<f64>,
-    /// That of others: programs and the kernel. Clock ticks of 10 ms make it crude for a run of less than a few seconds.
+    /// Share of other programs and the kernel. Ticks of 10 ms make it coarse for runs of a few
+    /// seconds.
     pub others: Option<f64>,
-    /// What the machine that hosts this one has taken away.
+    /// Share that the hypervisor has taken.
     pub stolen: Option<f64>,
 }
 
@@ -176,7 +176,8 @@ pub fn load() -> Option<[f64; 2]> {
     Some([figures.next()?.ok()?, figures.next()?.ok()?])
 }
 
-/// The clock governors of the processors in a folder: `performance`, `none`, or each with its number.
+/// The frequency governors of the processors in a folder: `performance`, `none`, or each with its
+/// number.
 fn governor(folder: &Path) -> Option<String> {
     let entries = std::fs::read_dir(folder).ok()?;
     let mut counts = std::collections::BTreeMap::<String, usize>::new();
@@ -209,7 +210,7 @@ fn machine_time(text: &str) -> Option<MachineTime> {
         return None;
     }
     let ticks: Vec<u64> = words.map(str::parse).collect::<Result<_, _>>().ok()?;
-    // What guests have had is in the first two already.
+    // The first two include the time of guests.
     let [user, nice, system, idle, wait, irq, soft_irq, stolen] = *ticks.first_chunk::<8>()?;
     let sum = |ticks: &[u64]| ticks.iter().copied().fold(0, u64::saturating_add);
     let busy = sum(&[user, nice, system, irq, soft_irq]);
@@ -221,16 +222,17 @@ fn machine_time(text: &str) -> Option<MachineTime> {
     })
 }
 
-/// The time in `/proc/self/stat` of all threads, those that have ended included: for the program and for the kernel.
+/// User and system time of all threads in `/proc/self/stat`, ended ones included.
 fn own_time(text: &str) -> Option<u64> {
     // The second word is the program's name in brackets, which may hold anything.
     let (_, rest) = text.rsplit_once(')')?;
-    // X-Val: proc(5): utime and stime are the fields 14 and 15, the state after the name is the third.
+    // X-Val: proc(5): utime and stime are the fields 14 and 15, the state after the name is the
+    // third.
     let mut times = rest.split_whitespace().skip(11).map(str::parse::<u64>);
     Some(times.next()?.ok()?.saturating_add(times.next()?.ok()?))
 }
 
-/// Of all threads, those that have ended included.
+/// Of all threads, ended ones included.
 #[cfg(target_os = "linux")]
 fn switches() -> Option<Switches> {
     use nix::sys::resource::{UsageWho, getrusage};

@@ -1,7 +1,7 @@
 //! The figures of a run for Prometheus, over HTTP on a thread of its own.
 //!
-//! The run hands over a copy of its figures ten times a second and never waits; whoever asks for them gets the last. The address is one
-//! of this machine unless another is given: there is no password, and nothing can be changed through it.
+//! The run publishes its figures ten times a second and never waits; a request gets the last ones.
+//! By default only this machine can connect. There is no password, and nothing can be changed.
 
 mod http;
 mod page;
@@ -48,7 +48,7 @@ pub struct Snapshot {
     pub deadline_spare_s: Option<f64>,
 }
 
-/// The times of one stage: how many are within each of [`BOUNDS`], how many there are, and their sum.
+/// Histogram of one stage: counts within each of [`BOUNDS`], total count, and sum.
 #[derive(Debug, Clone)]
 struct Stage {
     name: &'static str,
@@ -78,7 +78,7 @@ const BOUNDS: [(Duration, &str); 16] = [
 ];
 
 impl Snapshot {
-    /// What the frames so far say; counters and what is of the last frame are for the caller to add.
+    /// The figures of the frames so far. The caller adds counters and the last frame.
     #[must_use]
     pub fn of(latencies: &Latencies) -> Self {
         let stages = latencies.stages().map(|(name, times)| Stage {
@@ -97,10 +97,10 @@ impl Snapshot {
     }
 }
 
-/// Where a camera leaves the figures of its run; clones are the same place.
+/// Where a camera publishes its figures; clones share it.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
-    /// What the camera is called, where it is not the first.
+    /// Name of a further camera.
     head: Option<Arc<str>>,
     place: Arc<Mutex<Arc<Snapshot>>>,
 }
@@ -115,10 +115,10 @@ impl Metrics {
         }
     }
 
-    /// Leaves the figures of now. Where somebody fetches those before at this very moment they stay: the next ones have it all.
+    /// Publishes the present figures, unless the previous ones are being read.
     pub fn publish(&self, snapshot: Snapshot) {
         let snapshot = Arc::new(snapshot);
-        // A thread in real time does not wait for one that is not.
+        // A real-time thread does not wait for others.
         if let Ok(mut place) = self.place.try_lock() {
             *place = snapshot;
         }
@@ -127,13 +127,13 @@ impl Metrics {
     fn last(&self) -> Arc<Snapshot> {
         match self.place.lock() {
             Ok(place) => Arc::clone(&place),
-            // Nothing can go wrong halfway through an assignment.
+            // An assignment cannot be left half done.
             Err(poisoned) => Arc::clone(&poisoned.into_inner()),
         }
     }
 }
 
-/// Connections that are answered at once. One more takes the place of the oldest, one that has not sent its request first.
+/// Maximum number of connections. One more replaces the oldest, preferably one without a request.
 const AT_ONCE: usize = 32;
 /// Threads at most: those of closed connections take a moment to end.
 const MAX_THREADS: usize = 2 * AT_ONCE;
@@ -142,7 +142,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// How long the thread waits for threads of closed connections.
 const LEAVING: Duration = Duration::from_millis(1);
 
-/// The thread that answers; it ends with this.
+/// The HTTP thread; it ends with this value.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -168,10 +168,12 @@ impl Drop for Server {
     }
 }
 
-/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`, `[::1]:9464`, or a port alone, on 127.0.0.1.
+/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`,
+/// `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
-/// 32 connections are answered at once, each by a thread; one more closes the oldest, so that connections which send nothing delay nobody. Errors:
-/// `address` is none, or the system refuses it; they name it and the remedy.
+/// Each of at most 32 connections has a thread; one more closes the oldest, so that idle
+/// connections block no request. Errors: `address` is invalid, or the system refuses it, with the
+/// remedy.
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
@@ -229,7 +231,7 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
                     wait_for_connection(listener);
                     continue;
                 }
-                // It has gone already, or the system is out of something for now.
+                // The client has gone, or the system lacks resources for now.
                 Err(_) => {
                     std::thread::sleep(POLL);
                     continue;
@@ -241,13 +243,13 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
                 let oldest = open.remove(silent.unwrap_or(0));
                 oldest.into_iter().for_each(Connection::close);
             }
-            // Where the system has no handle or no thread left the connection is closed without an answer.
+            // Without a handle or a thread the connection is closed.
             let Ok(connection) = Connection::of(&stream) else {
                 continue;
             };
             let state = Arc::clone(&connection.state);
             let answer = move || {
-                // Whoever hangs up early has had his answer.
+                // The client may close early.
                 let _ = http::answer(stream, page, &state);
                 state.end();
             };
@@ -260,7 +262,7 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
     });
 }
 
-/// Waits for a connection, [`POLL`] at most. The system keeps 128 that nobody has accepted; the next one would be tried again after 1 s.
+/// Waits for a connection, at most [`POLL`]. The system queues 128; further ones retry after 1 s.
 #[cfg(target_os = "linux")]
 fn wait_for_connection(listener: &TcpListener) {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};

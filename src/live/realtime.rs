@@ -1,12 +1,12 @@
-//! What the system can do for a run that must keep time: a thread that others do not interrupt, memory that is not swapped out,
-//! processors of its own.
+//! Real-time settings of the system: scheduling priority, locked memory, processor affinity.
 //!
-//! All of it is optional and none of it fails a run: what is not granted is told with the reason and the remedy. A thread hands
-//! on its scheduling and its processors to those that it starts afterwards; memory is locked for the whole process. Threads of a pool
-//! that is there already ask for themselves ([`Asked::of_thread`]); a thread that only watches, such as that of the metrics, is best
-//! started before.
+//! All are optional, and a refusal does not fail a run: it is reported with reason and remedy.
+//! Threads inherit scheduling and affinity from the thread that starts them; memory is locked for
+//! the process. Threads of an existing pool apply the settings themselves ([`Asked::of_thread`]). A
+//! thread that only watches, such as that of the metrics, is best started before.
 //!
-//! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them (`sched_rt_runtime_us`).
+//! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them
+//! (`sched_rt_runtime_us`).
 
 #[cfg(target_os = "linux")]
 mod linux;
@@ -15,7 +15,7 @@ use serde::Serialize;
 pub use skyloop_config::Asked;
 use std::fmt;
 
-/// One thing that was asked for.
+/// One setting.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Help {
@@ -38,10 +38,10 @@ impl Help {
     }
 }
 
-/// What became of it.
+/// The result of one setting.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Grant {
-    /// What was asked for.
+    /// The setting.
     pub help: Help,
     /// Why it was not granted, and the remedy; `None` if it was.
     pub refused: Option<String>,
@@ -64,7 +64,7 @@ impl fmt::Display for Grant {
     }
 }
 
-/// What became of all that was asked for; one short line as text.
+/// The results of all settings; one short line as text.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Granted {
@@ -73,7 +73,7 @@ pub struct Granted {
 }
 
 impl Granted {
-    /// Adds what `others` were refused, each reason once: what a thread is not given, the run is not.
+    /// Adds the refusals of `others`, each reason once.
     pub fn add_refused(&mut self, others: impl IntoIterator<Item = Granted>) {
         for grant in others.into_iter().flat_map(|other| other.grants) {
             let is_told =
@@ -101,9 +101,9 @@ impl fmt::Display for Granted {
     }
 }
 
-/// Asks the system: scheduling and processors for the thread that calls, memory for the process.
+/// Applies scheduling and affinity to the calling thread, and memory locking to the process.
 ///
-/// A thread that is told to run on processors of which some are not there runs on those that are.
+/// Absent processors are reported, and the others used.
 #[must_use]
 pub fn ask(asked: &Asked) -> Granted {
     let mut grants = Vec::new();
@@ -129,7 +129,7 @@ pub fn ask(asked: &Asked) -> Granted {
     Granted { grants }
 }
 
-/// Asks for processors: those that are granted, and those that are not.
+/// Sets the affinity; returns the granted processors and the absent ones.
 fn processors(cpus: Vec<usize>) -> Vec<Grant> {
     let of = |cpus, refused| Grant {
         help: Help::Cpus(cpus),

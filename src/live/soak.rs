@@ -1,6 +1,8 @@
 //! Limits of a long run, the verdicts about them, and its report.
 
 mod drift;
+#[cfg(test)]
+mod fixture;
 mod limits;
 mod report;
 

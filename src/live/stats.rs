@@ -1,4 +1,4 @@
-//! What a run measured: times as percentiles, counts, and the table at its end.
+//! Statistics of a run: percentiles of times, counts, and the table at the end.
 
 mod frames;
 
@@ -11,7 +11,7 @@ use skyloop_render::effect::counted;
 use skyloop_render::engine::Shot;
 use std::collections::BTreeMap;
 
-/// What was rendered.
+/// Statistics of a run.
 #[derive(Debug, Clone, Default)]
 pub struct RunStats {
     /// Frames.
@@ -20,7 +20,7 @@ pub struct RunStats {
     pub render: Times,
     /// The first link that brings frames.
     pub link: String,
-    /// From each frame's trigger, the end of its exposure or the arrival of its attitude if that was later, to its last packet's leaving that link.
+    /// Latencies of that link, from each frame's trigger to its last packet.
     pub latencies: Latencies,
     /// The same of the other links that bring frames.
     pub further: Vec<(String, Latencies)>,
@@ -34,22 +34,22 @@ pub struct RunStats {
     pub rsos: usize,
     /// RSOs visible.
     pub rsos_visible: usize,
-    /// Objects in the field that labels do not list, by why.
+    /// Objects in the field that labels omit, by reason.
     pub unseen: BTreeMap<&'static str, usize>,
-    /// The frames of each link that brings some, by its address.
+    /// The accounts of the links that bring frames, by address.
     pub accounts: Vec<(String, FrameAccount)>,
     /// Frames that are full of one light.
     pub flooded: u32,
     /// Objects that had no state at some frame.
     pub without_state: usize,
-    /// Frames that were rendered more coarsely, so as not to be late.
+    /// Frames that were rendered more coarsely in order not to be late.
     pub coarsened: u32,
-    /// Exposures that were left out, since their frames would have been late.
+    /// Exposures that were dropped because their frames would have been late.
     pub dropped: u32,
 }
 
 impl RunStats {
-    /// Books one shot.
+    /// Adds one frame.
     pub fn add(&mut self, shot: &Shot) {
         self.frames += 1;
         self.render.add(shot.render_time);
@@ -106,7 +106,7 @@ impl RunStats {
         rows
     }
 
-    /// The frames that were withheld, link by link where there are several.
+    /// Rows of withheld frames, by link if there are several.
     pub fn withheld_rows(&self) -> Vec<(String, String)> {
         let accounts = self.accounts.iter();
         let some = accounts.filter(|(_, account)| !account.withheld.is_empty());
@@ -122,13 +122,13 @@ impl RunStats {
         rows.collect()
     }
 
-    /// Frames that were late or not whole, over whichever link.
+    /// Frames that were late or incomplete, over all links.
     fn late(&self) -> u32 {
         let further = self.further.iter().map(|(_, latencies)| latencies.missed);
         further.fold(self.latencies.missed, u64::saturating_add) as u32
     }
 
-    /// The rows of the times, link by link where there are several, of frames with or without deadlines.
+    /// Rows of latencies, by link if there are several.
     pub fn latency_rows(&self, deadlines: bool) -> Vec<(String, String)> {
         let of = |latencies: &Latencies| {
             if deadlines {
@@ -159,8 +159,8 @@ fn by_reason(counts: &BTreeMap<&'static str, usize>) -> String {
     }
 }
 
-/// Objects that could not be shown because their orbit had no state at a frame, old elements, objects beside the observer, particles that are
-/// too many, and light that hides all else.
+/// Objects without a state, and conditions that are logged once: old elements, objects near the
+/// observer, too many particles, light that hides everything.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
     /// How many, summed over the frames.
@@ -172,12 +172,12 @@ pub struct Absent {
 }
 
 impl Absent {
-    /// Objects that are named in the log; of more, only their number.
+    /// Maximum number of objects named in the log.
     const NAMED: usize = 5;
-    /// Nearer than this (km) element sets do not tell a neighbour from what is docked to the observer's own vehicle.
+    /// Within this distance (km) element sets cannot tell a docked vehicle from a neighbour.
     const NEAR_KM: f64 = 10.0;
 
-    /// Counts those of a shot, and names each in the log once; once too that not all particles are drawn.
+    /// Counts the objects of a frame without a state, and logs each condition once.
     pub fn report(&mut self, shot: &Shot) {
         if let Some(more) = shot.label.particles_left_out.filter(|_| !self.crowded) {
             self.crowded = true;
@@ -223,7 +223,7 @@ impl Absent {
     }
 }
 
-/// Who is in the field and so near to the observer that it may be a part of its vehicle.
+/// Objects in the field that may be docked to the observer.
 fn beside(shot: &Shot) -> Option<String> {
     let near = shot.label.objects.iter().filter_map(|object| {
         let range_km = object.rso.as_ref()?.range_km;

@@ -1,4 +1,4 @@
-//! When a frame's parts were there, and how that was spread over a run.
+//! Times of the stages of frames, and their distribution over a run.
 
 mod first;
 
@@ -8,12 +8,13 @@ use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::times::Times;
 use std::time::{Duration, Instant};
 
-/// The moments of one frame, all from its trigger: the end of its exposure, or the arrival of its attitude if that was later.
+/// Times of one frame from its trigger: the end of its exposure, or the arrival of its attitude if
+/// that is later.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameTimes {
     /// The frame's number.
     pub frame: u32,
-    /// From the moment that its attitude is of to the middle of its exposure, s; less than 0 where the attitude is of a later moment.
+    /// Mid-exposure minus the time of its attitude, s.
     pub attitude_age_s: f64,
     /// To the first pixel rendered.
     pub first_pixel: Duration,
@@ -23,14 +24,14 @@ pub struct FrameTimes {
     pub first_octet: Duration,
     /// To the last octet handed to a link.
     pub last_octet: Duration,
-    /// What was left until the deadline, s; less than 0: missed by so much.
+    /// Time left until the deadline, s; below 0: late.
     pub spare_s: f64,
     /// Whether all of the frame left.
     pub whole: bool,
 }
 
 impl FrameTimes {
-    /// Of a frame that did not leave whole.
+    /// A frame that did not leave whole.
     #[must_use]
     pub fn incomplete(frame: u32) -> Self {
         Self {
@@ -45,7 +46,7 @@ impl FrameTimes {
         }
     }
 
-    /// The same of a frame whose last octet came at `last`, counted from `trigger`; late after `deadline`, if there is one.
+    /// Completes the times of a frame whose last byte left at `last`.
     #[must_use]
     pub fn ended(self, trigger: Instant, deadline: Option<Instant>, last: Instant) -> Self {
         Self {
@@ -57,7 +58,7 @@ impl FrameTimes {
     }
 }
 
-/// Time left at a moment, s; less than 0: late by so much.
+/// Time left until a deadline, s; below 0: late.
 #[must_use]
 pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
     match deadline.checked_duration_since(at) {
@@ -66,20 +67,20 @@ pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
     }
 }
 
-/// The moments of all frames of a run.
+/// The times of all frames of a run.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Latencies {
     /// Frames.
     pub frames: u64,
     /// Frames that missed their deadline: late, or not whole.
     pub missed: u64,
-    /// Frames that did not leave whole. They have no part in the times below.
+    /// Frames that did not leave whole. The times below exclude them.
     pub incomplete: u64,
-    /// Exposures without a frame, which have missed their deadlines; they count as frames.
+    /// Exposures without a frame. They count as frames that missed their deadlines.
     pub without_frame: u64,
     /// The first frame that missed its deadline.
     pub first_miss: Option<Miss>,
-    /// Frames whose attitude was of a later moment than the middle of their exposure; their attitude's age counts as 0.
+    /// Frames whose attitude is later than mid-exposure; its age counts as 0.
     pub ahead: u64,
     /// See [`FrameTimes`], as all that follow.
     #[serde(serialize_with = "summary")]
@@ -96,14 +97,14 @@ pub struct Latencies {
     /// To the last octet handed to a link.
     #[serde(serialize_with = "summary")]
     pub last_octet: Times,
-    /// Time to the last octet beyond which the first frame is remembered, as is one that was not whole.
+    /// The first frame beyond this time to the last byte, or incomplete, is noted.
     #[serde(rename = "watch_above_s", serialize_with = "maybe_seconds")]
     pub watch_above: Option<Duration>,
     /// That frame.
     pub first_above: Option<Slow>,
 }
 
-/// The quantiles that are told of, and what they are called.
+/// The reported quantiles and their names.
 const QUANTILES: [(&str, f64); 5] = [
     ("p50", 0.5),
     ("p90", 0.9),
@@ -113,7 +114,7 @@ const QUANTILES: [(&str, f64); 5] = [
 ];
 
 impl Latencies {
-    /// None yet; the first frame whose last octet comes later than `watch_above` will be remembered.
+    /// Empty; notes the first frame beyond `watch_above`.
     #[must_use]
     pub fn watching(watch_above: Option<Duration>) -> Self {
         Self {
@@ -122,7 +123,8 @@ impl Latencies {
         }
     }
 
-    /// Books one frame. A frame that is not whole has no times, and has missed its deadline, if it had one. A time left that is no number counts as missed.
+    /// Adds one frame. An incomplete frame has no times, and has missed its deadline if it had one.
+    /// A time left that is not a number counts as missed.
     pub fn add(&mut self, times: &FrameTimes) {
         self.frames += 1;
         self.incomplete += u64::from(!times.whole);
@@ -142,7 +144,7 @@ impl Latencies {
             return;
         }
         self.ahead += u64::from(times.attitude_age_s < 0.0);
-        // What is no number is no age. One beyond all durations is the longest.
+        // NaN is no age. Infinity becomes the longest duration.
         if !times.attitude_age_s.is_nan() {
             let age = Duration::try_from_secs_f64(times.attitude_age_s.max(0.0));
             self.attitude_age.add(age.unwrap_or(Duration::MAX));
@@ -153,7 +155,7 @@ impl Latencies {
         self.last_octet.add(times.last_octet);
     }
 
-    /// Books exposures that have no frame, `before it` or `after it`.
+    /// Adds exposures without a frame, `before it` or `after it`.
     pub fn add_without_frame(&mut self, count: u32, frame: u32, unexposed: &'static str) {
         if count == 0 {
             return;
@@ -170,7 +172,7 @@ impl Latencies {
         self.watch(frame, None, Some(unexposed));
     }
 
-    /// Keeps the missed frame of the lowest number, in whichever order they are told.
+    /// Notes the missed frame with the lowest number.
     fn miss(&mut self, miss: Miss) {
         let first = self.first_miss.get_or_insert(miss);
         if miss.frame < first.frame {
@@ -178,8 +180,7 @@ impl Latencies {
         }
     }
 
-    /// The same of a frame that took longer than what is watched for. What never came whole took
-    /// longer than any time.
+    /// Likewise for frames beyond `watch_above`. Incomplete frames are beyond any time.
     fn watch(&mut self, frame: u32, took: Option<Duration>, unexposed: Option<&'static str>) {
         let Some(most) = self.watch_above else { return };
         if took.is_none_or(|took| took > most) {
@@ -195,7 +196,7 @@ impl Latencies {
         }
     }
 
-    /// The stages after the trigger, in the order in which a frame goes through them, and what they are called.
+    /// The stages after the trigger in their order, with their names.
     #[must_use]
     pub fn stages(&self) -> [(&'static str, &Times); 4] {
         [
@@ -214,7 +215,7 @@ impl Latencies {
         rows
     }
 
-    /// Those of them that frames without deadlines have.
+    /// The rows of frames without deadlines.
     #[must_use]
     pub fn stage_rows(&self) -> Vec<(String, String)> {
         let (names, quantiles): (Vec<&str>, Vec<f64>) = QUANTILES.into_iter().unzip();
@@ -265,7 +266,7 @@ pub fn text(times: &Times, quantiles: &[f64]) -> String {
     })
 }
 
-/// Times as reports have them, in ms.
+/// Times in reports, ms.
 #[derive(Serialize)]
 struct Summary {
     count: u64,
@@ -344,7 +345,8 @@ mod tests {
         let rows = all.rows();
         let quantiles = value(&rows, "from the trigger");
         assert_eq!(quantiles, "p50 / p90 / p99 / p99.9 / max");
-        // X-Val: by hand: two of a hundred take 14 ms. Quantiles between the ends are 0.5 % off at most.
+        // X-Val: by hand: two of a hundred take 14 ms. Quantiles between the ends are 0.5 % off at
+        // most.
         let last: Vec<f64> = value(&rows, "to the last octet")
             .trim_end_matches(" ms")
             .split(" / ")

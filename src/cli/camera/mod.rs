@@ -1,4 +1,5 @@
-//! `skyloop camera`: what is done with camera files. A subcommand is a file here and a line in [`Command`].
+//! `skyloop camera`: what is done with camera files. A subcommand is a file here and a line in
+//! [`Command`].
 
 mod check;
 mod new;
@@ -7,7 +8,8 @@ use clap::Subcommand;
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Check a camera file and print what the camera can see: field of view, scale, limiting and saturation magnitude
+    /// Check a camera file and print what the camera can see: field of view, scale, limiting and
+    /// saturation magnitude
     Check(check::Args),
     /// Write a camera file from the figures of a data sheet; asks for those that are not given
     New(new::Args),

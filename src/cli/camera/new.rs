@@ -47,7 +47,8 @@ struct Question {
     read: fn(&str) -> Result<Answer, String>,
 }
 
-/// One or two numbers, and whether the last is in the other of two units: deg for mm, a ratio for mm.
+/// One or two numbers, and whether the last is in the other of two units: deg for mm, a ratio for
+/// mm.
 type Answer = ([f64; 2], bool);
 
 const QUESTIONS: [Question; 6] = [
@@ -92,7 +93,8 @@ const QUESTIONS: [Question; 6] = [
 pub fn run(args: Args) -> anyhow::Result<()> {
     let shown = path_text(&args.file);
     let to_stdout = is_stdout(&args.file);
-    // People edit camera files: an earlier one is replaced by force only. It is opened before questions are asked.
+    // People edit camera files: an earlier one is replaced by force only. It is opened before
+    // questions are asked.
     let output = (!to_stdout).then(|| OutputFile::open(&args.file, NO_MARK, args.force.force));
     let output = output.transpose().with_context(|| shown.clone())?;
     let given = [

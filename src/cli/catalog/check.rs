@@ -99,9 +99,7 @@ impl From<Rejected> for Refusal {
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut report = Report::default();
-    let mut all = Vec::new();
-    let mut missing = 0;
+    let (mut report, mut all, mut missing) = (Report::default(), Vec::new(), 0);
     for source in sources(&args.files, &mut report.passed_over)? {
         missing += usize::from(source.is_missing());
         if source.is_foreign() {
@@ -112,7 +110,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         all.push(objects);
         report.files.push(file);
     }
-    // What a scene would refuse is refused.
+    // Refuse what a scene refuses.
     let United {
         objects, refused, ..
     } = unite(all);
@@ -121,12 +119,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let names = report.files.iter().map(|one| one.file.clone());
     let names: Vec<String> = names.collect();
     for refused in refused {
-        let file = &mut report.files[refused.source];
-        file.rejected.push(Refusal {
-            line: refused.line,
-            reason: refused.reason(&names),
-        });
-        file.rejected.sort_by_key(|refusal| refusal.line);
+        let (line, reason) = (refused.line, refused.reason(&names));
+        let rejected = &mut report.files[refused.source].rejected;
+        rejected.push(Refusal { line, reason });
+        rejected.sort_by_key(|refusal| refusal.line);
     }
     for file in &report.files {
         report.records += file.records;
@@ -140,13 +136,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if args.json {
         say_json(&report)?;
     } else {
-        if let Some(line) = passed_over(&report.passed_over) {
-            say(format_args!("{line}\n"))?;
-        }
-        if report.files.len() > 1 {
-            say(format_args!("{}\n", report.total()))?;
-        }
-        if let Some(line) = of_one_name(&report.shared_names) {
+        let total = (report.files.len() > 1).then(|| report.total());
+        let lines = [
+            passed_over(&report.passed_over),
+            total,
+            of_one_name(&report.shared_names),
+        ];
+        for line in lines.into_iter().flatten() {
             say(format_args!("{line}\n"))?;
         }
     }

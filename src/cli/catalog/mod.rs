@@ -1,4 +1,5 @@
-//! `skyloop catalog`: what is done with files of orbits. A subcommand is a file here and a line in [`Command`].
+//! `skyloop catalog`: what is done with files of orbits. A subcommand is a file here and a line in
+//! [`Command`].
 
 mod check;
 mod info;

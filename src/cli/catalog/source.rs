@@ -13,8 +13,8 @@ pub struct Source {
     pub contents: Result<Contents, LoadError>,
 }
 
-/// Every file that is named, and those of folders in order of name, each read when its turn comes. What else folders hold is
-/// added to `passed_over`.
+/// Every file that is named, and those of folders in order of name, each read when its turn comes.
+/// What else folders hold is added to `passed_over`.
 pub fn sources(
     paths: &[PathBuf],
     passed_over: &mut Vec<String>,
@@ -48,8 +48,8 @@ impl Source {
     }
 }
 
-/// Adds the records that were refused to `rejected`, files that hold nothing too, and those that are none of orbits to
-/// `passed_over`.
+/// Adds the records that were refused to `rejected`, files that hold nothing too, and those that
+/// are none of orbits to `passed_over`.
 ///
 /// Errors: the file is named and cannot be opened.
 pub fn readable(

@@ -33,8 +33,8 @@ pub struct Args {
     /// The objects' element sets are of the day before it
     #[arg(long, value_name = "UTC", value_parser = parse_utc, default_value = "2026-06-01T00:00:00Z")]
     epoch: Epoch,
-    /// A folder for a population file and its element files by size, or one file of element sets: .tle, .3le, .kvn, .xml, .json or .csv
-    /// [default: nothing is written, the classes are counted]
+    /// A folder for a population file and its element files by size, or one file of element sets:
+    /// .tle, .3le, .kvn, .xml, .json or .csv [default: nothing is written, the classes are counted]
     #[arg(long, value_name = "FOLDER|FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -110,7 +110,8 @@ impl Target<'_> {
     }
 }
 
-/// Refuses a file that would be too long to be read again; the first objects of a population are those of any smaller one.
+/// Refuses a file that would be too long to be read again; the first objects of a population are
+/// those of any smaller one.
 fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let few = population(FEW.min(args.objects as usize), args.seed, args.epoch);
     let records: Vec<Record> = few.iter().map(Synthetic::record).collect();
@@ -137,8 +138,8 @@ fn class_file(to_m: f64, end: &str) -> String {
 
 /// The files of an older population in a folder.
 ///
-/// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder would take for a part of
-/// the population; without `force`: skyloop did not make them.
+/// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder
+/// would take for a part of the population; without `force`: skyloop did not make them.
 fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     let mut own = vec![POPULATION.to_string()];
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "3le")));
@@ -166,7 +167,8 @@ fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Writes a population file and one file of elements for each size class, in place of an older population.
+/// Writes a population file and one file of elements for each size class, in place of an older
+/// population.
 fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow::Result<String> {
     for file in older(folder, force)? {
         remove_file(&file)?;

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Run file with a [sequence], whose first attitude and rates are flown; its clock is wall or external
+    /// Run file with a [sequence], whose first attitude and rates are flown; its clock is wall or
+    /// external
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
     /// How long
@@ -17,10 +18,13 @@ pub struct Args {
     /// Frames that may miss their deadline, of all exposures
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = decimal(0.0..=1.0), allow_negative_numbers = true)]
     max_miss_rate: f64,
-    /// What 99 frames in 100 may take at most, from the trigger (the exposure's end, or its attitude's arrival if that is later) to the client's last packet; one that does not come whole takes longer than any [default: anything]
+    /// What 99 frames in 100 may take at most, from the trigger (the exposure's end, or its
+    /// attitude's arrival if that is later) to the client's last packet; one that does not come
+    /// whole takes longer than any [default: anything]
     #[arg(long, value_name = "X", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_p99_ms: Option<f64>,
-    /// By what share of it memory may have grown at the end, since a fifth of the run or a minute [default: anything]
+    /// By what share of it memory may have grown at the end, since a fifth of the run or a minute
+    /// [default: anything]
     #[arg(long, value_name = "SHARE", value_parser = decimal(0.0..=1e6), allow_negative_numbers = true)]
     max_growth: Option<f64>,
     /// Link between emulator and client: memory, udp, serial, pty, can or slcan, as in `loopback`
@@ -38,7 +42,8 @@ pub struct Args {
     /// Write everything as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464 [default: the file's, else nowhere]
+    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464
+    /// [default: the file's, else nowhere]
     #[arg(long, value_name = "ADDRESS")]
     pub metrics: Option<String>,
     #[command(flatten)]

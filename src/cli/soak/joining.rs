@@ -1,4 +1,4 @@
-//! Departures and arrivals of a long run's frames, joined by camera and number.
+//! Joins the departures and arrivals of a soak's frames by camera and number.
 
 use skyloop::host::Memory;
 use skyloop::serve::Left;
@@ -8,19 +8,19 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// How long after its deadline, or at the end after its leaving, a frame's last packet may be on its way.
+/// How long a last packet may take after the deadline, or at the end after its departure.
 const PARTING: Duration = Duration::from_secs(1);
-/// How long at most a frame is kept that has left and not come, whatever its deadline, or that has come and of whose leaving nobody has told.
+/// Maximum time that a departure waits for its arrival, or an arrival for its departure.
 const LONGEST: Duration = Duration::from_secs(60);
 
 /// A frame that came whole: its camera, its number, and when.
 pub type Arrival = (usize, u32, Instant);
 
-/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
-/// that is held meanwhile.
+/// Times at the clients, from each frame's trigger to the arrival of its last packet, and the
+/// memory of the process. A frame that never arrives whole has missed its deadline.
 #[derive(Default)]
 pub struct Joining {
-    /// Frames that have left, and that have come, by camera and number.
+    /// Departures without arrival, and arrivals without departure, by camera and number.
     way: BTreeMap<(usize, u32), (Left, Instant)>,
     came: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
@@ -45,7 +45,7 @@ impl Joining {
         }
     }
 
-    /// Until nobody tells of frames any more.
+    /// Joins until all senders have ended.
     pub fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) {
         let begin = *self.begin.get_or_insert_with(Instant::now);
         for (camera, told) in left {
@@ -91,18 +91,18 @@ impl Joining {
         }
     }
 
-    /// Books what should have come long ago: it is not kept until the end.
+    /// Books overdue frames, so that memory stays bounded.
     fn give_up(&mut self, now: Instant) {
         self.lose(|told, left| {
             let latest = left + LONGEST;
             let due = told.deadline.map_or(latest, |due| due.min(latest));
             due + PARTING < now
         });
-        // Its client has it, and nobody tells that it has left.
+        // The client has it, and no departure was reported.
         self.came.retain(|_, at| *at + LONGEST > now);
     }
 
-    /// Books what is lost of that which has left, when it has.
+    /// Books the departed frames that `is_lost` selects.
     fn lose(&mut self, is_lost: impl Fn(&Left, Instant) -> bool) {
         let cameras = &mut self.cameras;
         self.way.retain(|(camera, frame), (told, left)| {
@@ -114,7 +114,7 @@ impl Joining {
         });
     }
 
-    /// Books the exposures that a camera has passed over until now.
+    /// Books the exposures that a camera has skipped until now.
     fn without_frame(&mut self, camera: usize, missed: u32, frame: u32, side: &'static str) {
         let booked = self.missed.entry(camera).or_default();
         let count = missed.saturating_sub(std::mem::replace(booked, missed));
@@ -140,8 +140,9 @@ impl Joining {
         }
     }
 
-    /// All of it: what never came counts, but for what had just left and still had time when the clients `ended`; and so do the exposures without a frame, of which each
-    /// camera has so many, and one deadline a period.
+    /// Books the rest. A frame that never arrived counts, unless it had just left and still had
+    /// time when the clients `ended`. `missed`: exposures without a frame of each camera, and its
+    /// period.
     pub fn end(mut self, ended: Instant, missed: &[(u32, Duration)]) -> Vec<Camera> {
         self.lose(|told, left| {
             left + PARTING < ended || told.deadline.is_some_and(|due| due < ended)
@@ -179,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Of frames without end whose packets are lost, or of whose leaving nobody tells, no more is kept than a moment's.
+    /// Memory stays bounded if packets are lost or departures are not reported.
     #[test]
     fn what_never_comes_counts_and_is_not_kept() {
         const MS: Duration = Duration::from_millis(1);
@@ -199,7 +200,8 @@ mod tests {
                 _ => {}
             }
             joining.give_up(trigger + 100 * MS);
-            // X-Val: three in four of the 11 that are due within a second; one in four of 600 a minute.
+            // X-Val: three in four of the 11 that are due within a second; one in four of 600 a
+            // minute.
             assert!(joining.way.len() <= 10, "{}", joining.way.len());
             assert!(joining.came.len() <= 151, "{}", joining.came.len());
         }
@@ -211,7 +213,7 @@ mod tests {
         assert_eq!(latencies.incomplete, 7_500);
     }
 
-    /// However far off their deadlines are: a run without its lost frames would look better than it was.
+    /// Lost frames count, however late their deadlines are.
     #[test]
     fn what_is_lost_counts_in_time_or_not() {
         let (begin, hour) = (Instant::now(), Duration::from_secs(3600));

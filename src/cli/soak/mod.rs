@@ -1,4 +1,5 @@
-//! `skyloop soak`: minutes of a live run against clients of its own, and verdicts about deadlines and latencies.
+//! `skyloop soak`: minutes of a live run against clients of its own, and verdicts about deadlines
+//! and latencies.
 
 mod args;
 mod joining;
@@ -119,7 +120,8 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The mission by the wall clock, without an end. Of a list of attitudes it flies the first, with its rates.
+/// The mission by the wall clock, without an end. Of a list of attitudes it flies the first, with
+/// its rates.
 fn endless(mission: Mission, rate_hz: f64) -> anyhow::Result<Mission> {
     let (start, orbit) = (mission.start, mission.orbit.as_ref());
     let profile = match &mission.profile {
@@ -150,7 +152,8 @@ fn short(minutes: f64) -> String {
     }
 }
 
-/// Prints the table, with the rate of attitudes and the frames that were withheld, and the verdicts.
+/// Prints the table, with the rate of attitudes and the frames that were withheld, and the
+/// verdicts.
 fn print(report: &Report, rate: String, withheld: Vec<(String, String)>) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", short(report.minutes))];
     rows.extend(report.rows());

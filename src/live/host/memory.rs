@@ -1,27 +1,27 @@
-//! What memory this process holds: once a run is warm, and at its end.
+//! Resident memory of this process: once a run is warm, and at its end.
 
 use serde::Serialize;
 use std::time::Duration;
 
-/// Resident memory of a run; `None` is what could not be read, or a run that ended before it was warm.
+/// Resident memory of a run; `None`: could not be read, or the run ended before it was warm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Memory {
-    /// When it was warm, s after its begin.
+    /// When the run is warm, s after its start.
     pub warm_s: f64,
-    /// What it held then, octets.
+    /// Memory then, bytes.
     pub warm: Option<u64>,
-    /// What it held at its end, octets.
+    /// Memory at the end, bytes.
     pub end: Option<u64>,
-    /// When that was read, after its begin.
+    /// When that was read, after the start.
     #[serde(skip)]
     pub looked: Option<Duration>,
 }
 
-/// So often at most it is looked at: a look takes as long as some packets.
+/// Minimum interval of readings, which take as long as some packets.
 const EACH: Duration = Duration::from_millis(500);
 
 impl Memory {
-    /// Of a run that is to last for so long: warm after a fifth of that, a minute at most.
+    /// For a run of this length. It is warm after a fifth of it, or after a minute.
     #[must_use]
     pub fn over(run: Duration) -> Self {
         Self {
@@ -30,7 +30,7 @@ impl Memory {
         }
     }
 
-    /// Looks, so long after the begin; the last look is the end's.
+    /// Reads the memory, if it is due.
     pub fn see(&mut self, since: Duration) {
         let warms = self.warm.is_none() && since.as_secs_f64() >= self.warm_s;
         let is_soon = |last| since.saturating_sub(last) < EACH;
@@ -43,19 +43,20 @@ impl Memory {
         }
     }
 
-    /// By what share it has grown since it was warm; less than 0 where it shrank.
+    /// Growth since the run was warm, as a share.
     #[must_use]
     pub fn growth(&self) -> Option<f64> {
-        let [warm, end] = [self.warm?, self.end?].map(|octets| octets as f64);
+        let [warm, end] = [self.warm?, self.end?].map(|bytes| bytes as f64);
         (warm > 0.0).then(|| (end - warm) / warm)
     }
 
-    /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`; `98.65 MB at the end, before it was warm (60 s)`.
+    /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`; `98.65 MB at the end, before it was
+    /// warm (60 s)`.
     #[must_use]
     pub fn told(&self) -> String {
-        let megabytes = |octets: Option<u64>| {
-            octets.map_or("unknown".to_string(), |octets| {
-                format!("{:.2} MB", octets as f64 * 1e-6)
+        let megabytes = |bytes: Option<u64>| {
+            bytes.map_or("unknown".to_string(), |bytes| {
+                format!("{:.2} MB", bytes as f64 * 1e-6)
             })
         };
         let end = megabytes(self.end);
@@ -79,7 +80,7 @@ impl Memory {
     }
 }
 
-/// Resident memory of this process, octets.
+/// Resident memory of this process, bytes.
 fn resident() -> Option<u64> {
     of_status(&std::fs::read_to_string("/proc/self/status").ok()?)
 }
@@ -118,7 +119,8 @@ mod tests {
         assert_eq!((memory.warm, memory.growth()), (None, None));
         memory.see(Duration::from_secs(10));
         assert!(memory.warm > Some(0));
-        // Touched, page by page. X-Val: 2^27 octets; other tests take and give back some meanwhile, but not each time as much.
+        // Touched, page by page. X-Val: 2^27 octets; other tests take and give back some meanwhile,
+        // but not each time as much.
         let grows = |_| {
             let before = resident().unwrap();
             let taken = vec![1_u8; 1 << 27];

@@ -1,4 +1,4 @@
-//! As much of HTTP as an answer needs: one request a connection, `GET` or `HEAD /metrics`, everything bounded in time and size.
+//! Minimal HTTP: one `GET` or `HEAD /metrics` per connection, bounded in time and size.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 
 /// How long a request may take to come, and an answer to go.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// How long a client has to take leave, who may still be sending when its answer is there.
+/// How long a client may still send after the answer.
 const LEAVE: Duration = Duration::from_millis(200);
-/// How long one read or write waits, before it is asked whether the connection is over.
+/// Timeout of one read or write, after which the state is checked.
 const STEP: Duration = Duration::from_millis(50);
-/// Octets of a request's line and headers.
+/// Maximum bytes of a request's line and headers.
 const MOST: usize = 8192;
-/// What Prometheus' text is called.
+/// Content type of Prometheus' text format.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,13 +50,13 @@ impl State {
     }
 }
 
-/// Answers a connection's one request; `page` makes what it may have asked for. Ends soon when `state` is over.
+/// Answers the request of a connection with a `page`. Ends soon after `state` is over.
 pub(super) fn answer(
     mut stream: TcpStream,
     page: impl Fn() -> String,
     state: &State,
 ) -> io::Result<()> {
-    // Some systems hand on the listener's mode.
+    // On some systems the stream inherits the listener's mode.
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(STEP))?;
     stream.set_write_timeout(Some(STEP))?;
@@ -73,13 +73,13 @@ pub(super) fn answer(
     take_leave(&mut stream, state)
 }
 
-/// Whether an error only says that the time of a step is over.
+/// Whether an error is only the timeout of a step.
 fn is_pause(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
-/// The request's line and headers, judged, and whether the answer's are all that is asked for; `None` where the client hung up or it is over.
+/// The status of the request, and whether it is HEAD; `None` if the connection is over.
 fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict, bool)>> {
     let end = Instant::now() + PATIENCE;
     let mut head = Vec::new();
@@ -105,7 +105,7 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
     Ok(None)
 }
 
-/// Whether the empty line behind the headers is there, within what they may have; it was not in the octets up to `before`.
+/// Whether the headers are complete within [`MOST`]. The first `before` bytes were not.
 fn is_whole(head: &[u8], before: usize) -> bool {
     let head = head.get(..MOST).unwrap_or(head);
     let news = head.get(before.saturating_sub(3)..).unwrap_or_default();
@@ -134,7 +134,7 @@ fn judge(head: &[u8]) -> Verdict {
     }
 }
 
-/// The answer's line and headers, and what they are of.
+/// Headers and body of the answer.
 fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
     let (status, more, body) = match verdict {
         Verdict::Page => ("200 OK", "", page()),
@@ -163,7 +163,7 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
     (head, body)
 }
 
-/// Sends all, as long as the client takes some.
+/// Sends all bytes, while the client takes some.
 fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<()> {
     let end = Instant::now() + PATIENCE;
     while !rest.is_empty() && !state.is_over() {
@@ -179,7 +179,7 @@ fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<(
     Ok(())
 }
 
-/// Takes what still comes: a connection that is closed on octets unread is reset, and the answer with it.
+/// Reads the rest of the request: closing with unread bytes would reset the connection.
 fn take_leave(stream: &mut impl Read, state: &State) -> io::Result<()> {
     let end = Instant::now() + LEAVE;
     let mut piece = [0; 1024];
@@ -232,7 +232,8 @@ mod tests {
             let lines: Vec<&str> = lines.collect();
             let length = format!("Content-Length: {}", body.len());
             assert!(lines.contains(&length.as_str()), "{head}");
-            // X-Val: https://prometheus.io/docs/instrumenting/exposition_formats: the type of version 0.0.4.
+            // X-Val: https://prometheus.io/docs/instrumenting/exposition_formats: the type of
+            // version 0.0.4.
             let kind = "Content-Type: text/plain; version=0.0.4; charset=utf-8";
             assert!(lines.contains(&kind), "{head}");
             assert!(lines.contains(&"Connection: close"), "{head}");
@@ -303,7 +304,8 @@ mod tests {
         }
     }
 
-    /// A scrape takes the place of the oldest connection, which closes without an answer; those that stay are cut off after their time.
+    /// A scrape takes the place of the oldest connection, which closes without an answer; those
+    /// that stay are cut off after their time.
     #[test]
     fn half_open_connections_give_way_to_a_scrape() {
         for idle in [40, 129, 500] {

@@ -1,24 +1,24 @@
-//! Prometheus' text under way: metrics, their samples and labels.
+//! Writes Prometheus' text format: metrics, samples, labels.
 
 use super::{BOUNDS, Snapshot, Stage};
 use skyloop_orbit::printable;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// A page under way, and the metrics that are on it.
+/// A page, and the names of its metrics.
 #[derive(Default)]
 pub(super) struct Page {
     pub text: String,
     names: BTreeSet<String>,
 }
 
-/// Figures with the labels that they have: those of each link, for each camera.
+/// Figures with their labels, by camera and link.
 pub(super) type Of<'c> = (Vec<(&'static str, &'c str)>, &'c Snapshot);
 
 /// Labels of a sample as they are written.
 fn written(labels: &[(&str, &str)]) -> String {
     let labels = labels.iter().map(|(key, value)| {
-        // Names come from files: what a page shows does not steer a terminal.
+        // Names come from files: no control characters.
         let value = printable(value);
         let value = value.replace('\\', "\\\\").replace('"', "\\\"");
         format!("{key}=\"{}\"", value.replace('\n', "\\n"))

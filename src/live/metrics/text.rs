@@ -1,4 +1,4 @@
-//! The figures as Prometheus' text, version 0.0.4.
+//! The page in Prometheus' text format, version 0.0.4.
 
 use super::Snapshot;
 use super::page::{Of, Page, number};
@@ -72,7 +72,8 @@ const LAST_FRAME: [Figure; 6] = [
     ),
 ];
 
-/// All of it, for all cameras: the first one's without a name. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
+/// The page of all cameras; the first has no name. Unknown figures are omitted, and so are counters
+/// with the name of a metric.
 pub(super) fn page(cameras: &[Camera]) -> String {
     let mut page = Page::default();
     let cameras: Vec<Of<'_>> = cameras
@@ -242,7 +243,8 @@ mod tests {
         }
     }
 
-    /// Counters end in `_total` and do not fall below 0; buckets rise with their bounds to the count.
+    /// Counters end in `_total` and do not fall below 0; buckets rise with their bounds to the
+    /// count.
     fn check((name, family): (&String, &Family)) {
         assert!(!family.samples.is_empty(), "{name}");
         if family.kind == "counter" {
@@ -339,7 +341,8 @@ mod tests {
         for stage in ["first_pixel", "last_pixel", "first_octet", "last_octet"] {
             assert_eq!(find("count", stage, None), 100.0);
         }
-        // X-Val: by hand: the sum of 1 to 100 ms, and how many are within each bound; one on a bound may be counted with the next.
+        // X-Val: by hand: the sum of 1 to 100 ms, and how many are within each bound; one on a
+        // bound may be counted with the next.
         assert!((find("sum", "last_octet", None) - 5.05).abs() < 1e-9);
         for (le, exact) in [
             ("0.0005", 0.0),
@@ -389,7 +392,8 @@ mod tests {
             (Some("a \\ and \"b\"\n\u{1b}\u{202e}".into()), third.into()),
         ];
         let page = page(&cameras);
-        // X-Val: Prometheus' text format: backslash, quotation mark and line feed of a label's value are escaped.
+        // X-Val: Prometheus' text format: backslash, quotation mark and line feed of a label's
+        // value are escaped.
         let hard = r#"skyloop_frames_total{head="a \\ and \"b\"\n\\u001b\\u202e"} 0"#;
         assert!(page.contains(&format!("{hard}\n")), "{page}");
         let page = page.replace(r#"a \\ and \"b\"\n\\u001b\\u202e"#, "port");

@@ -1,4 +1,4 @@
-//! Linux: what the kernel is asked, and what it means when it refuses.
+//! Linux: the calls to the kernel, and the meaning of its refusals.
 
 use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
@@ -10,9 +10,9 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// Schedules the thread that calls first in, first out.
+/// Sets SCHED_FIFO for the calling thread.
 pub(super) fn schedule(priority: u8) -> Result<(), String> {
-    // Of a policy in real time the crate takes the value as it is.
+    // For a real-time policy the crate passes the value on unchanged.
     let value = ThreadPriorityValue::try_from(priority)
         .map_err(|why| format!("{why}: priorities are 1 to 99"))?;
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -33,19 +33,17 @@ pub(super) fn schedule(priority: u8) -> Result<(), String> {
     })
 }
 
-/// Locks what the process has and will have, each page when it is first touched.
-///
-/// Not before: stacks and the allocator's arenas reserve more addresses than they ever use, which
-/// would all be filled.
+/// Locks present and future memory of the process, each page when it is first touched: stacks and
+/// arenas reserve more addresses than they use.
 pub(super) fn lock_memory() -> Result<(), String> {
     let limit = getrlimit(Resource::Memlock).current;
     let without_limit =
         capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));
-    if let Some(octets) = limit.filter(|_| !without_limit) {
-        // Locked up to a limit the process gets no more memory beyond it, and ends.
+    if let Some(bytes) = limit.filter(|_| !without_limit) {
+        // Beyond the limit a locked process would get no more memory, and end.
         return Err(format!(
             "limit of {} KiB: run as root, with CAP_IPC_LOCK, or with ulimit -l unlimited",
-            octets / 1024
+            bytes / 1024
         ));
     }
     let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
@@ -59,7 +57,7 @@ pub(super) fn lock_memory() -> Result<(), String> {
     })
 }
 
-/// Keeps the thread that calls on those of the processors that it may use; which these are.
+/// Restricts the calling thread to the processors that exist; returns them.
 pub(super) fn run_on(cpus: &[usize]) -> Result<Vec<usize>, String> {
     let mut set = CpuSet::new();
     let told = cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU);
@@ -136,7 +134,8 @@ mod tests {
         assert_eq!(fifo(), None);
     }
 
-    /// Without capabilities it is granted where a limit allows it, and else told as refused, with the remedy.
+    /// Without capabilities it is granted where a limit allows it, and else told as refused, with
+    /// the remedy.
     #[track_caller]
     fn is_up_to_a_limit(asked: &Asked, allowed: bool, granted: &[&str], refused: &[&str]) {
         let told = without_capabilities(asked);

@@ -113,7 +113,7 @@ impl Channel {
         self.exchange.reset(output, lost_to_faults, now);
     }
 
-    /// Queues an answer behind those that wait. A client that takes nothing loses answers beyond [`MAX_ANSWERS`].
+    /// Queues an answer. Beyond [`MAX_ANSWERS`] answers are lost.
     pub fn answer(&mut self, answer: Bytes) -> Result<(), LinkError> {
         if self.exchange.answers.len() >= MAX_ANSWERS {
             add(&mut self.lost, 1);
@@ -205,8 +205,8 @@ impl Channel {
         self.flow.moved
     }
 
-    /// Whether no byte has left the link for `least`, or for the airtime of a packet if that is longer. A
-    /// fault that holds packets back is no standstill.
+    /// Whether no byte has left the link for `least`, or for the airtime of a packet if that is
+    /// longer. A fault that holds packets back is no standstill.
     pub fn stands_still(&self, least: Duration) -> bool {
         let airtime = self.wire.airtime.as_ref();
         self.flow.moved.elapsed() >= patience(airtime, least) && !self.wire.tally.is_held_back()

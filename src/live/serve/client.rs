@@ -89,8 +89,8 @@ impl Client {
         self.clock.cadence().map(|_| rate_hz)
     }
 
-    /// Restarts for another client or after a Reset. Returns the number of waiting exposures, which get
-    /// no frame.
+    /// Restarts for another client or after a Reset. Returns the number of waiting exposures, which
+    /// get no frame.
     pub fn restart(&mut self, now: Instant) -> u32 {
         self.history = History::default();
         (self.shown, self.refused) = (None, None);
@@ -135,8 +135,8 @@ impl Client {
         Ok(vehicle)
     }
 
-    /// Evaluates a time stamp. Returns with it the number of exposures that were dropped because the
-    /// client's clock was stepped.
+    /// Evaluates a time stamp. Returns with it the number of exposures that were dropped because
+    /// the client's clock was stepped.
     pub fn observe_time(&mut self, time: Epoch, arrived: Instant) -> (TimeCheck, u32) {
         let check = self.clock.observe_time(time, arrived);
         if check != TimeCheck::Jumped {
@@ -171,8 +171,9 @@ impl Client {
         Ok(out_of_order)
     }
 
-    /// Whether an attitude is earlier than one before it; refuses it unless such attitudes are used. An
-    /// attitude too far in the future does not count, so that a wrong one does not block the others.
+    /// Whether an attitude is earlier than one before it; refuses it unless such attitudes are
+    /// used. An attitude too far in the future does not count, so that a wrong one does not block
+    /// the others.
     fn is_out_of_order(
         &mut self,
         epoch: Epoch,

@@ -1,6 +1,9 @@
 //! The table of commands: one row a command.
 
-use super::handlers::{self, Call, Condition};
+use super::handlers::{
+    Call, Condition, attitude, credit, exposure, fault, frame_rate, gain, output, pause, positions,
+    resend, reset, resume, single_shot, trigger,
+};
 use super::refusal::Refusal;
 use super::session::Session;
 use super::state::State;
@@ -14,7 +17,8 @@ use skyloop_protocols::Command;
 enum Sender {
     /// The link that brings the truth.
     Truth,
-    /// Likewise, for settings of the first camera. A further camera takes its settings over its own links.
+    /// Likewise, for settings of the first camera. A further camera takes its settings over its own
+    /// links.
     Camera,
     Any,
 }
@@ -33,39 +37,15 @@ type Handler = Box<dyn FnOnce(&mut State, &Call<'_>) -> Result<(), Refusal>>;
 pub(super) struct Row {
     pub name: &'static str,
     sender: Sender,
-    /// Checked in this order before the handler runs.
-    conditions: &'static [Condition],
     pub answer: Answer,
     handler: Handler,
+    /// Checked in this order before the handler runs.
+    conditions: &'static [Condition],
     /// Whether further cameras get a copy.
     pub is_relayed: bool,
 }
 
 impl Row {
-    fn new(
-        name: &'static str,
-        sender: Sender,
-        conditions: &'static [Condition],
-        answer: Answer,
-        handler: impl FnOnce(&mut State, &Call<'_>) -> Result<(), Refusal> + 'static,
-    ) -> Row {
-        Row {
-            name,
-            sender,
-            conditions,
-            answer,
-            handler: Box::new(handler),
-            is_relayed: false,
-        }
-    }
-
-    fn relayed(self) -> Row {
-        Row {
-            is_relayed: true,
-            ..self
-        }
-    }
-
     /// Checks sender and conditions, and runs the handler.
     pub fn run(self, state: &mut State, call: &Call<'_>) -> Result<(), Refusal> {
         let is_for_truth = match self.sender {
@@ -81,60 +61,70 @@ impl Row {
         }
         (self.handler)(state, call)
     }
+
+    fn when(self, conditions: &'static [Condition]) -> Row {
+        Row { conditions, ..self }
+    }
+
+    fn relayed(self) -> Row {
+        Row {
+            is_relayed: true,
+            ..self
+        }
+    }
 }
 
-/// The row of a command, with its values bound to the handler.
-pub(super) fn row(command: Command) -> Row {
+fn row(
+    name: &'static str,
+    sender: Sender,
+    answer: Answer,
+    handler: impl FnOnce(&mut State, &Call<'_>) -> Result<(), Refusal> + 'static,
+) -> Row {
+    Row {
+        name,
+        sender,
+        answer,
+        handler: Box::new(handler),
+        conditions: &[],
+        is_relayed: sender == Truth,
+    }
+}
+
+/// The row of a command, with its values bound to the handler. Commands about the vehicle (`Truth`)
+/// are relayed to further cameras.
+pub(super) fn row_of(command: Command) -> Row {
+    const SHOT: &[Condition] = &[Cadence, HasAttitude, NotPaused, NoSingleShot];
     match command {
-        Command::Attitude(attitude) => Row::new("Attitude", Truth, &[], Silent, move |s, c| {
-            handlers::attitude(s, c, &attitude)
-        })
-        .relayed(),
-        Command::Trigger { number, start } => {
-            Row::new("Trigger", Truth, &[], Silent, move |s, c| {
-                handlers::trigger(s, c, number, start)
-            })
-            .relayed()
+        Command::Attitude(a) => row("Attitude", Truth, Silent, move |s, c| attitude(s, c, &a)),
+        Command::Trigger { number, start } => row("Trigger", Truth, Silent, move |s, c| {
+            trigger(s, c, number, start)
+        }),
+        Command::Pause => row("Pause", Truth, Ack, pause),
+        Command::Resume => row("Resume", Truth, Ack, resume),
+        Command::Exposure { seconds } => {
+            row("Exposure", Camera, Ack, move |s, c| exposure(s, c, seconds))
         }
-        Command::Pause => Row::new("Pause", Truth, &[], Ack, handlers::pause).relayed(),
-        Command::Resume => Row::new("Resume", Truth, &[], Ack, handlers::resume).relayed(),
-        Command::Exposure { seconds } => Row::new("Exposure", Camera, &[], Ack, move |s, c| {
-            handlers::exposure(s, c, seconds)
-        }),
-        Command::Gain { e_per_dn } => Row::new("Gain", Camera, &[], Ack, move |s, _| {
-            handlers::gain(s, e_per_dn)
-        }),
-        Command::FrameRate { hz } => Row::new("FrameRate", Camera, &[Cadence], Ack, move |s, c| {
-            handlers::frame_rate(s, c, hz)
-        }),
-        Command::SingleShot => Row::new(
-            "SingleShot",
-            Camera,
-            &[Cadence, HasAttitude, NotPaused, NoSingleShot],
-            Ack,
-            handlers::single_shot,
-        ),
-        Command::Reset => Row::new("Reset", Any, &[], Ack, handlers::reset).relayed(),
-        Command::Ping => Row::new("Ping", Any, &[], AckAndStatus, |_, _| Ok(())),
-        Command::Credit { packets } => Row::new("Credit", Any, &[], Silent, move |s, c| {
-            handlers::credit(s, c, packets)
-        }),
-        Command::Output(output) => Row::new("Output", Any, &[], Ack, move |s, c| {
-            handlers::output(s, c, output)
-        }),
-        Command::Positions(positions) => Row::new("Positions", Any, &[], Ack, move |s, c| {
-            handlers::positions(s, c, positions)
-        }),
+        Command::Gain { e_per_dn } => row("Gain", Camera, Ack, move |s, _| gain(s, e_per_dn)),
+        Command::FrameRate { hz } => {
+            row("FrameRate", Camera, Ack, move |s, c| frame_rate(s, c, hz)).when(&[Cadence])
+        }
+        Command::SingleShot => row("SingleShot", Camera, Ack, single_shot).when(SHOT),
+        Command::Reset => row("Reset", Any, Ack, reset).relayed(),
+        Command::Ping => row("Ping", Any, AckAndStatus, |_, _| Ok(())),
+        Command::Credit { packets } => {
+            row("Credit", Any, Silent, move |s, c| credit(s, c, packets))
+        }
+        Command::Output(o) => row("Output", Any, Ack, move |s, c| output(s, c, o)),
+        Command::Positions(p) => row("Positions", Any, Ack, move |s, c| positions(s, c, p)),
         Command::Resend {
             frame,
             first,
             count,
-        } => Row::new("Resend", Any, &[AddressProved], Silent, move |s, c| {
-            handlers::resend(s, c, frame, first, count)
-        }),
-        Command::Fault(fault) => Row::new("Fault", Any, &[], Ack, move |s, c| {
-            handlers::fault(s, c, &fault)
-        }),
+        } => row("Resend", Any, Silent, move |s, c| {
+            resend(s, c, frame, first, count)
+        })
+        .when(&[AddressProved]),
+        Command::Fault(f) => row("Fault", Any, Ack, move |s, c| fault(s, c, &f)),
     }
 }
 

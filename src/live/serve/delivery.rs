@@ -79,8 +79,8 @@ impl Stall {
         }
     }
 
-    /// Time without progress. Bytes that leave count if they belong to frame packets (`carries_frames`).
-    /// New credit does not count on a link that `is_full`: it makes no room.
+    /// Time without progress. Bytes that leave count if they belong to frame packets
+    /// (`carries_frames`). New credit does not count on a link that `is_full`: it makes no room.
     pub fn update(&mut self, now: Progress, carries_frames: bool, is_full: bool) -> Duration {
         let bytes_moved = now.bytes != self.progress.bytes && carries_frames;
         let credit_moved = now.credit != self.progress.credit && !is_full;

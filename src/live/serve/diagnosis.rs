@@ -132,8 +132,8 @@ fn settle_superseded(channel: &mut Channel) {
     channel.report(why, &superseded(frame, &detail));
 }
 
-/// Number of packets that were sent and that the client does not grant for, once per loss: more than
-/// it grants at once, for a while after all have left.
+/// Number of packets that were sent and that the client does not grant for, once per loss: more
+/// than it grants at once, for a while after all have left.
 fn lost_packets(channel: &mut Channel, now: Instant) -> Option<u32> {
     let Exchange {
         credit,
@@ -230,7 +230,10 @@ pub(super) fn report_slow(channel: &mut Channel, frame: u32, packets: &FramePack
     if airtime(MAX_PACKET).saturating_mul(count) < SLOW {
         return;
     }
-    let takes: Duration = packets.lengths().map(|bytes| airtime(bytes)).sum();
+    let sizes = packets.sizes().into_iter();
+    let takes: Duration = sizes
+        .map(|one| airtime(one.length) * one.count as u32)
+        .sum();
     if takes >= SLOW {
         let s = takes.as_secs_f64();
         let message =

@@ -1,5 +1,5 @@
-//! Further cameras of the same vehicle. Each has its own links, and gets copies of the packets about the
-//! vehicle from the first camera's client.
+//! Further cameras of the same vehicle. Each has its own links, and gets copies of the packets
+//! about the vehicle from the first camera's client.
 
 use skyloop_link::{Inbound, Relay, Roles, Wire, relay};
 use std::sync::{Arc, Mutex};

@@ -121,7 +121,8 @@ impl FrameJob {
         instant.map_or(Duration::ZERO, |at| at.saturating_duration_since(trigger))
     }
 
-    /// Start of its latency: the end of the exposure, or the arrival of the attitude if that is later.
+    /// Start of its latency: the end of the exposure, or the arrival of the attitude if that is
+    /// later.
     pub fn trigger(&self) -> Instant {
         self.source.due.end.max(self.source.message.arrived)
     }
@@ -309,7 +310,8 @@ mod tests {
             let job = job(end, arrived);
             assert_eq!(job.since_trigger(Some(late + ms(10))), ms(10));
             assert_eq!(job.since_trigger(Some(early)), Duration::ZERO);
-            // The deadline counts from the exposure's end, whatever comes late; and what waits on the line counts.
+            // The deadline counts from the exposure's end, whatever comes late; and what waits on
+            // the line counts.
             let spare_s = (end + ms(30) - (late + ms(10))).as_secs_f32();
             let closing = |backlog| job.closing(late + ms(10), backlog);
             assert!((closing(Duration::ZERO).timing.spare_s - spare_s).abs() < 1e-6);

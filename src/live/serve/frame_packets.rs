@@ -2,11 +2,11 @@
 
 use super::frame_job::FrameJob;
 use super::pack::packed;
+use super::packet_sizes::{Content, HEADER_AND_END, Packets};
 use super::select::{brightest_objects, windows};
 use hifitime::Epoch;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_link::Roles;
-use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,
     object_parts, packed_length, pixels_per_block, windows_per_block,
@@ -19,11 +19,10 @@ use skyloop_protocols::{
 };
 use skyloop_render::engine::Opening;
 use std::borrow::Cow;
-use std::iter::once;
 use std::time::{Duration, Instant};
 
-/// The packets of one frame, in order. Windows, compressed blocks and object records depend on the pixels,
-/// so they need the whole frame; plain pixels and label text need the label alone.
+/// The packets of one frame, in order. Windows, compressed blocks and object records depend on the
+/// pixels, so they need the whole frame; plain pixels and label text need the label alone.
 pub(super) struct FramePackets {
     header: FrameHeader,
     /// Time stamp of all its packets.
@@ -49,8 +48,8 @@ pub(super) enum Next<T> {
 }
 
 impl FramePackets {
-    /// The packets of a frame, by what `output` selects and `roles` allow; none while too little of it is
-    /// rendered. Errors: the protocol cannot represent it.
+    /// The packets of a frame, by what `output` selects and `roles` allow; none while too little of
+    /// it is rendered. Errors: the protocol cannot represent it.
     pub fn open(
         job: &FrameJob,
         output: &Output,
@@ -60,19 +59,7 @@ impl FramePackets {
         let Some(opening) = &job.opening else {
             return Ok(None);
         };
-        let output = Output {
-            pixels: if roles.pixels {
-                output.pixels
-            } else {
-                PixelLevel::None
-            },
-            labels: if roles.labels {
-                output.labels
-            } else {
-                LabelLevel::None
-            },
-            ..*output
-        };
+        let output = permitted(output, roles);
         let (pixels, labels) = (output.pixels, output.labels);
         let needs_shot = matches!(pixels, PixelLevel::Windows | PixelLevel::Compressed)
             || labels == LabelLevel::Objects;
@@ -124,40 +111,34 @@ impl FramePackets {
         self.header.blocks + u32::from(self.header.label_parts) + 2
     }
 
-    /// Length of each packet in bytes.
-    pub fn lengths(&self) -> impl Iterator<Item = usize> {
+    /// Number and length of its packets.
+    pub fn sizes(&self) -> Vec<Packets> {
         let header = &self.header;
-        let (packing, size) = (header.packing, header.window_size);
-        // Number of items in packet `index`, with `max` items in a full packet.
-        let share = |all: usize, max: usize, index: usize| all.saturating_sub(index * max).min(max);
-        let blocks = (0..header.blocks as usize).map(move |place| match header.pixel_level {
+        let mut sizes = HEADER_AND_END.to_vec();
+        match header.pixel_level {
+            PixelLevel::None => {}
             PixelLevel::Windows => {
-                let most = windows_per_block(packing, size);
-                let windows = share(self.windows.len(), most, place);
-                WindowBlock::FIELDS_LENGTH + windows * window_length(packing, size)
+                let content = Content::Windows(header.packing, header.window_size);
+                sizes.extend(content.packets(self.windows.len()));
+            }
+            PixelLevel::Frame => {
+                let content = Content::Pixels(header.packing);
+                sizes.extend(content.packets(header.pixels() as usize));
             }
             PixelLevel::Compressed => {
-                let code = self.compressed.get(place);
-                CompressedBlock::FIELDS_LENGTH + code.map_or(0, |(_, _, code)| code.len())
+                let codes = self.compressed.iter().map(|(_, _, code)| code.len());
+                sizes.extend(codes.map(|bytes| Content::Code.packet(bytes)));
             }
-            _ => {
-                let pixels = header.pixels() as usize;
-                let pixels = share(pixels, pixels_per_block(packing), place);
-                PixelBlock::FIELDS_LENGTH + packed_length(packing, pixels)
+        }
+        let bytes = header.label_bytes as usize;
+        match header.label_level {
+            LabelLevel::None => {}
+            LabelLevel::Objects => {
+                sizes.extend(Content::Objects.packets(bytes / OBJECT_LENGTH));
             }
-        });
-        let parts = (0..usize::from(header.label_parts)).map(move |part| {
-            let (fields, most) = match header.label_level {
-                LabelLevel::Objects => {
-                    (ObjectPart::FIELDS_LENGTH, OBJECTS_PER_PART * OBJECT_LENGTH)
-                }
-                _ => (LabelPart::FIELDS_LENGTH, LABEL_TEXT_PER_PART),
-            };
-            fields + share(header.label_bytes as usize, most, part)
-        });
-        let fields = once(FrameHeader::FIELDS_LENGTH).chain(blocks).chain(parts);
-        let fields = fields.chain(once(FrameEnd::FIELDS_LENGTH));
-        fields.map(|fields| HEADER_LENGTH + fields + CRC_LENGTH)
+            LabelLevel::Text => sizes.extend(Content::Text.packets(bytes)),
+        }
+        sizes
     }
 
     /// Whether all packets were encoded.
@@ -317,6 +298,18 @@ impl FramePackets {
             }
         }
     }
+}
+
+/// The part of an output that a link may bring.
+fn permitted(output: &Output, roles: Roles) -> Output {
+    let mut output = *output;
+    if !roles.pixels {
+        output.pixels = PixelLevel::None;
+    }
+    if !roles.labels {
+        output.labels = LabelLevel::None;
+    }
+    output
 }
 
 fn wire_time(epoch: Epoch) -> Result<WireTime, String> {

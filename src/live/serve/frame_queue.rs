@@ -7,15 +7,14 @@ use super::exchange::Mute;
 use super::frame_job::{FrameJob, FrameSource};
 use super::frame_pool::FramePool;
 use super::in_flight::{InFlight, InFlightFrame};
-use super::late_policy::LatePolicy;
 use super::reasons::{CLIENT_GONE, RESET, RUN_ENDED, name, of_unsent};
 use super::session::Session;
 use super::telemetry::{Telemetry, add};
 use super::transmit::{Step, send_packet};
 use crate::stats::{Pending, Request};
 use skyloop_base::abort::Abort;
-use skyloop_link::{Exit, LinkError, SOON, Unsent, patience};
-use skyloop_protocols::Withheld;
+use skyloop_link::{LinkError, SOON, Unsent, patience};
+use skyloop_protocols::{Counters, Withheld};
 use skyloop_render::engine::Shot;
 use std::time::{Duration, Instant};
 
@@ -31,7 +30,7 @@ const RETRY: Duration = Duration::from_micros(200);
 /// Frames that are rendered, sent or in flight.
 pub(super) struct FrameQueue {
     pub jobs: Vec<FrameJob>,
-    in_flight: InFlight,
+    pub in_flight: InFlight,
     pub pool: FramePool<Box<Shot>>,
     /// The frame that is being rendered.
     rendering: Option<u32>,
@@ -141,8 +140,8 @@ impl FrameQueue {
         }
     }
 
-    /// Begins the deliveries of a frame on each link whose client has sent something; at most `max` frames
-    /// wait on a link.
+    /// Begins the deliveries of a frame on each link whose client has sent something; at most `max`
+    /// frames wait on a link.
     pub fn begin(
         &mut self,
         number: u32,
@@ -184,7 +183,8 @@ impl FrameQueue {
         }
     }
 
-    /// Drops the frames that no link has begun to send, because their client has gone or sent Reset.
+    /// Drops the frames that no link has begun to send, because their client has gone or sent
+    /// Reset.
     pub fn drop_unsent(&mut self, session: &mut Session, cause: &'static str) {
         for job in &mut self.jobs {
             if let Some(request) = job.request.take() {
@@ -267,7 +267,8 @@ impl FrameQueue {
         Some(delivery)
     }
 
-    /// Gives up a frame of a client that takes nothing. If it has another outgoing link beside it, the client is muted.
+    /// Gives up a frame of a client that takes nothing. Unless this is the only outgoing link
+    /// (`is_only`), the client is muted.
     fn give_up(
         &mut self,
         link: usize,
@@ -287,7 +288,8 @@ impl FrameQueue {
         self.end(link, channel, delivery, Some(name(why)));
     }
 
-    /// Ends a delivery: all packets are in the link's queue, or the frame is withheld for a `cause`.
+    /// Ends a delivery: all packets are in the link's queue, or the frame is withheld for a
+    /// `cause`.
     fn end(
         &mut self,
         link: usize,
@@ -351,86 +353,18 @@ impl FrameQueue {
         }
     }
 
-    /// Books the frames that have left their links. `skipped`: exposures that the clock skipped.
-    pub fn book_departed(
-        &mut self,
-        session: &mut Session,
-        late: &mut LatePolicy,
-        telemetry: &mut Telemetry,
-        skipped: u32,
-    ) {
-        while let Some((frame, exit)) = self.in_flight.take_departed(&session.channels) {
-            self.book(frame, exit, session, late, telemetry, skipped);
-        }
-    }
-
-    /// Books the frames with unsent packets at the end of a run.
-    pub fn book_unsent(
-        &mut self,
-        session: &mut Session,
-        late: &mut LatePolicy,
-        telemetry: &mut Telemetry,
-        skipped: u32,
-    ) {
-        while let Some(frame) = self.in_flight.take_oldest() {
-            self.book(frame, None, session, late, telemetry, skipped);
-        }
-    }
-
-    /// Books a frame that has left its link; without an exit it never will.
-    fn book(
-        &mut self,
-        mut frame: InFlightFrame,
-        exit: Option<Exit>,
-        session: &mut Session,
-        late: &mut LatePolicy,
-        telemetry: &mut Telemetry,
-        skipped: u32,
-    ) {
-        let lost = exit.and_then(|exit| exit.lost);
-        let last = exit.filter(|_| lost.is_none()).map(|exit| exit.at);
-        let leads = session.leads(frame.link);
-        let channel = &mut session.channels[frame.link];
-        if let Some((_, entry)) = frame.queued.take() {
-            if last.is_some() {
-                channel.frames.deliver(entry);
-            } else {
-                self.lose(&frame, channel, entry, lost, telemetry);
-            }
-        }
-        let mut left = frame.left;
-        left.missed = telemetry.missed(skipped);
-        if let Some(last) = last {
-            left.times = left.times.ended(left.trigger, left.deadline, last);
-            if leads {
-                let after = left.times.last_octet.saturating_sub(frame.ready);
-                late.learn_transmission(after);
-            }
-        } else if left.deadline.is_none() {
-            left.times.spare_s = f64::INFINITY;
-        }
-        let is_missed = u32::from(left.times.spare_s < 0.0);
-        add(&mut telemetry.counters.deadlines_missed, is_missed);
-        channel.latencies.add(&left.times);
-        channel.latest = Some(left);
-        if left.times.whole {
-            channel.last = Some(left);
-        }
-        telemetry.notify_left(&left);
-    }
-
     /// Withholds a frame that was queued on a link and did not leave whole.
-    fn lose(
+    pub fn lose(
         &mut self,
-        lost_frame: &InFlightFrame,
+        frame: &InFlightFrame,
         channel: &mut Channel,
         entry: Pending,
         lost: Option<Unsent>,
-        telemetry: &mut Telemetry,
+        counters: &mut Counters,
     ) {
-        let number = lost_frame.left.times.frame;
+        let number = frame.left.times.frame;
         let given_up = channel.wire.tally.why_given_up();
-        let lost = if channel.has_gone(lost_frame.exchange) {
+        let lost = if channel.has_gone(frame.exchange) {
             Unsent::ClientGone
         } else {
             lost.or(given_up).unwrap_or(Unsent::NotRead)
@@ -438,12 +372,11 @@ impl FrameQueue {
         let (why, cause) = of_unsent(lost);
         channel.frames.withhold(entry, cause);
         // The link reports the end of the run itself, and another client has lost nothing.
-        if given_up.is_none() && channel.exchange.number == lost_frame.exchange {
+        if given_up.is_none() && channel.exchange.number == frame.exchange {
             let detail = format!("packets of frame {number} were given up in the link's queue");
             channel.report(why, &detail);
         }
-        if lost_frame.is_delivered {
-            let counters = &mut telemetry.counters;
+        if frame.is_delivered {
             counters.frames_delivered = counters.frames_delivered.wrapping_sub(1);
             add(&mut counters.frames_abandoned, 1);
             self.in_flight.set_delivered(number, false);

@@ -134,7 +134,8 @@ pub(super) fn trigger(state: &mut State, call: &Call<'_>, number: u32, start: Wi
 }
 
 pub(super) fn pause(state: &mut State, call: &Call<'_>) -> Done {
-    // A client that pauses all cameras does not know of a further one's single shot, which is dropped.
+    // A client that pauses all cameras does not know of a further one's single shot, which is
+    // dropped.
     if !state.followers.is_follower {
         Condition::NoSingleShot.check(state, call.link, "Pause")?;
     }

@@ -1,5 +1,5 @@
-//! Frames whose last packet is in a link's queue. Their times are known when it leaves. A client that
-//! takes nothing affects no other link.
+//! Frames whose last packet is in a link's queue. Their times are known when it leaves. A client
+//! that takes nothing affects no other link.
 
 use super::channel::Channel;
 use super::frame_job::FrameJob;
@@ -16,8 +16,8 @@ pub(super) struct InFlightFrame {
     /// When the complete frame could leave.
     pub ready: Duration,
     pub link: usize,
-    /// Position of its last packet in the link's queue, and its entry in the link's account; none: it
-    /// was not queued whole.
+    /// Position of its last packet in the link's queue, and its entry in the link's account; none:
+    /// it was not queued whole.
     pub queued: Option<(Mark, Pending)>,
     /// The exchange of its client.
     pub exchange: u32,

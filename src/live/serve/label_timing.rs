@@ -1,5 +1,6 @@
-//! Timing in the label of a frame. The length of a label is in the first packet of its frame, and some times
-//! follow later. So each number has a fixed width, padded with spaces, which JSON allows.
+//! Timing in the label of a frame. The length of a label is in the first packet of its frame, and
+//! some times follow later. So each number has a fixed width, padded with spaces, which JSON
+//! allows.
 
 use super::clock::due::Sync;
 use skyloop_protocols::{AttitudeSource, SyncState};
@@ -26,8 +27,8 @@ pub(super) struct LiveTiming {
 }
 
 impl LabelTiming {
-    /// The end of the label, which replaces its last brace. Empty if a stepped frame shows an attitude in
-    /// order at its own time.
+    /// The end of the label, which replaces its last brace. Empty if a stepped frame shows an
+    /// attitude in order at its own time.
     pub fn tail(&self) -> String {
         if self.live.is_none() && self.trigger == 0 && !self.out_of_order {
             return String::new();

@@ -1,10 +1,10 @@
-//! Policy for frames that would be late: send them late, drop them, or render them more coarsely. It
-//! reads no clock.
+//! Policy for frames that would be late: send them late, drop them, or render them more coarsely.
+//! It reads no clock.
 //!
-//! A frame is ready when it is rendered and the device's delay is over; then it is transmitted. Both
-//! durations are estimated by the last frame with the same tolerances. A level that was too slow is
-//! retried after a few exposures, and after each failure the interval doubles: one outlier costs little,
-//! and a level that is always too slow is rarely tried.
+//! A frame is ready when it is rendered and the device's delay is over; then it is transmitted.
+//! Both durations are estimated by the last frame with the same tolerances. A level that was too
+//! slow is retried after a few exposures, and after each failure the interval doubles: one outlier
+//! costs little, and a level that is always too slow is rarely tried.
 
 use skyloop_base::range::nearest;
 use skyloop_config::{Delay, OnOverrun};
@@ -113,8 +113,8 @@ pub enum Decision {
 }
 
 impl LatePolicy {
-    /// Renders with `fidelity`; with the policy `coarsen`, each of `steps` adds a level. Returns the steps
-    /// that are no coarser than the level before.
+    /// Renders with `fidelity`; with the policy `coarsen`, each of `steps` adds a level. Returns
+    /// the steps that are no coarser than the level before.
     pub fn new(
         policy: OnOverrun,
         fidelity: Fidelity,
@@ -146,8 +146,8 @@ impl LatePolicy {
         (policy, idle)
     }
 
-    /// Decides about an exposure. Its frame is late after `spare` (none: never) and leaves the device no
-    /// earlier than after `held`.
+    /// Decides about an exposure. Its frame is late after `spare` (none: never) and leaves the
+    /// device no earlier than after `held`.
     pub fn decide(&mut self, spare: Option<Duration>, held: Duration) -> Decision {
         let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
             return self.render(0, None);
@@ -230,8 +230,8 @@ impl LatePolicy {
         }
     }
 
-    /// Why no frame leaves before its deadline, `latency_s` after the end of its exposure, because the
-    /// device holds each of them longer.
+    /// Why no frame leaves before its deadline, `latency_s` after the end of its exposure, because
+    /// the device holds each of them longer.
     pub fn never_in_time(&self, latency_s: f64) -> Option<String> {
         let delay_s = self.delay.delay_s;
         let dropped = if self.drops() {
@@ -377,7 +377,8 @@ mod tests {
                 }
             }
             let apart: Vec<i32> = tried.windows(2).map(|two| two[1] - two[0] - 1).collect();
-            // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then five times 256 and one.
+            // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then
+            // five times 256 and one.
             assert_eq!(apart, [4, 8, 16, 32, 64, 128, 256, 256, 256, 256, 256, 256]);
             // When it is in time again, that is forgotten.
             let is_tried = |verdict| matches!(verdict, Decision::Render { level: 0, .. });
@@ -423,7 +424,8 @@ mod tests {
         assert_eq!([overrun.at(100, 80), overrun.at(100, 75)], [LATE, FINEST]);
         overrun.took([90]);
         assert_eq!(overrun.at(100, 75), coarsened(1));
-        // Held for too long, and the finest not ready by then: the first that is; if none is, the last.
+        // Held for too long, and the finest not ready by then: the first that is; if none is, the
+        // last.
         let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([150, 100]);
         assert_eq!(overrun.at(100, 101), render(1, Some("late")));

@@ -116,8 +116,8 @@ mod tests {
     use super::*;
     use Harm::{Delays, Loses};
 
-    /// Credit that is late or lost stops frames as frame packets do. A full link can only come of packets that are late
-    /// on the way out.
+    /// Credit that is late or lost stops frames as frame packets do. A full link can only come of
+    /// packets that are late on the way out.
     #[test]
     fn a_fault_is_the_remedy_where_it_can_be_the_cause() {
         use Withheld::{

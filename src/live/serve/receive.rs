@@ -1,6 +1,6 @@
 //! Packets from the links: decoded, executed by the table of commands, answered.
 
-use super::commands::{Answer, row};
+use super::commands::{Answer, row_of};
 use super::frame_queue::LISTEN;
 use super::handlers::Call;
 use super::reasons::name;
@@ -34,8 +34,8 @@ pub(super) fn receive(state: &mut State, timeout: Duration) -> Result<bool, Link
     Ok(received.is_some())
 }
 
-/// Handles the packets that have arrived; false if a link has ended. At most a full queue of them, so
-/// that a flood does not stop the frames.
+/// Handles the packets that have arrived; false if a link has ended. At most a full queue of them,
+/// so that a flood does not stop the frames.
 pub(super) fn receive_waiting(state: &mut State) -> Result<bool, LinkError> {
     state.session.flush()?;
     for _ in 0..QUEUE {
@@ -85,7 +85,8 @@ fn handle(state: &mut State, link: usize, inbound: &Inbound) -> Result<(), LinkE
     }
 }
 
-/// Opens the exchange of a packet, if it is new. False if the packet is late: another client followed.
+/// Opens the exchange of a packet, if it is new. False if the packet is late: another client
+/// followed.
 fn enter_exchange(state: &mut State, link: usize, exchange: u32) -> bool {
     let channel = &mut state.session.channels[link];
     let newer = exchange.wrapping_sub(channel.exchange.number);
@@ -108,7 +109,7 @@ fn enter_exchange(state: &mut State, link: usize, exchange: u32) -> bool {
 
 fn execute(state: &mut State, call: &Call<'_>, command: Command) -> Result<(), LinkError> {
     count_gaps(state, call, &command);
-    let row = row(command);
+    let row = row_of(command);
     let (name, answer, is_relayed) = (row.name, row.answer, row.is_relayed);
     if let Err(refusal) = row.run(state, call) {
         return refuse(state, call, name, &refusal);
@@ -133,8 +134,8 @@ fn execute(state: &mut State, call: &Call<'_>, command: Command) -> Result<(), L
     Ok(())
 }
 
-/// Counts missing packets. Reset restarts the counts. A further camera gets only some of the packets of
-/// the first camera's client.
+/// Counts missing packets. Reset restarts the counts. A further camera gets only some of the
+/// packets of the first camera's client.
 fn count_gaps(state: &mut State, call: &Call<'_>, command: &Command) {
     let channel = &mut state.session.channels[call.link];
     channel.exchange.heard = true;

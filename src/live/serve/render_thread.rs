@@ -45,8 +45,8 @@ pub(super) enum RenderEvent {
     Labelled(Opening),
     /// Pixel values from a first pixel on, and when they were ready.
     Rows(usize, Vec<u16>, Instant),
-    /// The complete frame, when it was ready, and the time since its order, which includes the turns of
-    /// other cameras.
+    /// The complete frame, when it was ready, and the time since its order, which includes the
+    /// turns of other cameras.
     Complete(Box<Shot>, Instant, Duration),
     /// The frame exceeds the work limit: the next coarser tolerances are used.
     Coarsened,
@@ -56,8 +56,8 @@ pub(super) enum RenderEvent {
     Failed(String),
 }
 
-/// The server's end. Frames are rendered one after another and have a bounded number of parts, so the
-/// queues are bounded, too.
+/// The server's end. Frames are rendered one after another and have a bounded number of parts, so
+/// the queues are bounded, too.
 pub(super) struct Renderer {
     tasks: Sender<Task>,
     events: Receiver<RenderEvent>,
@@ -76,7 +76,8 @@ impl RowBuffers {
         lock(&self.0).pop().unwrap_or_default()
     }
 
-    /// Allocates `bands` buffers of `pixels` beforehand, so that none is allocated while frames are late.
+    /// Allocates `bands` buffers of `pixels` beforehand, so that none is allocated while frames are
+    /// late.
     pub fn fill(&self, bands: usize, pixels: usize) {
         for _ in 0..bands.min(Self::MAX) {
             // Written, so that the system maps the memory.
@@ -154,8 +155,8 @@ impl Renderer {
 }
 
 impl RenderThread {
-    /// Renders frames until the server drops its end. Cameras that share `turn` render one after another,
-    /// each with all threads.
+    /// Renders frames until the server drops its end. Cameras that share `turn` render one after
+    /// another, each with all threads.
     pub fn run(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
         for task in self.tasks {
             match task {

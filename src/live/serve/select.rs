@@ -1,12 +1,12 @@
-//! Which parts of a shot fit a narrow line: its brightest objects, and windows around its brightest stars.
+//! Parts of a frame for slow links: the brightest objects, and windows around the brightest stars.
 
 use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
 use skyloop_render::engine::Shot;
 use skyloop_render::label::ObjectLabel;
 
-/// Stars and RSOs whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
-/// The Moon, planets, particles and defects are in the label's text alone.
+/// Stars and RSOs whose centroid is in the frame, sorted by brightness. The Moon, planets,
+/// particles and defects are only in the label's text.
 fn by_brightness(shot: &Shot, wanted: impl Fn(&ObjectLabel) -> bool) -> Vec<&ObjectLabel> {
     let objects = shot.label.objects.sources.iter();
     let mut objects: Vec<&ObjectLabel> = objects
@@ -45,8 +45,8 @@ fn record(object: &ObjectLabel) -> ObjectRecord {
     }
 }
 
-/// First pixels (column, row) of windows of `size` columns and rows: around `positions`, or around the `most`
-/// brightest stars. Each lies inside the frame: near an edge it is shifted.
+/// First pixels (column, row) of windows of `size` columns and rows: around `positions`, or around
+/// the `most` brightest stars. Each lies inside the frame: near an edge it is shifted.
 pub(super) fn windows(
     shot: &Shot,
     size: u8,

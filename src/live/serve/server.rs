@@ -79,9 +79,9 @@ impl Server {
         }
     }
 
-    /// Puts `emulator`, that of a further camera, at links that bring its frames. It gets copies of the
-    /// packets about the vehicle, with their arrival times. Cameras render one after another, each with
-    /// all threads. It runs in a thread of its own, and ends when this server has gone.
+    /// Puts `emulator`, that of a further camera, at links that bring its frames. It gets copies of
+    /// the packets about the vehicle, with their arrival times. Cameras render one after another,
+    /// each with all threads. It runs in a thread of its own, and ends when this server has gone.
     pub fn head(
         &mut self,
         emulator: Emulator,
@@ -102,7 +102,8 @@ impl Server {
         server
     }
 
-    /// Sets clock, order of attitudes and late policy. The policy starts from the emulator's tolerances.
+    /// Sets clock, order of attitudes and late policy. The policy starts from the emulator's
+    /// tolerances.
     pub fn set_run(&mut self, run: &Run) {
         let State {
             client,
@@ -160,8 +161,8 @@ impl Server {
         self.state.telemetry.on_left = Some(on_left);
     }
 
-    /// Errors: a link cannot carry the default output at the camera's rate, or the device's delay holds too
-    /// many frames.
+    /// Errors: a link cannot carry the default output at the camera's rate, or the device's delay
+    /// holds too many frames.
     pub fn fits(&self) -> Result<(), String> {
         let client = &self.state.client;
         let camera = client.camera();
@@ -202,8 +203,8 @@ impl Server {
         &self.state.telemetry.stats
     }
 
-    /// Serves until `stop` is set or `limit` frames are made. `on_shot` sees each frame when it has been
-    /// given to its links, or given up; its memory is reused after that.
+    /// Serves until `stop` is set or `limit` frames are made. `on_shot` sees each frame when it has
+    /// been given to its links, or given up; its memory is reused after that.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
@@ -276,8 +277,8 @@ impl Server {
         ended
     }
 
-    /// Ends the links when everything queued has left, when nothing moves for 5 s, 1.5 s after the run was
-    /// stopped, or at [`Self::end_by`]. Returns what the run measured and counted.
+    /// Ends the links when everything queued has left, when nothing moves for 5 s, 1.5 s after the
+    /// run was stopped, or at [`Self::end_by`]. Returns what the run measured and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
         let stopped = self.stopped.map(|stopped| stopped + STOP_PATIENCE);
         self.state.session.close(stopped.or(self.until));

@@ -14,8 +14,8 @@ use skyloop_protocols::{
 use skyloop_render::camera::Camera;
 use std::time::{Duration, Instant};
 
-/// How long the end of a run waits for a client that takes nothing. A pseudo-terminal passes 4 KiB at
-/// once: 4.3 s for a client that reads at 9600 baud.
+/// How long the end of a run waits for a client that takes nothing. A pseudo-terminal passes 4 KiB
+/// at once: 4.3 s for a client that reads at 9600 baud.
 const CLOSE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// The links of a run, and what frames contain by default.
@@ -65,8 +65,8 @@ impl Session {
         self.channels.iter().any(|channel| channel.awaits(frame))
     }
 
-    /// Whether the transmission time of this link counts for the late policy: the first link that brings
-    /// pixels to a client, else the first that brings frames.
+    /// Whether the transmission time of this link counts for the late policy: the first link that
+    /// brings pixels to a client, else the first that brings frames.
     pub fn leads(&self, link: usize) -> bool {
         let first = |brings: fn(&Roles) -> bool| {
             let mut channels = self.channels.iter();
@@ -196,8 +196,8 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the links when everything queued has left, when nothing moves for [`CLOSE_PATIENCE`], or at
-    /// `until`.
+    /// Ends the links when everything queued has left, when nothing moves for [`CLOSE_PATIENCE`],
+    /// or at `until`.
     pub fn close(&mut self, until: Option<Instant>) {
         for channel in &mut self.channels {
             let standstill = Standstill::of(&channel.wire.tally, CLOSE_PATIENCE);

@@ -5,13 +5,14 @@ use super::clock::due::Due;
 use super::followers::Followers;
 use super::frame_queue::FrameQueue;
 use super::history::Latched;
+use super::in_flight::InFlightFrame;
 use super::late_policy::LatePolicy;
 use super::reasons::{CLIENT_GONE, RESET, name};
 use super::session::Session;
 use super::telemetry::{Telemetry, add};
 use crate::metrics::Snapshot;
 use crate::stats::Request;
-use skyloop_link::LinkError;
+use skyloop_link::{Exit, LinkError};
 use skyloop_protocols::{Counters, Reason, Withheld};
 use std::time::Instant;
 
@@ -44,9 +45,9 @@ impl State {
         self.session.fail_all(requests, cause);
     }
 
-    /// Refuses an attitude that had been accepted: its exposure cannot be rendered. The refusal is sent
-    /// once, and each such exposure is missed. `request` is none if deliveries have begun: those end link
-    /// by link.
+    /// Refuses an attitude that had been accepted: its exposure cannot be rendered. The refusal is
+    /// sent once, and each such exposure is missed. `request` is none if deliveries have begun:
+    /// those end link by link.
     pub fn refuse_accepted(
         &mut self,
         request: Option<Request>,
@@ -86,18 +87,48 @@ impl State {
 
     /// Books the frames that have left their links.
     pub fn book_departed(&mut self) {
-        let skipped = self.client.clock.missed();
-        let (session, telemetry) = (&mut self.session, &mut self.telemetry);
-        self.frames
-            .book_departed(session, &mut self.late, telemetry, skipped);
+        while let Some((frame, exit)) = self.frames.in_flight.take_departed(&self.session.channels)
+        {
+            self.book(frame, exit);
+        }
     }
 
     /// Books the frames with unsent packets at the end of a run.
     pub fn book_unsent(&mut self) {
-        let skipped = self.client.clock.missed();
-        let (session, telemetry) = (&mut self.session, &mut self.telemetry);
-        self.frames
-            .book_unsent(session, &mut self.late, telemetry, skipped);
+        while let Some(frame) = self.frames.in_flight.take_oldest() {
+            self.book(frame, None);
+        }
+    }
+
+    /// Books a frame that has left its link; without an exit it never will.
+    fn book(&mut self, mut frame: InFlightFrame, exit: Option<Exit>) {
+        let lost = exit.and_then(|exit| exit.lost);
+        let last = exit.filter(|_| lost.is_none()).map(|exit| exit.at);
+        let leads = self.session.leads(frame.link);
+        let channel = &mut self.session.channels[frame.link];
+        let counters = &mut self.telemetry.counters;
+        match frame.queued.take() {
+            Some((_, entry)) if last.is_some() => channel.frames.deliver(entry),
+            Some((_, entry)) => self.frames.lose(&frame, channel, entry, lost, counters),
+            None => {}
+        }
+        let mut left = frame.left;
+        left.missed = self.telemetry.missed(self.client.clock.missed());
+        if let Some(last) = last {
+            left.times = left.times.ended(left.trigger, left.deadline, last);
+            if leads {
+                let after = left.times.last_octet.saturating_sub(frame.ready);
+                self.late.learn_transmission(after);
+            }
+        } else if left.deadline.is_none() {
+            left.times.spare_s = f64::INFINITY;
+        }
+        channel.latencies.add(&left.times);
+        channel.latest = Some(left);
+        if left.times.whole {
+            channel.last = Some(left);
+        }
+        self.telemetry.frame_left(&left);
     }
 
     /// All counters, with those of the links.

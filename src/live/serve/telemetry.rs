@@ -120,8 +120,10 @@ impl Telemetry {
         self.published = Some(now);
     }
 
-    /// Calls the observer of frames that have left.
-    pub fn notify_left(&mut self, left: &Left) {
+    /// Counts a frame that has left, or never will, and calls the observer.
+    pub fn frame_left(&mut self, left: &Left) {
+        let is_missed = u32::from(left.times.spare_s < 0.0);
+        add(&mut self.counters.deadlines_missed, is_missed);
         if let Some(on_left) = &mut self.on_left {
             on_left(left);
         }

@@ -1,20 +1,19 @@
-//! Whether the scene's time kept pace with the client's clock over a run.
+//! Drift of the scene time against the client's clock over a run.
 
 use hifitime::Epoch;
 use serde::{Serialize, Serializer};
 use std::time::{Duration, Instant};
 
-/// What the frames that came quickest tell of the two clocks: from the exposure's end, in the scene's time, to the last packet, in the client's.
-///
-/// A frame that waited tells nothing of the clocks; of the quickest in a while the latency is nearly the same each time, and what it differs by is drift.
+/// Drift by the fastest frames: from the end of the exposure, in scene time, to the last packet, in
+/// the client's time. The lowest latency of an interval is nearly constant, so its change is drift.
 #[derive(Debug, Clone, Default)]
 pub struct Drift {
-    /// Each end of the run that is looked at.
+    /// Length of the compared parts.
     part: Duration,
     length: Duration,
-    /// What the first frame had.
+    /// The two times of the first frame.
     zero: Option<(Epoch, Instant)>,
-    /// The least in the first part of the run and in the last, s more than the first frame's.
+    /// Lowest latency in the first part and in the last, relative to the first frame, s.
     least_s: [Option<f64>; 2],
 }
 
@@ -46,14 +45,14 @@ impl Drift {
         }
     }
 
-    /// What the scene's time lost against the client's from the first part to the last, s; none where one of them had no frame.
+    /// Loss of scene time from the first part to the last, s; none if a part had no frame.
     #[must_use]
     pub fn seconds(&self) -> Option<f64> {
         let [first, last] = self.least_s;
         Some(last? - first?)
     }
 
-    /// As a row of the table has it.
+    /// The text in the table.
     #[must_use]
     pub fn told(&self) -> String {
         self.seconds().map_or("not known".to_string(), |drift_s| {
@@ -73,7 +72,7 @@ mod tests {
     use super::*;
     use skyloop_orbit::time::seconds;
 
-    /// The drift that is told of 100 s at 10 Hz, whose frames are late by `late_s` and whose scene loses so much a second.
+    /// Drift of 100 s at 10 Hz, with a latency of `late_s` and a loss per second of `lost`.
     fn drift_s(lost: f64, late_s: impl Fn(u32) -> f64) -> f64 {
         let (scene, zero) = (
             Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0),
@@ -91,14 +90,16 @@ mod tests {
 
     #[test]
     fn a_clock_that_loses_is_told_and_frames_that_wait_are_not() {
-        // Each late by another time from 10 ms on, and in the last fifth every second by 50 ms more.
+        // Each late by another time from 10 ms on, and in the last fifth every second by 50 ms
+        // more.
         let late_s = |frame: u32| {
             let spread = 0.004 * (f64::from(frame) * 0.618_033_988_75).fract();
             let waits = frame >= 800 && frame.is_multiple_of(2);
             0.01 + spread + if waits { 0.05 } else { 0.0 }
         };
         assert!(drift_s(0.0, late_s).abs() < 1e-4);
-        // X-Val: 1e-4 of the 80 s from the start of the first fifth to that of the last, where the least lies.
+        // X-Val: 1e-4 of the 80 s from the start of the first fifth to that of the last, where the
+        // least lies.
         assert!((drift_s(1e-4, |_| 0.01) - 8e-3).abs() < 1e-4);
         // One that gains has its least at the parts' ends.
         assert!((drift_s(-1e-4, |_| 0.01) + 8e-3).abs() < 1e-4);

@@ -7,35 +7,36 @@ use serde::Serialize;
 use skyloop_firmware_sim::verdict::Verdict;
 use std::time::Duration;
 
-/// What a run must keep.
+/// Limits of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Limits {
-    /// The most deadlines that may be missed, of all frames (0 to 1).
+    /// Maximum share of missed deadlines (0 to 1).
     pub max_miss_rate: f64,
-    /// The longest time from the trigger to the last octet that 99 of 100 frames must keep, ms; one that does not come whole does not.
+    /// Maximum of the 99th percentile of the time from the trigger to the last byte, ms. Incomplete
+    /// frames exceed it.
     pub max_p99_ms: Option<f64>,
-    /// By what share of it resident memory may have grown at the end, since the run was warm.
+    /// Maximum growth of resident memory since the run was warm, as a share.
     pub max_growth: Option<f64>,
 }
 
 /// One camera's frames.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Camera {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// When they were where.
+    /// Their latencies.
     pub latencies: Latencies,
-    /// Whether their times kept pace with the client's clock; in reports the drift, s.
+    /// Drift against the client's clock, s.
     #[serde(rename = "drift_s")]
     pub drift: Drift,
 }
 
-/// What was measured of a run.
+/// Measurements of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Measured {
     /// Its cameras, the first first.
     pub cameras: Vec<Camera>,
-    /// That it was stopped before its time.
+    /// Message if it was stopped early.
     pub stopped: Option<String>,
     /// Its memory.
     pub memory: Memory,
@@ -44,14 +45,14 @@ pub struct Measured {
 }
 
 impl Limits {
-    /// What is to be measured so that the first frame that breaks a limit can be named.
+    /// A collector that notes the first frame beyond the limits.
     #[must_use]
     pub fn latencies(&self) -> Latencies {
         let most = |most_ms| bound(most_ms).unwrap_or(Duration::ZERO);
         Latencies::watching(self.max_p99_ms.map(most))
     }
 
-    /// A verdict for each limit, of each camera. A run without frames keeps none, and one that was stopped is none.
+    /// A verdict for each limit and camera. A run without frames, or that was stopped, fails.
     #[must_use]
     pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
         let mut verdicts = Vec::new();
@@ -69,7 +70,7 @@ impl Limits {
             }
             verdicts.extend(own);
         }
-        // A run that was stopped before it was warm tells nothing of it.
+        // Memory is not assessed if the run was stopped before it was warm.
         let is_told = found.stopped.is_none() || found.memory.warm.is_some();
         let most = self.max_growth.filter(|_| is_told);
         verdicts.extend(most.map(|most| growth(most, &found.memory)));
@@ -105,7 +106,7 @@ impl Limits {
     }
 }
 
-/// A limit as a duration; beyond all durations it is the longest, and `None` is what no duration keeps.
+/// A limit as a duration, clamped to the longest; `None` if no duration meets it.
 fn bound(most_ms: f64) -> Option<Duration> {
     let most = Duration::try_from_secs_f64(most_ms * 1e-3).unwrap_or(Duration::MAX);
     (most_ms >= 0.0).then_some(most)
@@ -114,7 +115,7 @@ fn bound(most_ms: f64) -> Option<Duration> {
 fn p99(most_ms: f64, found: &Latencies) -> Verdict {
     let whole = found.last_octet.count();
     let lost = found.frames.saturating_sub(whole);
-    // Those that did not come whole take longer than all others.
+    // Incomplete frames count as the slowest.
     let part = 0.99 * (1.0 + lost as f64 / whole as f64);
     let p99 = found.last_octet.quantile(part).filter(|_| part <= 1.0);
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
@@ -158,56 +159,10 @@ fn short(rate: f64) -> String {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use crate::soak::fixture::{TIMES, limits, of, run};
     use crate::timing::FrameTimes;
-
-    const TIMES: FrameTimes = FrameTimes {
-        frame: 0,
-        attitude_age_s: 0.0,
-        first_pixel: Duration::ZERO,
-        last_pixel: Duration::ZERO,
-        first_octet: Duration::ZERO,
-        last_octet: Duration::from_millis(4),
-        spare_s: 0.05,
-        whole: true,
-    };
-
-    pub fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
-        Limits {
-            max_miss_rate,
-            max_p99_ms,
-            max_growth: None,
-        }
-    }
-
-    fn of(latencies: Latencies) -> Measured {
-        let name = "A".to_string();
-        Measured {
-            cameras: vec![Camera {
-                name,
-                latencies,
-                ..Camera::default()
-            }],
-            ..Measured::default()
-        }
-    }
-
-    /// A run of so many frames; from the `slow` one on each second takes 14.2 ms, and those of `late` miss their deadline by 4.2 ms.
-    pub fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
-        let mut all = limits.latencies();
-        for frame in 0..frames {
-            let mut times = FrameTimes { frame, ..TIMES };
-            if frame >= slow && (frame - slow).is_multiple_of(2) {
-                times.last_octet = Duration::from_micros(14_200);
-            }
-            if late.contains(&frame) {
-                times.spare_s = -4.2e-3;
-            }
-            all.add(&times);
-        }
-        of(all)
-    }
 
     fn texts(limits: &Limits, found: &Measured) -> Vec<String> {
         let verdicts = limits.judge(found);

@@ -8,28 +8,28 @@ use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::verdict::{Suite, Verdict};
 use std::path::Path;
 
-/// What a long run is told by.
+/// The report of a long run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The scene's name.
     pub scene: String,
     /// How long it ran, min.
     pub minutes: f64,
-    /// Whether all limits were kept.
+    /// Whether all limits were met.
     pub passed: bool,
-    /// What it had to keep.
+    /// The limits.
     pub limits: Limits,
-    /// Whether it did.
+    /// The verdicts.
     pub verdicts: Vec<Verdict>,
-    /// What was measured of each camera.
+    /// Measurements of each camera.
     pub cameras: Vec<Camera>,
     /// From the start of the command to the first frame at the client, s; `None`: there was none.
     pub first_frame_s: Option<f64>,
-    /// What memory it held.
+    /// Its memory.
     pub memory: Memory,
-    /// What the machine did meanwhile.
+    /// Load of the machine meanwhile.
     pub host: HostReport,
-    /// What help in real time it had.
+    /// Real-time settings that were granted.
     pub realtime: Granted,
     /// The run's counters by name.
     #[serde(serialize_with = "as_map")]
@@ -82,7 +82,7 @@ impl Report {
         rows
     }
 
-    /// The suite of a JUnit file: with what the machine did, and the table of times.
+    /// The suite of a JUnit file, with the load of the machine and the table of times.
     #[must_use]
     pub fn suite(&self) -> Suite {
         let mut properties = self.host.rows();
@@ -100,7 +100,7 @@ impl Report {
     }
 }
 
-/// The suite of a run of this file. Its class is the same in whatever folder the file lies: what collects such files goes
+/// The suite of a run of this file. Its class does not depend on the folder, since collectors group
 /// by it.
 #[must_use]
 pub fn suite(scene: &Path) -> Suite {
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::host::Host;
     use crate::realtime::{Asked, ask};
-    use crate::soak::limits::tests::{limits, run};
+    use crate::soak::fixture::{limits, run};
 
     #[test]
     fn the_report_has_it_all_and_a_case_for_each_verdict() {

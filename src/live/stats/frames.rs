@@ -1,18 +1,17 @@
 //! The account of the frames of one link: how many were requested, and how each request ended.
 //!
-//! The rule, for each link that brings frames: requested = delivered + withheld, once the run has ended. The types help to keep it: an entry is opened by a
-//! [`Request`] alone, and its [`Pending`] can be neither copied nor used twice. A `Pending` that is dropped breaks the sum, and a request that is dropped is
-//! missing from it.
+//! After a run, requested = delivered + withheld on each link. The types enforce it: only a
+//! [`Request`] opens an entry, and its [`Pending`] can be neither copied nor used twice.
 
 use std::collections::BTreeMap;
 
-/// A request for a frame: an Attitude or a Trigger in step, a Trigger by the client's clock, or else an exposure of the camera's cadence. Each link opens an
-/// entry for it, when the frame is put on its way or when it is known that there will be none.
+/// A request for a frame: an Attitude, a Trigger, or an exposure of the cadence. Each link opens an
+/// entry for it when deliveries begin or the frame fails.
 #[derive(Debug, Default)]
 #[must_use = "each link opens an entry for a request"]
 pub(crate) struct Request(());
 
-/// An open entry: a frame that is on its way to a link's client.
+/// An open entry.
 #[derive(Debug)]
 #[must_use = "an entry ends as delivered or as withheld"]
 pub(crate) struct Pending(());
@@ -22,7 +21,7 @@ pub(crate) struct Pending(());
 pub struct FrameAccount {
     /// All requests so far.
     pub requested: usize,
-    /// Frames whose last packet has left the link. What is lost after that, by a fault or by the network, counts here too.
+    /// Frames whose last packet has left the link, even if it is lost after that.
     pub delivered: usize,
     /// Frames that have not left whole, by cause.
     pub withheld: BTreeMap<&'static str, usize>,

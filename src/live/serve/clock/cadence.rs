@@ -9,8 +9,8 @@ use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// If the client's first attitude differs from this machine's clock by more than this, the scene has
-/// a time of its own that runs at the pace of the wall clock.
+/// If the client's first attitude differs from this machine's clock by more than this, the scene
+/// has a time of its own that runs at the pace of the wall clock.
 const SAME_CLOCK_S: f64 = 10.0;
 
 /// When each exposure ends, and its scene time.
@@ -76,8 +76,8 @@ impl Cadence {
         self.start(scene, arrived);
     }
 
-    /// Sets the scene time at `at`; the first exposure ends a period later, unless the cadence rests
-    /// or is paused.
+    /// Sets the scene time at `at`; the first exposure ends a period later, unless the cadence
+    /// rests or is paused.
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
@@ -90,7 +90,8 @@ impl Cadence {
         }
     }
 
-    /// Stops the scene time and drops the present exposure; one that has ended still gets its frame.
+    /// Stops the scene time and drops the present exposure; one that has ended still gets its
+    /// frame.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
         // One that waits since an earlier pause already has its scene time.
@@ -101,7 +102,8 @@ impl Cadence {
         self.give_up_shot();
     }
 
-    /// Counts a single shot that is being exposed as missed; one that has ended waits for its frame.
+    /// Counts a single shot that is being exposed as missed; one that has ended waits for its
+    /// frame.
     fn give_up_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
         if self.shot.take_if(|shot| Some(*shot) != ended).is_some() {
@@ -195,8 +197,8 @@ impl Cadence {
         self.shot = None;
     }
 
-    /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if that
-    /// is past or the cadence rests. A present single shot counts as the last exposure.
+    /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if
+    /// that is past or the cadence rests. A present single shot counts as the last exposure.
     pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
         self.advance(arrived);
         let before = std::mem::replace(&mut self.period, period(rate_hz));
@@ -405,7 +407,8 @@ mod tests {
         let Rig { mut clock, zero } = Rig::new(50.0);
         assert!(clock.take_due(0.01, zero + ms(19)).is_none());
         let due = clock.take_due(0.01, zero + ms(25)).unwrap();
-        // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.
+        // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms
+        // earlier.
         assert!(((due.mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
         // The frame is late from 40 ms on.

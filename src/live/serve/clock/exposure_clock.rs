@@ -41,7 +41,8 @@ pub trait ExposureClock: Send {
         TimeCheck::Consistent
     }
 
-    /// Whether the next time stamp sets the scene time: the first of all, or the first after a pause.
+    /// Whether the next time stamp sets the scene time: the first of all, or the first after a
+    /// pause.
     fn awaits_time(&self) -> bool {
         false
     }

@@ -13,7 +13,8 @@ use skyloop_render::camera::Camera;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How far ahead of the client's time a Trigger may start, s. One further ahead would block the queue.
+/// How far ahead of the client's time a Trigger may start, s. One further ahead would block the
+/// queue.
 const MAX_AHEAD_S: f64 = 86_400.0;
 
 /// Exposures at a cadence or at triggers.
@@ -312,8 +313,8 @@ mod tests {
             heard
         }
 
-        /// Takes what was exposed. All of it ended a whole number of periods after `zero_s`, none twice or left out, and
-        /// when the client's clock said so (`time_s`) but for `off_s`.
+        /// Takes what was exposed. All of it ended a whole number of periods after `zero_s`, none
+        /// twice or left out, and when the client's clock said so (`time_s`) but for `off_s`.
         fn on_the_grid(&mut self, zero_s: f64, time_s: impl Fn(f64) -> f64, off_s: f64) -> usize {
             for (end_s, due_s) in &self.ends {
                 let periods = (end_s - zero_s) * RATE_HZ;
@@ -357,7 +358,8 @@ mod tests {
             let late_s = |s: f64| 0.004 * (s / TICK_S * 0.618_033_988_75).fract();
             flight.fly(TICK_S, |_| Some(0.0));
             flight.fly(10.0, |s| Some(time_s(s - late_s(s))));
-            // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each time stamp corrects a quarter of what is left (3 ticks' drift).
+            // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each
+            // time stamp corrects a quarter of what is left (3 ticks' drift).
             let off_s = 0.005 + 0.4 * (pace - 1.0_f64).abs();
             let count = flight.on_the_grid(0.0, time_s, off_s);
             let due = (10.0 * pace * RATE_HZ).floor() as usize;
@@ -379,7 +381,8 @@ mod tests {
                 .iter()
                 .position(|one| *one == TimeCheck::Jumped)
                 .unwrap();
-            // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th tick of 20 ms, which is the first after 0.26 s.
+            // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th
+            // tick of 20 ms, which is the first after 0.26 s.
             assert_eq!(jump, 13);
             let mut before = heard[..jump].iter();
             assert!(before.all(|one| matches!(one, TimeCheck::Doubtful(_))));
