@@ -13,9 +13,8 @@ use skyloop_protocols::pixels::{
 };
 use skyloop_protocols::reply::window_length;
 use skyloop_protocols::{
-    CompressedBlock, EncodeError, FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET,
-    ObjectPart, Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime,
-    rice,
+    CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
+    Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
 };
 use skyloop_render::engine::Opening;
 use std::borrow::Cow;
