@@ -89,6 +89,12 @@ impl Client {
         self.clock.cadence().map(|_| rate_hz)
     }
 
+    /// Whether a single shot is being exposed, or waits for its frame.
+    pub fn is_exposing_single_shot(&mut self) -> bool {
+        let cadence = self.clock.cadence();
+        cadence.is_some_and(|cadence| cadence.single_shot_is_open())
+    }
+
     /// Restarts for another client or after a Reset. Returns the number of waiting exposures, which
     /// get no frame.
     pub fn restart(&mut self, now: Instant) -> u32 {

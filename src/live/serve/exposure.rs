@@ -49,14 +49,13 @@ pub(super) fn start_exposure(
     };
     let camera = due.camera.take().unwrap_or(camera);
     let exposure = Exposure::around(due.mid, camera.exposure_s);
-    let request = Request::default();
     let Some(pointing) = state.client.pointing(&due, &exposure) else {
-        state.session.fail(request, NO_ATTITUDE);
-        state.telemetry.miss(&due);
+        drop_exposure(state, &due, NO_ATTITUDE);
         return Ok(true);
     };
     if let Err(why) = check_representable(&exposure) {
-        state.refuse_accepted(Some(request), &pointing.message, &due, &why)?;
+        let request = Some(Request::default());
+        state.refuse_accepted(request, &pointing.message, &due, &why)?;
         return Ok(true);
     }
     let spare = due
@@ -66,78 +65,56 @@ pub(super) fn start_exposure(
     let release = due.end + Duration::from_secs_f64(state.late.delay.delay_s);
     let held = release.saturating_duration_since(now);
     let Decision::Render { level, overrun } = state.late.decide(spare, held) else {
-        state.session.fail(request, LEFT_OUT);
-        state.telemetry.miss(&due);
+        drop_exposure(state, &due, LEFT_OUT);
         state.telemetry.stats.dropped = state.late.dropped;
         return Ok(true);
     };
-    let plan = FramePlan {
+    let delay = state.late.delay;
+    let release = due.end + delay.of(state.followers.camera, state.frames.next_frame);
+    // Late because of the jitter alone.
+    let is_late = due.deadline.is_some_and(|deadline| release > deadline);
+    let source = FrameSource {
         due,
-        camera,
         pointing,
+        sync: state.client.sync(now),
         level,
-        overrun,
+        overrun: if is_late { Some("late") } else { overrun },
+        is_timed: !state.client.is_stepped(),
+        release,
     };
-    order_frame(state, renderer, request, plan);
+    order_frame(state, renderer, camera, source);
     Ok(true)
 }
 
-/// A frame that the late policy has accepted.
-struct FramePlan {
-    due: Due,
-    camera: Arc<Camera>,
-    pointing: Pointing,
-    level: usize,
-    overrun: Option<&'static str>,
+/// Books an exposure that gets no frame.
+fn drop_exposure(state: &mut State, due: &Due, cause: &'static str) {
+    state.session.fail(Request::default(), cause);
+    state.telemetry.miss(due);
 }
 
 /// Orders a frame from the renderer.
-fn order_frame(state: &mut State, renderer: &Renderer, request: Request, plan: FramePlan) {
-    let FramePlan {
+fn order_frame(state: &mut State, renderer: &Renderer, camera: Arc<Camera>, source: FrameSource) {
+    let FrameSource {
         due,
-        camera,
         pointing,
         level,
-        overrun,
-    } = plan;
-    count_source(&mut state.telemetry, &pointing);
-    let Pointing {
-        vehicle,
-        message,
-        source,
-        age_s,
-    } = pointing;
-    let is_requested = due.latched.is_some();
-    let number = state.frames.next_frame;
-    let release = due.end + state.late.delay.of(state.followers.camera, number);
-    // Late because of the jitter alone.
-    let is_late = due.deadline.is_some_and(|deadline| release > deadline);
-    let overrun = if is_late { Some("late") } else { overrun };
-    let is_timed = !state.client.is_stepped();
+        ..
+    } = &source;
+    count_source(&mut state.telemetry, pointing);
+    let (number, is_requested) = (pointing.message.number, due.latched.is_some());
     let abort = Abort::default();
     let order = RenderOrder {
-        number,
+        number: state.frames.next_frame,
         camera,
-        vehicle,
-        repeat: state.client.count_repeat(message.number, is_requested),
-        fidelity: state.late.fidelity(level),
-        overrun,
-        streams: is_timed && state.session.wants_rows(),
+        vehicle: pointing.vehicle.clone(),
+        repeat: state.client.count_repeat(number, is_requested),
+        fidelity: state.late.fidelity(*level),
+        overrun: source.overrun,
+        streams: source.is_timed && state.session.wants_rows(),
         abort: abort.clone(),
-        coarser: state.late.coarser_than(level),
+        coarser: state.late.coarser_than(*level),
     };
-    let source = FrameSource {
-        due,
-        message,
-        source,
-        age_s,
-        sync: state.client.sync(Instant::now()),
-        level,
-        overrun,
-        is_timed,
-        release,
-    };
-    state.frames.start(request, source, abort);
+    state.frames.start(Request::default(), source, abort);
     state.session.set_rendering(true);
     if !renderer.give(Task::Render(Box::new(order))) {
         tracing::error!("the renderer's thread has ended");
@@ -200,7 +177,7 @@ pub(super) fn handle_event(
         RenderEvent::Failed(why) => {
             let job = state.frames.remove_failed(at);
             state.session.set_rendering(false);
-            let (message, due) = (&job.source.message, &job.source.due);
+            let (message, due) = (&job.source.pointing.message, &job.source.due);
             state.refuse_accepted(job.request, message, due, &why)?;
         }
     }

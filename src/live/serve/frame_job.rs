@@ -1,13 +1,13 @@
 //! A frame from its request until all clients have it.
 
 use super::clock::due::{Due, Sync};
-use super::history::Latched;
+use super::history::Pointing;
 use super::label_timing::{LabelTiming, LiveTiming, parts};
 use super::render_thread::RowBuffers;
 use crate::stats::Request;
 use crate::timing::spare_s;
 use crc32fast::Hasher;
-use skyloop_protocols::{AttitudeSource, FrameEnd, Overrun, Timing};
+use skyloop_protocols::{FrameEnd, Overrun, Timing};
 use skyloop_render::engine::{Opening, Shot};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -16,11 +16,7 @@ use std::time::{Duration, Instant};
 /// Why and from what a frame is made.
 pub(super) struct FrameSource {
     pub due: Due,
-    /// The attitude.
-    pub message: Latched,
-    /// How the vehicle state is derived from it, and its age at mid-exposure.
-    pub source: AttitudeSource,
-    pub age_s: f64,
+    pub pointing: Pointing,
     pub sync: Sync,
     /// Level of tolerances, and what its label says about lateness.
     pub level: usize,
@@ -124,7 +120,10 @@ impl FrameJob {
     /// Start of its latency: the end of the exposure, or the arrival of the attitude if that is
     /// later.
     pub fn trigger(&self) -> Instant {
-        self.source.due.end.max(self.source.message.arrived)
+        self.source
+            .due
+            .end
+            .max(self.source.pointing.message.arrived)
     }
 
     /// Time to the deadline at an instant, s; below 0: late. 0 without a deadline.
@@ -136,7 +135,7 @@ impl FrameJob {
     /// Its times for the wire. A packet queued `now` leaves after a `backlog`.
     fn timing(&self, now: Instant, backlog: Duration) -> Timing {
         let since = |instant| self.since_trigger(instant).as_secs_f32();
-        let attitude_age_s = self.source.age_s as f32;
+        let attitude_age_s = self.source.pointing.age_s as f32;
         if !self.source.is_timed {
             return Timing {
                 attitude_age_s,
@@ -161,7 +160,7 @@ impl FrameJob {
             frame: self.number,
             pixels_crc32: self.crc.clone().finalize(),
             trigger: self.source.due.trigger,
-            attitude_source: self.source.source,
+            attitude_source: self.source.pointing.source,
             overrun: match self.source.overrun {
                 Some("late") => Overrun::Late,
                 Some("drop") => Overrun::Drop,
@@ -189,10 +188,10 @@ impl FrameJob {
             spare_s: self.spare_s(now + backlog),
         });
         let timing = LabelTiming {
-            attitude: source.source,
-            attitude_age_s: source.age_s,
+            attitude: source.pointing.source,
+            attitude_age_s: source.pointing.age_s,
             trigger: source.due.trigger,
-            out_of_order: source.message.out_of_order,
+            out_of_order: source.pointing.message.out_of_order,
             live,
         };
         timing.tail()
@@ -265,6 +264,7 @@ mod tests {
         }
     }
 
+    use crate::serve::history::Latched;
     use hifitime::Epoch;
     use skyloop_protocols::{Header, WireTime};
     use skyloop_render::attitude::VehicleState;
@@ -283,7 +283,7 @@ mod tests {
                     latched: None,
                     camera: None,
                 },
-                message: Latched {
+                pointing: Pointing::exact(&Latched {
                     vehicle: VehicleState::new(0, epoch, [0.0, 0.0, 0.0, 1.0], [0.0; 3], None)
                         .unwrap(),
                     header: Header {
@@ -294,9 +294,7 @@ mod tests {
                     arrived,
                     number: 1,
                     out_of_order: false,
-                },
-                source: AttitudeSource::Exact,
-                age_s: 0.0,
+                }),
                 sync: Sync::default(),
                 level: 0,
                 overrun: None,

@@ -50,41 +50,27 @@ pub(super) enum Condition {
 impl Condition {
     /// Refuses `command` if the condition is not met.
     pub fn check(self, state: &mut State, link: usize, command: &str) -> Done {
-        let channel = &state.session.channels[link];
-        let clock = &mut state.client.clock;
-        let (is_met, why) = match self {
-            Condition::Cadence => {
-                if clock.cadence().is_some() {
-                    return Ok(());
-                }
+        let client = &mut state.client;
+        let tally = &state.session.channels[link].wire.tally;
+        let why = match self {
+            Condition::Cadence if client.cadence_hz().is_none() => {
                 return Err(Refusal::not_supported(format!(
                     "{command} has no meaning where each {} gives its frame: send one when a frame is wanted",
-                    clock.requested_by()
+                    client.clock.requested_by()
                 )));
             }
-            Condition::HasAttitude => (
-                state.client.has_attitude(),
-                "no attitude yet; send one first",
-            ),
-            Condition::NotPaused => (
-                !clock.is_paused(),
-                "exposures are paused; send Resume first",
-            ),
-            Condition::NoSingleShot => {
-                let cadence = clock.cadence();
-                (
-                    cadence.is_none_or(|cadence| !cadence.single_shot_is_open()),
-                    "a single shot is being exposed; wait for its frame",
-                )
+            Condition::HasAttitude if !client.has_attitude() => "no attitude yet; send one first",
+            Condition::NotPaused if client.clock.is_paused() => {
+                "exposures are paused; send Resume first"
             }
-            Condition::AddressProved => (
-                !channel.wire.tally.awaits_proof(),
-                "this address is not proved; return the Challenge first",
-            ),
+            Condition::NoSingleShot if client.is_exposing_single_shot() => {
+                "a single shot is being exposed; wait for its frame"
+            }
+            Condition::AddressProved if tally.awaits_proof() => {
+                "this address is not proved; return the Challenge first"
+            }
+            _ => return Ok(()),
         };
-        if is_met {
-            return Ok(());
-        }
         Err(Refusal::busy(format!("{command}: {why}")))
     }
 }

@@ -36,7 +36,7 @@ impl InFlightFrame {
         InFlightFrame {
             left: Left {
                 times: FrameTimes {
-                    attitude_age_s: job.source.age_s,
+                    attitude_age_s: job.source.pointing.age_s,
                     first_pixel: job.since_trigger(job.first_pixel),
                     last_pixel,
                     first_octet: job.since_trigger(job.first_octet),

@@ -9,8 +9,7 @@ use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// If the client's first attitude differs from this machine's clock by more than this, the scene
-/// has a time of its own that runs at the pace of the wall clock.
+/// A client whose first attitude differs by more from this machine's time sets its own time, s.
 const SAME_CLOCK_S: f64 = 10.0;
 
 /// When each exposure ends, and its scene time.
@@ -38,8 +37,7 @@ pub struct Cadence {
 }
 
 impl Cadence {
-    /// A cadence that starts when the scene time is set. Rates are clamped to [`RATE_HZ`], here and
-    /// below.
+    /// A cadence that starts when the scene time is set. Rates are clamped to [`RATE_HZ`].
     pub fn new(rate_hz: f64, latency: Option<Duration>) -> Cadence {
         Cadence {
             period: period(rate_hz),
@@ -76,8 +74,7 @@ impl Cadence {
         self.start(scene, arrived);
     }
 
-    /// Sets the scene time at `at`; the first exposure ends a period later, unless the cadence
-    /// rests or is paused.
+    /// Sets the scene time at `at`. The first exposure ends a period later, except in a pause.
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
@@ -90,8 +87,7 @@ impl Cadence {
         }
     }
 
-    /// Stops the scene time and drops the present exposure; one that has ended still gets its
-    /// frame.
+    /// Stops the scene time and drops the present exposure. A waiting exposure keeps its frame.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
         // One that waits since an earlier pause already has its scene time.
@@ -102,8 +98,7 @@ impl Cadence {
         self.give_up_shot();
     }
 
-    /// Counts a single shot that is being exposed as missed; one that has ended waits for its
-    /// frame.
+    /// Counts a single shot as missed, unless it has ended and waits for its frame.
     fn give_up_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
         if self.shot.take_if(|shot| Some(*shot) != ended).is_some() {
@@ -281,8 +276,7 @@ fn period(rate_hz: f64) -> Duration {
     Duration::from_secs_f64(1.0 / nearest(rate_hz, RATE_HZ))
 }
 
-/// This machine's time at an instant. All clocks that read within some seconds agree to the
-/// nanosecond.
+/// This machine's time at an instant, the same for all clocks of a run to the nanosecond.
 fn system_time(at: Instant) -> Epoch {
     static READ: Mutex<Option<(Instant, Epoch)>> = Mutex::new(None);
     const HOLDS: Duration = Duration::from_secs(10);
@@ -407,8 +401,7 @@ mod tests {
         let Rig { mut clock, zero } = Rig::new(50.0);
         assert!(clock.take_due(0.01, zero + ms(19)).is_none());
         let due = clock.take_due(0.01, zero + ms(25)).unwrap();
-        // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms
-        // earlier.
+        // It ends a period of 20 ms after the attitude; its middle is 5 ms earlier.
         assert!(((due.mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
         // The frame is late from 40 ms on.
