@@ -1,14 +1,13 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::budget::{Budget, FRAMES};
+use super::budget::Budget;
 use super::common::{Force, Orbits, Records, mission, progress};
-use super::cost::spread;
 use super::pointing::{Place, Pointing};
+use super::session::Session;
 use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
 use skyloop::orbit::path_text;
@@ -78,14 +77,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
     let mission = mission(&config, args.scene.as_deref())?;
-    let mut emulator = Emulator::new(&mut config);
-    emulator.choice.noise = !args.no_noise;
-    emulator.work_limit_s = args.work_limit;
-    let chosen = args
-        .budget
-        .settle(&mut emulator, &AtomicBool::new(false), || {
-            spread(&mission, FRAMES)
-        })?;
+    let mut session = Session::new(config);
+    session.emulator.choice.noise = !args.no_noise;
+    session.emulator.work_limit_s = args.work_limit;
+    let never = AtomicBool::new(false);
+    let chosen = session.settle_budget(&args.budget, Some(&mission), &never)?;
+    let mut emulator = session.emulator;
     say(format_args!("{chosen}"))?;
     emulator.keep_expected = args.no_noise;
     let mut writer = Writer::create_over(&args.out, mission.frames, args.force.force)?;
