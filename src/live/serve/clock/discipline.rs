@@ -76,3 +76,95 @@ impl Discipline {
         self.offset_s
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_orbit::time::seconds;
+
+    /// The offset, s, after 10 s of stamps every 20 ms from a clock that runs `drift` too fast,
+    /// with a transit time of up to `wire_s`; and the error of the scene time then.
+    fn followed(drift: f64, wire_s: f64) -> (f64, f64) {
+        let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
+        let (mut discipline, mut offset_s) = (Discipline::default(), 0.0);
+        for n in 1..=500u32 {
+            let sent_s = f64::from(n) * 0.02;
+            // Another lateness each time, from 0 on.
+            let late_s = wire_s * (f64::from(n) * 0.618_033_988_75).fract();
+            let told = start + seconds(sent_s * (1.0 + drift));
+            let own = start + seconds(sent_s + late_s + offset_s);
+            match discipline.observe(told, own) {
+                Correction::Slew(by_s) => offset_s += by_s,
+                other => panic!("{other:?}"),
+            }
+        }
+        (discipline.offset_s(), offset_s - 10.0 * drift)
+    }
+
+    #[test]
+    fn a_clock_that_runs_fast_or_slow_is_followed_through_the_jitter_of_the_wire() {
+        for drift in [0.0, 1e-3, -1e-3, 5e-5] {
+            let (offset_s, off_s) = followed(drift, 0.005);
+            // X-Val: the window is 0.32 s long, in which a clock 1e-3 slow loses 0.32 ms; the least
+            // late of 16 is late by 5 ms / 16 or so.
+            assert!(off_s.abs() < 1e-3, "{drift}: {off_s}");
+            assert!((offset_s - 10.0 * drift).abs() < 1e-3);
+        }
+        let (_, off_s) = followed(0.0, 0.0);
+        assert!(off_s.abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_clock_that_was_set_is_followed_once_it_is_sure() {
+        let own = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
+        let mut discipline = Discipline::default();
+        for hours in [1.0, -1.0] {
+            let by_s = 3600.0 * hours;
+            for n in 0..4 {
+                let now = own + seconds(0.08 * f64::from(n));
+                // X-Val: 0, 80, 160 and 240 ms: not sure yet.
+                let told = discipline.observe(now + seconds(by_s), now);
+                assert!(
+                    matches!(told, Correction::Doubt(ahead_s) if (ahead_s - by_s).abs() < 1e-6)
+                );
+            }
+            let now = own + seconds(0.26);
+            assert_eq!(
+                discipline.observe(now + seconds(by_s), now),
+                Correction::Jump
+            );
+        }
+        assert!(discipline.offset_s().abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_comes_late_or_is_wrong_is_no_jump() {
+        let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
+        let hear = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
+            discipline.observe(start + seconds(told_s), start + seconds(own_s))
+        };
+        // Every second stamp 0.3 s late; a burst of half a second; wrong stamps, all different.
+        let mut discipline = Discipline::default();
+        for n in 0..100 {
+            let own_s = 0.02 * f64::from(n);
+            let late_s = if n % 2 == 0 { 0.0 } else { 0.3 };
+            let found = hear(&mut discipline, own_s - late_s, own_s);
+            assert_eq!(
+                matches!(found, Correction::Slew(_)),
+                n % 2 == 0,
+                "{found:?}"
+            );
+        }
+        for n in 0..25 {
+            let found = hear(&mut discipline, 2.0 + 0.02 * f64::from(n), 2.5);
+            assert!(!matches!(found, Correction::Jump));
+        }
+        for n in 0..100 {
+            let own_s = 3.0 + 0.02 * f64::from(n);
+            let wrong_s = f64::from(n % 7) - 3.5;
+            let found = hear(&mut discipline, own_s + wrong_s, own_s);
+            assert!(matches!(found, Correction::Doubt(_)), "{found:?}");
+        }
+        assert_eq!(discipline.offset_s(), 0.0);
+    }
+}
