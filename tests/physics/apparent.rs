@@ -1,6 +1,5 @@
 //! Bodies and apparent directions against independent libraries, and the laws they obey.
 
-mod reference;
 
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -8,7 +7,7 @@ use std::str::FromStr;
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
-use reference::{number, rows, vector};
+use crate::reference::{number, rows, vector};
 use skyloop::sky::apparent::{
     Corrections, Observer, StarPlace, catalogue_direction, object_direction, star_direction,
 };
@@ -31,7 +30,7 @@ fn arcsec(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
 fn bodies_agree_with_de440() {
     let (mut position_km, mut velocity_mm_s) = (0.0_f64, 0.0_f64);
     let (mut sun, mut apparent_sun) = (0.0_f64, 0.0_f64);
-    for row in rows(include_str!("reference/bodies.csv")) {
+    for row in rows(include_str!("../reference/bodies.csv")) {
         let bodies = Bodies::at(tai(row[0])).unwrap();
         position_km = position_km.max((bodies.earth_barycentric_m / 1e3 - vector(&row, 1)).norm());
         velocity_mm_s = velocity_mm_s
@@ -90,7 +89,7 @@ fn place(row: &[&str]) -> StarPlace {
 
 #[test]
 fn stars_agree_with_two_libraries() {
-    let observers = rows(include_str!("reference/observers.csv"));
+    let observers = rows(include_str!("../reference/observers.csv"));
     let observers = observers.map(|row| (row[0], observer_of(&row)));
     let observers: HashMap<&str, Observer> = observers.collect();
     let before_light_bends = Corrections {
@@ -100,7 +99,7 @@ fn stars_agree_with_two_libraries() {
     };
     let mut worst: HashMap<&str, (f64, String)> = HashMap::new();
     let mut compared = 0;
-    for row in rows(include_str!("reference/stars.csv")) {
+    for row in rows(include_str!("../reference/stars.csv")) {
         let source = row[7];
         let corrections = match source {
             "astrometric" => before_light_bends,
@@ -230,7 +229,7 @@ fn kepler(row: &[&str], dt: f64) -> StateVector {
 #[test]
 fn objects_agree_with_a_barycentric_library() {
     let (mut worst, mut compared) = ((0.0, String::new()), 0);
-    for row in rows(include_str!("reference/objects.csv")) {
+    for row in rows(include_str!("../reference/objects.csv")) {
         let observer = observer_of(&row);
         let since = |t: Epoch| (t - observer.epoch).to_seconds();
         let target = |t: Epoch| Ok::<_, Infallible>(kepler(&row, since(t)));

@@ -1,14 +1,12 @@
 //! The shipped cameras have their figures, and a wrong value in a camera or configuration file is refused by name.
 
-#[path = "support/table.rs"]
-mod table;
 
 use std::collections::BTreeSet;
 
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::load::{CAMERAS, ConfigError, Folder};
-use table::check_refusals;
+use crate::table::check_refusals;
 
 fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::current()).unwrap()

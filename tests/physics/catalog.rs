@@ -1,9 +1,7 @@
 //! The embedded catalogue against published values, and its promise that no light is counted twice.
 
-#[allow(dead_code, reason = "vectors are for other tests")]
-mod reference;
 
-use reference::{number, rows};
+use crate::reference::{number, rows};
 use skyloop::sky::catalog::{Catalog, Selection, Star};
 use std::array;
 use std::collections::BTreeSet;

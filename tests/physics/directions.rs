@@ -1,15 +1,12 @@
 //! Directions of the Sun, the Moon, the Earth and the planets against an independent library.
 
-#[path = "support/fixtures.rs"]
-mod fixtures;
-mod reference;
 
 use std::str::FromStr;
 
-use fixtures::{camera, cropped, unit};
+use crate::fixtures::{camera, cropped, unit};
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use reference::{number, rows, vector};
+use crate::reference::{number, rows, vector};
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
 use skyloop::config::Config;
@@ -49,7 +46,7 @@ fn arcsec(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
 #[test]
 fn sun_moon_and_earth_stand_where_de440_has_them() {
     let (mut worst, mut moon_km, mut compared) = ([0.0_f64; 3], 0.0_f64, 0);
-    for row in rows(include_str!("reference/directions.csv")) {
+    for row in rows(include_str!("../reference/directions.csv")) {
         let observer = observer(&row);
         let all = Corrections::default();
         let seen = [
@@ -86,7 +83,7 @@ const ABERRATION: Corrections = Corrections {
 /// Each correction has its size: without any the directions are geometric.
 #[test]
 fn corrections_move_the_moon_by_seconds_of_arc() {
-    let rows: Vec<_> = rows(include_str!("reference/directions.csv")).collect();
+    let rows: Vec<_> = rows(include_str!("../reference/directions.csv")).collect();
     let observer = observer(rows.iter().find(|row| row[0] == "leo").unwrap());
     let none = Corrections::NONE;
     let plain = observer.moon_m(&none);
@@ -123,7 +120,7 @@ fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
         ("Uranus", 73.0, 543_000.0),
         ("Neptune", 11.0, 130_000.0),
     ];
-    let rows: Vec<_> = rows(include_str!("reference/planets.csv")).collect();
+    let rows: Vec<_> = rows(include_str!("../reference/planets.csv")).collect();
     assert_eq!(rows.len(), 238);
     for (name, bound, bound_km) in BOUNDS {
         let [
@@ -205,7 +202,7 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     let mut emulator = emulator(camera, "moon");
     let unit = |ra_deg: f64, dec_deg: f64| unit(ra_deg.to_radians(), dec_deg.to_radians());
     let (mut compared, mut farthest) = (0, 0.0_f64);
-    for row in rows(include_str!("reference/directions.csv")).step_by(3) {
+    for row in rows(include_str!("../reference/directions.csv")).step_by(3) {
         let seen_by = observer(&row);
         let theirs = vector(&row, 12);
         let place = (seen_by.position_m.into(), seen_by.velocity_m_s.into());

@@ -1,12 +1,10 @@
 //! The Earth's disc against the Lambert sphere's closed form, the solar constant, and the limb that the shadow knows.
 
-#[path = "support/earth.rs"]
-mod place;
 
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use place::{axes, earth};
+use crate::earth::{axes, earth};
 use skyloop::camera::{Band, SUN_MAGNITUDE};
 use skyloop::sky::EarthDisc;
 use skyloop::sky::bodies::AU_M;

@@ -1,15 +1,12 @@
 //! The atmosphere's light against an independent radiative transfer model and the laws it obeys.
 
-#[path = "support/earth.rs"]
-mod place;
-mod reference;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use place::{axes, earth};
-use reference::{number, rows, vector};
+use crate::earth::{axes, earth};
+use crate::reference::{number, rows, vector};
 use skyloop::camera::Band;
 use skyloop::sky::bodies::AU_M;
 use skyloop::sky::shadow::EARTH_RADIUS_M;
@@ -50,7 +47,7 @@ fn parts(
 fn the_day_limb_is_that_of_a_full_calculation() {
     let mut bands = std::collections::BTreeMap::new();
     let (mut sum, mut count) = (0.0, 0);
-    for row in rows(include_str!("reference/limb.csv")) {
+    for row in rows(include_str!("../reference/limb.csv")) {
         let nm = number(&row, 0);
         let (band, atmosphere) = bands
             .entry(nm as i64)

@@ -1,15 +1,11 @@
 //! Noise against theory: flat fields made of dark charge, and what the draws may and may not depend on.
 
-#[path = "support/fixtures.rs"]
-mod fixtures;
-#[path = "support/plain_camera.rs"]
-mod plain_camera;
 
 use std::str::FromStr;
 
-use fixtures::Frames;
+use crate::fixtures::Frames;
 use hifitime::Epoch;
-use plain_camera::camera;
+use crate::plain_camera::camera;
 use skyloop::attitude::VehicleState;
 use skyloop::config::Config;
 use skyloop::engine::Emulator;

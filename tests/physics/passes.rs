@@ -44,7 +44,7 @@ fn found(
 
 #[test]
 fn passes_are_those_of_another_programs_brute_force() {
-    let loaded = parse(include_str!("reference/passes.tle"), "passes.tle").unwrap();
+    let loaded = parse(include_str!("../reference/passes.tle"), "passes.tle").unwrap();
     assert!(loaded.rejected.is_empty());
     let mut objects = loaded.objects;
     let observer = objects.remove(0);
@@ -69,7 +69,7 @@ fn passes_are_those_of_another_programs_brute_force() {
     let found = found(&search, &flight, objects, &Corrections::default());
     assert!(found.unknown.is_empty());
     // X-Val: reference/passes.csv, one line a pass.
-    let table = include_str!("reference/passes.csv").lines().skip(1);
+    let table = include_str!("../reference/passes.csv").lines().skip(1);
     let expected: Vec<Vec<&str>> = table.map(|line| line.split(',').collect()).collect();
     let number = |row: &[&str], k: usize| -> f64 { row[k].parse().unwrap() };
     assert_eq!(found.passes.len(), expected.len());

@@ -1,12 +1,10 @@
 //! What a camera file may not say of its detector, its particles and its timing: refused with file, key and value. And what is only
 //! warned of.
 
-#[path = "support/table.rs"]
-mod table;
 
 use skyloop::camera::Camera;
 use skyloop::load::{CAMERAS, Folder};
-use table::check_refusals;
+use crate::table::check_refusals;
 
 /// The text of a built-in camera.
 fn built_in(name: &str) -> String {

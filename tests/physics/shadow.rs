@@ -1,12 +1,11 @@
 //! The Earth's shadow and the Earth as an obstacle, against independent reckonings and the laws they obey.
 
-mod reference;
 
 use std::str::FromStr;
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use reference::{number, rows, vector};
+use crate::reference::{number, rows, vector};
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
 use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
 
@@ -33,7 +32,7 @@ fn earth_of(row: &[&str]) -> Earth {
 #[test]
 fn the_partial_disc_agrees_with_rays_against_the_ellipsoid() {
     let (mut low, mut far, mut compared) = (0.0_f64, 0.0_f64, 0);
-    for row in rows(include_str!("reference/illumination.csv")) {
+    for row in rows(include_str!("../reference/illumination.csv")) {
         let object = vector(&row, 1);
         let part = earth_of(&row).illumination(object, vector(&row, 4));
         let error = (part - number(&row, 7)).abs();
@@ -49,7 +48,7 @@ fn the_partial_disc_agrees_with_rays_against_the_ellipsoid() {
 
 #[test]
 fn lit_or_not_agrees_with_a_library_away_from_the_limb() {
-    for row in rows(include_str!("reference/sunlit.csv")) {
+    for row in rows(include_str!("../reference/sunlit.csv")) {
         let bodies = Bodies::at(epoch(&format!("{} TAI", row[0]))).unwrap();
         let part = earth_of(&row).illumination(vector(&row, 1), bodies.sun_apparent_m());
         assert_eq!(part, number(&row, 7), "{row:?}");
@@ -58,7 +57,7 @@ fn lit_or_not_agrees_with_a_library_away_from_the_limb() {
 
 #[test]
 fn occultation_agrees_with_a_library_away_from_the_limb() {
-    for row in rows(include_str!("reference/behind.csv")) {
+    for row in rows(include_str!("../reference/behind.csv")) {
         let hidden = earth_of(&row).occults(vector(&row, 1), vector(&row, 4));
         assert_eq!(hidden, number(&row, 7) == 1.0, "{row:?}");
     }

@@ -1,8 +1,6 @@
 //! Frames and their labels are the same bytes, whatever works them out: vector instructions or none, fused or pass by pass, one thread or
 //! several; and frames are the same as when their checksums were written down.
 
-#[path = "support/scenes.rs"]
-mod scenes;
 
 use std::path::Path;
 
@@ -13,7 +11,7 @@ use skyloop::orbit::sgp4_batch::Level;
 use skyloop_protocols::crc::Crc32;
 
 /// CRC-32 of the pixels, each as a big-endian number of 16 bits, of frames of the scenes in `configs/scenes`.
-const CHECKSUMS: &str = include_str!("reference/frames.csv");
+const CHECKSUMS: &str = include_str!("../reference/frames.csv");
 /// Of each scene its first frame, and the last of at most so many.
 const MOST_FRAMES: u32 = 5;
 
@@ -58,7 +56,7 @@ fn differing(a: &str, b: &str) -> Option<[String; 2]> {
 #[test]
 fn levels_threads_and_fusing_give_the_same_bytes_and_those_written_down() {
     let mut table = String::from("scene,frame,pixels_crc32\n");
-    for scene in scenes::scenes() {
+    for scene in crate::scenes::scenes() {
         let plain = in_threads(1, || shots(&scene, None, false));
         let ways = Level::available().into_iter().map(Some);
         for (level, keep, threads) in ways.map(|level| (level, false, 1)).chain([

@@ -12,14 +12,10 @@ use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
 use skyloop::scene::EffectSet;
 
-#[path = "support/fixtures.rs"]
-mod fixtures;
-#[path = "support/scenes.rs"]
-mod scenes;
 
-use fixtures::Frames;
+use crate::fixtures::Frames;
 
-use scenes::scenes;
+use crate::scenes::scenes;
 
 /// An emulator of a scene, and the vehicle in its first frame and in the middle one.
 fn load(path: &Path) -> (Emulator, [VehicleState; 2]) {

@@ -1,10 +1,8 @@
 //! Prices against the processor's time that effects take, wherever the tests run.
 #![cfg(target_os = "linux")]
 
-#[path = "support/fixtures.rs"]
-mod fixtures;
 
-use fixtures::Frames;
+use crate::fixtures::Frames;
 use skyloop::measure::Bench;
 
 /// What takes less than this (ms) is below what a clock and its caches can tell.
@@ -18,7 +16,7 @@ const MACHINES: std::ops::Range<f64> = 0.05..4.0;
 
 /// Prices and times of a frame's effects, where these can be told: (name, price / time).
 fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
-    let frames = Frames::of(fixtures::scene(scene));
+    let frames = Frames::of(crate::fixtures::scene(scene));
     let emulator = &frames.emulator;
     let bench = Bench {
         emulator,

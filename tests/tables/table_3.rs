@@ -1,14 +1,12 @@
 //! The paper's Table 3: a short sequence is rendered, written and told of.
 
-#[path = "support/table.rs"]
-mod refusals;
-#[path = "../examples/table_3/sequence.rs"]
+#[path = "../../examples/table_3/sequence.rs"]
 mod sequence;
-#[path = "../examples/table_3/table.rs"]
+#[path = "../../examples/table_3/table.rs"]
 mod table;
 
 use clap::Parser;
-use refusals::check_refusals;
+use crate::refusals::check_refusals;
 use serde_json::Value;
 use skyloop::orbit::synth::population;
 use skyloop::orbit::time::parse_utc;

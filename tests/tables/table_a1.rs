@@ -1,6 +1,6 @@
 //! The paper's Table A1 from our own frames.
 
-#[path = "../examples/table_a1/table.rs"]
+#[path = "../../examples/table_a1/table.rs"]
 mod table;
 
 use skyloop::attitude::Attitude;
@@ -19,7 +19,7 @@ fn the_rows_lie_where_sbois_has_them_as_far_as_the_documents_say() {
     for (name, [stars, rsos]) in distances {
         let row = format!("| {name} | {stars:.2} | {rsos:.2} |");
         assert!(
-            include_str!("../docs/explanation/accuracy.md")
+            include_str!("../../docs/explanation/accuracy.md")
                 .lines()
                 .any(|line| line == row),
             "docs/explanation/accuracy.md lacks the row, as it is now: {row}"

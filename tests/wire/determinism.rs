@@ -1,9 +1,7 @@
 //! The same seed and inputs give the same pixels and labels, whatever carries and computes them.
 
-#[path = "support/fixtures.rs"]
-mod fixtures;
 
-use fixtures::Frames;
+use crate::fixtures::Frames;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -25,7 +23,7 @@ type Seen = (Vec<u16>, String);
 /// The built-in scene, turning, with every correction, through `camera`.
 fn config(camera: &str) -> Config {
     let mut config = Config::builtin().unwrap();
-    config.camera = fixtures::camera(camera);
+    config.camera = crate::fixtures::camera(camera);
     config.sky.corrections = skyloop::sky::Corrections::default();
     if let Some(sequence) = &mut config.sequence {
         sequence.frames = FRAMES;

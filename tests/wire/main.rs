@@ -1,5 +1,12 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
+#[path = "../support/fixtures.rs"]
+mod fixtures;
+#[path = "../support/flight.rs"]
+mod flight;
+#[path = "../support/mod.rs"]
+mod support;
+
 mod abandoned;
 mod bad_packets;
 mod bus_faults;
@@ -7,11 +14,13 @@ mod bus_faults;
 mod can;
 mod content;
 mod counted;
+mod determinism;
 mod end;
 mod exchange;
 mod faults;
 mod heads;
 mod levels;
+mod live;
 mod on_can;
 mod overrun;
 mod pacing;
@@ -23,8 +32,6 @@ mod replay_on_can;
 mod roles;
 mod slow_line;
 mod steering;
-#[path = "../support/mod.rs"]
-mod support;
 mod unread;
 mod wall_clock;
 mod withheld;

@@ -1,7 +1,5 @@
 //! Lines on which a window of packets takes longer than the 2 s after which a client that does nothing has gone.
 
-#[path = "../support/flight.rs"]
-mod flight;
 
 use crate::replay::small;
 use crate::support::client::{Client, counted};
@@ -161,11 +159,11 @@ fn answers_keep_no_frame_waiting() {
 #[test]
 fn a_frame_larger_than_the_window_comes_whole() {
     // Some 100 packets, most of them labels, of 0.14 s at 100,000 baud: 14 s. The window is 64.
-    let course = flight::Course {
+    let course = crate::flight::Course {
         frames: 1,
         side: 128,
     };
-    let flight = flight::fly(course, "pty?baud=100000", "frame", "");
+    let flight = crate::flight::fly(course, "pty?baud=100000", "frame", "");
     let (report, counters) = (&flight.report, &flight.counters);
     assert_eq!((report.frames, report.recovery.attitudes), (1, 0));
     assert_eq!((report.recovery.asked, counters.resent_blocks), (0, 0));

@@ -1,8 +1,6 @@
 //! The detector against theory: photon transfer, dark current by temperature, the fixed pattern, spilled charge, particles; and what
 //! labels say stands out of the noise by how much.
 
-#[path = "../support/sky.rs"]
-mod sky;
 mod snr;
 
 use std::str::FromStr;
@@ -58,7 +56,7 @@ fn emulator(text: &str) -> Emulator {
     config.sky.selection = Selection::Bsc;
     config.label_snr = 0.0;
     // The sky is dark, so that backgrounds are what is set.
-    config.choice.off = sky::DARK_SKY.to_vec();
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
     Emulator::new(&mut config)
 }
 

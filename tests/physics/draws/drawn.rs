@@ -1,7 +1,7 @@
 //! How many of all words draw what, by the places at which a search steps or by counting, and what is due.
 
-use crate::runs::{ALL, Poissons, RUN, runs};
-use crate::theory::Theory;
+use super::runs::{ALL, Poissons, RUN, runs};
+use super::theory::Theory;
 use skyloop::rng::poisson::{Switch, poisson};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

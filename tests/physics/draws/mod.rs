@@ -1,12 +1,8 @@
 //! The draws of noise: Philox's words, the normal distribution, Poisson's, and the kernels that draw them for many pixels.
 
-#[path = "draws/drawn.rs"]
 mod drawn;
-#[path = "draws/runs.rs"]
 mod runs;
-#[path = "draws/theory.rs"]
 mod theory;
-#[path = "draws/words.rs"]
 mod words;
 
 use skyloop::kernels;

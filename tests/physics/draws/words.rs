@@ -1,14 +1,14 @@
 //! What all 2^32 words draw, counted: the normal draw's error, both distributions' tails, and the distance from Poisson's.
 
-use crate::drawn::{Drawn, word_at};
-use crate::runs::{ALL, RUN, runs};
+use super::drawn::{Drawn, word_at};
+use super::runs::{ALL, RUN, runs};
 use pulp::{Simd, WithSimd};
 use skyloop::rng::normal::{normal, uniform_of};
 use skyloop::rng::poisson::{Switch, expanded, poisson};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-const FRAMES: &str = include_str!("../../docs/explanation/frames.md");
+const FRAMES: &str = include_str!("../../../docs/explanation/frames.md");
 
 /// How far normal draws are from `[exact, slope, bend]`, the quantile of the run's middle word and of the others by Taylor's series; the furthest.
 struct Off<'a> {
@@ -108,7 +108,7 @@ fn every_words_normal_draw_is_its_quantile() {
     let worst = f64::from_bits(worst.into_inner());
     println!("off by {worst:.2e}");
     assert!(worst > WITHIN - 1e-7, "{worst:e}");
-    for said in [FRAMES, include_str!("../../src/base/rng/normal.rs")] {
+    for said in [FRAMES, include_str!("../../../src/base/rng/normal.rs")] {
         assert!(said.contains(&format!("within {WITHIN:e} of the exact quantile")));
     }
     for tail in tails {

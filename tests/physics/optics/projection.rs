@@ -1,11 +1,11 @@
 //! Projections against OpenCV, and forward against backward.
 
-use crate::cameras::{GAUSSIAN, load, text};
+use super::cameras::{GAUSSIAN, load, text};
 use crate::reference::{number, rows, vector};
 use nalgebra::Vector3;
 use skyloop::camera::{Camera, Model, Projection};
 
-const OPENCV: &str = include_str!("../reference/projection.csv");
+const OPENCV: &str = include_str!("../../reference/projection.csv");
 
 #[test]
 fn distortion_is_that_of_opencv() {

@@ -1,6 +1,6 @@
 //! Point spread functions against GalSim's integrals and ours, and what becomes of the light.
 
-use crate::cameras::{load, load_in, text};
+use super::cameras::{load, load_in, text};
 use crate::reference::{number, rows};
 use skyloop::camera::psf::{Airy, FURTHEST_PX, Image, Images, Moffat, Shape, Variation};
 use skyloop::camera::{Camera, Psf, Stamp};
@@ -11,8 +11,8 @@ use skyloop::track::{Place, Track};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-const GALSIM: &str = include_str!("../reference/psf.csv");
-const IMAGE: &str = include_str!("../reference/psf_image.csv");
+const GALSIM: &str = include_str!("../../reference/psf.csv");
+const IMAGE: &str = include_str!("../../reference/psf_image.csv");
 
 fn shape(kind: &str, a: f64, b: f64) -> Shape {
     match kind {

@@ -1,6 +1,6 @@
 //! What a camera file may not say of its optics: refused in a line, with file, key and value.
 
-use crate::cameras::{GAUSSIAN, load_in, text};
+use super::cameras::{GAUSSIAN, load_in, text};
 
 /// Table, its keys between semicolons, and what the message must have.
 const REFUSED: &str = r#"

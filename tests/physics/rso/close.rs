@@ -1,6 +1,6 @@
 //! What passes so near that it turns all around the observer within an exposure.
 
-use crate::glints::oem::oem;
+use crate::oem::oem;
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop::fidelity::Orbits;

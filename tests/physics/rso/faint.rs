@@ -1,7 +1,7 @@
 //! Who is too faint for an image must be so whatever the camera does.
 
 use crate::fixtures::camera;
-use crate::glints::oem;
+use crate::oem;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};

@@ -1,6 +1,6 @@
 //! Attitudes, spins and glints during an exposure, through to labels.
 
-use crate::facets::{from_z, glossy, lossless, made, one_plate, unit};
+use super::facets::{from_z, glossy, lossless, made, one_plate, unit};
 use hifitime::{Epoch, Unit as Time};
 use nalgebra::{Unit, Vector3};
 use skyloop::attitude::Attitude;
@@ -18,8 +18,6 @@ use skyloop::sky::shape::{Lobe, Plate, Shape};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-#[path = "../support/oem.rs"]
-pub mod oem;
 
 fn mid() -> Epoch {
     parse_utc("2026-03-01T12:00:00").unwrap()
@@ -136,7 +134,7 @@ fn a_spin_shows_the_attitude_of_the_time() {
 fn seen(body: Option<Body>, range_km: f64) -> SeenObject {
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
     let velocity = Vector3::new(-4.0, -6.0, 1.0);
-    let objects = oem::oem("OBJECT", mid(), oem::falling(position, velocity));
+    let objects = crate::oem::oem("OBJECT", mid(), crate::oem::falling(position, velocity));
     let looks = body.map(|body| ("OBJECT".to_string(), Look::Body(Arc::new(body))));
     let population = Population::new(objects, Sphere::default(), looks.into_iter().collect());
     let bodies = Bodies::at(mid()).unwrap();

@@ -171,7 +171,7 @@ fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
 fn on_one_way(place: [f64; 3], way: [f64; 3], to: &str, folder: &Path) -> (String, String, i32) {
     let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
     let [place, way] = [place, way].map(nalgebra::Vector3::from);
-    let text = crate::glints::oem::oem_text("EYE", mid, |t| (place + way * t, way));
+    let text = crate::oem::oem_text("EYE", mid, |t| (place + way * t, way));
     let scene = "[observer]\norbit = \"eye.oem\"\n[objects]\nfiles = [\"twin.oem\"]\n";
     for (name, text) in [
         ("eye.oem", text.as_str()),

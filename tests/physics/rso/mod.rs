@@ -4,8 +4,6 @@
 mod close;
 mod facets;
 mod faint;
-#[path = "../support/fixtures.rs"]
-mod fixtures;
 mod glints;
 mod lightcurve;
 mod population;
@@ -14,12 +12,7 @@ mod ring;
 mod shade;
 mod twice;
 
-#[allow(dead_code, reason = "tables of vectors are for other tests")]
-#[path = "../reference/mod.rs"]
-mod reference;
 
-#[path = "../support/table.rs"]
-mod table;
 
 // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
 const VANGUARD: &str = "VANGUARD 1\n\

@@ -2,7 +2,7 @@
 
 use crate::fixtures::{self, Frames};
 use crate::table::check_refusals;
-use crate::{DELTA, VANGUARD};
+use super::{DELTA, VANGUARD};
 use skyloop::config::Config;
 use skyloop::load::Folder;
 use skyloop::load::orbits::several_sets;

@@ -1,6 +1,6 @@
 //! Magnitudes that others saw and published, of satellites whose size and material are known: `tests/reference/satellites.csv`.
 
-use crate::facets::{SUN_RADIUS, lossless, made, one_plate};
+use super::facets::{SUN_RADIUS, lossless, made, one_plate};
 use crate::reference::{number, rows};
 use nalgebra::{Rotation3, Vector3};
 use skyloop::sky::bodies::AU_M;
@@ -10,7 +10,7 @@ use skyloop::sky::shape::{Lobe, Surface};
 #[test]
 fn published_magnitudes_are_met_within_one() {
     let mut met = 0;
-    for row in rows(include_str!("../reference/satellites.csv")) {
+    for row in rows(include_str!("../../reference/satellites.csv")) {
         let mirror = Surface {
             reflectance: number(&row, 3),
             ..lossless(1.0, Lobe::Mirror)

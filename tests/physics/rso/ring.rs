@@ -1,6 +1,6 @@
 //! Sides of cylinders and cones: closed forms, and the bands of light that they mirror.
 
-use crate::facets::{SUN_RADIUS, glossy, lossless, made, unit};
+use super::facets::{SUN_RADIUS, glossy, lossless, made, unit};
 use nalgebra::{Unit, Vector3};
 use skyloop::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use std::f64::consts::PI;

@@ -1,6 +1,6 @@
 //! One object in several files: by catalogue number, by designator, and in several entries of a population.
 
-use crate::{DELTA, VANGUARD};
+use super::{DELTA, VANGUARD};
 use skyloop::config::Config;
 use skyloop::load::Folder;
 use skyloop::sky::population::Look;

@@ -1,6 +1,6 @@
 //! Area light with detail that moves: each pixel has the mean of its time.
 
-use super::fixtures::{camera, cropped};
+use crate::fixtures::{camera, cropped};
 use super::laid::{LEVEL, lit, scale_e, view};
 use nalgebra::Vector3;
 use skyloop::scene::{EffectId, EffectSet, Radiance};

@@ -1,6 +1,6 @@
 //! What of area light is skipped: what a flood of other light hides, and what is lost in noise.
 
-use super::fixtures::{Frames, cropped, scene};
+use crate::fixtures::{Frames, cropped, scene};
 use super::frames::expected;
 use skyloop::camera::Stray;
 use skyloop::engine::Shot;

@@ -10,7 +10,7 @@ use skyloop::fidelity::Choice;
 use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
-use super::fixtures::{self, cropped, unit};
+use crate::fixtures::{self, cropped, unit};
 use super::{emulator, epoch, verdicts};
 
 /// X-Val: Sirius, J2000, Hipparcos (ESA 1997): right ascension 101.287 deg, declination -16.716 deg.

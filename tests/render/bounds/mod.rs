@@ -3,12 +3,6 @@
 
 mod chance;
 mod entering;
-#[path = "../support/fixtures.rs"]
-mod fixtures;
-#[path = "../support/oem.rs"]
-mod oem;
-#[path = "../support/plain_camera.rs"]
-mod plain_camera;
 mod skipped;
 
 use std::collections::BTreeMap;
@@ -39,12 +33,12 @@ fn epoch() -> Epoch {
 fn emulator(stars: Selection) -> Emulator {
     let mut config = Config::defaults().unwrap();
     config.sky.selection = stars;
-    config.camera = fixtures::camera("cmos-rolling");
+    config.camera = crate::fixtures::camera("cmos-rolling");
     let [position, velocity] = [ORBIT.0, ORBIT.1].map(Vector3::from);
     for (i, (place, motion)) in OBJECTS.iter().enumerate() {
         let [place, motion] = [place, motion].map(|v| Vector3::from(*v));
-        let state = oem::falling(position + place, velocity + motion);
-        let object = oem::oem(&format!("OBJECT {i}"), epoch(), state);
+        let state = crate::oem::falling(position + place, velocity + motion);
+        let object = crate::oem::oem(&format!("OBJECT {i}"), epoch(), state);
         config.objects.extend(object);
     }
     Emulator::new(&mut config)

@@ -11,7 +11,8 @@ use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
 use super::entering::towards_sirius;
-use super::{ORBIT, epoch, plain_camera, verdicts};
+use super::{ORBIT, epoch, verdicts};
+use crate::plain_camera;
 
 /// Images may be off by so much before anything is called for, px.
 const SKIP_PX: f64 = 0.2;

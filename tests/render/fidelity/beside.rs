@@ -1,6 +1,6 @@
 //! Scenes beside those of the repository, that reach bounds which these do not.
 
-use super::fixtures::scene;
+use crate::fixtures::scene;
 use skyloop::config::Config;
 
 /// Their names and what they are.

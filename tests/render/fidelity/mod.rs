@@ -5,14 +5,8 @@ mod beside;
 mod configured;
 mod measured;
 
-#[path = "../support/fixtures.rs"]
-mod fixtures;
-#[path = "../support/scenes.rs"]
-mod scenes;
-#[path = "../support/table.rs"]
-mod table;
 
-use fixtures::Frames;
+use crate::fixtures::Frames;
 use measured::{CASES, Case, Measure};
 use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
@@ -131,7 +125,7 @@ impl Worst {
 
 #[test]
 fn bounds_hold_and_are_near_the_truth() {
-    let shipped = scenes::scenes().into_iter();
+    let shipped = crate::scenes::scenes().into_iter();
     let mut waiting: Vec<(String, Config)> = shipped
         .map(|path| (path.display().to_string(), Config::load(&path).unwrap()))
         .collect();

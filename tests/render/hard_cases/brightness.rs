@@ -1,7 +1,7 @@
 //! Light at its ends: phase angles of 0 and pi, magnitudes from -30 to +40, point spread functions from a hundredth of a pixel to a hundred,
 //! and a million sources.
 
-use crate::stage::{
+use super::stage::{
     LOW_KM, LOW_KM_S, Light, Lit, alone, behind, camera, check_numbers, drawn, emulator, falling,
     in_low_orbit, light, moments, noon, oem, square, still,
 };

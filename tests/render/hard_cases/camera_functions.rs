@@ -1,8 +1,8 @@
 //! The camera's functions and those of tracks and footprints, with numbers that are none: see `functions`.
 
-use crate::functions::Gives::{self, Anything, Finite, LightOrNone};
-use crate::functions::{check, spoilt};
-use crate::stage::camera;
+use super::functions::Gives::{self, Anything, Finite, LightOrNone};
+use super::functions::{check, spoilt};
+use super::stage::camera;
 use nalgebra::Vector3;
 use skyloop::camera::psf::{Airy, Image, Images, Moffat, Psf, Shape as Spread, Variation};
 use skyloop::camera::{

@@ -1,7 +1,7 @@
 //! Labels' centroids are those of the light.
 
-use crate::properties::{Worst, cameras, check, put, scenes};
-use crate::stage::{
+use super::properties::{Worst, cameras, check, put, scenes};
+use super::stage::{
     alone, behind, camera, emulator, expected, light, moments, square, starry, still, towards,
     unit, vehicle,
 };

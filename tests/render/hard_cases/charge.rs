@@ -1,6 +1,6 @@
 //! Charge at its ends: expectations from nothing to 10^9 electrons, full wells, and converters of 1 to 16 bits.
 
-use crate::stage::{emulator, square, still};
+use super::stage::{emulator, square, still};
 use skyloop::attitude::Attitude;
 use skyloop::camera::{Pattern, PatternFigures};
 use skyloop::engine::{Emulator, Shot};

@@ -1,7 +1,7 @@
 //! NaN, infinities and the greatest numbers at public entrances: an error, or a documented value; no panic, no frame with a number that is none.
 
-use crate::functions::spoilt;
-use crate::stage::{
+use super::functions::spoilt;
+use super::stage::{
     LOW_KM, LOW_KM_S, Light, behind, camera, check_numbers, emulator, falling, in_low_orbit, light,
     noon, oem, towards, vehicle,
 };

@@ -1,7 +1,7 @@
 //! Edges of the field: what is behind and beside the camera, corners of pixels, bands and detectors, fields from a tenth of a degree to half of
 //! the sky, and lenses next to their fold.
 
-use crate::stage::{
+use super::stage::{
     Light, alone, behind, camera, emulator, epoch, light, moments, noon, square, starry, still,
     unit, vehicle,
 };

@@ -29,15 +29,6 @@
 //! | the same: populations, attitude lists, the command line | `tests/rso/population.rs`, `firmware-sim/src/attitude_list.rs`, `tests/cli/inputs.rs` |
 //! | properties of random scenes | `properties`, labels' centroids: `centroids`; those of the whole sky, area light and objects too: `whole_sky` |
 
-#[path = "../support/fixtures.rs"]
-mod fixtures;
-#[path = "../support/oem.rs"]
-mod oem;
-#[path = "../support/plain_camera.rs"]
-mod plain_camera;
-#[path = "../support/sky.rs"]
-mod sky;
-
 mod brightness;
 mod camera_functions;
 mod centroids;

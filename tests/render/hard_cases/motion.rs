@@ -1,6 +1,6 @@
 //! Rates from nothing to 100 deg/s, on which the still and the smeared image meet, and exposures from nothing to hours.
 
-use crate::stage::{
+use super::stage::{
     alone, behind, camera, check_numbers, emulator, epoch, expected, noon, orbiter, square, starry,
     still, towards, vehicle,
 };

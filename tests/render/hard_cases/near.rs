@@ -1,6 +1,6 @@
 //! Objects at the sensor's own place, a metre before it and a million kilometres away; and sunlight past the Earth's limb, grazing.
 
-use crate::stage::{
+use super::stage::{
     LOW_KM, LOW_KM_S, camera, check_numbers, emulator, falling, in_low_orbit, noon, oem,
 };
 use nalgebra::Vector3;

@@ -1,6 +1,6 @@
 //! Poles, the wrap of right ascension, half turns, signs of quaternions, slerps next to nothing and next to half a turn, and ten million steps.
 
-use crate::stage::{alone, behind, camera, emulator, noon, square, starry, still, unit, vehicle};
+use super::stage::{alone, behind, camera, emulator, noon, square, starry, still, unit, vehicle};
 use hifitime::Unit;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use skyloop::attitude::{Attitude, angle_between, degrees_of_turn};

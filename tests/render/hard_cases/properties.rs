@@ -1,6 +1,6 @@
 //! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, and light scales.
 
-use crate::stage::{
+use super::stage::{
     Light, Lit, behind, emulator, expected as pixels, light, square, starry, vehicle,
 };
 use nalgebra::{Quaternion, UnitQuaternion};

@@ -1,7 +1,7 @@
 //! Whole frames under settings that are no numbers, which files and commands refuse but callers of the library can make: no panic, a bounded time, and a frame of numbers or an error.
 
-use crate::functions::{EDGES, Gives, fault};
-use crate::stage::{camera, check_numbers, emulator, expected, starry, towards};
+use super::functions::{EDGES, Gives, fault};
+use super::stage::{camera, check_numbers, emulator, expected, starry, towards};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::camera::{Camera, Flux, Radiation, Shutter, Stray, Vignetting};
@@ -20,7 +20,7 @@ const BOUND: Duration = Duration::from_secs(20);
 /// Towards Orion, turning by 2 deg/s.
 fn vehicle() -> VehicleState {
     let attitude = towards(&nalgebra::Vector3::new(0.1, 1.0, -0.02));
-    crate::stage::vehicle(&attitude, [0.0, 2.0, 0.0])
+    super::stage::vehicle(&attitude, [0.0, 2.0, 0.0])
 }
 
 fn stage() -> Emulator {

@@ -1,8 +1,8 @@
 //! The sky's functions, attitudes and plots, with numbers that are none: see `functions`.
 
-use crate::functions::Gives::{self, Anything, Finite, LightOrNone};
-use crate::functions::{check, spoilt};
-use crate::stage::{noon, oem};
+use super::functions::Gives::{self, Anything, Finite, LightOrNone};
+use super::functions::{check, spoilt};
+use super::stage::{noon, oem};
 use nalgebra::{Unit, Vector3};
 use skyloop::attitude::{Attitude, angle_between, degrees_of_turn};
 use skyloop::camera::Band;

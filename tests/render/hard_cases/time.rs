@@ -1,6 +1,6 @@
 //! Leap seconds to the nanosecond, years from 1950 to 2100, and the clock of long missions.
 
-use crate::stage::{
+use super::stage::{
     camera, check_numbers, emulator, epoch, falling, noon, oem, orbiter, square, starry, still,
     towards,
 };

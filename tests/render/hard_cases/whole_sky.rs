@@ -1,7 +1,7 @@
 //! The whole sky, turned with its camera and exposed in two: stars, objects, the Moon, the light of Earth, air, dust and faint stars, and what the optics scatter.
 
-use crate::properties::{Worst, check, rotations};
-use crate::stage::{camera, drawn, emulator, falling, noon, oem, orbiter};
+use super::properties::{Worst, check, rotations};
+use super::stage::{camera, drawn, emulator, falling, noon, oem, orbiter};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use skyloop::attitude::{Attitude, VehicleState};
@@ -176,7 +176,7 @@ fn looks(fidelity: Fidelity) -> Vec<(Emulator, VehicleState)> {
         });
         (
             emulator,
-            orbiter(&crate::stage::towards(&towards), r * 1e3, v * 1e3),
+            orbiter(&super::stage::towards(&towards), r * 1e3, v * 1e3),
         )
     });
     looks.collect()
@@ -247,7 +247,7 @@ fn beside_edges(emulator: &Emulator, vehicle: &VehicleState) -> Vec<bool> {
     let pixels = 0..camera.detector.width * camera.detector.height;
     let is_near = pixels.map(|pixel| {
         let (x, y) = (pixel % camera.detector.width, pixel / camera.detector.width);
-        let direction = crate::stage::behind(&camera, &vehicle.attitude, [x as f64, y as f64]);
+        let direction = super::stage::behind(&camera, &vehicle.attitude, [x as f64, y as f64]);
         let lights = view
             .areas
             .iter()

@@ -1,6 +1,6 @@
 //! The dearest cameras, exposures, rates and settings that files and commands may have, under a limit of work: each frame is made within it, or refused.
 
-use crate::stage::{camera, noon, square, towards};
+use super::stage::{camera, noon, square, towards};
 use nalgebra::Vector3;
 use skyloop::abort::Abort;
 use skyloop::attitude::VehicleState;

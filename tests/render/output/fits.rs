@@ -1,6 +1,6 @@
 //! FITS files, read by an independent library.
 
-use crate::synthetic::{Numbers, camera, field, flat, frame, label};
+use super::synthetic::{Numbers, camera, field, flat, frame, label};
 use fitsrs::card::Value;
 use fitsrs::hdu::header::extension::image::Image;
 use fitsrs::wcs::ImgXY;

@@ -1,6 +1,6 @@
 //! The folder of a run: names, labels, what of earlier runs goes and what stays, errors.
 
-use crate::synthetic::{Numbers, camera, frame, label};
+use super::synthetic::{Numbers, camera, frame, label};
 use skyloop::attitude::Attitude;
 use skyloop::output::{OutputError, Writer};
 use std::collections::BTreeSet;

@@ -1,6 +1,6 @@
 //! PNG frames and the contact sheet, read back.
 
-use crate::synthetic::{Numbers, camera, field, flat, frame, label, rso, star};
+use super::synthetic::{Numbers, camera, field, flat, frame, label, rso, star};
 use image::{DynamicImage, RgbImage};
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;

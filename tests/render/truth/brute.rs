@@ -15,11 +15,9 @@ use skyloop::measure::Bench;
 use skyloop::orbit::Object;
 use skyloop::sky::catalog::Selection;
 
-#[path = "../support/oem.rs"]
-mod oem;
 
 pub use crate::fixtures::{look_at, unit};
-pub use oem::{falling, oem};
+pub use crate::oem::{falling, oem};
 
 /// Speed of light, km/s (exact).
 const LIGHT_KM_S: f64 = 299_792.458;

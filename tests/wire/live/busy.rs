@@ -2,7 +2,7 @@
 //! time keeps pace with the client's clock.
 
 use crate::support::{EPOCH, attitude, memory_client};
-use crate::{EXPOSURE_S, mid_s, quick, rest};
+use super::{EXPOSURE_S, mid_s, quick, rest};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 use std::time::{Duration, Instant};

@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine};
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
-use crate::{PATIENCE, frame_of, quick, whole_frame};
+use super::{PATIENCE, frame_of, quick, whole_frame};
 use hifitime::Epoch;
 use skyloop::config::Clock;
 use skyloop::link;
@@ -161,7 +161,7 @@ fn who_waited_for_the_emulator_has_not_fallen_behind() {
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let zero = Instant::now();
     let start = Epoch::now().unwrap();
-    let mission = crate::mission(start, 3, PATIENCE);
+    let mission = super::mission(start, 3, PATIENCE);
     let mut config = quick(20.0);
     config.objects.clear();
     std::thread::scope(|scope| {

@@ -3,7 +3,7 @@
 use crate::support::client::{Client, Received};
 use crate::support::line::{MemoryLine, UdpLine};
 use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options};
-use crate::{quick, rest};
+use super::{quick, rest};
 use serde_json::Value;
 use skyloop::config::{Clock, OnOverrun};
 use skyloop::link::{self, Roles};

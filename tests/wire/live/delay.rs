@@ -3,7 +3,7 @@
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options};
-use crate::{mid_s, quick, rest};
+use super::{mid_s, quick, rest};
 use skyloop::config::{Clock, Delay};
 use skyloop::engine::Emulator;
 use skyloop::link::{self, Roles};
@@ -44,7 +44,7 @@ fn no_frame_comes_before_its_delay_and_all_come_in_order() {
         for _ in 0..8 {
             let frame = client.frame();
             // By this end's own clock: the scene's time is EPOCH when the attitude arrives.
-            let end_s = mid_s(&frame) + crate::EXPOSURE_S / 2.0;
+            let end_s = mid_s(&frame) + super::EXPOSURE_S / 2.0;
             let least = Duration::from_secs_f64(end_s + delay_s);
             assert!(began.elapsed() + Duration::from_micros(1) >= least);
             frames.push(frame);

@@ -3,7 +3,7 @@
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use crate::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
+use super::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
 use skyloop::config::Clock;
 use skyloop_protocols::{Command, Mode, Reason, SyncState, WireTime};
 use std::time::{Duration, Instant};
@@ -326,7 +326,7 @@ fn where_triggers_ask_for_frames_there_is_no_cadence_to_command() {
     // Nor does one hold up what follows it. X-Val: a period is 0.05 s: there is none that an exposure has to fit.
     client.done(Command::Exposure { seconds: 0.2 });
     client.done(Command::Exposure { seconds: 0.02 });
-    crate::trigger(&mut client, 1, 0.05);
+    super::trigger(&mut client, 1, 0.05);
     let frame = client.frame();
     let open_s = seconds(frame.header.exposure_start, frame.header.exposure_end);
     assert!((open_s - 0.02).abs() < 2e-9);

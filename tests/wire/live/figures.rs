@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
 use crate::support::{EPOCH, Running, attitude, await_that, fetched, options};
-use crate::{quick, rest};
+use super::{quick, rest};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop::metrics::{self, Metrics};

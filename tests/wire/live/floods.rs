@@ -5,7 +5,7 @@ use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, fault, later, memory_client, on_udp, options,
 };
-use crate::{PATIENCE, frame_of, quick, whole_frame};
+use super::{PATIENCE, frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop::link::fault::{Book, Plan, wrap};

@@ -12,8 +12,6 @@ mod floods;
 mod overlap;
 mod pause;
 mod staleness;
-#[path = "../support/mod.rs"]
-mod support;
 mod triggers;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -21,9 +19,9 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_protocols::{Attitude, Command, Reply, WireTime};
 use std::time::Duration;
-use support::client::{Client, Received};
-use support::line::Line;
-use support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
+use crate::support::client::{Client, Received};
+use crate::support::line::Line;
+use crate::support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
 
 /// Body rates of the tests, rad/s.
 const RATES: [f64; 3] = [0.02, -0.01, 0.03];

@@ -2,7 +2,7 @@
 
 use crate::support::client::Client;
 use crate::support::{EPOCH, attitude, await_that, memory_client, scene};
-use crate::{PATIENCE, quick, rest};
+use super::{PATIENCE, quick, rest};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 use std::time::{Duration, Instant};

@@ -5,7 +5,7 @@ use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, later, memory_client, on_memory, options,
 };
-use crate::{mid_s, quick, seconds, trigger, whole_periods};
+use super::{mid_s, quick, seconds, trigger, whole_periods};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause};
@@ -96,7 +96,7 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
     // An attitude tells what time it is now, whatever had been guessed.
     let to = later(EPOCH, 500.0);
     client.point(attitude(2), to);
-    let frame = crate::frame_of(&mut client, 2);
+    let frame = super::frame_of(&mut client, 2);
     // X-Val: one period less half an exposure, and whole periods.
     whole_periods(to, &frame, 25.0);
 }
@@ -197,7 +197,7 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
     client.done(Command::Resume);
     let to = later(EPOCH, 3600.0);
     client.point(attitude(5), to);
-    let frame = crate::frame_of(&mut client, 5);
+    let frame = super::frame_of(&mut client, 5);
     periods(to, &frame);
     assert_eq!(client.status().clock_offset_s, 0.0);
 }
@@ -213,7 +213,7 @@ fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
         client.point(attitude(2), later(back, 10.0));
         client.done(Command::Resume);
         client.point(attitude(3), back);
-        let frame = crate::frame_of(&mut client, 3);
+        let frame = super::frame_of(&mut client, 3);
         let since_s = seconds(back, frame.time);
         assert!((0.0..10.0).contains(&since_s), "{clock:?}: {since_s}");
         client.has_counted(&[("attitudes", 3), ("time_backwards", 0)]);
@@ -284,7 +284,7 @@ fn flown_with_a_pause() -> Option<u32> {
     let lasts = Duration::from_millis(600);
     let start = parse_utc("2019-06-15T23:35:50").unwrap();
     // It waits for less than the pause: what does not come then is not lost.
-    let mission = crate::mission(start, 20, Duration::from_millis(500));
+    let mission = super::mission(start, 20, Duration::from_millis(500));
     let after = Duration::from_millis(100);
     let flown = FlightComputer::new(port, mission)
         .with_pause(Some(Pause { after, lasts }))

@@ -3,7 +3,7 @@
 use crate::support::client::{Client, Received, counted};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use crate::{EXPOSURE_S, mid_s, quick, rest, shows, trigger, turned, turning};
+use super::{EXPOSURE_S, mid_s, quick, rest, shows, trigger, turned, turning};
 use nalgebra::UnitQuaternion;
 use skyloop::config::{Clock, Config, OnStale, OutOfOrder, Staleness, Trigger};
 use skyloop_protocols::{AttitudeSource, Counters, Reason};
@@ -131,7 +131,7 @@ fn beyond_the_limit_each_policy_shows_and_says_what_it_does() {
             let frame = frame_at(&mut client, mid_s, (source, word, counted));
             assert!(shows(&frame, turned(at(mid_s))), "{then:?} {mid_s}");
             // Wherever the body points, the observer moves on.
-            assert!((crate::mid_s(&frame) - mid_s).abs() < 1e-8);
+            assert!((super::mid_s(&frame) - mid_s).abs() < 1e-8);
             let age_s = f64::from(frame.end.timing.attitude_age_s);
             assert!((age_s - mid_s).abs() < 1e-6, "{age_s}");
         }
@@ -165,13 +165,13 @@ fn an_attitude_before_the_last_one_takes_its_place_where_that_is_allowed() {
     let frame = frame_at(&mut client, 0.2 + 1e-8, interpolated);
     assert_eq!(frame.header.attitude_sequence, 2);
     assert_eq!(frame.label()["timing"]["out_of_order"], true);
-    assert!(crate::shown(&frame).angle_to(&elsewhere) < 1e-7);
+    assert!(super::shown(&frame).angle_to(&elsewhere) < 1e-7);
     // X-Val: halfway between two messages each counts as much, carried there by its rates.
     let halfway = turned(0.1).slerp(&turned(0.9), 0.5);
     let frame = frame_at(&mut client, 0.1, interpolated);
     assert_eq!(frame.header.attitude_sequence, 1);
     assert!(frame.label()["timing"].get("out_of_order").is_none());
-    assert!(crate::shown(&frame).angle_to(&halfway) < 1e-7);
+    assert!(super::shown(&frame).angle_to(&halfway) < 1e-7);
     client.has_counted(&[("attitudes", 3), ("time_backwards", 1)]);
     // The last one by its time stays the last.
     let frame = frame_at(&mut client, 0.5, EXTRAPOLATED);

@@ -3,7 +3,7 @@
 use crate::support::client::{Client, counted};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use crate::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
+use super::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
 use skyloop::config::{Clock, Trigger};
 use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState};
 use std::time::{Duration, Instant};
@@ -48,7 +48,7 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
         let start = seconds(later(EPOCH, start_s), got.header.exposure_start);
         assert!(start.abs() < 2e-9, "{start}");
         let mid_s = start_s + EXPOSURE_S / 2.0;
-        assert!((crate::mid_s(&got) - mid_s).abs() < 2e-9);
+        assert!((super::mid_s(&got) - mid_s).abs() < 2e-9);
         assert_eq!(got.end.attitude_source, AttitudeSource::Interpolated);
         assert!(shows(&got, turned(mid_s)), "{number}");
         let label = got.label();
@@ -84,7 +84,7 @@ fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
         let share: f64 = 3.0 * mid_s * mid_s - 2.0 * mid_s * mid_s * mid_s;
         let frame = client.frame();
         // The trigger's time has whole units of 2^-32 s, and the frame's of nanoseconds.
-        let off = crate::shown(&frame).angle_to(&ends[0].slerp(&ends[1], share));
+        let off = super::shown(&frame).angle_to(&ends[0].slerp(&ends[1], share));
         assert!(off < 1e-8, "{mid_s}: {off}");
     }
 }
