@@ -28,15 +28,13 @@ fn message(meta: &str, first: &str, second: &str) -> String {
     )
 }
 
+const A2B_LAST: &str = "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n";
+
 #[test]
 fn attitudes_of_a_file_are_those_of_the_labels() {
     // The same attitude, `Q` to the body, in each spelling: the quaternion of CCSDS from A to B is its
     // conjugate.
-    let a2b_last = message(
-        "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n",
-        "0.070834 0.644137 -0.733522 -0.204975",
-        "0 0 0 1",
-    );
+    let a2b_last = message(A2B_LAST, "0.070834 0.644137 -0.733522 -0.204975", "0 0 0 1");
     let b2a_first = message(
         "ATTITUDE_DIR = B2A\nQUATERNION_TYPE = FIRST\n",
         "-0.204975 -0.070834 -0.644137 0.733522",
@@ -55,12 +53,8 @@ fn attitudes_of_a_file_are_those_of_the_labels() {
     ] {
         let here = scene(&format!("attitude_file = \"{name}\""), (name, text));
         let log = here.run(RENDER).exits(0).log;
-        let is_message = name != "lines";
-        assert_eq!(
-            log.contains("those of the file are not used"),
-            is_message,
-            "{log}"
-        );
+        let has_rates = log.contains("those of the file are not used");
+        assert_eq!(has_rates, name != "lines", "{log}");
         let labels = here.labels("o");
         for (label, wanted, norm) in [
             (&labels[0], &wanted[..], norm),
@@ -78,56 +72,48 @@ fn attitudes_of_a_file_are_those_of_the_labels() {
 fn attitude_files_that_cannot_be_flown_say_why() {
     let good = "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:55 0 0 0 1\n";
     let stk = "stk.v.11.0\nBEGIN Attitude\n";
-    let spin = message(
-        "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n",
-        "0 0 0 1",
-        "0 0 0 1",
-    );
+    let spin = message(A2B_LAST, "0 0 0 1", "0 0 0 1");
     let gap = spin.replace("2019-06-15T23:35:52", "2019-06-15T23:35:52.5");
     let odd = spin.replacen("0 0 0 1 0 0 0", "0 0 0 2 0 0 0", 1);
     let spin = spin.replace("QUATERNION/RATE", "SPIN");
-    let named = "attitude_file = \"f\"";
-    for (sequence, text, part) in [
+    const FILE: &str = "attitude_file = \"f\"";
+    const BOTH: &str = "attitude_file = \"f\"\nattitudes = [{ q = [0, 0, 0, 1] }]";
+    let of_file = [
+        (&spin[..], "f:14: ATTITUDE_TYPE 'SPIN'; read are QUATERNION"),
         (
-            named,
-            &spin[..],
-            "f:14: ATTITUDE_TYPE 'SPIN'; read are QUATERNION",
-        ),
-        (
-            named,
             &gap,
             "covers 2019-06-15T23:35:52.500Z to 2019-06-15T23:35:53.000Z",
         ),
-        (named, &odd, "f:17: the quaternion's norm is 2"),
+        (&odd, "f:17: the quaternion's norm is 2"),
         (
-            named,
             stk,
             "f: an STK attitude file (.a), which is not read: export it as a CCSDS AEM",
         ),
         (
-            named,
             "CCSDS_OEM_VERS = 2.0\n",
             "f: a CCSDS OEM, which holds orbits: give it under [objects] files",
         ),
         (
-            named,
             "[{\"EPOCH\":\"2019-06-15\"}]",
             "f: a CCSDS OMM, which holds orbits",
         ),
         (
-            named,
             "CCSDS_OPM_VERS = 2.0\n",
             "f: a CCSDS OPM, a single state, which is not read",
         ),
-        (named, "now 0 0 0 1\n", "f:1: "),
-        ("attitude_file = \"none\"", good, "sequence.attitude_file: "),
+        ("now 0 0 0 1\n", "f:1: "),
+    ];
+    let of_sequence = [
+        ("attitude_file = \"none\"", "sequence.attitude_file: "),
         (
-            "attitude_file = \"f\"\nattitudes = [{ q = [0, 0, 0, 1] }]",
-            good,
+            BOTH,
             "sequence.attitude_file: given beside sequence.attitudes: leave one of them out",
         ),
-        ("", good, "no pointing: give one of attitudes"),
-    ] {
+        ("", "no pointing: give one of attitudes"),
+    ];
+    let of_file = of_file.map(|(text, part)| (FILE, text, part));
+    let of_sequence = of_sequence.map(|(sequence, part)| (sequence, good, part));
+    for (sequence, text, part) in of_file.into_iter().chain(of_sequence) {
         let here = scene(sequence, ("f", text));
         here.run(RENDER).exits(1).logs(&[part]);
         assert!(!here.join("o").exists(), "{part}");

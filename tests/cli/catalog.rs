@@ -137,12 +137,13 @@ fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
         "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
     ]);
     for command in ["catalog info old.csv", "plan --scene scene.toml"] {
-        here.run(command)
-            .logs(&["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
+        let said = here.run(command);
+        said.logs(&["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
     }
-    let check = here.run("catalog check answer.json").exits(1);
-    check
-        .prints(&["answer.json: no orbits, but the answer of a server: \"You must be logged in\""]);
+    let says = "answer.json: no orbits, but the answer of a server: \"You must be logged in\"";
+    here.run("catalog check answer.json")
+        .exits(1)
+        .prints(&[says]);
 }
 
 #[test]
@@ -176,20 +177,17 @@ fn info_counts_kinds_of_orbits_and_tells_one() {
         "passed over: 2 entries are no files of orbits",
     ]);
 
-    let told = here
-        .run("catalog info orbits --object 799500123 --json")
-        .json();
+    let told = here.run("catalog info orbits --object 799500123 --json");
+    let told = told.json();
     assert_eq!(told.as_array().unwrap().len(), 1);
     let (regime, deep) = (&told[0]["regime"], &told[0]["deep"]);
     assert_eq!((regime, deep), (&"LEO".into(), &false.into()));
-    for (flag, says) in [
-        ("--object ISS", "--object ISS: no object called \"ISS\""),
-        ("--strict", "--strict: 1 record of"),
-    ] {
-        here.run(&format!("catalog info orbits {flag}"))
-            .exits(1)
-            .logs(&[says]);
-    }
+    here.runs(
+        "catalog info orbits",
+        1,
+        "--object ISS | --object ISS: no object called \"ISS\"
+         --strict     | --strict: 1 record of",
+    );
 }
 
 #[test]
@@ -216,9 +214,8 @@ fn a_scene_takes_folders_and_says_what_it_passed_over() {
         "lightcurve --out o --object 5 --scene",
         "run --config",
     ] {
-        let strict = here
-            .run(&format!("{command} folder.toml --strict"))
-            .exits(1);
+        let strict = here.run(&format!("{command} folder.toml --strict"));
+        let strict = strict.exits(1);
         let strict = strict.logs(&["--strict: 1 record"]);
         if !command.starts_with("run") {
             let of_files = "--strict: 1 record of orbit files cannot be used";

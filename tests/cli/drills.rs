@@ -5,7 +5,7 @@
 use crate::run::Process;
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, PATIENCE, attitude, await_that};
+use crate::support::{EPOCH, PATIENCE, always, attitude, await_that};
 use crate::{Folder, has, rows};
 use skyloop::link::capture::pcapng;
 use skyloop_protocols::{Command, Reply};
@@ -52,10 +52,8 @@ fn a_run_that_is_told_to_end_leaves_a_recording_that_is_whole() {
     for sequence in 1..=3 {
         frame(&mut client, sequence);
     }
-    process
-        .end_by("-TERM")
-        .exits(0)
-        .prints(&["frames_delivered 3"]);
+    let ended = process.end_by("-TERM").exits(0);
+    ended.prints(&["frames_delivered 3"]);
     assert_eq!(recorded(&here.join("run.pcapng")).1, 3);
     let replay = here.run("replay run.pcapng --config run.toml");
     replay.exits(0).says(&["the same: 3 frames"]);
@@ -106,10 +104,8 @@ fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
         sent += frame(&mut client, sequence);
     }
     let taken = client.status().counters;
-    let ended = process
-        .end_by("-INT")
-        .exits(1)
-        .prints(&["frames_delivered 30"]);
+    let ended = process.end_by("-INT").exits(1);
+    let ended = ended.prints(&["frames_delivered 30"]);
     let log = &ended.log;
     assert_eq!(log.matches("the run goes on").count(), 1, "{log}");
     has(
@@ -162,48 +158,31 @@ fn a_full_disk_leaves_no_file_behind() {
 /// not. 100: no picture of 131,072 bytes fits.
 #[test]
 fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
-    const CUT: &str = "the recording is not whole";
-    const LOG: &str = "--fault-log /dev/full: No space left on device";
-    const STUCK: &str = "nothing passes any more: the fault stuck, out has no end";
     let here = Folder::with(&[
-        (
-            "delay.toml",
-            "[[faults]]\ndirection = \"in\"\nkind = \"delay\"\nvalue = 0.001\n",
-        ),
-        (
-            "stuck.toml",
-            "[[faults]]\ndirection = \"out\"\nkind = \"stuck\"\nvalue = 1.0\n",
-        ),
+        ("delay.toml", &always("in", "delay", 0.001)),
+        ("stuck.toml", &always("out", "stuck", 1.0)),
     ]);
-    for (blocks, flags, failures, says) in [
-        (1500, "--link slcan --capture c.log", 1, &[CUT][..]),
-        // What could not be written beside the frames is reported with them.
-        (
-            100,
-            "--faults delay.toml --fault-log /dev/full",
-            2,
-            &["writing the frames", LOG],
-        ),
-        (
-            1500,
-            "--link slcan --capture c.log --faults delay.toml --fault-log /dev/full",
-            1,
-            &[LOG, CUT],
-        ),
-        // The frame is missing, too.
-        (
-            1500,
-            "--link memory --faults stuck.toml --fault-log /dev/full",
-            2,
-            &[STUCK, LOG],
-        ),
-    ] {
+    // Blocks, options and failures; what could not be written beside the frames is reported with
+    // them. In the last row the frame is missing, too.
+    for (row, says) in rows(
+        "1500 1 --link slcan --capture c.log | the recording is not whole
+         100 2 --faults delay.toml --fault-log /dev/full
+         | writing the frames | --fault-log /dev/full: No space left on device
+         1500 1 --link slcan --capture c.log --faults delay.toml --fault-log /dev/full
+         | the recording is not whole | --fault-log /dev/full: No space left on device
+         1500 2 --link memory --faults stuck.toml --fault-log /dev/full
+         | nothing passes any more: the fault stuck, out has no end
+         | --fault-log /dev/full: No space left on device",
+    ) {
+        let mut words = row.splitn(3, ' ');
+        let [blocks, failures, flags] = [(); 3].map(|()| words.next().unwrap());
+        let blocks = blocks.parse().unwrap();
         let command = format!("loopback --frames 1 --junit v.xml --force {flags}");
         let failed = here.run_limited(blocks, &command).exits(1);
         let error = failed.log.lines().rfind(|line| line.starts_with("error: "));
-        has(error.unwrap(), says);
+        has(error.unwrap(), &says);
         let junit = here.read("v.xml");
-        has(&junit, says);
+        has(&junit, &says);
         has(&junit, &[&format!("failures=\"{failures}\"")]);
     }
 }
@@ -211,8 +190,7 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
 #[test]
 fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
     let here = folder();
-    let faults = "[[faults]]\ndirection = \"out\"\nkind = \"delay\"\nvalue = 60\n";
-    here.write("faults.toml", faults);
+    here.write("faults.toml", always("out", "delay", 60.0));
     let process = started(&here, "--frames 1 --faults faults.toml");
     let mut client = process.udp_client();
     client.point(attitude(1), EPOCH);
@@ -244,8 +222,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
     ] {
         let here = folder();
         let process = started(&here, "--fault-log log.jsonl");
-        let mut client = process.udp_client();
-        client.window = None;
+        let mut client = process.udp_client().unpaced();
         // What faults lose counts from the begin of the exchange.
         client.status();
         for packets in grants {
@@ -330,8 +307,7 @@ fn a_thousand_clients_leave_nothing_behind() {
     let process = started(&here, "");
     let mut before = [0; 3];
     for number in 0..1000 {
-        let mut client = process.udp_client();
-        client.window = None;
+        let mut client = process.udp_client().unpaced();
         // The one before is let go of when its Reset has reached the link, which may be after this
         // one's first word.
         be_heard(&mut client);
@@ -354,12 +330,9 @@ fn a_thousand_clients_leave_nothing_behind() {
     assert_eq!(after[0], before[0], "files: {before:?} {after:?}");
     assert!(after[1] < before[1] + 9, "threads: {before:?} {after:?}");
     assert!(after[2] < before[2] + 45_000, "{before:?} {after:?} kB");
-    let mut client = process.udp_client();
-    client.window = None;
+    let mut client = process.udp_client().unpaced();
     be_heard(&mut client);
     frame(&mut client, 7);
-    process
-        .end_by("-TERM")
-        .exits(0)
-        .prints(&["frames_delivered 80"]);
+    let ended = process.end_by("-TERM").exits(0);
+    ended.prints(&["frames_delivered 80"]);
 }

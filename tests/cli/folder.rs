@@ -1,6 +1,7 @@
 //! A folder where a test runs the program, and checks of what it did.
 
 use crate::support::PATIENCE;
+use crate::table::rows;
 use assert_cmd::Command;
 use serde_json::Value;
 use std::ops::Deref;
@@ -22,21 +23,6 @@ pub fn has(text: &str, parts: &[&str]) {
     for part in parts {
         assert!(text.contains(part), "no {part:?} in\n{text}");
     }
-}
-
-/// The rows of a table: a command line, and behind each `|` a text that it must write.
-/// A line that starts with `|` continues the row above it, one with `//` is a remark.
-pub fn rows(table: &str) -> Vec<(&str, Vec<&str>)> {
-    let mut rows: Vec<(&str, Vec<&str>)> = Vec::new();
-    let lines = table.lines().map(str::trim);
-    for line in lines.filter(|line| !line.is_empty() && !line.starts_with("//")) {
-        let mut parts = line.split(" | ").map(str::trim);
-        match line.strip_prefix("| ") {
-            Some(more) => rows.last_mut().unwrap().1.extend(more.split(" | ")),
-            None => rows.push((parts.next().unwrap(), parts.collect())),
-        }
-    }
-    rows
 }
 
 /// A temporary folder.
@@ -130,6 +116,27 @@ impl Folder {
         Outcome::of(&args.join(" "), command.output().unwrap())
     }
 
+    /// Each row of a table (see [`rows`]), behind `before`, exits with `code` and writes its texts.
+    #[track_caller]
+    pub fn runs(&self, before: &str, code: i32, table: &str) {
+        for (words, says) in rows(table) {
+            self.run(&format!("{before} {words}"))
+                .exits(code)
+                .says(&says);
+        }
+    }
+
+    /// Each row of a table, behind `before`, is refused with its texts in one clear line. Nothing
+    /// is written into the folder `o`.
+    #[track_caller]
+    pub fn refuses(&self, before: &str, table: &str) {
+        for (words, says) in rows(table) {
+            let refused = self.run(&format!("{before} {words}")).logs(&says);
+            refused.is_refusal();
+            assert!(!self.join("o").exists(), "{words}: something is written");
+        }
+    }
+
     /// What it does where no file may be longer than `blocks` blocks of 512 bytes.
     pub fn run_limited(&self, blocks: u32, words: &str) -> Outcome {
         let mut shell = limited_shell(blocks);
@@ -220,6 +227,23 @@ impl Outcome {
     pub fn logs_lines(self, count: usize) -> Outcome {
         assert_eq!(self.log.lines().count(), count, "{}", self.all());
         self
+    }
+
+    /// Code 2 for a wrong option, else 1, and behind warnings an error in one line. A wrong option names the help
+    /// in further lines, and several faults of a file have a line each.
+    #[track_caller]
+    fn is_refusal(&self) {
+        let is_usage = self.log.contains("try '--help'");
+        assert_eq!(self.code, Some(1 + i32::from(is_usage)), "{}", self.all());
+        let mut lines = self.log.lines().filter(|line| !line.starts_with(" WARN "));
+        let line = lines.next().unwrap_or_default();
+        assert!(line.starts_with("error: "), "{}", self.all());
+        if !is_usage && !self.log.contains(" faults:\n") {
+            assert_eq!(lines.next(), None, "{}", self.all());
+        }
+        let half: String = line.chars().skip(line.chars().count() / 2).collect();
+        let is_repeated = half.len() >= 20 && line.matches(&half).count() > 1;
+        assert!(!is_repeated, "repeated text: {line}");
     }
 
     /// Standard output as JSON.

@@ -1,6 +1,6 @@
 //! Wrong inputs: one clear line each, that names what, where and the remedy; nothing is written.
 
-use crate::{EPOCH, Folder, Outcome, Q, STATE, camera, repository, rows};
+use crate::{EPOCH, Folder, Outcome, Q, STATE, camera, repository};
 use std::net::UdpSocket;
 
 /// A folder with configurations, most of which have a fault.
@@ -39,26 +39,7 @@ fn folder() -> Folder {
 /// Each row of the table is refused; `before` comes before its command line.
 #[track_caller]
 fn refuses(before: &str, table: &str) {
-    let here = folder();
-    for (words, says) in rows(table) {
-        let refused = here.run(&format!("{before} {words}")).logs(&says);
-        is_refused(&refused);
-        assert!(!here.join("o").exists(), "{words}: something is written");
-    }
-}
-
-#[track_caller]
-fn is_refused(Outcome { code, log, .. }: &Outcome) {
-    assert!(matches!(code, Some(1 | 2)), "{log}");
-    let line = log.lines().next().unwrap_or_default();
-    assert!(line.starts_with("error: "), "{log}");
-    // A wrong flag names the help, several faults of a file are a line each; all else is one line.
-    if !log.contains("--help") && !log.contains(" faults:\n") {
-        assert_eq!(log.lines().count(), 1, "{log}");
-    }
-    let half: String = line.chars().skip(line.chars().count() / 2).collect();
-    let is_repeated = half.len() >= 20 && line.matches(&half).count() > 1;
-    assert!(!is_repeated, "told twice: {line}");
+    folder().refuses(before, table);
 }
 
 #[test]

@@ -6,10 +6,15 @@ mod catalog;
 mod cost;
 mod drills;
 mod files;
+#[path = "../support/fixtures.rs"]
+mod fixtures;
 mod folder;
 mod folders;
 mod ground;
 mod inputs;
+mod lightcurve;
+#[path = "../support/oem.rs"]
+mod oem;
 mod offline;
 mod old;
 mod one_frame;
@@ -25,10 +30,13 @@ mod soak;
 #[path = "../support/mod.rs"]
 mod support;
 mod synth;
+#[path = "../support/table.rs"]
+mod table;
 mod tools;
 mod verdicts;
 
-use folder::{Folder, Outcome, has, repository, repository_text, rows};
+use folder::{Folder, Outcome, has, repository, repository_text};
+use table::rows;
 
 /// Epoch and attitude of the built-in scene's first frame.
 const EPOCH: &str = "2019-06-15T23:35:50Z";

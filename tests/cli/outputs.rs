@@ -2,6 +2,7 @@
 //! escapes.
 #![cfg(unix)]
 
+use crate::support::always;
 use crate::{EPOCH, Folder, has};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -103,17 +104,13 @@ fn folder() -> Folder {
         "camera = \"cots-wide\"\n{run}clock = \"wall\"\noutput = \"labels\"\n[sequence]\nepoch = \"{EPOCH}\"\nframes = 1\nperiod_s = 1.0\n\
          radec = [0.0, 0.0, 0.0]\n"
     );
+    let sets = format!("{}A,{}", crate::files::HEAD, crate::files::SET);
+    let faults = always("out", "delay", 1.0) + "for_s = 0.01\n";
     Folder::with(&[
         ("run.toml", run),
         ("soak.toml", &soak),
-        (
-            "faults.toml",
-            "[[faults]]\ndirection = \"out\"\nkind = \"delay\"\nvalue = 1\nfor_s = 0.01\n",
-        ),
-        (
-            "sets.csv",
-            &format!("{}A,{}", crate::files::HEAD, crate::files::SET),
-        ),
+        ("faults.toml", &faults),
+        ("sets.csv", &sets),
     ])
 }
 
@@ -190,13 +187,9 @@ fn files_of_other_programs_are_replaced_by_force_only() {
         let replaced = std::fs::read(here.join(&case.file));
         // A ready file is removed at the end.
         assert!(replaced.is_err() || replaced.unwrap() != b"mine", "{words}");
-        let again = here.run(words);
-        let again = again.out + &again.log;
-        assert_eq!(
-            again.contains("--force"),
-            !case.is_recognised,
-            "{words}: {again}"
-        );
+        let again = here.run(words).all();
+        let is_refused = again.replace(words, "").contains("--force");
+        assert_eq!(is_refused, !case.is_recognised, "{again}");
     }
 }
 
@@ -222,14 +215,17 @@ fn files_beside_the_named_one_are_replaced_by_force_only_too() {
             seen.insert(name.clone());
         }
     }
-    for name in [
+    let frames = [
         "frame_00000.png",
         "frame_00000_preview.png",
         "contact_sheet.png",
-        "lightcurve.csv",
-        "lightcurve.svg",
-        "cost.svg",
-    ] {
+    ];
+    for name in [
+        &frames[..],
+        &["lightcurve.csv", "lightcurve.svg", "cost.svg"],
+    ]
+    .concat()
+    {
         assert!(seen.contains(name), "{name} is not among {seen:?}");
     }
 }
@@ -271,39 +267,22 @@ fn devices_and_standard_output_are_written() {
     assert!(!here.join("-").exists());
 }
 
-/// A run that fails before it has measured anything.
+/// A run that fails before it has measured anything: its file `x`, and what this says.
 #[test]
 fn verdicts_of_a_run_that_fails_early_have_its_error_and_the_checks() {
-    const P99: &str = "<testcase name=\"p99\"";
-    let here = folder();
-    here.write("bad.toml", "seed = -1\n");
-    for (words, files) in [
-        (
-            "loopback --scene bad.toml --max-missed 3 --junit x",
-            &[(
-                "x",
-                &[
-                    "seed",
-                    "<testcase name=\"missed\"",
-                    "missed: not checked, the run failed",
-                ][..],
-            )][..],
-        ),
-        (
-            "loopback --link pigeon --max-latency-p99-ms 3 --junit x",
-            &[("x", &["pigeon", P99])],
-        ),
-        (
-            "soak --config bad.toml --max-p99-ms 9 --junit x --json y",
-            &[
-                ("x", &["seed", "<testcase name=\"deadlines\"", P99]),
-                ("y", &["\"error\": ", "seed", "\"passed\": false"]),
-            ],
-        ),
-    ] {
+    for (words, says) in crate::rows(
+        "loopback --scene bad.toml --max-missed 3 --junit x
+         | seed | <testcase name=\"missed\" | missed: not checked, the run failed
+         loopback --link pigeon --max-latency-p99-ms 3 --junit x
+         | pigeon | <testcase name=\"p99\"
+         soak --config bad.toml --max-p99-ms 9 --junit x
+         | seed | <testcase name=\"deadlines\" | <testcase name=\"p99\"
+         soak --config bad.toml --max-p99-ms 9 --json x
+         | \"error\": | seed | \"passed\": false",
+    ) {
+        let here = folder();
+        here.write("bad.toml", "seed = -1\n");
         here.run(words).exits(1);
-        for (file, says) in files {
-            has(&here.read(file), says);
-        }
+        has(&here.read("x"), &says);
     }
 }

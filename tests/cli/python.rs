@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use crate::run::Process;
+use crate::support::always;
 use crate::{EPOCH, Folder, Outcome, Q, camera, has, repository, repository_text};
 use skyloop::load::CAMERAS;
 use skyloop_protocols::MAX_PACKET;
@@ -51,25 +52,15 @@ fn the_client_gets_whole_frames_at_every_output_level() {
         let process = emulator(&here, "camera = \"fai-nir\"", "", &output);
         let ended = client(&here, &process, "--frames 2").exits(0).lacks("lost");
         process.end_by("-INT");
-        assert_eq!(
-            ended.all().matches(" bits, ").count(),
-            2,
-            "{level}: {}",
-            ended.all()
-        );
+        let frames = ended.all().matches(" bits, ").count();
+        assert_eq!(frames, 2, "{level}: {}", ended.all());
     }
 }
 
 #[test]
 fn the_client_refuses_wrong_addresses_in_one_line() {
     let here = Folder::new();
-    for address in [
-        "127.0.0.1",
-        "127.0.0.1:",
-        "127.0.0.1:x",
-        "127.0.0.1:70000",
-        "foo.invalid:1",
-    ] {
+    for address in "127.0.0.1 127.0.0.1: 127.0.0.1:x 127.0.0.1:70000 foo.invalid:1".split(' ') {
         let refused = client_at(&here, address, "");
         assert_ne!(refused.code, Some(0), "{}", refused.all());
         refused.logs_lines(1).logs(&[address, "HOST:PORT"]);
@@ -119,27 +110,16 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
 #[test]
 fn the_client_requests_again_what_is_lost_damaged_or_late() {
     // How many of the 3,900 packets are requested again at least, and come damaged.
-    for (faults, again, damaged) in [
-        (&[("in", "drop", 0.05), ("out", "drop", 0.05)][..], 20, 0),
-        // 1,400 bytes: one packet in 9 to the client is damaged, one in 50 to the emulator.
-        (
-            &[("in", "bit_flips", 1e-4), ("out", "bit_flips", 1e-5)],
-            100,
-            100,
-        ),
-        (
-            &[
-                ("out", "reorder", 0.02),
-                ("out", "jitter", 0.05),
-                ("out", "truncate", 0.02),
-            ],
-            1,
-            20,
-        ),
-    ] {
-        let fault = |(direction, kind, value): &(&str, &str, f64)| {
-            format!("[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value}\n")
-        };
+    let drop = [("in", "drop", 0.05), ("out", "drop", 0.05)];
+    // 1,400 bytes: one packet in 9 to the client is damaged, one in 50 to the emulator.
+    let flips = [("in", "bit_flips", 1e-4), ("out", "bit_flips", 1e-5)];
+    let late = [
+        ("out", "reorder", 0.02),
+        ("out", "jitter", 0.05),
+        ("out", "truncate", 0.02),
+    ];
+    for (faults, again, damaged) in [(&drop[..], 20, 0), (&flips, 100, 100), (&late, 1, 20)] {
+        let fault = |(direction, kind, value): &(&str, &str, f64)| always(direction, kind, *value);
         let text: String = faults.iter().map(fault).collect();
         let here = Folder::with(&[("faults.toml", &text)]);
         let process = emulator(&here, "camera = \"rigel-l\"", "", "--faults faults.toml");
@@ -157,10 +137,7 @@ fn the_client_requests_again_what_is_lost_damaged_or_late() {
             panic!("{printed}");
         };
         // Differences of counters do not wrap: no more than all packets, once a frame.
-        assert!(
-            (again..20_000).contains(&found_again),
-            "{faults:?}: {printed}"
-        );
+        assert!((again..20_000).contains(&found_again), "{printed}");
         assert!((damaged..20_000).contains(&found_damaged), "{printed}");
     }
 }

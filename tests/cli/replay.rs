@@ -1,6 +1,7 @@
 //! `--faults`, `--fault-log`, `--capture` and `skyloop replay`, as a user has them.
 
-use crate::{Folder, has, rows, still, with_keys};
+use crate::support::always;
+use crate::{Folder, has, still, with_keys};
 
 #[test]
 fn a_recorded_loopback_is_replayed() {
@@ -44,16 +45,12 @@ fn a_replay_of_another_input_says_what_differs() {
     let same = "--scene scene.toml";
     let replay = here.run(&format!("replay run.pcapng {same}"));
     replay.exits(0).lacks("not as recorded");
+    const CAMERA: &str = "camera.toml: changed since the recording";
     for (seed, camera, flags, says) in [
         (2, &camera, same, "scene.toml: changed since the recording"),
-        (1, &slow, same, "camera.toml: changed since the recording"),
+        (1, &slow, same, CAMERA),
         // The frame would have come.
-        (
-            1,
-            &slow,
-            "--scene scene.toml --patience 0.0001",
-            "camera.toml: changed since the recording",
-        ),
+        (1, &slow, "--scene scene.toml --patience 0.0001", CAMERA),
         (
             1,
             &camera,
@@ -72,12 +69,9 @@ fn a_replay_of_another_input_says_what_differs() {
         here.write("camera.toml", camera);
         let replay = here.run(&format!("replay run.pcapng {flags}")).exits(1);
         let replay = replay.lacks("give it longer");
-        let all = replay.all();
-        let error = all.lines().last().unwrap();
-        assert!(
-            error.starts_with("error: ") && error.contains(says),
-            "{all}"
-        );
+        let error = replay.log.lines().last().unwrap();
+        assert!(error.starts_with("error: "), "{error}");
+        has(error, &[says]);
     }
 }
 
@@ -114,9 +108,8 @@ fn a_replay_waits_for_a_frame_as_long_as_it_is_told() {
 
 #[test]
 fn faults_are_written_down() {
-    let faults = "[[faults]]\ndirection = \"out\"\nkind = \"duplicate\"\nvalue = 0.1\n\
-                  [[faults]]\ndirection = \"in\"\nkind = \"delay\"\nvalue = 0.001\n";
-    let here = Folder::with(&[("faults.toml", faults)]);
+    let faults = always("out", "duplicate", 0.1) + &always("in", "delay", 0.001);
+    let here = Folder::with(&[("faults.toml", &faults)]);
     let flags = "--faults faults.toml --fault-log log.jsonl --capture run.pcapng";
     let ended = here.run(&format!("loopback --frames 2 {flags}")).exits(0);
     let ended = ended.says(&["faults injected  ", "in: delay ", "; out: duplicate "]);
@@ -159,7 +152,8 @@ fn wrong_inputs_are_refused_in_a_line() {
     ]);
     here.run("loopback --frames 20 --capture run.pcapng")
         .exits(0);
-    for (words, says) in rows(
+    here.refuses(
+        "",
         "loopback --faults none.toml       | none.toml
          loopback --faults key.toml        | key.toml | unknown key | did you mean `faults`?
          loopback --faults off.toml        | : faults[0].kind | CAN | use down
@@ -177,24 +171,14 @@ fn wrong_inputs_are_refused_in_a_line() {
          replay empty.log                  | nothing was received
          replay text --config none.toml    | neither pcapng
          replay run.pcapng --config wall.toml | wall.toml | run.clock | stepped",
-    ) {
-        let refused = here.run(words).exits(1).says(&says);
-        // TOML's own errors show the place.
-        let shows_place = refused.log.contains("TOML") || refused.log.contains(" faults:\n");
-        assert!(
-            shows_place || refused.log.lines().count() == 1,
-            "{}",
-            refused.all()
-        );
-    }
+    );
 }
 
 /// A disk without room.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_told_and_the_run_goes_on() {
-    let delay = "[[faults]]\ndirection = \"in\"\nkind = \"delay\"\nvalue = 0.001\n";
-    let here = Folder::with(&[("faults.toml", delay)]);
+    let here = Folder::with(&[("faults.toml", &always("in", "delay", 0.001))]);
     let ended = here.run("loopback --frames 1 --faults faults.toml --fault-log /dev/full");
     ended
         .exits(1)
@@ -228,16 +212,12 @@ fn ctrl_c_ends_a_loopback_with_its_table_and_a_recording_that_is_whole() {
         std::thread::sleep(std::time::Duration::from_millis(20));
         file.metadata().is_ok_and(|file| file.len() > 4000)
     });
-    let ended = child
-        .end_by("-INT")
-        .exits(1)
-        .prints(&["frames   ", "wrote "]);
+    let ended = child.end_by("-INT").exits(1);
+    let ended = ended.prints(&["frames   ", "wrote "]);
     // Both of the frames that the client has: the emulator may have made one more.
     let (_, came) = ended.log.split_once("stopped: ").unwrap();
     let (came, _) = came.split_once(" of 50 frames came whole").unwrap();
-    has(
-        &here.read("v.xml"),
-        &[&format!("{came} of 50 frames came whole")],
-    );
+    let came = format!("{came} of 50 frames came whole");
+    has(&here.read("v.xml"), &[&came]);
     here.run("replay run.pcapng --output labels").exits(0);
 }

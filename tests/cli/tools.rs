@@ -9,10 +9,8 @@ use std::process::Command;
 fn a_cameras_limit_is_where_labels_have_that_snr() {
     let here = Folder::new();
     for camera in ["rigel-l", "cots-wide"] {
-        let report = here
-            .run(&format!("camera check {camera} --json"))
-            .exits(0)
-            .json();
+        let report = here.run(&format!("camera check {camera} --json"));
+        let report = report.exits(0).json();
         let limit = report["limiting_mag"].as_f64().unwrap();
         // The rich sky of Cygnus; nothing but stars.
         let sky = format!("--epoch {EPOCH} --radec 310,40,0 --label-snr 3 --out {camera}");
@@ -32,10 +30,7 @@ fn a_cameras_limit_is_where_labels_have_that_snr() {
         off.sort_by(f64::total_cmp);
         assert!(off.len() >= 5, "{camera}: {} stars", off.len());
         let median = off[off.len() / 2];
-        assert!(
-            (-0.35..0.1).contains(&median),
-            "{camera}: {median} mag of {off:?}"
-        );
+        assert!((-0.35..0.1).contains(&median), "{camera}: {median} mag");
     }
 }
 
@@ -68,15 +63,9 @@ fn a_camera_is_made_checked_and_not_written_over() {
     );
     assert_eq!(here.names(""), ["mine.toml"]);
     for camera in skyloop::load::CAMERAS {
-        here.run(&format!("camera check {camera}"))
-            .exits(0)
-            .prints(&[
-                "field of view",
-                "arcsec/px",
-                "limiting magnitude at SNR 5",
-                "stars a frame",
-                "saturation magnitude",
-            ]);
+        let checked = here.run(&format!("camera check {camera}")).exits(0);
+        let checked = checked.prints(&["field of view", "arcsec/px", "stars a frame"]);
+        checked.prints(&["limiting magnitude at SNR 5", "saturation magnitude"]);
     }
 }
 
@@ -100,28 +89,21 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
     let line_of = |word: &str| 1 + bad.lines().position(|line| line.contains(word)).unwrap();
     let said = here.run("camera check bad.toml").exits(1).log;
     assert!(said.starts_with("error: bad.toml: 8 faults:\n"), "{said}");
-    for (word, message) in [
-        ("[optics]", "optics: the key `aperture_mm` is missing"),
-        ("lenght", "did you mean `focal_length_mm`?"),
-        (
-            "lenght",
-            "optics.focal_length_mm = 1000000000: must be 0.5 to 1000000 mm",
-        ),
-        (
-            "= \"wide",
-            "optics.psf.sigma_px: must be 0.01 to 100 px, not \"wide\"",
-        ),
-        (
-            "= -3.0",
-            "detector.full_well_e = -3: must be 1 to 1000000000 e-",
-        ),
-        ("= 99", "detector.adc_bits = 99: must be 1 to 16 bits"),
-        ("whatever", "unknown key `whatever`"),
-        ("= 50.0", "timing.rate_hz = 50: must be at most 10 Hz"),
-    ] {
+    for (word, messages) in rows(
+        "[optics] | optics: the key `aperture_mm` is missing
+         lenght   | did you mean `focal_length_mm`?
+         | optics.focal_length_mm = 1000000000: must be 0.5 to 1000000 mm
+         = \"wide  | optics.psf.sigma_px: must be 0.01 to 100 px, not \"wide\"
+         = -3.0   | detector.full_well_e = -3: must be 1 to 1000000000 e-
+         = 99     | detector.adc_bits = 99: must be 1 to 16 bits
+         whatever | unknown key `whatever`
+         = 50.0   | timing.rate_hz = 50: must be at most 10 Hz",
+    ) {
         let place = format!("  bad.toml:{}:", line_of(word));
-        let is_it = |said: &str| said.starts_with(&place) && said.contains(message);
-        assert!(said.lines().any(is_it), "{place} {message}: {said}");
+        for message in messages {
+            let is_it = |said: &str| said.starts_with(&place) && said.contains(message);
+            assert!(said.lines().any(is_it), "{place} {message}: {said}");
+        }
     }
     // Faults in optional tables hide none.
     let optional = format!(
@@ -198,10 +180,8 @@ fn bash_completes_and_manual_pages_are_clean() {
         );
         let mut bash = Command::new("bash");
         let done = bash.current_dir(&here).args(["-c", &line]).output();
-        String::from_utf8(done.unwrap().stdout)
-            .unwrap()
-            .trim()
-            .to_string()
+        let printed = String::from_utf8(done.unwrap().stdout).unwrap();
+        printed.trim().to_string()
     };
     assert_eq!(complete("skyloop loo", 1), "loopback");
     assert_eq!(complete("skyloop camera ch", 2), "check");
@@ -218,12 +198,9 @@ fn bash_completes_and_manual_pages_are_clean() {
     has(&printed("man"), &[".TH skyloop 1"]);
     for page in pages {
         let mut groff = Command::new("groff");
-        groff
-            .args(["-man", "-Tutf8", "-ww"])
-            .arg(here.join("pages").join(&page));
-        let groff = groff
-            .output()
-            .expect("groff is missing: apt-get install groff-base");
+        let groff = groff.args(["-man", "-Tutf8", "-ww"]);
+        let groff = groff.arg(here.join("pages").join(&page)).output();
+        let groff = groff.expect("groff is missing: apt-get install groff-base");
         let said = String::from_utf8_lossy(&groff.stderr);
         assert!(groff.status.success() && said.is_empty(), "{page}: {said}");
     }
@@ -232,35 +209,34 @@ fn bash_completes_and_manual_pages_are_clean() {
 #[test]
 fn options_point_the_camera_and_say_what_is_hidden() {
     let here = Folder::new();
-    let state = format!("--state {STATE}");
-    // The observer flies towards -Z at RA 169, Dec -50; at that time the Moon is at RA 250, Dec -21, the
-    // Sun at RA 84, Dec +23.
-    let told = "
-        --look-at Moon --up north STATE
-        --look-at Sun --up sun STATE
-        | parallel to up = \"sun\", and north is up instead, in 1 of 1 exposures
-        --look-at 350,50 STATE
-        | the target is behind the Earth, in 1 of 1 exposures, the first at 2019-06-15T23:35:50
-        --look-at limb:80 --roll 10 STATE";
-    let refused = "
-        --look-at limb:80              | the limb needs an orbit
-        --look-at Mooon STATE          | did you mean `Moon`?
-        --look-at Moon --up left       | zenith
-        --look-at Moon --nadir         | cannot be used with
-        --radec 0,0,0 --up north       | --look-at
-        --look-at Sun --rates 0,0,1 STATE
-        | --look-at have their own: leave --rates out";
-    for (table, works) in [(told, true), (refused, false)] {
-        for (options, words) in rows(table) {
-            let options = options.replace("STATE", &state);
-            let render = format!("render --camera fai-nir --epoch {EPOCH} --out o {options}");
-            let ended = here.run(&render).logs(&words);
-            assert_eq!(ended.code == Some(0), works, "{}", ended.all());
-            assert_eq!(ended.log.is_empty(), words.is_empty(), "{}", ended.all());
-        }
+    // The observer flies towards -Z at RA 169, Dec -50; at that time the Moon is at RA 250,
+    // Dec -21, the Sun at RA 84, Dec +23.
+    let table = |table: &str| table.replace("STATE", &format!("--state {STATE}"));
+    let render = format!("render --camera fai-nir --epoch {EPOCH} --out o");
+    here.refuses(
+        &render,
+        &table(
+            "--look-at limb:80              | the limb needs an orbit
+             --look-at Mooon STATE          | did you mean `Moon`?
+             --look-at Moon --up left       | zenith
+             --look-at Moon --nadir         | cannot be used with
+             --radec 0,0,0 --up north       | --look-at
+             --look-at Sun --rates 0,0,1 STATE
+             | --look-at have their own: leave --rates out",
+        ),
+    );
+    for (options, words) in rows(&table(
+        "--look-at Moon --up north STATE
+         --look-at Sun --up sun STATE
+         | parallel to up = \"sun\", and north is up instead, in 1 of 1 exposures
+         --look-at 350,50 STATE
+         | the target is behind the Earth, in 1 of 1 exposures, the first at 2019-06-15T23:35:50
+         --look-at limb:80 --roll 10 STATE",
+    )) {
+        let ended = here.run(&format!("{render} {options}")).exits(0);
+        let ended = ended.logs(&words);
+        assert_eq!(ended.log.is_empty(), words.is_empty(), "{}", ended.all());
     }
-    let plan = here
-        .run("plan --look-at Jupiter --up velocity --json")
-        .exits(0);
-    assert_eq!(plan.json()["frame"], Value::from(0));
+    let plan = here.run("plan --look-at Jupiter --up velocity --json");
+    assert_eq!(plan.exits(0).json()["frame"], Value::from(0));
 }

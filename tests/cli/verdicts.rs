@@ -3,86 +3,60 @@
 
 use crate::run::Process;
 use crate::support::{EPOCH, attitude};
-use crate::{Folder, has};
+use crate::{Folder, has, rows};
 use skyloop_protocols::Command as Packet;
 use std::time::{Duration, Instant};
 
 #[test]
 fn a_loopback_keeps_its_limits_or_fails() {
     let here = Folder::new();
-    // Labels have no pixels: nothing was compared, and no limit is kept by that.
-    for (limits, code, tests, says) in [
-        (
-            "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000",
-            0,
-            "tests=\"5\" failures=\"0\"",
-            "kept: centroids: rms 0.",
-        ),
-        (
-            "--max-centroid-rms 0.001",
-            1,
-            "tests=\"2\" failures=\"1\"",
-            "broken: centroids: rms 0.",
-        ),
-        (
-            "--max-latency-p99-ms 0.001",
-            1,
-            "failures=\"1\"",
-            "broken: latency p99: ",
-        ),
-        (
-            "--output labels --max-missed 9 --max-false 9 --max-centroid-rms 9",
-            1,
-            "tests=\"4\" failures=\"3\"",
-            "not known: 0 of 2 frames brought both pixels and readable labels",
-        ),
-        // What has not begun has not passed.
-        ("--link pigeon", 1, "failures=\"2\"", "pigeon"),
-    ] {
+    // Labels have no pixels: nothing was compared, and no limit is kept by that. What has not begun
+    // has not passed.
+    for (limits, says) in rows(
+        "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000
+         | tests=\"5\" failures=\"0\" | kept: centroids: rms 0.
+         --max-centroid-rms 0.001 | tests=\"2\" failures=\"1\" | broken: centroids: rms 0.
+         --max-latency-p99-ms 0.001 | failures=\"1\" | broken: latency p99:
+         --output labels --max-missed 9 --max-false 9 --max-centroid-rms 9
+         | tests=\"4\" failures=\"3\"
+         | not known: 0 of 2 frames brought both pixels and readable labels
+         --link pigeon | failures=\"2\" | pigeon",
+    ) {
         let ended = here.run(&format!("loopback --frames 2 --junit v.xml {limits}"));
-        ended.exits(code).says(&[says]);
-        has(&here.read("v.xml"), &[tests]);
+        let passes = says[0].ends_with("failures=\"0\"");
+        ended.exits(i32::from(!passes)).says(&says[1..]);
+        has(&here.read("v.xml"), &says[..1]);
     }
-    let refused = here.run("loopback --junit no/such/v.xml");
-    refused.exits(1).says(&["name another file"]);
+    here.refuses("loopback", "--junit no/such/v.xml | name another file");
 }
 
-/// A link, and a fault of it: direction, kind, value, `at_s`, and further keys.
-type Stopping = (
-    &'static str,
-    &'static str,
-    &'static str,
-    f64,
-    f64,
-    &'static str,
-);
-
-const STOPPING: [Stopping; 18] = [
-    ("memory", "out", "stuck", 1.0, 0.0, ""),
-    ("memory", "in", "stuck", 1.0, 0.2, ""),
-    ("udp", "in", "drop", 1.0, 0.2, ""),
-    ("pty", "out", "down", 1.0, 0.2, ""),
-    ("memory", "in", "bit_flips", 1.0, 0.0, ""),
-    ("memory", "in", "bit_flips", 0.01, 0.0, ""),
-    ("memory", "out", "bit_flips", 0.01, 0.0, ""),
-    ("serial", "out", "bit_flips", 0.001, 0.2, ""),
-    ("memory", "in", "delay", 60.0, 0.0, ""),
-    ("udp", "out", "delay", 31.0, 0.2, ""),
-    ("memory", "in", "jitter", 60.0, 0.0, ""),
-    ("udp", "out", "jitter", 60.0, 0.0, ""),
-    ("slcan", "out", "duplicate", 1.0, 0.0, ""),
-    ("slcan", "in", "bit_flips", 0.01, 0.0, ""),
-    ("slcan", "in", "bus_off", 1.0, 0.3, ""),
-    ("slcan", "out", "bus_off", 1.0, 0.0, ""),
-    // So long that a client gives up before: README.md, `skyloop loopback`.
-    ("memory", "out", "stuck", 1.0, 0.2, "for_s = 100000.0"),
-    ("memory", "in", "delay", 60.0, 0.0, "for_s = 100000.0"),
-];
+/// A link, and a fault of it: direction, kind, value, `at_s`, and `for_s` where it has one. The last
+/// two are so long that a client gives up before: README.md, `skyloop loopback`.
+const STOPPING: &str = "
+    memory out stuck 1.0 0.0
+    memory in stuck 1.0 0.2
+    udp in drop 1.0 0.2
+    pty out down 1.0 0.2
+    memory in bit_flips 1.0 0.0
+    memory in bit_flips 0.01 0.0
+    memory out bit_flips 0.01 0.0
+    serial out bit_flips 0.001 0.2
+    memory in delay 60.0 0.0
+    udp out delay 31.0 0.2
+    memory in jitter 60.0 0.0
+    udp out jitter 60.0 0.0
+    slcan out duplicate 1.0 0.0
+    slcan in bit_flips 0.01 0.0
+    slcan in bus_off 1.0 0.3
+    slcan out bus_off 1.0 0.0
+    memory out stuck 1.0 0.2 100000.0
+    memory in delay 60.0 0.0 100000.0";
 
 #[test]
 fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
+    let rows: Vec<&str> = STOPPING.trim().lines().collect();
     // They wait most of the time.
-    for together in STOPPING.chunks(9) {
+    for together in rows.chunks(9) {
         std::thread::scope(|scope| {
             for stopping in together {
                 scope.spawn(|| ends_in_seconds(stopping));
@@ -91,17 +65,24 @@ fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
     }
 }
 
-fn ends_in_seconds((link, direction, kind, value, at_s, further): &Stopping) {
-    let fault = format!(
-        "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value:?}\nat_s = {at_s:?}\n{further}\n"
+fn ends_in_seconds(stopping: &str) {
+    let words: Vec<&str> = stopping.split_whitespace().collect();
+    let [link, direction, kind, value, at_s, ref for_s @ ..] = words[..] else {
+        panic!("{stopping}");
+    };
+    let mut fault = format!(
+        "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value}\nat_s = {at_s}\n"
     );
+    for_s
+        .iter()
+        .for_each(|s| fault += &format!("for_s = {s}\n"));
     let here = Folder::with(&[("faults.toml", &fault)]);
     let started = Instant::now();
     let command = format!("loopback --link {link} --faults faults.toml --junit v.xml");
     let ended = here.run(&command).exits(1);
     let took = started.elapsed();
-    let (lasts, remedy) = match *further {
-        "" => ("has no end", "give it a for_s, a lower value"),
+    let (lasts, remedy) = match for_s {
+        [] => ("has no end", "give it a for_s, a lower value"),
         _ => ("lasts 9", " s longer and has met "),
     };
     let reported =
@@ -124,20 +105,13 @@ fn started(here: &Folder, flags: &str) -> Process {
 #[test]
 fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
     let here = folder();
-    for (flags, code, says) in [
-        (
-            "--wait-for-client 0.2",
-            1,
-            "no client has come within 0.2 s",
-        ),
-        ("--timeout 0.2", 0, ""),
-        (
-            "--timeout 0.2 --frames 2",
-            1,
-            "stopped after 0.2 s (--timeout) with 0 of 2 frames",
-        ),
-    ] {
-        started(&here, flags).end().exits(code).logs(&[says]);
+    for (flags, says) in rows(
+        "--wait-for-client 0.2    | no client has come within 0.2 s
+         --timeout 0.2
+         --timeout 0.2 --frames 2 | stopped after 0.2 s (--timeout) with 0 of 2 frames",
+    ) {
+        let ended = started(&here, flags).end();
+        ended.exits(i32::from(!says.is_empty())).logs(&says);
     }
     // What is no packet of the wire is no client.
     let stranger = started(&here, "--wait-for-client 1");
@@ -151,8 +125,7 @@ fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
         let link = format!("--link udp://127.0.0.1:0{rate} --output windows");
         let begun = Instant::now();
         let served = started(&here, &format!("--timeout {timeout_s} --frames 1 {link}"));
-        let mut client = served.udp_client();
-        client.window = None;
+        let mut client = served.udp_client().unpaced();
         client.send(Packet::Credit { packets });
         client.status();
         client.point(attitude(0), EPOCH);
@@ -188,11 +161,9 @@ fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
     running.end_by("-INT").exits(0);
     assert_eq!(here.names(""), ["run.toml"]);
     here.write("ready.json", "{}");
-    for (file, says) in [
-        ("ready.json", "did not make this file"),
-        ("no/such", "--ready-file no/such: "),
-    ] {
-        let refused = here.run(&format!("run --config run.toml --ready-file {file}"));
-        refused.exits(1).says(&[says]);
-    }
+    here.refuses(
+        "run --config run.toml --ready-file",
+        "ready.json | did not make this file
+         no/such    | --ready-file no/such: ",
+    );
 }

@@ -1,10 +1,9 @@
 //! What a camera file may not say of its detector, its particles and its timing: refused with file, key and value. And what is only
 //! warned of.
 
-
+use crate::table::check_refusals;
 use skyloop::camera::Camera;
 use skyloop::load::{CAMERAS, Folder};
-use crate::table::check_refusals;
 
 /// The text of a built-in camera.
 fn built_in(name: &str) -> String {
@@ -109,7 +108,7 @@ detector.offset_dn = 16383.0 | detector.offset_dn = 16383 | below 16383, the lar
 detector.read_noise_e = 2e5 | detector.read_noise_e = 200000 | at most detector.full_well_e = 100000 e-
 detector.width_px = 512.5 | detector.width_px:  | must be a whole number, 1 to 8192 px, not 512.5
 detector.adc_clips_first = 1 | detector.adc_clips_first:  | must be true or false, not 1
-detector.gain_e_per_dn =  | not TOML: gain_e_per_dn has no value | write gain_e_per_dn = value
+detector.gain_e_per_dn = \n | not TOML: gain_e_per_dn has no value | write gain_e_per_dn = value
 detector.hot_fracton = 0.1 | detector.hot_fracton: unknown key `hot_fracton` | did you mean `hot_fraction`?
 "#;
 

@@ -1,4 +1,5 @@
-//! Objects whose states are told by a function of time.
+//! Objects whose states are a function of time.
+#![allow(dead_code, reason = "each test program uses its own part of this")]
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -18,7 +19,6 @@ pub fn oem(
 }
 
 /// Its text.
-#[allow(dead_code, reason = "some tests want the objects alone")]
 pub fn oem_text(
     id: &str,
     mid: Epoch,

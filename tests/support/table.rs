@@ -1,15 +1,31 @@
-//! Tables of refused inputs, as text: a line a case, ` | ` between the input and the words that its
-//! refusal has.
+//! Tables of cases as text: a line a case.
+#![allow(dead_code, reason = "each test program uses its own part of this")]
 
-/// Calls `refusal` with the input of each row (`\n` is a line's end) and looks for the row's words
+/// The rows of a table: an input, and behind each ` | ` a text that belongs to it. A line that
+/// starts with `|` continues the row above it, one with `//` is a remark.
+pub fn rows(table: &str) -> Vec<(&str, Vec<&str>)> {
+    let mut rows: Vec<(&str, Vec<&str>)> = Vec::new();
+    let lines = table.lines().map(str::trim);
+    for line in lines.filter(|line| !line.is_empty() && !line.starts_with("//")) {
+        let mut parts = line.split(" | ").map(str::trim);
+        match line.strip_prefix("| ") {
+            Some(more) => rows.last_mut().unwrap().1.extend(more.split(" | ")),
+            None => rows.push((parts.next().unwrap(), parts.collect())),
+        }
+    }
+    rows
+}
+
+/// Calls `refusal` with the input of each row (`\n` is a line's end) and looks for the row's texts
 /// in it.
 pub fn check_refusals(table: &str, refusal: impl Fn(&str) -> String) {
-    for row in table.trim().lines() {
-        let mut cells = row.split(" | ");
-        let input = cells.next().unwrap().replace("\\n", "\n");
-        let message = refusal(&input);
-        for word in cells {
-            assert!(message.contains(word), "{row}\n{message}\nhas no {word:?}");
+    for (input, words) in rows(table) {
+        let message = refusal(&input.replace("\\n", "\n"));
+        for word in words {
+            assert!(
+                message.contains(word),
+                "{input}\n{message}\nhas no {word:?}"
+            );
         }
     }
 }

@@ -18,7 +18,6 @@ use skyloop::sky::shape::{Lobe, Plate, Shape};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-
 fn mid() -> Epoch {
     parse_utc("2026-03-01T12:00:00").unwrap()
 }

@@ -5,14 +5,11 @@ mod close;
 mod facets;
 mod faint;
 mod glints;
-mod lightcurve;
 mod population;
 mod published;
 mod ring;
 mod shade;
 mod twice;
-
-
 
 // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
 const VANGUARD: &str = "VANGUARD 1\n\

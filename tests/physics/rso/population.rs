@@ -1,8 +1,8 @@
 //! Population files: who is in them and what they look like, and what is refused, with file, key and value.
 
+use super::{DELTA, VANGUARD};
 use crate::fixtures::{self, Frames};
 use crate::table::check_refusals;
-use super::{DELTA, VANGUARD};
 use skyloop::config::Config;
 use skyloop::load::Folder;
 use skyloop::load::orbits::several_sets;
