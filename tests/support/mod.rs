@@ -9,6 +9,7 @@ use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles, Wire};
+use skyloop::metrics::{self, Metrics};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
 use skyloop_protocols::personality::{NATIVE, Personality};
@@ -54,6 +55,24 @@ pub fn attitude(sequence: u32) -> Attitude {
             velocity_m_s: [5544.406469, -3022.740430, -4386.550226],
         }),
     }
+}
+
+/// An attitude that is refused: its quaternion has no norm.
+pub fn bad_attitude(sequence: u32) -> Attitude {
+    Attitude {
+        q_icrf_to_body: [0.0; 4],
+        ..attitude(sequence)
+    }
+}
+
+/// The wire time of this machine's clock.
+pub fn system_time() -> WireTime {
+    let since_1970 = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap();
+    // X-Val: 4,383 days from 1958 to 1970 (as in the ICD), and TAI - UTC = 37 s since 2017.
+    let tai = since_1970 + Duration::from_secs(4_383 * 86_400 + 37);
+    WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap()
 }
 
 /// An emulator that serves in a thread of its own.
@@ -124,6 +143,12 @@ impl Running {
     /// Ends the run as `skyloop run` does; its counters.
     pub fn end(self) -> Counters {
         self.measured().1
+    }
+
+    /// Ends the run likewise; its counters of these names have these values.
+    #[track_caller]
+    pub fn ends_with(self, expected: &[(&str, u32)]) {
+        client::counted(&self.end(), expected);
     }
 
     /// Ends the run likewise; what it measured too.
@@ -288,7 +313,16 @@ pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// The samples of a run's page of figures by name.
+/// An emulator at `wire` with a page of metrics, and the page's server.
+pub fn with_metrics(config: Config, clock: Clock, wire: Wire) -> (Running, metrics::Server) {
+    let place = Metrics::default();
+    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
+    let prepare = |server: &mut Server| server.set_metrics(place);
+    let links = vec![(wire, Roles::ALL)];
+    (Running::prepared(config, clock, links, prepare), serving)
+}
+
+/// The samples of a run's page of metrics by name.
 pub fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
     let mut stream = TcpStream::connect(from).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();

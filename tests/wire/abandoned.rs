@@ -1,4 +1,5 @@
-//! A frame that costs a lot: commands are answered while it is made, it can be abandoned, and it is refused where it costs too much.
+//! A frame that takes long: commands are answered meanwhile, it can be abandoned, and it is refused
+//! where it takes longer than the limit.
 
 use crate::replay::{replay, small};
 use crate::support::client::Client;
@@ -25,7 +26,7 @@ pub fn limited(work_limit_s: f64) -> Config {
     config
 }
 
-/// An attitude whose frame takes minutes: the limb of the Earth and all stars smeared over 57 degrees.
+/// An attitude whose frame takes minutes: the limb and all stars smeared over 57 degrees.
 pub fn turning(sequence: u32) -> Attitude {
     Attitude {
         rates_rad_s: [0.69, 0.69, 0.0],
@@ -33,7 +34,7 @@ pub fn turning(sequence: u32) -> Attitude {
     }
 }
 
-/// An emulator in step, and its client, in the midst of such a frame. What comes and goes is recorded in a file, if there is one.
+/// An emulator in step while it renders such a frame, and its client. `file` records the packets.
 pub fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
     let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = ["memory".to_string()];
@@ -90,16 +91,6 @@ fn commands_are_answered_while_a_frame_is_made_and_a_reset_abandons_it() {
 }
 
 #[test]
-fn the_end_of_a_run_abandons_its_frame() {
-    let (emulator, _client, _) = in_the_midst(None);
-    let asked = Instant::now();
-    let counters = emulator.end();
-    assert!(asked.elapsed() < SOON, "{:?}", asked.elapsed());
-    let counts = (counters.frames_rendered, counters.frames_abandoned);
-    assert_eq!(counts, (0, 1));
-}
-
-#[test]
 #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
 fn timed_answers_come_within_a_tenth_of_a_second() {
     const LIMIT: Duration = Duration::from_millis(100);
@@ -109,11 +100,9 @@ fn timed_answers_come_within_a_tenth_of_a_second() {
     client.status();
     let asked = Instant::now();
     emulator.end();
-    println!(
-        "Ping, Reset, abandoned: {took:?}; end: {:?}",
-        asked.elapsed()
-    );
-    assert!(took.iter().all(|took| *took < LIMIT) && asked.elapsed() < LIMIT);
+    let end = asked.elapsed();
+    println!("Ping, Reset, abandoned: {took:?}; end: {end:?}");
+    assert!(took.iter().all(|took| *took < LIMIT) && end < LIMIT);
 }
 
 #[test]

@@ -132,7 +132,7 @@ fn what_cannot_leave_is_no_reason_to_look_all_the_time() {
         let looks = || rig.control.looks.load(Ordering::Relaxed);
         let (begin, before) = (Instant::now(), looks());
         assert_eq!(rig.ours.recv(Duration::from_millis(200)).unwrap(), None);
-        // A handle looks every 2 ms whether the other direction has something; twice that for a clock that is coarse.
+        // A handle looks every 2 ms at the other direction; twice that for a coarse clock.
         let most = 20 + begin.elapsed().as_millis();
         assert!(u128::from(looks() - before) < most, "{} {most}", looks());
     }

@@ -1,4 +1,4 @@
-//! CAN frames on a serial line, letter by letter: what is none is counted, what breaks off too, and a line that goes comes back.
+//! CAN frames as text on a serial line: bad lines are counted, and a line that comes back is used.
 
 use crate::support::client::moved;
 use crate::support::{PATIENCE, Running, await_that, options, scene};

@@ -1,4 +1,5 @@
-//! What `Status` counts without a refusal: objects without a state, records refused at the start, packets lost on the way.
+//! Counters of `Status` that no refusal reports: objects without a state, records refused at the
+//! start, lost packets.
 
 use crate::support::client::{Client, moved};
 #[cfg(target_os = "linux")]
@@ -113,7 +114,7 @@ fn a_client_that_closes_its_port_makes_room_for_the_next() {
     let _emulator = Running::start(scene(), Clock::Stepped, wire);
     let counters = || {
         let counters = Client::new(PtyLine::at(&name)).counters();
-        // Time to notice that it has gone: who opens the port at that instant goes on where the last one was.
+        // A client that opens the port at once continues the exchange of the one before.
         std::thread::sleep(PATIENCE / 20);
         counters
     };

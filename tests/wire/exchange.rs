@@ -34,7 +34,7 @@ fn a_second_client_is_ignored_until_the_first_falls_silent() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, IDLE_S);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
-    // The first answer waits for the emulator to start; after the second one the client has just been heard.
+    // The first answer waits for the emulator to start; then the client has just been heard.
     first.status();
     let before = first.counters();
     second.send(Command::Ping);
@@ -106,7 +106,7 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
 
 #[test]
 fn what_comes_late_from_the_last_client_is_ignored() {
-    // What comes in the first second is late by up to 9 s: with this seed by 7.8 s. It is overtaken.
+    // Packets of the first second are late by up to 9 s, with this seed by 7.8 s.
     let plan = "[[faults]]\ndirection = \"in\"\nkind = \"jitter\"\nvalue = 9.0\nfor_s = 1.0\n";
     let plan = Plan::parse("faults.toml", plan, false).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));

@@ -1,6 +1,6 @@
-//! Faults between a link and the emulator: what they do, what is counted, and how long a delay lasts.
+//! Faults between a link and the emulator: effects, counters, and the length of delays.
 
-use crate::support::client::{Client, counted, moved, packet};
+use crate::support::client::{Client, moved, packet};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
     EPOCH, PATIENCE, Running, always, attitude, fault, memory_client, on_pty, options, scene,
@@ -212,7 +212,7 @@ fn a_live_fault_is_acknowledged_acts_and_ends() {
     assert!(started.elapsed() >= Duration::from_millis(300));
 }
 
-/// Whether the next packet, if one comes at all, is the Ack of this command. What else was lost is not missed.
+/// Whether the next packet is the Ack of this command. Other lost packets do not matter.
 fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) -> bool {
     let count = client.send(command);
     let Some(answer) = client.line.recv(PATIENCE) else {
@@ -311,17 +311,15 @@ fn a_link_that_is_down_loses_what_leaves_and_counts_it() {
         client.send(Command::Ping);
     }
     assert!(client.recv(Duration::from_millis(300)).is_none());
-    let counters = emulator.end();
     // An Ack and a Status for each.
-    counted(&counters, &[("commands", 3), ("lost_outbound", 6)]);
+    emulator.ends_with(&[("commands", 3), ("lost_outbound", 6)]);
 }
 
 /// The counters at the end of a run in which 50 answers are under way.
 fn end_with_delay(seconds: f64) -> Counters {
     let (wire, line) = with_faults("udp", &always("out", "delay", seconds));
     let emulator = Running::start(scene(), Clock::Stepped, wire);
-    let mut client = Client::new(line);
-    client.window = None;
+    let mut client = Client::new(line).unpaced();
     for _ in 0..25 {
         client.send(Command::Ping);
     }
@@ -358,7 +356,7 @@ fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
     assert_eq!(client.frame(), plain.frame());
 }
 
-/// What is on its way at the end of a run waits for a client that reads a little later, faults or none.
+/// Packets under way at the end of a run wait for a slow client, with and without faults.
 #[test]
 #[cfg(target_os = "linux")]
 fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {

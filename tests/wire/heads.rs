@@ -2,7 +2,8 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, attitude, await_that, later, options, quick, seconds};
+use crate::support::{EPOCH, attitude, await_that, later, options, quick, seconds, system_time};
+use crate::table::rows;
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::config::{Clock, Config};
@@ -20,7 +21,8 @@ const TAKES: Roles = Roles {
     ..Roles::ALL
 };
 
-/// Two cameras of 64 x 64 pixels at 20 Hz, the second turned by 90 deg about the first one's boresight; `flight` has a client of each. What they counted.
+/// The counters of two cameras of 64 x 64 pixels at 20 Hz, the second turned by 90 deg about the
+/// boresight of the first. `flight` gets a client of each.
 fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)) -> [Counters; 2] {
     let mut config = quick(20.0);
     let mut camera = config.camera.clone();
@@ -83,15 +85,9 @@ fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
     let [first, second] = two(Clock::Wall, |mut first, mut second| {
         second.status();
         // On this machine's own time, whose clock each reads for itself.
-        let since_1970 = std::time::SystemTime::now()
-            .duration_since(std::time::UNIX_EPOCH)
-            .unwrap();
-        // X-Val: 4,383 days from 1958 to 1970 (as in the ICD), and TAI - UTC = 37 s since 2017.
-        let tai = since_1970 + std::time::Duration::from_secs(4_383 * 86_400 + 37);
-        let now = skyloop_protocols::WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap();
-        first.point(attitude(1), now);
+        first.point(attitude(1), system_time());
         let [mut a, mut b] = [Vec::new(), Vec::new()];
-        // Some may be missed by the one and not by the other; the same to the nanosecond are none by chance.
+        // Either may miss exposures. Times that agree to the nanosecond do not agree by chance.
         await_that("two exposures of both", || {
             a.push(first.frame().time);
             b.push(second.frame().time);
@@ -171,31 +167,28 @@ fn settings_and_resets_reach_the_camera_that_they_are_for() {
 
 #[test]
 fn files_say_what_is_wrong_with_a_head() {
-    let refused = |text: &str| {
+    const LINK: &str = "link = \"udp://127.0.0.1:1\"";
+    let head = |name: &str, keys: &str| {
+        let keys = keys.replace("LINK", LINK).replace("; ", "\n");
+        format!("[[heads]]\nname = {name:?}\ncamera = \"fai-nir\"\n{keys}\n")
+    };
+    let refused = |text: &str, words: &[&str]| {
         let config = Config::parse("run.toml", text, &Folder::current());
-        config.unwrap_err().to_string()
-    };
-    let head = |name: &str, rest: &str| {
-        format!("[[heads]]\nname = {name:?}\ncamera = \"fai-nir\"\n{rest}\n")
-    };
-    let link = "link = \"udp://127.0.0.1:1\"";
-    let slow = format!("{link}\nrate_hz = 0");
-    let fast = format!("{link}\nrate_hz = 10.1");
-    let twice = head("B", link) + &head("B", "link = \"udp://127.0.0.1:2\"");
-    for (text, words) in [
-        (
-            head("B", "link = []"),
-            ["heads[0].link", "at least one link"],
-        ),
-        (head(" ", link), ["heads[0].name", "figures and verdicts"]),
-        (head("B", &slow), ["heads[0].rate_hz", "0.0001"]),
-        (head("B", &fast), ["heads[0].rate_hz", "overlap"]),
-        (twice, ["heads[1].name", "no other camera"]),
-        (head("fai-nir", link), ["heads[0].name", "no other camera"]),
-    ] {
-        let error = refused(&text);
+        let error = config.unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    for (row, words) in rows(
+        "B; link = []            | heads[0].link | at least one link
+         ; LINK                  | heads[0].name | figures and verdicts
+         B; LINK; rate_hz = 0    | heads[0].rate_hz | 0.0001
+         B; LINK; rate_hz = 10.1 | heads[0].rate_hz | overlap
+         fai-nir; LINK           | heads[0].name | no other camera",
+    ) {
+        let (name, keys) = row.split_once("; ").unwrap();
+        refused(&head(name, keys), &words);
     }
+    let twice = head("B", LINK) + &head("B", &LINK.replace(":1\"", ":2\""));
+    refused(&twice, &["heads[1].name", "no other camera"]);
     let further = |url: &str| {
         let opened = link::open_further(&[url.to_string()], &options(5.0));
         opened.map(|_| ()).map_err(|error| error.to_string())

@@ -1,4 +1,4 @@
-//! Output levels: what a client asks for is what comes, and it is the same light as in the whole frame.
+//! Output levels: the client gets the level that it chose, with the pixels of the whole frame.
 
 use crate::support::client::{Client, Received, moved};
 use crate::support::line::Line;
@@ -169,7 +169,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
     let (header, packets, _) = frame_at(&mut client, output, 7);
     let windows = windows_of(&header, &packets);
     let places: Vec<[u16; 2]> = windows.iter().map(|(place, _)| *place).collect();
-    // By hand: 11 columns centred at 100 begin at 95; near an edge they are shifted to 0 or 256 - 11.
+    // By hand: 11 columns around 100 begin at 95; at an edge they begin at 0 or 256 - 11.
     assert_eq!(places, [[0, 0], [95, 45], [245, 245], [245, 0]]);
     for (place, pixels) in &windows {
         assert_eq!(*pixels, crop(&whole, *place, 11));
@@ -261,7 +261,7 @@ fn settings_of_the_output_are_told_and_end_with_a_reset() {
     assert_eq!(client.status().output, Output::default());
 }
 
-/// A pseudo-terminal has no rate of its own, but its URL says that it stands for a line of 115,200 baud.
+/// A pseudo-terminal has no rate of its own; its URL gives that of the line, 115,200 baud.
 #[test]
 fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithmetic() {
     let mut config = scene();

@@ -1,11 +1,11 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
-#[path = "../support/fixtures.rs"]
-mod fixtures;
 #[path = "../support/flight.rs"]
 mod flight;
 #[path = "../support/mod.rs"]
 mod support;
+#[path = "../support/table.rs"]
+mod table;
 
 mod abandoned;
 mod bad_packets;
@@ -14,7 +14,6 @@ mod bus_faults;
 mod can;
 mod content;
 mod counted;
-mod determinism;
 mod end;
 mod exchange;
 mod faults;
@@ -33,5 +32,4 @@ mod roles;
 mod slow_line;
 mod steering;
 mod unread;
-mod wall_clock;
 mod withheld;

@@ -1,4 +1,4 @@
-//! What goes wrong on a CAN bus: counted in `Status`, each by its kind. The bus is slcan over a pseudo-terminal.
+//! Faults on a CAN bus, each with its counter in `Status`. The bus is slcan over a pseudo-terminal.
 #![cfg(unix)]
 
 use crate::support::client::{Client, moved};
@@ -140,7 +140,7 @@ fn faults_are_switched_over_the_bus_that_they_harm() {
     assert_eq!(found, [("overflows", 5), ("sequence_gaps", 3)]);
 }
 
-/// Nothing leaves but the Acks of the commands that say so. Down in both directions and back counts once.
+/// Only the Acks of Fault commands leave. A link down in both directions is one reconnect.
 #[test]
 fn the_acks_of_faults_pass_a_bus_that_loses_everything() {
     let (_emulator, mut client, _) = on_a_bus();

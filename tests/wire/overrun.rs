@@ -63,7 +63,7 @@ fn told(frame: &Received) -> (Value, Value) {
     (label["overrun"].clone(), label["fidelity"].clone())
 }
 
-/// What the labels of the first frames at a hurried cadence say: why they are not as configured, and by what they were rendered.
+/// The labels of the first frames at a hurried cadence: their overrun and their fidelity.
 /// Then time is no longer short, and a frame comes as configured; what was measured and counted.
 fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
     let (emulator, mut client) = flown(policy, HURRIED_HZ);

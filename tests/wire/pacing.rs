@@ -17,7 +17,7 @@ fn large() -> Config {
     Config { camera, ..scene() }
 }
 
-/// A whole frame through a window of `window` packets; the emulator never sends more than was granted.
+/// A frame through a window of `window` packets. The emulator never sends more than was granted.
 fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) {
     client.window = None;
     let start = client.taken;
@@ -27,7 +27,7 @@ fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) 
     });
     client.point(attitude(sequence), EPOCH);
     let frame = client.frame_granting(|client, taken| {
-        // All that was granted is here and nothing else can come: now, and only now, more is granted.
+        // All granted packets have come, and no other can come until more is granted.
         if taken % window == 0 {
             if taken < 4 * window || taken % (128 * window) == 0 {
                 assert_eq!(
@@ -92,7 +92,8 @@ fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
     assert_eq!((after.frames_delivered, after.frames_abandoned), (1, 1));
 }
 
-/// Each reason that a client can bring about, as Status tells it before the frame is given up; a whole frame clears it.
+/// Each reason that a client can cause, as Status gives it before the frame is given up. A whole
+/// frame clears it.
 #[test]
 fn status_tells_why_a_frame_does_not_come() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 60.0);
@@ -179,7 +180,7 @@ fn a_client_that_never_reads_its_socket_does_not_hold_the_emulator() {
 #[test]
 fn a_client_that_never_reads_its_serial_line_does_not_hold_the_emulator() {
     let (emulator, mut client) = serial_client(scene(), Clock::Stepped);
-    // A frame has more packets than the queue and the line can hold: each one stands still and is given up.
+    // A frame has more packets than queue and line hold: each one stops and is given up.
     without_reading(&emulator, &mut client, 3);
     // What is in the queue still comes, in good frames of the line.
     while client.line.recv(Duration::from_millis(200)).is_some() {}
@@ -211,7 +212,7 @@ fn answers_wait_for_room_behind_an_unpaced_frame() {
     let (emulator, mut client) = memory_client(large(), Clock::Stepped);
     client.window = None;
     client.point(attitude(0), EPOCH);
-    // The frame has begun, and fills the link's queue of 256 packets; 200 answers find no room there.
+    // The frame fills the queue of 256 packets, which has no room for 200 answers.
     let header = client.line.recv(PATIENCE).expect("the frame begins");
     assert!(matches!(
         Reply::decode(&header),
@@ -265,7 +266,7 @@ fn resets_that_nobody_reads_are_bounded_too() {
 fn attitudes_sent_ahead_wait_their_turn_and_too_many_are_refused() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.window = None;
-    // No credit: the first frame stands still, 64 more attitudes wait (ICD, 5.4), and one is too many.
+    // Without credit the first frame stops, 64 attitudes wait (ICD, 5.4), and one is refused.
     client.send(Command::Credit { packets: 0 });
     client.send(Command::Attitude(attitude(0)));
     await_that("the first frame is made", || {

@@ -88,12 +88,11 @@ fn a_client_that_sends_nothing_any_more_gets_no_stream() {
         assert!(started.elapsed() < PATIENCE, "the stream goes on");
     }
     // Whoever sends the Challenges back has it again.
-    let mut client = Client::new(deaf.0);
-    client.window = None;
+    let mut client = Client::new(deaf.0).unpaced();
     client.await_answer();
 }
 
-/// A Challenge that was made for another address or time is known as one: its refusal says so, on any link.
+/// A Challenge of another address or time is refused with that reason on every link.
 #[test]
 fn a_wrong_challenge_is_refused_in_words() {
     let challenge = |token| {
@@ -188,7 +187,8 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     balance("proved late", emulator, 2, &[(1, &withheld)]);
 }
 
-/// A frame of some 40 kB takes 3 s at 12.5 kB/s; the proof holds for 1 s. What the client has sent before would pay for all of it (3 x 15 kB).
+/// A frame of 40 kB takes 3 s at 12.5 kB/s, and the proof holds for 1 s. The packets that the
+/// client has sent would allow all of it (3 x 15 kB).
 #[test]
 fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     let url = "udp://127.0.0.1:0?rate_mbit=0.1".to_string();
@@ -197,8 +197,7 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     let emulator = Running::at(quick(1.0), Clock::Stepped, links);
     let mut client = Client::new(line);
     client.status();
-    let mut deaf = Client::new(Silent(client.line));
-    deaf.window = None;
+    let mut deaf = Client::new(Silent(client.line)).unpaced();
     for _ in 0..300 {
         deaf.send(Command::Credit { packets: 1 << 30 });
         std::thread::sleep(Duration::from_millis(1));
@@ -231,7 +230,8 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     assert!(counters.lost_outbound > 0);
 }
 
-/// Likewise beside a link whose client proves its address: what is given up there is not sent, what follows is, whatever was refused in between.
+/// Beside a link whose client proves its address, a second client proves its own late. It gets the
+/// next frames and not the one that was given up, also after a refusal.
 #[test]
 fn a_link_whose_client_proves_late_gets_the_next_frames() {
     for is_refused in [false, true] {

@@ -2,13 +2,15 @@
 
 use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, attitude, await_that, later, options, quick, scene, udp_client};
+use crate::support::{
+    EPOCH, attitude, await_that, bad_attitude, later, options, quick, scene, udp_client,
+};
 use crate::withheld::{SHORT, beside};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Attitude, Command, Withheld};
+use skyloop_protocols::{Command, Withheld};
 use std::time::Duration;
 
 /// A refused packet that asks for no frame withholds none; a damaged attitude does.
@@ -33,27 +35,19 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
     }
 }
 
-/// The causes that no client brings about on a link that also answers it: they are told over the link of the truth.
+/// Causes on a link that has no answers of its own: Status gives them over the link of the truth.
 #[test]
 fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
     // 10 bits a byte: on the slow line 1,400 bytes take 1.5 s, and frames come 10 times a second.
     const SLOW: &str = "pty?baud=9600";
+    const MEMORY: &str = "memory";
     for (link, speaks, personality, cause, name) in [
-        ("memory", false, &NATIVE, Withheld::NoClient, "no client"),
-        (
-            "memory",
-            true,
-            &SHORT,
-            Withheld::TooLong,
-            "cannot be encoded",
-        ),
+        (MEMORY, false, &NATIVE, Withheld::NoClient, "no client"),
+        (MEMORY, true, &SHORT, Withheld::TooLong, "cannot be encoded"),
         (SLOW, true, &NATIVE, Withheld::SlowLink, "link too slow"),
     ] {
-        let clock = if link == SLOW {
-            Clock::Wall
-        } else {
-            Clock::Stepped
-        };
+        let is_slow = link == SLOW;
+        let clock = if is_slow { Clock::Wall } else { Clock::Stepped };
         let (frames, port) = link::loopback(link, &options(5.0)).unwrap();
         let (emulator, mut client) = beside(quick(10.0), clock, frames, personality);
         let mut other = Client::new(MemoryLine(port));
@@ -77,13 +71,10 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
     }
 }
 
-/// A refusal that Status has not brought yet stays until it has; a Trigger that is refused is one that comes.
+/// Status keeps a refusal until it has been sent. A refused Trigger counts as one that came.
 #[test]
 fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
-    let bad = Attitude {
-        q_icrf_to_body: [0.0; 4],
-        ..attitude(1)
-    };
+    let bad = bad_attitude(1);
     let start = later(EPOCH, f64::from(1u32 << 30));
     for (refused, when, after_s) in [
         (Command::Attitude(bad), "before", 3),

@@ -120,7 +120,7 @@ fn exchange() -> Exchange {
     client.exchange
 }
 
-/// What comes of an exchange: the first difference, whole frames, frames of which packets are missing.
+/// The result of a replay: first difference, whole frames, frames with missing packets.
 fn replayed(folder: &Path, exchange: &Exchange) -> (Option<String>, usize, usize) {
     let file = folder.join("run.log");
     std::fs::write(&file, log(exchange)).unwrap();

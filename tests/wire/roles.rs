@@ -1,10 +1,11 @@
 //! Several links a run: truth in, pixels out, labels out.
 
-use crate::support::client::{Client, counted};
+use crate::support::client::Client;
 use crate::support::line::UdpLine;
 use crate::support::{
     EPOCH, PATIENCE, Running, attitude, await_that, options, role_clients, scene_at,
 };
+use crate::table::rows;
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reason};
@@ -39,10 +40,8 @@ fn truth_pixels_and_labels_each_have_their_link() {
     assert_eq!(levels, (PixelLevel::None, LabelLevel::Objects));
     assert_eq!(end, whole);
     assert_eq!(payloads(&parts), payloads(&packets[4..]));
-    assert!(
-        truth.has_nothing_left(),
-        "only answers go where the truth comes from"
-    );
+    // Only answers go where the truth comes from.
+    assert!(truth.has_nothing_left());
     // The output is a matter of each link.
     let few = Output {
         pixels: PixelLevel::Windows,
@@ -77,12 +76,9 @@ fn only_the_truth_link_points_and_sets_the_camera() {
         pixels.send(command);
         pixels.refused(Reason::NotSupported, &["send them over udp://127.0.0.1:"]);
     }
+    // A Reset there resets that exchange alone.
     pixels.done(Command::Reset);
-    assert_eq!(
-        truth.status().exposure_s,
-        0.2,
-        "a Reset there resets that exchange alone"
-    );
+    assert_eq!(truth.status().exposure_s, 0.2);
     truth.done(Command::Reset);
     assert_ne!(truth.status().exposure_s, 0.2);
 }
@@ -98,7 +94,7 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     let (_, parts, _) = truth.parcel();
     assert!(!parts.is_empty());
     pixels.next(true);
-    // Its frame is given up after 2 s; it holds up none of the next ones, and gets none until it says something.
+    // Its frame is given up after 2 s. It delays no other, and gets none until it sends again.
     let begin = Instant::now();
     for sequence in 2..14 {
         truth.point(attitude(sequence), EPOCH);
@@ -112,10 +108,7 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     truth.point(attitude(14), EPOCH);
     assert_eq!(pixels.parcel().0.attitude_sequence, 14);
     assert_eq!(truth.parcel().0.attitude_sequence, 14);
-    counted(
-        &emulator.end(),
-        &[("frames_delivered", 13), ("frames_abandoned", 1)],
-    );
+    emulator.ends_with(&[("frames_delivered", 13), ("frames_abandoned", 1)]);
 }
 
 #[test]
@@ -129,52 +122,32 @@ fn a_frame_that_nobody_is_there_for_counts_as_abandoned() {
     frames.next(false);
     truth.point(attitude(2), EPOCH);
     assert_eq!(frames.parcel().0.attitude_sequence, 2);
-    counted(
-        &emulator.end(),
-        &[
-            ("frames_rendered", 2),
-            ("frames_delivered", 1),
-            ("frames_abandoned", 1),
-        ],
-    );
+    assert_eq!(truth.counters().frames_rendered, 2);
+    emulator.ends_with(&[("frames_delivered", 1), ("frames_abandoned", 1)]);
 }
 
 #[test]
 fn roles_that_make_no_run_are_refused_by_name() {
-    let refused = |roles: &[&str]| {
-        let urls: Vec<String> = roles
-            .iter()
-            .map(|roles| format!("udp://127.0.0.1:0?roles={roles}"))
-            .collect();
-        match link::open_all(&urls, &options(5.0)) {
-            Ok(_) => panic!("{roles:?} was taken"),
-            Err(error) => error.to_string(),
-        }
-    };
-    for (roles, word, example) in [
-        (
-            &["truth", "truth+pixels"][..],
-            "a second link for the truth",
-            "?roles=pixels+labels",
-        ),
-        (
-            &["pixels", "labels"],
-            "no link has the role truth",
-            "?roles=truth",
-        ),
-        (&["truth+video"], "must be truth, pixels or labels", ""),
-        (&[""], "must be truth, pixels or labels", ""),
-        (&["truth+truth"], "each once", ""),
-        // A mistyped key comes before what its lack leads to.
-        (
-            &["truth", "truth&role=pixels"],
-            "unknown option \"role\"; udp has rate_mbit, proof, roles",
-            "",
-        ),
-    ] {
-        let text = refused(roles);
-        assert!(text.contains(word) && text.contains("roles="), "{text}");
-        let example = format!("; write for example udp://127.0.0.1:4810{example}");
+    // The roles of each link; words of the refusal, and the end of its example. A mistyped key
+    // comes before what its lack leads to.
+    for (roles, words) in rows(
+        "truth truth+pixels | a second link for the truth | 4810?roles=pixels+labels
+         pixels labels      | no link has the role truth | 4810?roles=truth
+         truth+video        | must be truth, pixels or labels | 4810
+         NONE               | must be truth, pixels or labels | 4810
+         truth+truth        | each once | 4810
+         truth truth&role=pixels
+         | unknown option \"role\"; udp has rate_mbit, proof, roles | 4810",
+    ) {
+        let roles = roles.split(' ').map(|roles| roles.replace("NONE", ""));
+        let url = |roles: String| format!("udp://127.0.0.1:0?roles={roles}");
+        let urls: Vec<String> = roles.map(url).collect();
+        let Err(error) = link::open_all(&urls, &options(5.0)) else {
+            panic!("{urls:?} was taken");
+        };
+        let text = error.to_string();
+        assert!(text.contains(words[0]) && text.contains("roles="), "{text}");
+        let example = format!("; write for example udp://127.0.0.1:{}", words[1]);
         assert!(text.ends_with(&example), "{text}");
     }
 }

@@ -1,8 +1,7 @@
-//! Lines on which a window of packets takes longer than the 2 s after which a client that does nothing has gone.
-
+//! Lines on which a window of packets takes longer than the 2 s after which a frame is given up.
 
 use crate::replay::small;
-use crate::support::client::{Client, counted};
+use crate::support::client::Client;
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options, scene};
 use skyloop::config::{Clock, Config};
@@ -17,12 +16,11 @@ fn on(link: &str, side: usize) -> (Running, Client<MemoryLine>) {
     (camera.detector.width, camera.detector.height) = (side, side);
     camera.optics.principal_px = [middle; 2];
     let (wire, port) = link::loopback(link, &options(5.0)).unwrap();
-    let mut client = Client::new(MemoryLine(port));
-    client.window = None;
+    let client = Client::new(MemoryLine(port)).unpaced();
     (Running::start(config, Clock::Stepped, wire), client)
 }
 
-/// A frame through a window that is granted anew when all of it has come; how long the longest took.
+/// A frame through a window that is granted when all of it has come: the longest time for one.
 fn by_whole_windows(client: &mut Client<MemoryLine>, window: u32) -> Duration {
     client.send(Command::Credit { packets: window });
     client.point(attitude(0), EPOCH);
@@ -46,10 +44,7 @@ fn what_is_on_its_way_is_waited_for() {
     let (emulator, mut client) = on("pty?baud=38400", 108);
     let longest = by_whole_windows(&mut client, 8);
     assert!(longest > Duration::from_millis(2_500), "{longest:?}");
-    counted(
-        &emulator.end(),
-        &[("frames_delivered", 1), ("frames_abandoned", 0)],
-    );
+    emulator.ends_with(&[("frames_delivered", 1), ("frames_abandoned", 0)]);
 }
 
 /// X-Val: 10 bit times a byte; SLIP (RFC 1055) with a CRC-32 of 4 bytes, an END on both sides and an escape for two bytes of 256. Frames that take 5 s or more
@@ -80,13 +75,13 @@ fn a_frame_is_slow_by_the_bytes_of_its_packets() {
                 baud >= 9600.0,
                 "{level}: {bytes} bytes in {packets} packets"
             );
-            // Credit for the header alone: the frame stays on its way. A client that is late for half a second finds that cause.
+            // Credit for the header alone: the frame stays under way. A client that is late by half a
+            // second finds that cause.
             let look = || {
                 let link = format!("pty?baud={baud}");
                 let (wire, port) = link::loopback(&link, &options(5.0)).unwrap();
                 let _emulator = Running::start(config(), Clock::Stepped, wire);
-                let mut client = Client::new(MemoryLine(port));
-                client.window = None;
+                let mut client = Client::new(MemoryLine(port)).unpaced();
                 client.send(Command::Credit { packets: 1 });
                 client.point(attitude(0), EPOCH);
                 let header = client.next(true);
@@ -119,8 +114,7 @@ fn loses_packets(polls: u32, pause: Duration) {
     };
     let (wire, port) = link::loopback("pty?baud=9600", &options(5.0)).unwrap();
     let _emulator = Running::start(config, Clock::Stepped, wire);
-    let mut client = Client::new(MemoryLine(port));
-    client.window = None;
+    let mut client = Client::new(MemoryLine(port)).unpaced();
     client.send(Command::Credit { packets: 64 });
     client.point(attitude(0), EPOCH);
     let header = client.next(true);

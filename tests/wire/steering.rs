@@ -58,7 +58,7 @@ fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
     );
     let (rms, drifted) = (account.rms_rad().unwrap(), account.drifted_rad());
     assert!(rms < 0.1 * drifted, "{rms} rad of {drifted}");
-    // A tenth of a pixel (X-Val: 1 / 530.8 rad): what it thinks is the body's own attitude at the exposure's middle.
+    // A tenth of a pixel (X-Val: 1 / 530.8 rad): its estimate is the attitude at mid-exposure.
     let off = account.estimate_rms_rad().unwrap();
     assert!(off < 0.2 / 530.8, "{off} rad");
     emulator.end();

@@ -1,4 +1,4 @@
-//! Clients that do not read, do not grant or do not prove their address: they are reported, and hold up no other link.
+//! Clients that do not read, grant or prove their address are reported, and delay no other link.
 
 use crate::proof::Silent;
 use crate::support::client::Client;
@@ -13,7 +13,8 @@ use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Withheld};
 use std::time::{Duration, Instant};
 
-/// A frame is given up after 2 s (ICD, section 5.3), whatever its client sends meanwhile; the frames after it wait for nothing.
+/// A frame is given up after 2 s (ICD, section 5.3), whatever its client sends meanwhile. The next
+/// frames do not wait.
 #[test]
 fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
     let udp = || {
@@ -33,14 +34,12 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
         let links = [(truth, "truth+pixels"), (wire, "labels")];
         let links = links.map(|(wire, roles)| (wire, Roles::parse(roles).unwrap()));
         let emulator = Running::at(quick(1.0), Clock::Stepped, links.into());
-        let mut client = Client::new(MemoryLine(port));
-        client.window = None;
-        let mut other = Client::new(line);
-        other.window = None;
+        let mut client = Client::new(MemoryLine(port)).unpaced();
+        let mut other = Client::new(line).unpaced();
         other.send(Command::Ping);
         await_that("it is heard", || client.counters().commands >= 2);
         let (begun, mut asked, mut packets) = (Instant::now(), 0, 1 << 20);
-        // Of twelve frames the queue of the link takes three. The others, with 2 s each, would take 18 s.
+        // The queue of the link takes three of twelve frames. 2 s for each of the others are 18 s.
         await_that("all frames have ended", || {
             let counters = client.counters();
             let ended = counters.frames_delivered + counters.frames_abandoned;
@@ -63,13 +62,12 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
     }
 }
 
-/// Frames of which all packets are in the queue of a link that is not read, by Status over another link.
+/// Frames whose packets are all in the queue of a link that is not read.
 #[test]
 fn a_client_that_does_not_read_what_is_queued_is_reported() {
     let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
     let (emulator, mut client) = beside(quick(1.0), Clock::Stepped, wire, &NATIVE);
-    let mut other = Client::new(PtyLine::at(&name));
-    other.window = None;
+    let mut other = Client::new(PtyLine::at(&name)).unpaced();
     other.status();
     client.point(attitude(0), EPOCH);
     await_that("it is reported", || {
@@ -84,17 +82,17 @@ fn a_client_that_does_not_read_what_is_queued_is_reported() {
     balance("read late", emulator, 1, &[(1, &[])]);
 }
 
-/// By the wall clock frames give way to newer ones: because the client does not read, not because the link is slow.
+/// By the wall clock frames are dropped because the client does not read: no slow link is reported.
 #[test]
 fn a_fast_link_that_is_not_read_is_not_called_slow() {
-    // The pseudo-terminal takes 20 kB, in 0.07 s. Of the large frames two fill the queue of the link: the fourth gives way within 0.1 s of the last byte.
+    // The pseudo-terminal takes 20 kB in 0.07 s. Two of the large frames fill the queue: the fourth
+    // is dropped within 0.1 s of the last byte.
     for (side, rate_hz) in [(64, 5.0), (256, 20.0)] {
         let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
         let mut config = quick(rate_hz);
         (config.camera.detector.width, config.camera.detector.height) = (side, side);
         let emulator = Running::start(config, Clock::Wall, wire);
-        let mut client = Client::new(PtyLine::at(&name));
-        client.window = None;
+        let mut client = Client::new(PtyLine::at(&name)).unpaced();
         client.point(attitude(0), EPOCH);
         std::thread::sleep(Duration::from_secs(4));
         let (stats, _) = emulator.measured();
@@ -107,7 +105,7 @@ fn a_fast_link_that_is_not_read_is_not_called_slow() {
     }
 }
 
-/// A frame that the link could not carry before the end, though its client reads; and one that waited for credit before, and does no longer.
+/// A frame that a slow link does not carry before the end, with credit from the start or later.
 #[test]
 fn a_frame_of_a_slow_link_ends_with_the_run() {
     for waits_for_credit in [false, true] {
@@ -124,7 +122,7 @@ fn a_frame_of_a_slow_link_ends_with_the_run() {
             await_that("no credit is reported", || {
                 client.status().withheld == Withheld::NoCredit
             });
-            // A packet after those of the first credit, and no Status: its reply may come behind the whole frame.
+            // No Status here: its reply may come behind the whole frame.
             client.forget();
             client.send(Command::Credit { packets: 1 << 20 });
         }

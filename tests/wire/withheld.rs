@@ -1,18 +1,17 @@
-//! Frames that a client does not get: each is counted under its cause, and none is missing from the sum.
+//! Frames that a client does not get, each counted under its cause.
 
 use crate::abandoned::{in_the_midst, limited, turning};
 use crate::support::client::{Client, counted};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
-    EPOCH, Running, attitude, await_that, fetched, later, memory_client, on_pty, on_udp, options,
-    quick, role_clients, scene, scene_at, serial_client,
+    EPOCH, Running, attitude, await_that, bad_attitude, fetched, later, memory_client, on_pty,
+    on_udp, options, quick, role_clients, scene, scene_at, serial_client, with_metrics,
 };
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
-use skyloop::metrics::{self, Metrics};
 use skyloop::stats::FrameAccount;
 use skyloop_protocols::personality::{NATIVE, Personality};
-use skyloop_protocols::{Attitude, Command, Counters, EncodeError, Reply, Withheld};
+use skyloop_protocols::{Command, Counters, EncodeError, Reply, Withheld};
 use std::time::{Duration, Instant};
 
 /// What one link is expected to have delivered, and withheld by cause.
@@ -53,8 +52,7 @@ pub fn balance(
 
 /// A client whose first frame, in step, waits for credit after 3 packets.
 fn waiting(line: impl Line) -> Client<impl Line> {
-    let mut client = Client::new(line);
-    client.window = None;
+    let mut client = Client::new(line).unpaced();
     client.send(Command::Credit { packets: 3 });
     client.point(attitude(0), EPOCH);
     await_that("the frame waits for credit", || {
@@ -114,12 +112,17 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     second.await_answer();
     balance("another client", emulator, 4, &[(0, &[("client gone", 4)])]);
 
+    // The frame that waits for credit, and three that were never made.
     let (emulator, line) = stepped();
     let mut client = waiting(line);
     wait_behind(&mut client);
-    balance("signal", emulator, 4, &[(0, &[("run ended", 4)])]);
+    let counters = balance("signal", emulator, 4, &[(0, &[("run ended", 4)])]);
+    counted(
+        &counters,
+        &[("frames_rendered", 1), ("frames_abandoned", 4)],
+    );
 
-    // Each frame has some 40 kB, of which the pseudo-terminal takes 20 in all; the queue of the link takes the others.
+    // Each frame has 40 kB: the pseudo-terminal takes 20 kB of all, the queue the others.
     let (emulator, mut client) = serial_client(quick(1.0), Clock::Stepped);
     client.window = None;
     for sequence in 0..3 {
@@ -138,11 +141,7 @@ fn requests_add_up_on_two_links_one_of_which_has_no_client() {
         truth.parcel();
     }
     // A refused one gives no link a frame.
-    let bad = Attitude {
-        q_icrf_to_body: [0.0; 4],
-        ..attitude(2)
-    };
-    truth.point(bad, EPOCH);
+    truth.point(bad_attitude(2), EPOCH);
     truth.nack();
     let withheld: [Expected<'_>; 2] = [
         (2, &[("refused", 1)]),
@@ -160,15 +159,11 @@ fn requests_add_up_on_two_links_one_of_which_has_no_client() {
     truth.point(attitude(1), later(EPOCH, 1.0));
     truth.status();
     truth.done(Command::Reset);
-    balance(
-        "Reset on one of two links",
-        emulator,
-        2,
-        &[
-            (1, &[("client sent Reset", 1)]),
-            (0, &[("client sent Reset", 1), ("run ended", 1)]),
-        ],
-    );
+    let withheld: [Expected<'_>; 2] = [
+        (1, &[("client sent Reset", 1)]),
+        (0, &[("client sent Reset", 1), ("run ended", 1)]),
+    ];
+    balance("Reset on one of two links", emulator, 2, &withheld);
 }
 
 #[test]
@@ -181,7 +176,11 @@ fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
         if ends_by_reset {
             client.done(Command::Reset);
         }
-        balance(name, emulator, 1, &[(0, &[(cause, 1)])]);
+        let counters = balance(name, emulator, 1, &[(0, &[(cause, 1)])]);
+        counted(
+            &counters,
+            &[("frames_rendered", 0), ("frames_abandoned", 1)],
+        );
     }
     // The second costs too much, the third lies before the first.
     let (emulator, mut client) = memory_client(limited(0.3), Clock::Stepped);
@@ -237,7 +236,7 @@ fn triggers_whose_frames_are_being_made_are_missed() {
     };
     let trigger = |client: &mut Client<_>, clock| {
         client.point(turning(1), EPOCH);
-        // By the client's clock exposures of the past alone are made; in step the attitude is that of the middle.
+        // By the external clock only past exposures are made; in step the attitude is that of the middle.
         let start = later(EPOCH, if clock == Clock::Stepped { -0.5 } else { -2.0 });
         client.send(Command::Trigger { number: 1, start });
         client.status();
@@ -295,12 +294,9 @@ fn requests_are_exposures_where_a_clock_gives_the_frames() {
                 counters.frames_delivered + counters.frames_abandoned + counters.exposures_missed;
             assert!(requested > 10, "{counters:?}");
             for (link, account) in &stats.accounts {
-                let sum: usize = account.withheld.values().sum();
-                assert_eq!(
-                    (account.requested, account.delivered + sum),
-                    (requested as usize, requested as usize),
-                    "{clock:?} {link}: {account:?} {counters:?}"
-                );
+                let sum = account.delivered + account.withheld.values().sum::<usize>();
+                let case = format!("{clock:?} {link}: {account:?} {counters:?}");
+                assert_eq!([account.requested, sum], [requested as usize; 2], "{case}");
             }
             let of_silent = &stats.accounts[1].1;
             assert_eq!(of_silent.withheld.contains_key("no client"), silent);
@@ -312,31 +308,21 @@ fn requests_are_exposures_where_a_clock_gives_the_frames() {
 /// `/metrics` shows the accounts of the links while the run goes on.
 #[test]
 fn figures_show_the_accounts() {
-    let place = Metrics::default();
-    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
     let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();
-    let line = UdpLine::to(&wire.address);
-    let links = vec![(wire, Roles::ALL)];
-    let emulator = Running::prepared(scene(), Clock::Stepped, links, |server| {
-        server.set_metrics(place);
-    });
-    let mut client = Client::new(line);
+    let mut client = Client::new(UdpLine::to(&wire.address));
+    let (emulator, serving) = with_metrics(scene(), Clock::Stepped, wire);
     client.good_frame(0);
     for n in 1..3 {
-        let bad = Attitude {
-            rates_rad_s: [f64::NAN; 3],
-            ..attitude(n)
-        };
-        client.point(bad, EPOCH);
+        client.point(bad_attitude(n), EPOCH);
         client.nack();
     }
-    let name = |what: &str| format!("skyloop_link_frames_{what}");
     await_that("the figures are there", || {
         let found = fetched(serving.address());
-        let of = |what| found.get(&name(what)).copied();
-        of("requested_total") == Some(3.0)
-            && of("delivered_total") == Some(1.0)
-            && of("withheld_total{cause=\"refused\"}") == Some(2.0)
+        let is =
+            |what, value: f64| found.get(&format!("skyloop_link_frames_{what}")) == Some(&value);
+        is("requested_total", 3.0)
+            && is("delivered_total", 1.0)
+            && is("withheld_total{cause=\"refused\"}", 2.0)
     });
     client.has_counted(&[("frames_delivered", 1), ("bad_attitude", 2)]);
     balance("figures", emulator, 3, &[(1, &[("refused", 2)])]);
@@ -380,8 +366,7 @@ fn frames_for_a_client_that_has_gone_are_counted_so() {
     for (url, wire, line) in [("udp", udp, udp_line), ("pty", pty, pty_line)] {
         let config = scene_at("windows");
         let (emulator, mut client) = beside(config, Clock::Stepped, wire, &NATIVE);
-        let mut other = Client::new(line);
-        other.window = None;
+        let mut other = Client::new(line).unpaced();
         other.send(Command::Credit { packets: 1 << 30 });
         other.status();
         client.point(attitude(0), EPOCH);
@@ -408,9 +393,7 @@ fn frames_for_a_client_that_has_gone_are_counted_so() {
         assert!((1..requested).contains(&account.delivered), "{account:?}");
         let withheld = [("client gone", requested - account.delivered)];
         assert_eq!(account.withheld, withheld.into(), "{url}");
-        assert_eq!(
-            counters.frames_delivered as usize, account.delivered,
-            "{url}"
-        );
+        let delivered = counters.frames_delivered as usize;
+        assert_eq!(delivered, account.delivered, "{url}");
     }
 }

@@ -1,8 +1,8 @@
-//! A machine whose processors have other things to do: exposures end on the grid of their periods, each is a frame or counted as missed, and the scene's
-//! time keeps pace with the client's clock.
+//! On a busy machine exposures end on the grid of their periods, each is a frame or is counted as
+//! missed, and the scene's time keeps pace with the client's clock.
 
-use crate::support::{EPOCH, attitude, memory_client};
 use super::{EXPOSURE_S, mid_s, quick, rest};
+use crate::support::{EPOCH, attitude, memory_client};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 use std::time::{Duration, Instant};
@@ -38,7 +38,7 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
     frames.extend(rest(&mut client));
     let counters = client.counters();
 
-    // X-Val: protocols/docs/icd.md, section 5.5: the first exposure ends one period after the attitude.
+    // X-Val: ICD, section 5.5: the first exposure ends one period after the attitude.
     let mut missed = 0;
     for frame in &frames {
         let periods = (mid_s(frame) + EXPOSURE_S / 2.0) * RATE_HZ;
@@ -52,7 +52,7 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
     assert!(missed <= counters.exposures_missed);
     let exposures = f64::from(counters.frames_rendered + counters.exposures_missed);
     assert!(exposures <= due, "{exposures} of {due}");
-    // A single shot's exposure starts as it is asked for. What the wire and a busy machine take widens the bounds, and breaks none.
+    // A single shot starts as its command comes. Wire and machine only widen the bounds.
     let asked = Instant::now();
     client.done(Command::SingleShot);
     let done = Instant::now();

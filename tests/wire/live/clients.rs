@@ -1,9 +1,9 @@
-//! Clients that go, and clients that stay and take nothing: the next one that is good gets its frames.
+//! Clients that leave, and clients that take nothing: the next client gets its frames.
 
-use crate::support::client::Client;
-use crate::support::line::{Line, UdpLine};
-use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
 use super::{PATIENCE, frame_of, quick, whole_frame};
+use crate::support::client::Client;
+use crate::support::line::Line;
+use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
 use hifitime::Epoch;
 use skyloop::config::Clock;
 use skyloop::link;
@@ -17,10 +17,9 @@ use std::time::{Duration, Instant};
 /// Silence after which another client may come, s.
 const IDLE_S: f64 = 0.2;
 
-/// A client that comes after one that has gone, and is heard when that one has been silent for long enough.
+/// A client after one that has left; the emulator hears it when that one has been silent.
 fn next_client<L: Line>(line: L) -> Client<L> {
-    let mut client = Client::new(line);
-    client.window = None;
+    let mut client = Client::new(line).unpaced();
     client.await_answer();
     // After a Reset no more frames come of what was said before.
     client.send(Command::Reset);
@@ -43,8 +42,7 @@ fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
     for clock in [Clock::Wall, Clock::External, Clock::Stepped] {
         let (_emulator, line) = on_udp(quick(20.0), clock, IDLE_S);
         let another = line.another();
-        let mut first = Client::new(line);
-        first.window = None;
+        let mut first = Client::new(line).unpaced();
         // So much that the frame begins, and not so much that it ends.
         first.send(Command::Credit { packets: 3 });
         first.point(attitude(1), EPOCH);
@@ -75,8 +73,7 @@ fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
 fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
     let (emulator, line) = on_udp(quick(20.0), Clock::Wall, IDLE_S);
     let another = line.another();
-    let mut first = Client::new(line);
-    first.window = None;
+    let mut first = Client::new(line).unpaced();
     first.send(Command::Credit { packets: 1 });
     first.point(attitude(1), EPOCH);
     // It is not read either: the emulator sends what it may, and waits for 2 s.
@@ -103,13 +100,12 @@ mod terminals {
     #[test]
     fn a_serial_client_that_closes_within_a_frame_is_followed_by_the_next() {
         let (_emulator, _folder, name) = served();
-        let mut first = Client::new(PtyLine::at(&name));
-        first.window = None;
+        let mut first = Client::new(PtyLine::at(&name)).unpaced();
         first.point(attitude(1), EPOCH);
         first.next(true);
         first.next(true);
         drop(first);
-        // A port that is opened again at once is that of the same client: that nobody holds it is looked for every 50 ms.
+        // A port that is opened again at once is that of the same client: the emulator looks every 50 ms.
         std::thread::sleep(Duration::from_secs(1));
         let mut second = next_client(PtyLine::at(&name));
         is_served(&mut second);
@@ -122,8 +118,7 @@ mod terminals {
     #[test]
     fn a_serial_client_that_does_not_read_holds_up_no_frame_and_is_served_when_it_does() {
         let (emulator, _folder, name) = served();
-        let mut client = Client::new(PtyLine::at(&name));
-        client.window = None;
+        let mut client = Client::new(PtyLine::at(&name)).unpaced();
         client.point(attitude(1), EPOCH);
         // More frames than terminal and queues hold: X-Val: 256 packets, some ten a frame.
         let mut last = 0;
@@ -139,18 +134,6 @@ mod terminals {
         let counters = client.counters();
         assert!(counters.frames_dropped > 0 && frame > 40, "{counters:?}");
         client.forget();
-    }
-}
-
-/// A client that says Reset as it goes lets the next one in at once.
-#[test]
-fn clients_come_and_go_and_each_is_served() {
-    let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 60.0);
-    for round in 0..20 {
-        let mut client = next_client(UdpLine::another(&line));
-        client.point(attitude(round), later(EPOCH, f64::from(round)));
-        assert_eq!(client.frame().header.attitude_sequence, round);
-        client.done(Command::Reset);
     }
 }
 

@@ -1,9 +1,9 @@
 //! Deadlines, and the times that a frame tells of itself.
 
+use super::{quick, rest};
 use crate::support::client::{Client, Received};
 use crate::support::line::{MemoryLine, UdpLine};
 use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options};
-use super::{quick, rest};
 use serde_json::Value;
 use skyloop::config::{Clock, OnOverrun};
 use skyloop::link::{self, Roles};
@@ -167,13 +167,11 @@ fn a_listener_that_takes_nothing_spoils_no_other_links_figures() {
     };
     let links = vec![(wire, Roles::ALL), (labels, roles)];
     let emulator = Running::at(config, Clock::Wall, links);
-    let mut dead = Client::new(MemoryLine(listener));
-    dead.window = None;
+    let mut dead = Client::new(MemoryLine(listener)).unpaced();
     // It begins to take a frame, and no more.
     dead.send(Command::Credit { packets: 1 });
     dead.status();
-    let mut client = Client::new(MemoryLine(port));
-    client.window = None;
+    let mut client = Client::new(MemoryLine(port)).unpaced();
     client.send(Command::Credit { packets: 1 << 20 });
     client.point(attitude(1), EPOCH);
     // X-Val: half a second, a quarter of the 2 s after which the listener is given up.
@@ -209,14 +207,13 @@ fn on_a_slow_line_a_frame_says_that_it_is_late_and_late_ones_are_left_out() {
         let wire = link::open("udp://127.0.0.1:0?rate_mbit=1", &options(60.0)).unwrap();
         let line = UdpLine::to(&wire.address);
         let emulator = Running::start(config, Clock::Wall, wire);
-        let mut client = Client::new(line);
-        client.window = None;
+        let mut client = Client::new(line).unpaced();
         client.send(Command::Credit { packets: 1 << 20 });
         client.status();
         client.point(attitude(1), EPOCH);
         let mut frames: Vec<_> = (0..3).map(|_| client.frame()).collect();
         let status = client.status();
-        // A frame that the end of the run cuts off has missed its deadline: none is on the line then.
+        // A frame that the end cuts off misses its deadline: there is none on the line.
         frames.extend(rest(&mut client));
         (frames, status, emulator.measured())
     };

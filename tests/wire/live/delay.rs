@@ -1,9 +1,9 @@
 //! A device that takes its time: its frames come no sooner than it says, in order, and all of them.
 
+use super::{mid_s, quick, rest};
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, memory_client, options};
-use super::{mid_s, quick, rest};
 use skyloop::config::{Clock, Delay};
 use skyloop::engine::Emulator;
 use skyloop::link::{self, Roles};
@@ -90,7 +90,7 @@ fn a_jitter_is_another_for_each_frame_and_within_its_bounds() {
         least.insert((held_s * 1e6) as u64);
     }
     assert_eq!(least.len(), frames.len(), "each another");
-    // X-Val: of 8 uniform draws the spread is below a quarter of their range once in 1,500 times, and these are the same each time.
+    // X-Val: the spread of 8 uniform draws is below a quarter of their range once in 1,500 times.
     let (first, last) = (least.first().unwrap(), least.last().unwrap());
     assert!(last - first > 50_000, "{least:?}");
 }
@@ -122,7 +122,7 @@ fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
     }
     rest(&mut client);
     let counters = client.counters();
-    // A client that stands still for a while loses some. X-Val: were three frames held back of the ten, seven of ten would be lost.
+    // X-Val: with three frames held back of the ten, seven of ten would be lost.
     assert!(
         counters.frames_dropped < counters.frames_rendered / 2,
         "{counters:?}"

@@ -1,9 +1,9 @@
 //! The client's clock: its attitudes tell the time, and frames come at the camera's cadence of it.
 
+use super::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use super::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
 use skyloop::config::Clock;
 use skyloop_protocols::{Command, Mode, Reason, SyncState, WireTime};
 use std::time::{Duration, Instant};
@@ -30,8 +30,7 @@ const STANDSTILL: Duration = Duration::from_millis(200);
 
 impl Pilot {
     fn of(line: MemoryLine, pace: f64) -> Pilot {
-        let mut client = Client::new(line);
-        client.window = None;
+        let client = Client::new(line).unpaced();
         Pilot {
             client,
             pace,
@@ -50,7 +49,7 @@ impl Pilot {
 
     /// Sets its clock; it begins with an attitude.
     ///
-    /// That tells `time` itself, to which the grid of periods refers, and not what the clock is a moment later.
+    /// The attitude is of `time` itself, to which the grid of periods refers.
     fn set(&mut self, time: WireTime) {
         self.set = (time, Instant::now());
         self.told = Instant::now();
@@ -187,7 +186,7 @@ fn a_clock_that_runs_fast_is_followed() {
         // What the window needs until it follows.
         pilot.fly_until("the window", |client| offset(client).0 > 0.4);
         let (first_s, first) = offset(&mut pilot.client);
-        // A machine that stands still makes a clock look slow for a while; in the end it gains what it gains.
+        // A pause of the machine makes a clock look slow for a while, but not for long.
         pilot.fly_until("the rate", |client| {
             let (now_s, now) = offset(client);
             let gain = (now - first) / (now_s - first_s);
@@ -217,7 +216,7 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
             let to = later(EPOCH, hours * 3600.0);
             let before = pilot.client.status();
             pilot.set(to);
-            // X-Val: protocols/docs/icd.md, section 5.5: it is followed when it has gone on so for 0.25 s; until then it may be wrong.
+            // X-Val: ICD, section 5.5: a new time is followed after 0.25 s.
             let began = Instant::now();
             pilot.fly_until("it is sure", |_| {
                 began.elapsed() > Duration::from_millis(400)
@@ -238,7 +237,7 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
             });
             let mut frames = rest(&mut pilot.client);
             pilot.client.done(Command::FrameRate { hz: RATE_HZ });
-            // After those of the time before, and one that may lie on the seam, all others are of the new time.
+            // After frames of the old time and one on the seam, all frames are of the new time.
             let is_of_it = |frame: &Received| {
                 let since_s = seconds(to, frame.time);
                 (0.0..PATIENCE.as_secs_f64()).contains(&since_s)
@@ -323,7 +322,7 @@ fn where_triggers_ask_for_frames_there_is_no_cadence_to_command() {
         client.send(command);
         client.refused(Reason::NotSupported, &["rigger"]);
     }
-    // Nor does one hold up what follows it. X-Val: a period is 0.05 s: there is none that an exposure has to fit.
+    // X-Val: a period is 0.05 s, which no exposure has to fit here.
     client.done(Command::Exposure { seconds: 0.2 });
     client.done(Command::Exposure { seconds: 0.02 });
     super::trigger(&mut client, 1, 0.05);

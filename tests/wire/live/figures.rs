@@ -1,22 +1,16 @@
 //! The figures of a live run for Prometheus.
 
-use crate::support::client::Client;
-use crate::support::line::UdpLine;
-use crate::support::{EPOCH, Running, attitude, await_that, fetched, options};
 use super::{quick, rest};
+use crate::support::client::Client;
+use crate::support::line::{MemoryLine, UdpLine};
+use crate::support::{
+    EPOCH, Running, attitude, await_that, bad_attitude, fetched, options, with_metrics,
+};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop::metrics::{self, Metrics};
-use skyloop_protocols::{Attitude, Reason};
+use skyloop_protocols::Reason;
 use std::collections::BTreeMap;
-
-/// An attitude that is refused.
-fn bad(sequence: u32) -> Attitude {
-    Attitude {
-        q_icrf_to_body: [0.0; 4],
-        ..attitude(sequence)
-    }
-}
 
 #[test]
 fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
@@ -35,7 +29,7 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let mut client = Client::new(line);
     // A refusal, so that not all counters are 0.
     client.point(attitude(1), EPOCH);
-    client.point(bad(2), EPOCH);
+    client.point(bad_attitude(2), EPOCH);
     client.refused(Reason::QuaternionNotUnit, &[]);
     let mut frames: Vec<_> = (0..6).map(|_| client.frame()).collect();
     frames.extend(rest(&mut client));
@@ -60,10 +54,11 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let dropped = f64::from(status.counters.frames_dropped);
     assert_eq!(found["skyloop_frames_total"], all + dropped);
     assert_eq!(found["skyloop_frames_incomplete_total"], dropped);
-    assert_eq!(
-        found["skyloop_clock_offset_seconds"],
-        frames_offset(&frames)
-    );
+    // Heard once, the client's clock is that of the emulator.
+    let last = &frames[frames.len() - 1];
+    let offset_s = last.end.clock_offset_s;
+    assert_eq!(offset_s, last.label()["timing"]["clock_offset_s"]);
+    assert_eq!(found["skyloop_clock_offset_seconds"], offset_s);
     for stage in ["first_pixel", "last_pixel", "first_octet", "last_octet"] {
         let of = |name: &str| found[&format!("skyloop_latency_seconds_{name}")];
         let count = of(&format!("count{{stage=\"{stage}\"}}"));
@@ -92,15 +87,10 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
 
 #[test]
 fn what_is_counted_is_told_where_no_frame_is_made() {
-    let place = Metrics::default();
-    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
-    let links = vec![(wire, Roles::ALL)];
-    let _emulator = Running::prepared(quick(20.0), Clock::Wall, links, |server| {
-        server.set_metrics(place);
-    });
-    let mut client = Client::new(crate::support::line::MemoryLine(port));
-    client.point(bad(1), EPOCH);
+    let (_emulator, serving) = with_metrics(quick(20.0), Clock::Wall, wire);
+    let mut client = Client::new(MemoryLine(port));
+    client.point(bad_attitude(1), EPOCH);
     client.refused(Reason::QuaternionNotUnit, &[]);
     await_that("it is told", || {
         let found = fetched(serving.address());
@@ -108,14 +98,4 @@ fn what_is_counted_is_told_where_no_frame_is_made() {
             && found["skyloop_frames_total"] == 0.0
             && found["skyloop_clock_sync"] == 0.0
     });
-}
-
-/// What the last frame says of the client's clock: heard once, it is that of the emulator.
-fn frames_offset(frames: &[crate::support::client::Received]) -> f64 {
-    let last = &frames[frames.len() - 1];
-    assert_eq!(
-        last.end.clock_offset_s,
-        last.label()["timing"]["clock_offset_s"]
-    );
-    last.end.clock_offset_s
 }

@@ -1,11 +1,11 @@
-//! More than can be taken, things that make no sense, and a line that spoils them: it is counted, and frames go on.
+//! Floods, nonsense and a bad line are counted, and frames go on.
 
+use super::{PATIENCE, frame_of, quick, whole_frame};
 use crate::support::client::{Client, counted, moved};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, fault, later, memory_client, on_udp, options,
 };
-use super::{PATIENCE, frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop::link::fault::{Book, Plan, wrap};
@@ -25,9 +25,8 @@ const FLOOD: u32 = 200_000;
 fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 60.0);
     let socket = line.0.try_clone().unwrap();
-    let mut client = Client::new(line);
     // A flood drowns credit, too.
-    client.window = None;
+    let mut client = Client::new(line).unpaced();
     client.point(attitude(1), EPOCH);
     client.frame();
     let over = AtomicBool::new(false);
@@ -140,8 +139,7 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
     let book = Arc::new(Mutex::new(Book::default()));
     let wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
     let _emulator = Running::start(quick(20.0), Clock::Wall, wire);
-    let mut client = Client::new(MemoryLine(port));
-    client.window = None;
+    let mut client = Client::new(MemoryLine(port)).unpaced();
     client.point(attitude(1), EPOCH);
     client.frame();
     let mut before = client.counters();
@@ -157,7 +155,7 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
     ] {
         let injected = book.lock().unwrap().total();
         burst(&mut client, kind, direction, value);
-        // What went wrong outward is the client's to notice; that it was injected is booked either way.
+        // Only the client sees faults on the way out; the book has them in either direction.
         let booked = book.lock().unwrap();
         assert!(booked.total() > injected, "{kind:?}: {}", booked.summary());
         drop(booked);

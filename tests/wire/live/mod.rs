@@ -1,6 +1,7 @@
-//! The live run: clocks, triggers, attitudes that are late or early, delays, deadlines; and what it does when something breaks.
+//! Live runs: clocks, triggers, late and early attitudes, delays, deadlines, and faults.
 //!
-//! Order, counts, states and flags are held, and that nothing comes early; how late something comes is the machine's affair.
+//! Tests hold order, counts, states and flags, and that nothing comes early. How late something
+//! comes depends on the machine.
 
 mod busy;
 mod clients;
@@ -13,15 +14,16 @@ mod overlap;
 mod pause;
 mod staleness;
 mod triggers;
+mod wall_clock;
 
+use crate::support::client::{Client, Received};
+use crate::support::line::Line;
+use crate::support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_protocols::{Attitude, Command, Reply, WireTime};
 use std::time::Duration;
-use crate::support::client::{Client, Received};
-use crate::support::line::Line;
-use crate::support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
 
 /// Body rates of the tests, rad/s.
 const RATES: [f64; 3] = [0.02, -0.01, 0.03];
@@ -34,7 +36,8 @@ fn xyzw(q: UnitQuaternion<f64>) -> [f64; 4] {
     [q.i, q.j, q.k, q.w]
 }
 
-/// The attitude `s` seconds after [`EPOCH`] of a body that has [`Q`] there and turns at [`RATES`]: dR/dt = -[w x] R, so q(t) = exp(-w t / 2) q(0).
+/// The attitude `s` seconds after [`EPOCH`] of a body that has [`Q`] there and turns at [`RATES`]:
+/// dR/dt = -[w x] R, so q(t) = exp(-w t / 2) q(0).
 fn turned(s: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(Vector3::from(RATES) * -s) * unit(Q)
 }
@@ -55,7 +58,7 @@ fn mid_s(frame: &Received) -> f64 {
     seconds(EPOCH, frame.time)
 }
 
-/// Sends a Trigger whose exposure starts at `start_s` after [`EPOCH`]; it tells no time of the client's.
+/// Sends a Trigger whose exposure starts `start_s` after [`EPOCH`]. Its packet has no time.
 fn trigger<L: Line>(client: &mut Client<L>, number: u32, start_s: f64) {
     let start = later(EPOCH, start_s);
     let command = Command::Trigger { number, start };

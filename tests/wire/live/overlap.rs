@@ -1,8 +1,8 @@
 //! One frame leaves while the next is made, and its upper rows while the lower ones are.
 
+use super::{PATIENCE, quick, rest};
 use crate::support::client::Client;
 use crate::support::{EPOCH, attitude, await_that, memory_client, scene};
-use super::{PATIENCE, quick, rest};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 use std::time::{Duration, Instant};
@@ -39,7 +39,7 @@ fn frames_are_made_and_commands_heard_while_a_client_takes_nothing() {
     assert_eq!(counters.frames_abandoned, counters.frames_dropped);
 }
 
-/// Waits until so many frames are made, sending what `meanwhile` says every 50 ms; the counters then.
+/// Waits for so many frames and sends `meanwhile` every 50 ms. The counters at the end.
 fn await_frames(
     client: &mut Client<crate::support::line::MemoryLine>,
     frames: u32,

@@ -1,11 +1,11 @@
-//! Pause and Resume: by every clock nothing is exposed meanwhile, and time goes on from where it stood.
+//! Pause and Resume: no clock exposes in a pause, and time goes on from where it stopped.
 
+use super::{mid_s, quick, seconds, trigger, whole_periods};
 use crate::support::client::{Client, Received};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, later, memory_client, on_memory, options,
 };
-use super::{mid_s, quick, seconds, trigger, whole_periods};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause};
@@ -32,7 +32,7 @@ fn periods(from: WireTime, frame: &Received) -> f64 {
     whole_periods(from, frame, RATE_HZ)
 }
 
-/// Pauses, and takes what is still under way; the status then, in which nothing more comes for a while.
+/// Pauses and takes the frames under way. With the status of the pause.
 fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
     client.done(Command::Pause);
     let is_over = |status: &Status| {
@@ -84,7 +84,8 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
 
     client.done(Command::Resume);
     let first = client.frame();
-    // X-Val: at most two exposures of 1/50 s were under way or missed at the pause, of those missed told; then one period of 1/25 s. The pause was ten times longer.
+    // X-Val: at most two exposures of 1/50 s were under way, and missed ones are counted; then one
+    // period of 1/25 s. The pause was ten times longer.
     let missed = f64::from(client.counters().exposures_missed);
     let gone_on_s = mid_s(&first) - last_s;
     assert!(
@@ -186,7 +187,7 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
     let (_emulator, mut client) = shown(Clock::External);
     client.frame();
     let (_, before) = paused(&mut client);
-    // A client whose time stands still, told again and again, and one that sets it by an hour: neither is a jump.
+    // A client whose time stops, and one that sets it by an hour: neither is a jump.
     for (sequence, s) in [(2, 0.05), (3, 0.05), (4, 3600.0)] {
         client.point(attitude(sequence), later(EPOCH, s));
         std::thread::sleep(WHILE);
@@ -269,13 +270,13 @@ fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
 
 #[test]
 fn the_flight_computer_pauses_and_loses_nothing_by_it() {
-    // Attitudes leave meanwhile, as ever: X-Val: 20 Hz for 0.4 s are 9 at most without, and for 0.98 s 20, of which a machine that stands still leaves some out.
+    // X-Val: 20 Hz for 0.4 s are at most 9 attitudes without the pause, and for 0.98 s 20.
     await_that("attitudes leave while it is paused", || {
         flown_with_a_pause().is_some_and(|attitudes| attitudes > 10)
     });
 }
 
-/// Flies for 20 frames with a pause; how many attitudes left, where no thread stood still for longer than the client waits.
+/// Flies 20 frames with a pause: the number of attitudes sent, where no thread stood still.
 fn flown_with_a_pause() -> Option<u32> {
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let mut config = quick(RATE_HZ);

@@ -1,9 +1,9 @@
 //! Attitudes that are too old, of the future, or out of order.
 
+use super::{EXPOSURE_S, mid_s, quick, rest, shows, trigger, turned, turning};
 use crate::support::client::{Client, Received, counted};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use super::{EXPOSURE_S, mid_s, quick, rest, shows, trigger, turned, turning};
 use nalgebra::UnitQuaternion;
 use skyloop::config::{Clock, Config, OnStale, OutOfOrder, Staleness, Trigger};
 use skyloop_protocols::{AttitudeSource, Counters, Reason};
@@ -35,7 +35,7 @@ fn point(client: &mut Client<MemoryLine>, sequence: u32, s: f64, q: UnitQuaterni
     client.point(turning(sequence, q), later(EPOCH, s));
 }
 
-/// The frame of an exposure whose middle is `mid_s` after [`EPOCH`]; what it tells of its attitude is this.
+/// The frame of an exposure around `mid_s` after [`EPOCH`]. It says this of its attitude.
 fn frame_at(client: &mut Client<MemoryLine>, mid_s: f64, told: Told) -> Received {
     let before = client.counters();
     trigger(client, 1, mid_s - EXPOSURE_S / 2.0);
@@ -66,7 +66,7 @@ fn within_the_limit_an_attitude_is_carried_by_its_rates_whatever_the_policy() {
             assert!((age_s - mid_s).abs() < 1e-6, "{age_s}");
         }
         let exact = (AttitudeSource::Exact, "exact", [0, 0]);
-        // X-Val: 2^-32 s and nanoseconds have the eighth of a second and its multiples alike: start and end are exact, and so is the middle.
+        // X-Val: an eighth of a second is exact in units of 2^-32 s and of nanoseconds.
         let frame = frame_at_exactly(&mut client, exact);
         assert!(shows(&frame, turned(0.0)));
     }
@@ -82,7 +82,8 @@ fn frame_at_exactly(client: &mut Client<MemoryLine>, told: Told) -> Received {
     frame
 }
 
-/// After a silence: an attitude counts where it is near, before an exposure or after it, and between two that are far nobody knows the way.
+/// After a gap an attitude counts where it is near. Between two that are far, nothing is
+/// interpolated.
 #[test]
 fn across_a_gap_no_exposure_is_interpolated() {
     const GAP_S: f64 = 10.0;

@@ -1,9 +1,9 @@
 //! Triggers: one exposure at a time that the client chooses.
 
+use super::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
 use crate::support::client::{Client, counted};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
-use super::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
 use skyloop::config::{Clock, Trigger};
 use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState};
 use std::time::{Duration, Instant};
@@ -66,7 +66,8 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
     assert_eq!(counters.frames_delivered, 4);
 }
 
-/// Rates that say nothing of how the body came from one attitude to the other: the shorter way between them, along which it speeds up and slows down.
+/// Two attitudes at rest: the body takes the shortest turn between them, and speeds up and slows
+/// down.
 #[test]
 fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
     let (_emulator, mut client) = triggered(Clock::Stepped);
@@ -89,7 +90,7 @@ fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
     }
 }
 
-/// In step no clock runs: what came before and after an exposure is between which it lies, however much later the last one is.
+/// In step an exposure lies between the attitudes around it, however late the last one is.
 #[test]
 fn a_trigger_of_a_time_long_past_is_between_the_attitudes_around_it() {
     let (_emulator, mut client) = triggered(Clock::Stepped);
@@ -210,7 +211,7 @@ fn a_trigger_of_another_year_holds_no_place() {
     client.has_counted(&[("triggers", 2), ("bad_value", 1)]);
 }
 
-/// Where the client's clock is set, the times that triggers had asked for are those of another clock.
+/// Triggers of a clock that is set have times of another clock.
 #[test]
 fn triggers_of_a_clock_that_was_set_are_missed() {
     let (_emulator, mut client) = triggered(Clock::External);
@@ -218,7 +219,7 @@ fn triggers_of_a_clock_that_was_set_are_missed() {
     for number in 1..=WAIT {
         trigger(&mut client, number, 60.0 + f64::from(number));
     }
-    // An hour back, and sure of it: they would wait for an hour, and nothing else could be asked for.
+    // An hour back for certain: else they would wait for an hour.
     let began = Instant::now();
     await_that("it is sure", || {
         point(&mut client, 2, -3600.0 + began.elapsed().as_secs_f64());
