@@ -1,13 +1,12 @@
 //! Bodies and apparent directions against independent libraries, and the laws they obey.
 
-
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::str::FromStr;
 
+use crate::reference::{number, rows, vector};
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
-use crate::reference::{number, rows, vector};
 use skyloop::sky::apparent::{
     Corrections, Observer, StarPlace, catalogue_direction, object_direction, star_direction,
 };

@@ -1,12 +1,11 @@
 //! The shipped cameras have their figures, and a wrong value in a camera or configuration file is refused by name.
 
-
 use std::collections::BTreeSet;
 
+use crate::table::check_refusals;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::load::{CAMERAS, ConfigError, Folder};
-use crate::table::check_refusals;
 
 fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::current()).unwrap()

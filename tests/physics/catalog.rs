@@ -1,6 +1,5 @@
 //! The embedded catalogue against published values, and its promise that no light is counted twice.
 
-
 use crate::reference::{number, rows};
 use skyloop::sky::catalog::{Catalog, Selection, Star};
 use std::array;

@@ -1,12 +1,11 @@
 //! Directions of the Sun, the Moon, the Earth and the planets against an independent library.
 
-
 use std::str::FromStr;
 
 use crate::fixtures::{camera, cropped, unit};
+use crate::reference::{number, rows, vector};
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use crate::reference::{number, rows, vector};
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
 use skyloop::config::Config;

@@ -1,10 +1,9 @@
 //! The Earth's disc against the Lambert sphere's closed form, the solar constant, and the limb that the shadow knows.
 
-
 use std::f64::consts::PI;
 
-use nalgebra::Vector3;
 use crate::earth::{axes, earth};
+use nalgebra::Vector3;
 use skyloop::camera::{Band, SUN_MAGNITUDE};
 use skyloop::sky::EarthDisc;
 use skyloop::sky::bodies::AU_M;

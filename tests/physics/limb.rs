@@ -1,12 +1,11 @@
 //! The atmosphere's light against an independent radiative transfer model and the laws it obeys.
 
-
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use nalgebra::Vector3;
 use crate::earth::{axes, earth};
 use crate::reference::{number, rows, vector};
+use nalgebra::Vector3;
 use skyloop::camera::Band;
 use skyloop::sky::bodies::AU_M;
 use skyloop::sky::shadow::EARTH_RADIUS_M;

@@ -1,14 +1,13 @@
 //! `look_at`: the target lies where the boresight meets the detector, the image stands as the rule for the roll says, and the rates follow.
 
-
 use crate::fixtures::{Frames, unit};
 
+use crate::table::check_refusals;
 use nalgebra::{Rotation3, Vector3};
 use skyloop::config::{Config, LookAt, Target, Up};
 use skyloop::flight;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::load::Folder;
-use crate::table::check_refusals;
 
 /// Above the equator, 770 km high, along it (km, km/s).
 const EQUATOR: &str = "[7150.0, 0.0, 0.0, 0.0, 7.466, 0.0]";

@@ -11,8 +11,6 @@ mod oem;
 mod plain_camera;
 #[path = "../reference/mod.rs"]
 mod reference;
-#[path = "../support/sky.rs"]
-mod sky;
 #[path = "../support/table.rs"]
 mod table;
 

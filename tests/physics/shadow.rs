@@ -1,11 +1,10 @@
 //! The Earth's shadow and the Earth as an obstacle, against independent reckonings and the laws they obey.
 
-
 use std::str::FromStr;
 
+use crate::reference::{number, rows, vector};
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use crate::reference::{number, rows, vector};
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
 use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
 

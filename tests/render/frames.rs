@@ -1,7 +1,6 @@
 //! Frames and their labels are the same bytes, whatever works them out: vector instructions or none, fused or pass by pass, one thread or
 //! several; and frames are the same as when their checksums were written down.
 
-
 use std::path::Path;
 
 use skyloop::config::Config;

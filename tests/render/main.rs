@@ -9,8 +9,6 @@ mod oem;
 mod plain_camera;
 #[path = "../support/scenes.rs"]
 mod scenes;
-#[path = "../support/sky.rs"]
-mod sky;
 #[path = "../support/table.rs"]
 mod table;
 

@@ -12,7 +12,6 @@ use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
 use skyloop::scene::EffectSet;
 
-
 use crate::fixtures::Frames;
 
 use crate::scenes::scenes;

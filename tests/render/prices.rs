@@ -1,7 +1,6 @@
 //! Prices against the processor's time that effects take, wherever the tests run.
 #![cfg(target_os = "linux")]
 
-
 use crate::fixtures::Frames;
 use skyloop::measure::Bench;
 

@@ -8,6 +8,7 @@ use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::flight;
 use skyloop::load::Folder;
+use skyloop::sky::catalog::Selection;
 use skyloop_firmware_sim::mission::Mission;
 use std::path::Path;
 
@@ -27,6 +28,35 @@ pub fn cropped(mut camera: Camera, side: usize) -> Camera {
 pub fn scene(name: &str) -> Config {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
     Config::load(&scenes.join(name)).unwrap()
+}
+
+/// The names of the effects that are light, but for stars and objects in orbit.
+const DARK_SKY: [&str; 9] = [
+    "zodiacal light",
+    "starlight",
+    "planets",
+    "moon",
+    "earth",
+    "limb",
+    "sunlight",
+    "moonglow",
+    "earthshine",
+];
+
+/// A configuration of a dark sky with bright stars, whose labels list everything.
+pub fn dark(mut config: Config) -> Config {
+    config.sky.selection = Selection::Bsc;
+    config.label_snr = 0.0;
+    config.choice.off = DARK_SKY.to_vec();
+    config
+}
+
+/// An emulator without noise that keeps the expected electrons.
+pub fn noise_free(mut config: Config) -> Emulator {
+    let mut emulator = Emulator::new(&mut config);
+    emulator.choice.noise = false;
+    emulator.keep_expected = true;
+    emulator
 }
 
 /// The frames of a configuration with a sequence.

@@ -5,8 +5,8 @@ mod sequence;
 #[path = "../../examples/table_3/table.rs"]
 mod table;
 
-use clap::Parser;
 use crate::refusals::check_refusals;
+use clap::Parser;
 use serde_json::Value;
 use skyloop::orbit::synth::population;
 use skyloop::orbit::time::parse_utc;

@@ -3,6 +3,7 @@
 
 mod snr;
 
+use crate::fixtures::dark;
 use std::str::FromStr;
 
 use hifitime::Epoch;
@@ -12,7 +13,6 @@ use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::label::{MOST_SPOT_PIXELS, MOST_SPOTS, SpotLabel};
 use skyloop::load::Folder;
-use skyloop::sky::catalog::Selection;
 
 /// A camera of 256 x 200 pixels; `lit`: whether light passes its optics.
 fn text(lit: bool, detector: &str, tables: &str) -> String {
@@ -49,14 +49,11 @@ fn camera(text: &str) -> Camera {
     Camera::load("probe.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
 }
 
+/// The sky is dark, so that backgrounds are what is set.
 fn emulator(text: &str) -> Emulator {
-    let mut config = Config::defaults().unwrap();
+    let mut config = dark(Config::defaults().unwrap());
     config.camera = camera(text);
     config.seed = 5;
-    config.sky.selection = Selection::Bsc;
-    config.label_snr = 0.0;
-    // The sky is dark, so that backgrounds are what is set.
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
     Emulator::new(&mut config)
 }
 

@@ -1,7 +1,7 @@
 //! Frames full of light: a label without objects always says why.
 
-use crate::fixtures::{Frames, camera, cropped, scene, towards};
 use super::frames::only;
+use crate::fixtures::{Frames, camera, cropped, scene, towards};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::{Camera, Stray};
 use skyloop::config::Config;

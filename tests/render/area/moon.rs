@@ -1,7 +1,7 @@
 //! The Moon's disc at sizes of hundreds and thousands of pixels: the law of Lommel and Seeliger, pixel by pixel.
 
-use crate::fixtures::{camera, cropped, towards};
 use super::frames::{all_e, expected, moments, moon, observer, only};
+use crate::fixtures::{camera, cropped, towards};
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::Config;

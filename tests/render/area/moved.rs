@@ -1,7 +1,7 @@
 //! Area light with detail that moves: each pixel has the mean of its time.
 
-use crate::fixtures::{camera, cropped};
 use super::laid::{LEVEL, lit, scale_e, view};
+use crate::fixtures::{camera, cropped};
 use nalgebra::Vector3;
 use skyloop::scene::{EffectId, EffectSet, Radiance};
 

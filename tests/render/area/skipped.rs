@@ -1,7 +1,7 @@
 //! What of area light is skipped: what a flood of other light hides, and what is lost in noise.
 
-use crate::fixtures::{Frames, cropped, scene};
 use super::frames::expected;
+use crate::fixtures::{Frames, cropped, scene};
 use skyloop::camera::Stray;
 use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;

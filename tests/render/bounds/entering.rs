@@ -10,8 +10,8 @@ use skyloop::fidelity::Choice;
 use skyloop::measure::Bench;
 use skyloop::sky::catalog::Selection;
 
-use crate::fixtures::{self, cropped, unit};
 use super::{emulator, epoch, verdicts};
+use crate::fixtures::{self, cropped, unit};
 
 /// X-Val: Sirius, J2000, Hipparcos (ESA 1997): right ascension 101.287 deg, declination -16.716 deg.
 const SIRIUS_DEG: [f64; 2] = [101.287, -16.716];

@@ -248,7 +248,7 @@ const ALL: Choice = Choice {
 /// The greatest change of a pixel's expectation by an effect that is skipped.
 fn skipped_e(bench: &Bench<'_>) -> f64 {
     let effects = skipped(bench).into_iter();
-    // What is random is an rms of many frames (tests/plan.rs); what shapes images is judged by pixels.
+    // What is random is an rms of many frames (tests/render/plan.rs); what shapes images is judged by pixels.
     let effects = effects.filter(|effect| !effect.random && effect.stage != Stage::Images);
     let errors = effects.map(|effect| bench.error_e(effect, &ALL).unwrap());
     errors.fold(0.0, f64::max)

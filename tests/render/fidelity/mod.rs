@@ -5,7 +5,6 @@ mod beside;
 mod configured;
 mod measured;
 
-
 use crate::fixtures::Frames;
 use measured::{CASES, Case, Measure};
 use skyloop::config::Config;
@@ -160,7 +159,7 @@ fn bounds_hold_and_are_near_the_truth() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
-/// What is no error of a scene: measured in tests/draws.rs.
+/// What is no error of a scene: measured in tests/physics/draws.
 const ELSEWHERE: &[&str] = &["poisson_tv"];
 
 #[test]

@@ -31,7 +31,7 @@ fn asked(psf: &Psf, bad: f64) -> Vec<f64> {
     for local in [psf.at([1.0, 2.0], 1.0), psf.at([bad, 2.0], bad)] {
         answers.extend([local.core_px(), local.reach_px(bad)]);
         answers.push(local.drawn_px(&fidelity, bad));
-        for at in [[1.2, 1.4], [bad, 1.4]] {
+        for at in [[1.2, 1.4], [bad, 1.4], [1.2, bad]] {
             local.spread(1.0, at, 0..4, 0..4, &mut stamp);
             answers.extend(&stamp.light);
             answers.push(local.on_pixel([at[0], 0.0], &mut stamp));
@@ -55,7 +55,10 @@ fn even(shape: Spread) -> Psf {
 fn spreads_of_no_width() {
     check(&[
         ("Psf::new, Gaussian", LightOrNone, |bad| {
-            asked(&even(Spread::Gaussian(bad)), bad)
+            let widths = [bad, 0.01, 1.0, 100.0].into_iter();
+            widths
+                .flat_map(|sigma| asked(&even(Spread::Gaussian(sigma)), bad))
+                .collect()
         }),
         ("Psf::new, Moffat and Airy", LightOrNone, |bad| {
             static TABLES: LazyLock<(Arc<Moffat>, Arc<Airy>)> = LazyLock::new(|| {
@@ -137,12 +140,13 @@ fn spreads_of_no_width() {
 
 /// A track of 60 px through the frame: the shares of its light.
 fn drawn(change: impl FnOnce(&mut Course, &mut Fidelity)) -> Vec<f64> {
-    drawn_along(|t| [2.0 + 60.0 * t, 30.0 + 3.0 * t * t], change)
+    drawn_along(|t| ([2.0 + 60.0 * t, 30.0 + 3.0 * t * t], 1.0), 1.0, change)
 }
 
-/// The shares of the light of any track.
+/// The shares of the light of any track of places and lights, of a source of so many electrons.
 fn drawn_along(
-    at: impl Fn(f64) -> [f64; 2],
+    along: impl Fn(f64) -> ([f64; 2], f64),
+    electrons: f64,
     change: impl FnOnce(&mut Course, &mut Fidelity),
 ) -> Vec<f64> {
     static CAMERA: LazyLock<skyloop::camera::Camera> = LazyLock::new(|| camera(""));
@@ -159,13 +163,16 @@ fn drawn_along(
     };
     change(&mut course, &mut fidelity);
     let place = |t: f64| {
-        let light = 1.0;
-        Some(Place { at: at(t), light })
+        let (at, light) = along(t);
+        Some(Place { at, light })
     };
     let Some(track) = Track::sample(place, &course, &fidelity) else {
         return Vec::new();
     };
-    let light = footprint::Light::default();
+    let light = footprint::Light {
+        electrons,
+        ..footprint::Light::default()
+    };
     let footprint = Footprint::of(&track, &CAMERA, &Fidelity::REALTIME, &light, None);
     footprint.shares().iter().map(|s| f64::from(*s)).collect()
 }
@@ -186,14 +193,26 @@ fn tracks_of_no_step() {
         }),
         ("Track::sample, places", Gives::Light, |bad| {
             let rows = [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)];
-            let ways = [[bad, bad], [20.0, bad], [bad, 20.0], [bad, -bad]];
-            let all = rows.into_iter().flat_map(|rows| {
-                ways.map(|[from, to]| {
-                    let at = move |t: f64| if t < 0.4 { from } else { to };
-                    drawn_along(move |t| [at(t), 31.0], |course, _| course.rows = rows)
-                })
-            });
-            all.flatten().collect()
+            let paths = [[bad, bad], [20.0, bad], [bad, 20.0], [bad, -bad]];
+            let mut light = Vec::new();
+            for (rows, [from, to]) in rows.iter().flat_map(|rows| paths.map(|path| (rows, path))) {
+                let x = |t: f64| if t < 0.4 { from } else { to };
+                for electrons in [1.0, bad] {
+                    let along = |t: f64| ([x(t), 31.0], 1.0);
+                    light.extend(drawn_along(along, electrons, |course, _| {
+                        course.rows = *rows
+                    }));
+                }
+                // Light that is no number on the track's second part.
+                let along = |t: f64| ([20.0 + 5.0 * t, 30.0], if t > 0.4 { bad } else { 1.0 });
+                light.extend(drawn_along(along, 1.0, |course, _| course.rows = *rows));
+            }
+            // Infinite numbers are no infinite light.
+            if !bad.is_finite() {
+                let infinite = light.iter_mut().filter(|e| e.is_infinite());
+                infinite.for_each(|e| *e = f64::NAN);
+            }
+            light
         }),
         ("Course.panel_px, point_px", Gives::Light, |bad| {
             let panel = drawn(|course, _| course.panel_px = bad);

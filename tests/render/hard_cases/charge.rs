@@ -34,40 +34,6 @@ fn shoot(emulator: &mut Emulator) -> Shot {
     emulator.shoot(&vehicle, 0).unwrap()
 }
 
-/// Reference: Poisson's moments: mean m, variance m, third central moment m, each within five standard errors of 65,536 draws (Stuart and Ord: of the
-/// variance `(mu4 - m^2) / n` with `mu4 = m + 3 m^2`, of the third moment `(mu6 - mu3^2 + 9 mu2^3 - 6 mu4 mu2) / n` with `mu6 = m + 25 m^2 + 15 m^3`), and what whole numbers of f32 and the
-/// converter's charge are rounded to.
-#[test]
-fn shot_noise_of_expectations_from_nothing_to_a_billion_is_poissons() {
-    for mean in [
-        1e-9, 1e-3, 0.1, 1.0, 9.99, 10.0, 10.01, 29.9, 30.1, 1e3, 1e5, 1e7, 1e9,
-    ] {
-        let mut emulator = dark(mean, "", &["full well"]);
-        let charge = shoot(&mut emulator).frame.charge_e.unwrap();
-        assert_eq!(charge.len(), PIXELS);
-        let n = PIXELS as f64;
-        assert!(
-            charge.iter().all(|e| *e >= 0.0 && e.fract() == 0.0),
-            "{mean:e}"
-        );
-        let moment = |k: i32| {
-            let powers = charge.iter().map(|e| (f64::from(*e) - mean).powi(k));
-            powers.sum::<f64>() / n
-        };
-        let z =
-            |found: f64, expected: f64, variance: f64| (found - expected) / (variance / n).sqrt();
-        let mu4 = mean + 3.0 * mean * mean;
-        let mu6 = mean + 25.0 * mean * mean + 15.0 * mean.powi(3);
-        let zs = [
-            z(moment(1), 0.0, mean),
-            z(moment(2), mean, mu4 - mean * mean),
-            z(moment(3), mean, mu6 - mean * mean),
-        ];
-        println!("{mean:e}: {zs:.2?}");
-        assert!(zs.iter().all(|z| z.abs() < 5.0), "{mean:e}: {zs:?}");
-    }
-}
-
 /// Of no expectation comes no electron, and none that is negative or infinite of any.
 #[test]
 fn without_expectation_there_is_no_charge() {

@@ -8,17 +8,14 @@ use super::stage::{
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::camera::psf::{Psf, Shape, Variation};
-use skyloop::camera::{Camera, Model, Projection, Stamp};
+use skyloop::camera::{Camera, Model, Projection};
 use skyloop::config::Config;
 use skyloop::fidelity::{Fidelity, KNOBS};
 use skyloop::flight::Flight;
-use skyloop::footprint::{self, Footprint};
 use skyloop::load::Folder;
 use skyloop::orbit::{StateVector, two_body::propagate_j2};
 use skyloop::passes::{Search, passes};
 use skyloop::sky::shadow::Earth;
-use skyloop::track::{Course, Even, Place, Rows, Track};
 use skyloop_firmware_sim::profile::Profile;
 use std::path::Path;
 use std::sync::Arc;
@@ -246,70 +243,6 @@ fn lights_that_are_no_numbers_light_nothing() {
         let dark = Light::new(good.direction, f64::NAN);
         let both = light(&emulator, &vehicle, &[dark, good]);
         assert_eq!(both.expected_e, alone.expected_e);
-    }
-}
-
-/// Tracks through places that are no numbers end, and what is drawn of them are numbers.
-#[test]
-fn tracks_through_nowhere_end() {
-    let camera = camera("");
-    for rows in [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)] {
-        let course = Course {
-            pieces: 4,
-            even: Some(Even {
-                sigma_px: 0.7,
-                height_e: 1e3,
-            }),
-            step_px: 0.4,
-            panel_px: 0.4,
-            point_px: 0.1,
-            reach_px: 4.0,
-            window: Footprint::window(&camera, &Fidelity::REALTIME),
-            rows,
-        };
-        let places = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 1e18].map(|x| (x, 1.0));
-        let lights = NO_NUMBERS.map(|light| (24.0, light));
-        for bad in places.into_iter().chain(lights) {
-            for part in [0.0, 0.3, 2.0] {
-                let place = |t: f64| {
-                    let (x, light) = if t > part { bad } else { (20.0 + 5.0 * t, 1.0) };
-                    let at = [x, 30.0 + t];
-                    Some(Place { at, light })
-                };
-                let Some(track) = Track::sample(place, &course, &Fidelity::REALTIME) else {
-                    continue;
-                };
-                for electrons in [1e3, f64::NAN, f64::INFINITY] {
-                    let light = footprint::Light {
-                        electrons,
-                        wavelength_ratio: 1.0,
-                    };
-                    let footprint =
-                        Footprint::of(&track, &camera, &Fidelity::REALTIME, &light, None);
-                    let mut shares = footprint.shares().iter();
-                    let is_whole = shares.all(|share| share.is_finite() && *share >= 0.0);
-                    assert!(is_whole, "{bad:?} {part}");
-                }
-            }
-        }
-    }
-}
-
-/// Of a point spread function at places that are no numbers nothing panics, and shares are never negative.
-#[test]
-fn point_spread_functions_bear_any_place() {
-    let mut stamp = Stamp::default();
-    for sigma in [0.01, 1.0, 100.0] {
-        let psf = Psf::new(Shape::Gaussian(sigma), Variation::default());
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
-            for at in [[bad, 1.0], [1.0, bad]] {
-                let local = psf.at(at, 1.0);
-                local.spread(1.0, at, 0..4, 0..4, &mut stamp);
-                let mut light = stamp.light.iter();
-                assert!(light.all(|light| light.is_nan() || *light >= 0.0));
-                assert!(local.drawn_px(&Fidelity::REALTIME, bad) >= 0.0);
-            }
-        }
     }
 }
 

@@ -12,12 +12,10 @@ use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
 use skyloop::render::render;
 use skyloop::scene::{Body, Candidate, Scene};
-use skyloop::sky::catalog::Selection;
 use std::sync::OnceLock;
 
-use crate::sky::DARK_SKY;
-
 pub use crate::fixtures::unit;
+use crate::fixtures::{dark, noise_free};
 pub use crate::oem::{falling, oem};
 pub use crate::plain_camera::camera;
 
@@ -77,19 +75,15 @@ pub fn square(side: usize, keys: &str) -> Camera {
     ))
 }
 
-/// An emulator without noise, with nothing in the sky but objects and what is put there; all is labelled and expected electrons are kept.
+/// An emulator without noise, with nothing in the sky but objects and what is put there; all is
+/// labelled and expected electrons are kept.
 pub fn emulator(camera: Camera, fidelity: Fidelity, with: impl FnOnce(&mut Config)) -> Emulator {
-    let mut config = Config::defaults().unwrap();
+    let mut config = dark(Config::defaults().unwrap());
     config.camera = camera;
     config.fidelity = fidelity;
-    config.label_snr = 0.0;
-    config.sky.selection = Selection::Bsc;
-    config.choice.off = [&["stars", "shot noise"], &DARK_SKY[..]].concat();
+    config.choice.off.extend(["stars", "shot noise"]);
     with(&mut config);
-    let mut emulator = Emulator::new(&mut config);
-    emulator.choice.noise = false;
-    emulator.keep_expected = true;
-    emulator
+    noise_free(config)
 }
 
 /// One with the stars of the Bright Star Catalogue.

@@ -132,20 +132,6 @@ fn lines_are_the_labels_given_and_the_frames_files_and_whole_before_the_end() {
 }
 
 #[test]
-fn a_file_in_place_of_the_folder_is_named_with_a_remedy() {
-    let temp = tempfile::tempdir().unwrap();
-    let file = temp.path().join("out");
-    fs::write(&file, "mine").unwrap();
-    for dir in [file.clone(), file.join("below")] {
-        let message = Writer::create(&dir, 1).unwrap_err().to_string();
-        for part in [dir.to_str().unwrap(), "choose another output folder"] {
-            assert!(message.contains(part), "{message}");
-        }
-    }
-    assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
-}
-
-#[test]
 fn a_folder_in_place_of_a_file_is_named_and_kept() {
     let dir = tempfile::tempdir().unwrap();
     fs::create_dir(dir.path().join("frame_00000.png")).unwrap();

@@ -15,6 +15,7 @@ use skyloop::measure::Bench;
 use skyloop::orbit::Object;
 use skyloop::sky::catalog::Selection;
 
+use crate::fixtures::{self, dark, noise_free};
 
 pub use crate::fixtures::{look_at, unit};
 pub use crate::oem::{falling, oem};
@@ -35,17 +36,12 @@ pub fn emulator(
     objects: Vec<Object>,
     fidelity: Fidelity,
 ) -> Emulator {
-    let mut config = Config::defaults().unwrap();
-    config.camera = crate::fixtures::camera(camera);
+    let mut config = dark(Config::defaults().unwrap());
+    config.camera = fixtures::camera(camera);
     config.sky.selection = stars;
     config.objects = objects;
     config.fidelity = fidelity;
-    config.label_snr = 0.0;
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
-    let mut emulator = Emulator::new(&mut config);
-    emulator.choice.noise = false;
-    emulator.keep_expected = true;
-    emulator
+    noise_free(config)
 }
 
 /// One frame: attitude `[x, y, z, w]` of any length but 0, rates in deg/s.
@@ -75,11 +71,8 @@ pub fn changed_fai(change: impl FnOnce(&mut Emulator)) -> Emulator {
 
 /// The built-in scene with bright stars, aberration and a dark sky; labels list everything.
 pub fn builtin() -> Config {
-    let mut config = Config::builtin().unwrap();
-    config.sky.selection = Selection::Bsc;
+    let mut config = dark(Config::builtin().unwrap());
     config.sky.corrections.aberration = true;
-    config.label_snr = 0.0;
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
     config
 }
 

@@ -1,10 +1,11 @@
 //! Noise-free light: what is on the pixels against what the label says.
 
+use crate::fixtures::noise_free;
 use std::collections::HashSet;
 
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;
 use skyloop::flight;
 use skyloop::sky::catalog::{Catalog, Selection};
@@ -164,11 +165,9 @@ fn no_star_is_missing() {
 /// The three satellites of the built-in scene, seen by its own camera at rest and turning.
 #[test]
 fn objects_in_orbit_do_too() {
-    let mut config = builtin();
+    let config = builtin();
     let mission = flight::mission(&config).unwrap();
-    let mut emulator = Emulator::new(&mut config);
-    emulator.choice.noise = false;
-    emulator.keep_expected = true;
+    let mut emulator = noise_free(config);
     let (mut tally, mut rsos) = (Tally::default(), 0);
     for number in [0, 13, 40] {
         let still = flight::vehicle(&mission, number).unwrap();

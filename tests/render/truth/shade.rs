@@ -1,12 +1,12 @@
 //! The Earth's shadow and the Earth in the way, as frames and labels show them.
 
+use crate::fixtures::{dark, noise_free};
 use nalgebra::Vector3;
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::Shot;
 use skyloop::label::ObjectLabel;
 use skyloop::orbit::Object;
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
-use skyloop::sky::catalog::Selection;
 
 use super::brute::{apparent, epoch, falling, look_at, oem, orbit, shoot};
 
@@ -40,13 +40,14 @@ fn shot_of(
     aim: Vector3<f64>,
     roll: f64,
 ) -> Shot {
-    let mut config = Config::defaults().unwrap();
-    config.sky.selection = Selection::Bsc;
-    config.objects = objects;
-    config.choice.off = crate::sky::DARK_SKY.to_vec();
-    let mut emulator = Emulator::new(&mut config);
-    emulator.choice.noise = false;
-    emulator.keep_expected = true;
+    let defaults = Config::defaults().unwrap();
+    let label_snr = defaults.label_snr;
+    let config = Config {
+        objects,
+        label_snr,
+        ..dark(defaults)
+    };
+    let mut emulator = noise_free(config);
     let (q, orbit) = (look_at(aim, roll), orbit(from.0, from.1));
     shoot(&mut emulator, epoch(AT), q, [0.0; 3], orbit)
 }
