@@ -6,15 +6,10 @@
 //! differ by a rotation about the pole.
 
 use crate::StateVector;
-use crate::time::utc_duration;
+use crate::time::{DAY_NS, J2000_NS, utc_duration};
 use hifitime::{Duration, Epoch};
 use nalgebra::{Matrix3, Vector3};
 use sofars::consts::DJ00;
-
-/// Nanoseconds from 1900-01-01T00:00, where hifitime counts from, to 2000-01-01T12:00.
-pub(crate) const J2000_NS: i128 = 36_524 * DAY_NS + DAY_NS / 2;
-/// Nanoseconds in a day of 86,400 s.
-pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 
 /// Rotation from TEME of date to GCRF: 3 x 3, `r_gcrf = teme_to_gcrf(t) * r_teme`.
 ///

@@ -1,8 +1,11 @@
 //! Epochs as text, exact to the nanosecond.
 
-use crate::frames::{DAY_NS, J2000_NS};
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 
+/// Nanoseconds from 1900-01-01T00:00, where hifitime counts from, to 2000-01-01T12:00.
+pub(crate) const J2000_NS: i128 = 36_524 * DAY_NS + DAY_NS / 2;
+/// Nanoseconds in a day of 86,400 s.
+pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 /// Nanoseconds of a second.
 const SECOND_NS: i128 = 1_000_000_000;
 
@@ -210,6 +213,11 @@ pub(crate) fn from_tle(year: u8, day: u16, fraction: &str) -> Option<Epoch> {
     let midnight = Epoch::from_utc_duration(Unit::Day * i64::from(days));
     let of_day = scaled_fraction(fraction, DAY_NS)?;
     Some(midnight.to_time_scale(TimeScale::TAI) + Duration::from_total_nanoseconds(of_day))
+}
+
+/// Nanoseconds since 1900-01-01T00:00 TAI.
+pub(crate) fn tai_ns(epoch: Epoch) -> i128 {
+    epoch.to_tai_duration().total_nanoseconds()
 }
 
 /// The epoch a number of nanoseconds after 1900-01-01T00:00 TAI.

@@ -3,10 +3,11 @@
 
 use super::figures::{Figures, Method, Perturber};
 use super::lanes::{Lanes, Part, Row};
+use super::model::Model;
 use super::resonance::{Resonance, Unperturbed};
 use super::secular::{Secular, When};
 use super::short_period::{Failed, Perturbed, k5};
-use super::{Model, Site};
+use super::site::Site;
 use crate::elements::Elements;
 use pulp::Simd;
 

@@ -4,9 +4,10 @@
 
 use super::figures::{Elliptic, Figures, High, Method};
 use super::lanes::{Lanes, Part, Row};
+use super::model::Model;
 use super::secular::Secular;
 use super::short_period::{Failed, Perturbed};
-use super::{Model, Site};
+use super::site::Site;
 use crate::elements::Elements;
 use pulp::Simd;
 

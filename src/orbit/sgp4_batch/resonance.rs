@@ -4,10 +4,10 @@
 //! The integrator's state depends on the number of steps alone. It continues from its last state,
 //! and restarts at the epoch where the requested time lies before that.
 
-use super::Site;
 use super::figures;
 use super::lanes::{Lanes, Part, Row, Truth};
 use super::secular::Secular;
+use super::site::Site;
 use pulp::Simd;
 
 /// Length of a step, min.

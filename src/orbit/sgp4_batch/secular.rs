@@ -3,7 +3,7 @@
 use super::figures::Figures;
 use super::lanes::{BLOCK, Lanes, Part, Row};
 use crate::elements::Elements;
-use crate::frames::DAY_NS;
+use crate::time::DAY_NS;
 use pulp::Simd;
 
 /// Minutes of a day.

@@ -1,7 +1,7 @@
 //! From perturbed mean elements to position and velocity: long-period terms, Kepler's equation, short-period terms (Vallado et al., AIAA 2006-6753).
 
+use super::block::{BlockStates, DECAYED, TOO_FAR, UNKNOWN};
 use super::lanes::{BLOCK, Lanes, Part, Row, Truth};
-use super::{BlockStates, DECAYED, TOO_FAR, UNKNOWN};
 use crate::elements::MAX_ELAPSED_DAYS;
 use pulp::Simd;
 

@@ -14,7 +14,7 @@ const HALF_DAY: (RangeInclusive<f64>, f64) = (8.26e-3..=9.24e-3, 0.5);
 
 /// The kinds of orbits, in the order of their blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Site {
+pub(crate) enum Site {
     Near,
     Deep,
     OneDay,

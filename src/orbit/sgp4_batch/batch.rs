@@ -1,0 +1,290 @@
+//! A catalogue in blocks.
+
+use super::block::{BlockStates, NOBODY, UNKNOWN};
+use super::deep::Deep;
+use super::lanes::BLOCK;
+use super::level::Level;
+use super::model::Model;
+use super::near::Near;
+use super::propagate::{Advance, Alone, Asked, Propagate, Request};
+use super::resonance::{Free, HalfDay, OneDay};
+use super::secular::{Instant, Instants, When};
+use super::site::Site;
+use crate::StateVector;
+use crate::elements::{Elements, ModelError};
+use hifitime::Epoch;
+use rayon::prelude::*;
+use std::sync::OnceLock;
+
+/// Blocks that a thread takes at a time.
+const CHUNK: usize = 32;
+
+/// A catalogue, ready to propagate.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    level: Level,
+    near: Vec<Near>,
+    deep: Vec<Deep<Free>>,
+    one_day: Vec<Deep<OneDay>>,
+    half_day: Vec<Deep<HalfDay>>,
+    /// The place of each object of the input.
+    places: Vec<u32>,
+    /// The object in each place, or [`NOBODY`].
+    objects: Vec<u32>,
+}
+
+/// The states of a catalogue. Its memory is reused.
+#[derive(Clone, Debug, Default)]
+pub struct States {
+    blocks: Vec<BlockStates>,
+    places: Vec<u32>,
+}
+
+impl Batch {
+    /// Errors: the first set that the model cannot start from.
+    pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
+        let sites = sets.par_iter().map(Site::of);
+        let sites: Vec<Result<Site, ModelError>> = sites.collect();
+        let sites: Vec<Site> = sites.into_iter().collect::<Result<_, _>>()?;
+        let mut batch = Batch {
+            level: Level::best(),
+            places: vec![NOBODY; sets.len()],
+            ..Batch::default()
+        };
+        batch.near = batch.fill(sets, &sites)?;
+        batch.deep = batch.fill(sets, &sites)?;
+        batch.one_day = batch.fill(sets, &sites)?;
+        batch.half_day = batch.fill(sets, &sites)?;
+        Ok(batch)
+    }
+
+    /// The blocks of one kind. An object's constants (600 bytes) are written straight to their
+    /// place.
+    fn fill<M: Model>(&mut self, sets: &[Elements], sites: &[Site]) -> Result<Vec<M>, ModelError> {
+        let ours = (0..sites.len()).filter(|at| sites[*at] == M::SITE);
+        let ours: Vec<usize> = ours.collect();
+        let members = ours.chunks(BLOCK);
+        for object in members.flat_map(|members| (0..BLOCK).map(|i| members.get(i).copied())) {
+            if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
+                *place = self.objects.len() as u32;
+            }
+            self.objects.push(object.map_or(NOBODY, |at| at as u32));
+        }
+        let failed = OnceLock::new();
+        let block = |members: &[usize]| {
+            let mut block = M::default();
+            for i in 0..BLOCK {
+                // The last one fills unused places.
+                let member = members.get(i).or(members.last());
+                let Some(elements) = member.and_then(|&at| sets.get(at)) else {
+                    continue;
+                };
+                match M::SITE.figures(elements) {
+                    Ok(figures) => block.set(i, elements, &figures),
+                    Err(error) => drop(failed.set(error)),
+                }
+            }
+            block
+        };
+        let blocks = ours.par_chunks(BLOCK).map(block).collect();
+        failed.into_inner().map_or(Ok(blocks), Err)
+    }
+
+    /// Number of objects.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are no objects.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.objects.len() / BLOCK
+    }
+
+    /// The objects of the input in a block's places, or [`NOBODY`].
+    pub fn objects_of(&self, block: usize) -> &[u32] {
+        let from = block * BLOCK;
+        self.objects.get(from..from + BLOCK).unwrap_or(&[])
+    }
+
+    /// The instructions that are used.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Uses these instructions; the portable ones where the processor lacks them.
+    pub fn set_level(&mut self, level: Level) {
+        self.level = level;
+    }
+
+    /// Memory of the catalogue, bytes.
+    pub fn octets(&self) -> usize {
+        fn of<M>(blocks: &Vec<M>) -> usize {
+            blocks.capacity() * size_of::<M>()
+        }
+        of(&self.near)
+            + of(&self.deep)
+            + of(&self.one_day)
+            + of(&self.half_day)
+            + of(&self.places)
+            + of(&self.objects)
+    }
+
+    /// Every object at one instant.
+    pub fn propagate(&mut self, t: Epoch, states: &mut States) {
+        self.states(When::At(Instant::of(t)), states);
+    }
+
+    /// Every object a number of minutes after the epoch of its own elements.
+    pub fn propagate_after(&mut self, minutes: f64, states: &mut States) {
+        self.states(When::After(minutes), states);
+    }
+
+    fn states(&mut self, when: When, states: &mut States) {
+        self.advance(when);
+        states.places.clone_from(&self.places);
+        let blocks = self.blocks();
+        states.blocks.resize_with(blocks, BlockStates::default);
+        let chunks = states.blocks.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, states)| self.blocks_at(chunk * CHUNK, when, states));
+    }
+
+    /// The state of one object at an instant, as [`States::get`] gives it.
+    pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
+        let mut found = Err(UNKNOWN);
+        self.states_at(&[object], &[t], |[state]| found = state);
+        found
+    }
+
+    /// Integrates resonances to near an instant. States do not depend on it, but their time does.
+    pub(crate) fn advance_to(&mut self, t: Epoch) {
+        self.advance(When::At(Instant::of(t)));
+    }
+
+    /// The blocks from `first` on at an instant, as many as `states` has.
+    pub(crate) fn blocks_at_epoch(&self, first: usize, t: Epoch, states: &mut [BlockStates]) {
+        self.blocks_at(first, When::At(Instant::of(t)), states);
+    }
+
+    fn advance(&mut self, when: When) {
+        fn all<M: Model>(level: Level, when: When, blocks: &mut [M]) {
+            let chunks = blocks.par_chunks_mut(CHUNK);
+            chunks.for_each(|blocks| level.run(Advance { when, blocks }));
+        }
+        all(self.level, when, &mut self.one_day);
+        all(self.level, when, &mut self.half_day);
+    }
+
+    /// The blocks from `first` on at one instant, as many as `states` has.
+    fn blocks_at(&self, first: usize, when: When, states: &mut [BlockStates]) {
+        for (chunk, states) in states.chunks_mut(CHUNK).enumerate() {
+            let first = first + chunk * CHUNK;
+            let asked: [Asked; CHUNK] = std::array::from_fn(|i| Asked {
+                block: first + i,
+                when,
+            });
+            self.blocks_asked(&asked[..states.len()], states);
+        }
+    }
+
+    /// Calls `each` with the states of some objects in turn, at the same `N` instants, up to
+    /// [`BLOCK`].
+    pub fn states_at<const N: usize>(
+        &self,
+        objects: &[usize],
+        when: &[Epoch; N],
+        mut each: impl FnMut([Result<StateVector, u8>; N]),
+    ) {
+        const { assert!(N <= BLOCK, "a block has no more places") };
+        let instants = Instants::of(when);
+        let mut found = vec![BlockStates::NONE; objects.len().min(CHUNK)];
+        for objects in objects.chunks(CHUNK) {
+            let alone = objects.iter().map(|object| Alone::<N> {
+                place: self.places.get(*object).copied().unwrap_or(NOBODY) as usize,
+                instants,
+            });
+            let alone: Vec<Alone<N>> = alone.collect();
+            let found = &mut found[..objects.len()];
+            found.fill(BlockStates::NONE);
+            self.blocks_asked(&alone, found);
+            for states in &*found {
+                each(std::array::from_fn(|i| states.get(i)));
+            }
+        }
+    }
+
+    /// The states of the requested blocks, in that order. States of blocks that do not exist stay as
+    /// they are.
+    pub(crate) fn blocks_asked<A: Request>(&self, asked: &[A], states: &mut [BlockStates]) {
+        let ends = self.ends();
+        let kind = |asked: &A| ends.iter().filter(|end| asked.block() >= **end).count();
+        let mut rest = states;
+        for asked in asked.chunk_by(|a, b| kind(a) == kind(b)) {
+            let states;
+            (states, rest) = rest.split_at_mut(asked.len().min(rest.len()));
+            match kind(&asked[0]) {
+                0 => self.of_kind(&self.near, 0, asked, states),
+                1 => self.of_kind(&self.deep, ends[0], asked, states),
+                2 => self.of_kind(&self.one_day, ends[1], asked, states),
+                3 => self.of_kind(&self.half_day, ends[2], asked, states),
+                _ => {}
+            }
+        }
+    }
+
+    /// The numbers of blocks behind the last of each kind.
+    fn ends(&self) -> [usize; 4] {
+        let counts = [
+            self.near.len(),
+            self.deep.len(),
+            self.one_day.len(),
+            self.half_day.len(),
+        ];
+        let mut end = 0;
+        counts.map(|count| {
+            end += count;
+            end
+        })
+    }
+
+    /// Those of one kind, whose first block has the number `first`.
+    fn of_kind<M: Model, A: Request>(
+        &self,
+        blocks: &[M],
+        first: usize,
+        asked: &[A],
+        states: &mut [BlockStates],
+    ) {
+        for (asked, states) in asked.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+            match asked.len() {
+                1 => self.level.run(Propagate::<M, A, 1> {
+                    blocks,
+                    first,
+                    asked,
+                    states,
+                }),
+                _ => self.level.run(Propagate::<M, A, CHUNK> {
+                    blocks,
+                    first,
+                    asked,
+                    states,
+                }),
+            }
+        }
+    }
+}
+
+impl States {
+    /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of
+    /// the reference (1 mean eccentricity, 2 mean motion, 3 perturbed eccentricity, 4 semi-latus
+    /// rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], also for an index without an object.
+    pub fn get(&self, object: usize) -> Result<StateVector, u8> {
+        let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
+        let states = self.blocks.get(place / BLOCK);
+        states.map_or(Err(UNKNOWN), |states| states.get(place % BLOCK))
+    }
+}

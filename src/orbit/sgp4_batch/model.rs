@@ -1,0 +1,21 @@
+//! What blocks of every kind of orbit have in common.
+
+use super::figures::Figures;
+use super::lanes::{Lanes, Part};
+use super::secular::{Secular, When};
+use super::short_period::Perturbed;
+use super::site::Site;
+use crate::elements::Elements;
+use pulp::Simd;
+
+/// A block of one kind of orbits.
+pub trait Model: Default + Send + Sync {
+    const SITE: Site;
+
+    fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
+    /// Integrates to near an instant, and keeps the state.
+    fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
+    fn secular(&self) -> &Secular;
+    /// The mean elements `t` min after the epochs, with all but their short-period perturbations.
+    fn perturbed<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Perturbed<S>;
+}
