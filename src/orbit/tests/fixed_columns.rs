@@ -171,8 +171,7 @@ fn what_is_written_is_read_back() {
             let mut back = read(&written.text).unwrap();
             back.line = record.line;
             // The mean motion of the longest ellipse has fewer digits in the two lines.
-            if written.rounded > 0 {
-                assert_eq!(number, 5, "{format}");
+            if number == 5 && matches!(format, Format::Tle | Format::ThreeLine) {
                 back.elements.mean_motion = record.elements.mean_motion;
             }
             assert_eq!(back, record, "{format} {number}: {}", written.text);

@@ -14,17 +14,12 @@ pub struct Written {
     pub text: String,
     /// Records that the format cannot hold, each with the reason.
     pub left_out: Vec<String>,
-    /// Records of which something beside the elements is changed, each with what.
-    pub changed: Vec<String>,
-    /// How many sets have fewer digits than they came with.
-    pub rounded: usize,
 }
 
 /// Writes records in a format; messages of notations that say when they were made give `created`.
 ///
 /// Elements that were read from a file come back to the last bit from an OMM, others within one
-/// unit in the last place; two lines have fewer digits ([`Written::rounded`]). None for formats of
-/// ephemerides.
+/// unit in the last place; two lines have fewer digits. None for formats of ephemerides.
 pub fn write(records: &[Record], format: Format, created: Epoch) -> Option<Written> {
     let text = match format {
         Format::Tle => return Some(two_line::write(records, false)),

@@ -2,8 +2,8 @@
 
 use super::Written;
 use crate::elements::Elements;
-use crate::frames::DAY_NS;
 use crate::record::{Record, short_designator};
+use crate::time::DAY_NS;
 use crate::time::{utc_duration, utc_text};
 use crate::two_line::{Checksum, seal};
 use crate::units::{DEGREE, REV_PER_DAY};
@@ -11,9 +11,9 @@ use hifitime::{Duration, Epoch};
 
 /// Longest name of a name line.
 const LONGEST_NAME: usize = 24;
-/// Greatest numbers that the columns of set number and revolution hold.
-const LARGEST_SET: u32 = 9_999;
-const LARGEST_REVOLUTION: u32 = 99_999;
+/// What the columns of set number and revolution hold: the last digits.
+const SETS: u32 = 10_000;
+const REVOLUTIONS: u32 = 100_000;
 /// A hundred-millionth of a day, in which epochs are written, ns.
 const TICK_NS: i128 = 864_000;
 
@@ -21,25 +21,18 @@ const TICK_NS: i128 = 864_000;
 pub(super) fn write(records: &[Record], names: bool) -> Written {
     let mut written = Written::default();
     for record in records {
-        let who = format!("NORAD {}", record.elements.norad);
+        let object = format!("NORAD {}", record.elements.norad);
         let (line1, line2) = match lines(record) {
             Ok(lines) => lines,
             Err(reason) => {
-                written.left_out.push(format!("{who}: {reason}"));
+                written.left_out.push(format!("{object}: {reason}"));
                 continue;
             }
         };
-        match Elements::parse(&line1, &line2, Checksum::Required) {
-            Ok(read_back) if read_back == record.elements => {}
-            Ok(_) => written.rounded += 1,
-            Err(error) => {
-                let reason = format!("its two lines cannot be read back: {error}");
-                written.left_out.push(format!("{who}: {reason}"));
-                continue;
-            }
-        }
-        for change in changes(record, names) {
-            written.changed.push(format!("{who}: {change}"));
+        if let Err(error) = Elements::parse(&line1, &line2, Checksum::Required) {
+            let reason = format!("its two lines cannot be read back: {error}");
+            written.left_out.push(format!("{object}: {reason}"));
+            continue;
         }
         if names {
             let name: String = record.name.chars().take(LONGEST_NAME).collect();
@@ -49,34 +42,6 @@ pub(super) fn write(records: &[Record], names: bool) -> Written {
         written.text += &format!("{line1}\n{line2}\n");
     }
     written
-}
-
-/// What of a record its lines have otherwise.
-fn changes(record: &Record, names: bool) -> Vec<String> {
-    let mut changes = Vec::new();
-    if names && record.name.chars().count() > LONGEST_NAME {
-        changes.push(format!(
-            "the name '{}' is cut to {LONGEST_NAME} characters",
-            record.name
-        ));
-    }
-    if short_designator(&record.designator).is_none() {
-        let text = &record.designator;
-        changes.push(format!(
-            "'{text}' is no international designator of 1957 to 2056: its columns are left blank"
-        ));
-    }
-    for (what, value, largest) in [
-        ("set", record.element_set, LARGEST_SET),
-        ("revolution", record.revolution, LARGEST_REVOLUTION),
-    ] {
-        if value > largest {
-            changes.push(format!(
-                "the {what} number {value} has only its last digits"
-            ));
-        }
-    }
-    changes
 }
 
 /// The two lines of a set, sealed.
@@ -104,7 +69,7 @@ fn lines(record: &Record) -> Result<(String, String), String> {
         fraction(record.mean_motion_dot).ok_or("a TLE has first derivatives below 1 rev/day^2")?;
     let ddot = power(record.mean_motion_ddot).ok_or("the second derivative is beyond a TLE's")?;
     let drag = power(drag).ok_or("the drag term B* is beyond a TLE's")?;
-    let set = record.element_set % (LARGEST_SET + 1);
+    let set = record.element_set % SETS;
     let kind = Some(record.ephemeris_type).filter(|kind| *kind < 10);
     let kind = kind.ok_or("a TLE has an ephemeris type of one digit")?;
     let line1 =
@@ -118,7 +83,7 @@ fn lines(record: &Record) -> Result<(String, String), String> {
     if mean_motion >= 99.999_999_995 {
         return Err("a TLE has mean motions below 100 rev/day".to_owned());
     }
-    let revolution = record.revolution % (LARGEST_REVOLUTION + 1);
+    let revolution = record.revolution % REVOLUTIONS;
     let line2 = format!(
         "2 {number} {} {} {eccentricity:07} {} {} {mean_motion:11.8}{revolution:>5}",
         format_args!("{:8.4}", inclination / DEGREE),
