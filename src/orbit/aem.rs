@@ -4,7 +4,8 @@ use crate::frames::{Axes, FRAMES};
 use crate::identity::Key;
 use crate::meta::{Clock, Meta, Ut1, overlap};
 use crate::record::{At, check_version, shorten};
-use crate::{lines, meta};
+use crate::segments::{self, Message};
+use crate::{lines, time};
 use hifitime::Epoch;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
@@ -57,20 +58,12 @@ pub fn is_message(text: &str) -> bool {
     first.is_some_and(|text| text.starts_with(VERSION))
 }
 
-/// Reads a message. Attitudes that are missing would leave a gap, so that one line that cannot be read refuses the whole file.
+/// Reads a message. A missing attitude would leave a gap, so one line that cannot be read refuses the whole file.
 ///
 /// Errors: the line, and what is wrong there.
 pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
     let mut reader = Reader::default();
-    let mut last = 0;
-    for (number, line) in lines::numbered(text) {
-        last = number;
-        let line = line.trim_start();
-        if meta::is_significant(line, matches!(reader.section, Section::Meta(_))) {
-            reader.line(number, line)?;
-        }
-    }
-    reader.close(last)?;
+    let last = segments::read(&mut reader, lines::numbered(text))?;
     reader.check_overlap();
     if reader.message.segments.is_empty() {
         let reason = "no attitudes; a segment is META_START ... META_STOP and its attitudes";
@@ -89,15 +82,6 @@ struct Reader {
     body: Option<(String, usize)>,
     /// START_TIME of the first segment.
     first_start: Option<Epoch>,
-    section: Section,
-}
-
-#[derive(Default)]
-enum Section {
-    #[default]
-    Outside,
-    Meta(Meta),
-    Data(Data),
 }
 
 /// How the lines of a segment are read.
@@ -112,33 +96,9 @@ struct Data {
     segment: AttitudeSegment,
 }
 
-impl Reader {
-    fn line(&mut self, number: usize, line: &str) -> At<()> {
-        let is_in_data = matches!(self.section, Section::Data(_));
-        let is_end = line == "META_START" || line == "DATA_STOP" && is_in_data;
-        if is_end {
-            self.close(number)?;
-        }
-        self.section = match (line, std::mem::take(&mut self.section)) {
-            ("META_START", _) => Section::Meta(Meta::new(number)),
-            (_, Section::Outside) if is_end => Section::Outside,
-            ("META_STOP", Section::Meta(meta)) => Section::Data(self.data(&meta)?),
-            ("DATA_START", Section::Data(data)) => Section::Data(data),
-            (_, Section::Meta(mut meta)) => {
-                meta.add(number, line)?;
-                Section::Meta(meta)
-            }
-            (_, Section::Data(mut data)) => {
-                data.add(number, line)?;
-                Section::Data(data)
-            }
-            (_, Section::Outside) => {
-                self.header(number, line)?;
-                Section::Outside
-            }
-        };
-        Ok(())
-    }
+impl Message for Reader {
+    type Segment = Data;
+    const DATA_STOP: Option<&'static str> = Some("DATA_STOP");
 
     fn header(&mut self, number: usize, line: &str) -> At<()> {
         let Some((key, value)) = line.split_once('=') else {
@@ -153,30 +113,42 @@ impl Reader {
         Ok(())
     }
 
-    /// Ends the section that is open, at line `number`.
-    fn close(&mut self, number: usize) -> At<()> {
-        match std::mem::take(&mut self.section) {
-            Section::Outside => Ok(()),
-            Section::Meta(meta) => Err((meta.line, "META_START without META_STOP".to_owned())),
-            Section::Data(Data { segment, .. }) => {
-                let count = segment.attitudes.len();
-                if count < 2 {
-                    let rule = "give two at least, nothing is extrapolated";
-                    return Err((number, format!("{count} attitudes in a segment; {rule}")));
-                }
-                self.message.segments.push(segment);
-                Ok(())
-            }
-        }
+    fn start(&mut self, meta: &Meta) -> At<Data> {
+        self.segment(meta)
     }
 
+    /// `epoch q q q q [rates]`.
+    fn data(data: &mut Data, number: usize, line: &str) -> Result<(), String> {
+        if line == "DATA_START" {
+            return Ok(());
+        }
+        let (epoch, numbers) = segments::epoch_and_numbers(line, data.clock)?;
+        data.add(number, epoch, &numbers)
+    }
+
+    fn end(&mut self, Data { segment, .. }: Data, number: usize) -> At<()> {
+        let count = segment.attitudes.len();
+        if count < 2 {
+            let rule = "give two at least, nothing is extrapolated";
+            return Err((number, format!("{count} attitudes in a segment; {rule}")));
+        }
+        self.message.segments.push(segment);
+        Ok(())
+    }
+
+    fn reject(&mut self, error: (usize, String)) -> At<()> {
+        Err(error)
+    }
+}
+
+impl Reader {
     /// Adds a remark where segments overlap in the time that both have attitudes for.
     fn check_overlap(&mut self) {
-        let ns = |epoch: Epoch| epoch.to_tai_duration().total_nanoseconds();
         let spans = self.message.segments.iter().filter_map(|segment| {
             let (first, last) = (segment.attitudes.first()?, segment.attitudes.last()?);
-            let start = ns(segment.start).max(ns(first.epoch));
-            Some((start, ns(segment.stop).min(ns(last.epoch)), segment.line))
+            let start = segment.start.max(first.epoch);
+            let stop = segment.stop.min(last.epoch);
+            Some((time::tai_ns(start), time::tai_ns(stop), segment.line))
         });
         if let Some((line, remark)) = overlap(spans.collect()) {
             self.remark(line, remark);
@@ -184,7 +156,7 @@ impl Reader {
     }
 
     /// The segment that metadata begin.
-    fn data(&mut self, meta: &Meta) -> At<Data> {
+    fn segment(&mut self, meta: &Meta) -> At<Data> {
         meta.check_once()?;
         let (id, line) = meta.need("OBJECT_ID")?;
         let name = meta.find("OBJECT_NAME").map_or("", |(name, _)| name);
@@ -327,30 +299,25 @@ fn frames(meta: &Meta, ut1: Ut1) -> At<(Axes, bool, Option<String>)> {
 }
 
 impl Data {
-    /// `epoch q q q q [rates]`.
-    fn add(&mut self, number: usize, line: &str) -> At<()> {
-        let bad = |what: String| (number, format!("{what} in '{}'", shorten(line)));
-        let mut words = line.split_whitespace();
-        let epoch = words.next().and_then(|text| self.clock.read(text));
-        let epoch = epoch.ok_or_else(|| bad("no epoch".to_owned()))?;
-        let numbers = words.map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()));
-        let numbers: Option<Vec<f64>> = numbers.collect();
-        let numbers = numbers.ok_or_else(|| bad("a value that is not a number".to_owned()))?;
-        let &[first, second, third, fourth, ..] = numbers.as_slice() else {
-            return Err(bad("no quaternion".to_owned()));
+    /// Adds an attitude, or says what is wrong with it.
+    fn add(&mut self, line: usize, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
+        let &[first, second, third, fourth, ..] = numbers else {
+            return Err("no quaternion".to_owned());
         };
         let (columns, count) = (self.columns, numbers.len());
         if count != columns {
-            let what = format!("{count} values, not {columns} as ATTITUDE_TYPE says,");
-            return Err(bad(what));
+            return Err(format!(
+                "{count} values, not {columns} as ATTITUDE_TYPE says,"
+            ));
         }
         let attitudes = &mut self.segment.attitudes;
         if attitudes.last().is_some_and(|last| last.epoch >= epoch) {
-            return Err(bad("an epoch that is not after the one before".to_owned()));
+            return Err("an epoch that is not after the one before".to_owned());
         }
-        let q = match self.is_scalar_first {
-            true => Quaternion::new(first, second, third, fourth),
-            false => Quaternion::new(fourth, first, second, third),
+        let q = if self.is_scalar_first {
+            Quaternion::new(first, second, third, fourth)
+        } else {
+            Quaternion::new(fourth, first, second, third)
         };
         // A message's quaternion from frame A to B transforms coordinates by v_B = q^-1 v_A q
         // (504.0-B-2, annex F2), where here v_B = q v_A q^-1.
@@ -359,7 +326,7 @@ impl Data {
         let from_icrf = Rotation3::from_matrix_unchecked(self.axes.to_gcrf(epoch).transpose());
         let q = to_body * UnitQuaternion::from_rotation_matrix(&from_icrf).into_inner();
         attitudes.push(TimedAttitude {
-            line: number,
+            line,
             epoch,
             q_icrf_to_body: [q.i, q.j, q.k, q.w],
         });

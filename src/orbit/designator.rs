@@ -1,7 +1,7 @@
 //! International designators (COSPAR): year, number and piece of a launch, in every spelling of public files.
 
-use crate::identity::unlabelled;
-use crate::placeholder::is_unknown_piece;
+use crate::catalogue_number::unlabelled;
+use crate::missing::is_missing;
 use std::fmt;
 use std::num::NonZeroU16;
 
@@ -94,6 +94,12 @@ impl fmt::Display for Designator {
             .map(|letter| char::from(*letter))
             .try_for_each(|letter| write!(f, "{letter}"))
     }
+}
+
+/// Whether the piece of a designator is none: pieces with three letters are beyond 600, and none is beyond 9,000, where `TBA` and `XXA` would be.
+fn is_unknown_piece(piece: [u8; 3]) -> bool {
+    let is_word = std::str::from_utf8(&piece).is_ok_and(is_missing);
+    is_word || (piece.starts_with(b"XX") && piece[2] > 0)
 }
 
 /// The digits that a text begins with, and what follows.

@@ -82,7 +82,7 @@ impl Ephemeris {
     ///
     /// Error: `t` is in no segment; nothing is extrapolated.
     pub fn state(&self, t: Epoch) -> Result<StateVector, NotCovered> {
-        let ns = t.to_tai_duration().total_nanoseconds();
+        let ns = time::tai_ns(t);
         match self.segments.iter().find(|s| s.distance_ns(ns) == 0) {
             Some(segment) => Ok(segment.interpolate(segment.method, ns)),
             None => Err(self.nearest(ns)),

@@ -51,11 +51,6 @@ impl Format {
         }
     }
 
-    /// Whether it holds ephemerides, which no other format can hold.
-    pub fn is_ephemeris(self) -> bool {
-        matches!(self, Format::OemKvn | Format::OemXml)
-    }
-
     pub(crate) fn is_xml(self) -> bool {
         matches!(self, Format::OmmXml | Format::OemXml)
     }
@@ -71,7 +66,8 @@ impl Format {
             _ if oem::begins(first) => Some(Format::OemKvn),
             _ if omm::kvn::begins(first) => Some(Format::OmmKvn),
             _ if omm::csv::begins(first) => Some(Format::OmmCsv),
-            _ => tle::looks_like(text),
+            _ if tle::has_names(text)? => Some(Format::ThreeLine),
+            _ => Some(Format::Tle),
         }
     }
 }

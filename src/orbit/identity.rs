@@ -1,6 +1,6 @@
 //! What identifies an object: catalogue number, international designator, an agency's own id, or else its orbit.
 
-use crate::two_line::alpha_5;
+use crate::catalogue_number::{assigned, catalogue_number};
 use crate::{Designator, Elements, Object, Orbit, is_placeholder};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -26,41 +26,6 @@ fn is_generic(name: &str) -> bool {
     let is_piece = |word: &str| word.len() <= 3 && word.bytes().all(|b| b.is_ascii_uppercase());
     let is_lettered = matches!(words[..], ["OBJECT" | "OBJ", piece] if is_piece(piece));
     is_lettered || GENERIC.contains(&words.as_slice())
-}
-
-/// The catalogue number, unless it is a placeholder: 0, or five or more nines.
-pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
-    let nines = [99_999, 999_999, 9_999_999, 99_999_999, 999_999_999];
-    NonZeroU32::new(number).filter(|_| !nines.contains(&number))
-}
-
-/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5`, `NORAD ID 5`, `#5`, `00005` or, in Alpha-5, `A0005`.
-pub fn catalogue_number(text: &str) -> Option<u32> {
-    alpha_5(&unlabelled(text, "NORAD").to_ascii_uppercase())
-}
-
-/// A text without quotes, `#`, and a label such as `NORAD`, `NORAD ID` or `COSPAR`.
-pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
-    let without = |text: &'a str, word: &str| {
-        let (head, rest) = text.split_at_checked(word.len())?;
-        let bare = rest.trim_start_matches([' ', '_', ':', '#', '-']);
-        let (between, _) = rest.split_at_checked(rest.len() - bare.len())?;
-        // `NORAD-5` and `NORAD - 5` are 5; `NORAD -5` is a negative number.
-        let ends_in_minus = between.ends_with(" -") || between.ends_with(":-");
-        let is_negative = ends_in_minus && bare.starts_with(|c: char| c.is_ascii_digit());
-        let minus = usize::from(is_negative);
-        let (_, rest) = rest.split_at_checked(between.len() - minus)?;
-        head.eq_ignore_ascii_case(word).then_some(rest)
-    };
-    let text = text.trim().trim_matches(['"', '\'']).trim();
-    let text = text.trim_start_matches('#').trim_start();
-    let Some(mut text) = without(text, label) else {
-        return text;
-    };
-    for word in ["CAT", "ID"] {
-        text = without(text, word).unwrap_or(text);
-    }
-    text
 }
 
 /// What identifies an object: its number, or else its designator, or else a word.

@@ -71,6 +71,26 @@ impl<'a> LineFinder<'a> {
     }
 }
 
+/// A part of a text with messages of one kind.
+pub(crate) struct Part<'a> {
+    pub text: &'a str,
+    /// Lines of the whole text before it.
+    pub lines_before: usize,
+}
+
+impl<'a> Part<'a> {
+    /// Its lines with their numbers in the whole text.
+    pub fn lines(&self) -> impl Iterator<Item = (usize, &'a str)> + Clone + use<'a> {
+        let before = self.lines_before;
+        numbered(self.text).map(move |(number, line)| (number + before, line))
+    }
+
+    /// Finds lines of the whole text by offsets in this part.
+    pub fn finder(&self) -> LineFinder<'a> {
+        LineFinder::new(self.text, self.lines_before)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,8 @@
 //! From a file to the objects in it.
 
 use crate::format::Format;
-use crate::parts::{Part, parts};
+use crate::lines::Part;
+use crate::parts::parts;
 use crate::record::{At, Record, shorten};
 use crate::unread::Unread;
 use crate::{
@@ -46,7 +47,7 @@ pub struct Contents {
     pub(crate) first_start: Option<Epoch>,
 }
 
-/// A record that could not be read. Shown as `file:line: reason`.
+/// A record that could not be read. Shown as `file:line: reason`, without a source the reason alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rejected {
     /// Name of the file or other source.
@@ -70,6 +71,9 @@ impl Rejected {
 
 impl fmt::Display for Rejected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.source.is_empty() {
+            return f.write_str(&self.reason);
+        }
         write!(f, "{}:{}: {}", self.source, self.line, self.reason)
     }
 }
@@ -334,11 +338,12 @@ impl Contents {
         objects
     }
 
-    /// The same as a source of [`unite`].
-    pub fn into_source(self, rank: u8) -> Source {
+    /// The same as a source of [`unite`], with its name in messages.
+    pub fn into_source(self, name: String, rank: u8) -> Source {
         let records = self.records.iter().map(|record| record.line);
         let lines = records.chain(self.ephemerides.iter().map(Object::line));
         Source {
+            name,
             lines: lines.collect(),
             objects: self.into_objects(),
             rank,
@@ -352,7 +357,7 @@ impl From<Contents> for Loaded {
         let ephemerides = std::mem::take(&mut contents.ephemerides);
         let rejected = std::mem::take(&mut contents.rejected);
         let assumed = std::mem::take(&mut contents.assumed);
-        let mut objects = unite(vec![contents.into_source(0)]).objects;
+        let mut objects = unite(vec![contents.into_source(String::new(), 0)]).objects;
         objects.extend(ephemerides);
         Loaded {
             objects,

@@ -5,11 +5,12 @@ pub(crate) mod xml;
 use crate::ephemeris::{Ephemeris, Method, Node, Segment};
 use crate::frames::Axes;
 use crate::identity::{Key, unnumbered_id};
+use crate::lines::Part;
 use crate::meta::{Clock, Meta, overlap};
-use crate::parts::Part;
 use crate::record::{At, check_version, shorten};
+use crate::segments::{self, Message};
 use crate::unite::Ids;
-use crate::{Contents, Identity, Object, Orbit, StateVector, is_placeholder, meta};
+use crate::{Contents, Identity, Object, Orbit, StateVector, is_placeholder, time};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use std::collections::HashMap;
@@ -43,21 +44,11 @@ pub(crate) fn begins(line: &str) -> bool {
 /// Covariance sections, comments and accelerations are skipped. A segment with a line that cannot
 /// be read is rejected as a whole, and the rest loads.
 pub(crate) fn read(part: &Part, contents: &mut Contents) {
-    let mut reader = Reader {
-        read: Segments::new(contents),
-        section: Section::Outside,
-        is_unknown: false,
-    };
-    let mut last = part.lines_before;
-    for (number, line) in part.lines() {
-        last = number;
-        let line = line.trim_start();
-        if meta::is_significant(line, matches!(reader.section, Section::Meta(_))) {
-            reader.line(last, line);
-        }
+    let mut messages = Messages::new(contents);
+    // Its `reject` returns no error.
+    if segments::read(&mut messages, part.lines()).is_ok() {
+        messages.finish();
     }
-    reader.close(last);
-    reader.read.finish();
 }
 
 /// Whether a line is `KEYWORD = value`, as the header's are.
@@ -67,110 +58,96 @@ fn is_header(line: &str) -> bool {
     keyword.is_some_and(|keyword| keyword.bytes().all(is_letter))
 }
 
-struct Reader<'a> {
-    read: Segments<'a>,
-    section: Section,
-    /// Whether the message is of a version that is not read.
-    is_unknown: bool,
-}
-
-/// Adds the segments of a text to its contents.
-struct Segments<'a> {
+/// The messages of a text, whose segments are added to its contents.
+struct Messages<'a> {
     contents: &'a mut Contents,
     /// Ephemerides in the contents before those of this text.
     before: usize,
     has_rejected: bool,
+    /// Whether the current message is of a version that is not read.
+    is_unknown: bool,
     /// Places of the objects in the contents.
     places: HashMap<Key, usize>,
     ids: Ids,
 }
 
-/// Where in the message the reader is.
-#[derive(Default)]
-enum Section {
-    /// In the header, or in a segment that was rejected.
-    #[default]
-    Outside,
-    Meta(Meta),
-    Data(Data),
-    Covariance(Data),
-}
-
 /// A segment being read.
 struct Data {
-    line: usize,
     id: String,
     name: String,
     axes: Axes,
     clock: Clock,
-    method: Method,
-    start: Epoch,
-    stop: Epoch,
-    nodes: Vec<Node>,
+    in_covariance: bool,
     /// Line of INTERPOLATION_DEGREE.
     degree_line: Option<usize>,
-    /// Lines, and what was assumed there.
-    remarks: Vec<(usize, String)>,
+    segment: Segment,
 }
 
-impl Reader<'_> {
-    fn line(&mut self, number: usize, line: &str) {
-        if begins(line) || line == "META_START" && !self.is_unknown {
-            self.close(number);
-        }
-        let next = match (line, std::mem::take(&mut self.section)) {
-            ("META_START", _) if !self.is_unknown => Ok(Section::Meta(Meta::new(number))),
-            // Another message, behind the first in one file.
-            (line, _) if begins(line) => {
-                let version = line.split_once('=').map(|(_, version)| version);
-                let checked = version.map_or(Ok(()), |text| check_version(VERSION, text));
-                self.is_unknown = checked.is_err();
-                checked
-                    .map(|()| Section::Outside)
-                    .map_err(|reason| (number, reason))
-            }
-            (_, section) if self.is_unknown => Ok(section),
-            ("META_STOP", Section::Meta(meta)) => {
-                Data::new(&meta, &mut self.read.contents.first_start).map(Section::Data)
-            }
-            ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
-            ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
-            // The rest of a segment that was rejected is passed over: one record, one reason.
-            (_, Section::Outside) if self.read.has_rejected => Ok(Section::Outside),
-            (line, Section::Outside) if is_header(line) => Ok(Section::Outside),
-            (_, Section::Outside) => Err((
-                number,
-                "a line outside of every segment; a segment starts with META_START".to_owned(),
-            )),
-            (_, Section::Covariance(data)) => Ok(Section::Covariance(data)),
-            (_, Section::Meta(mut meta)) => meta.add(number, line).map(|()| Section::Meta(meta)),
-            (_, Section::Data(mut data)) => data.line(number, line).map(|()| Section::Data(data)),
-        };
-        match next {
-            Ok(section) => self.section = section,
-            Err((line, reason)) => self.read.reject(line, &reason),
-        }
+impl Message for Messages<'_> {
+    type Segment = Data;
+    const DATA_STOP: Option<&'static str> = None;
+
+    fn restarts(&self, line: &str) -> bool {
+        begins(line)
     }
 
-    /// Ends the section that is open, at line `number`.
-    fn close(&mut self, number: usize) {
-        match std::mem::take(&mut self.section) {
-            Section::Outside => {}
-            Section::Meta(_) => {
-                let reason = "META_START without META_STOP; restore the metadata block";
-                self.read.reject(number, reason);
-            }
-            Section::Data(data) | Section::Covariance(data) => self.read.add(data),
+    fn is_known(&self) -> bool {
+        !self.is_unknown
+    }
+
+    fn header(&mut self, number: usize, line: &str) -> At<()> {
+        if begins(line) {
+            let version = line.split_once('=').map(|(_, version)| version);
+            let checked = version.map_or(Ok(()), |text| check_version(VERSION, text));
+            self.is_unknown = checked.is_err();
+            return checked.map_err(|reason| (number, reason));
         }
+        // The rest of a rejected segment is skipped: one record, one reason.
+        if self.is_unknown || self.has_rejected || is_header(line) {
+            return Ok(());
+        }
+        let reason = "a line outside of every segment; a segment starts with META_START";
+        Err((number, reason.to_owned()))
+    }
+
+    fn start(&mut self, meta: &Meta) -> At<Data> {
+        Data::new(meta, &mut self.contents.first_start)
+    }
+
+    /// `epoch x y z vx vy vz [ax ay az]`, km and km/s.
+    fn data(data: &mut Data, _: usize, line: &str) -> Result<(), String> {
+        if data.in_covariance || line == "COVARIANCE_START" {
+            data.in_covariance = line != "COVARIANCE_STOP";
+            return Ok(());
+        }
+        if is_header(line) {
+            let reason = "a keyword behind the states; another message starts with its CCSDS_..._VERS: \
+                          add that, or split the file here";
+            return Err(reason.to_owned());
+        }
+        let (epoch, numbers) = segments::epoch_and_numbers(line, data.clock)?;
+        data.state(epoch, &numbers)
+    }
+
+    fn end(&mut self, data: Data, _: usize) -> At<()> {
+        let (id, name, segment) = data.finish()?;
+        self.add(id, name, segment);
+        Ok(())
+    }
+
+    fn reject(&mut self, (line, reason): (usize, String)) -> At<()> {
+        self.refuse(line, reason);
+        Ok(())
     }
 }
 
-impl<'a> Segments<'a> {
+impl<'a> Messages<'a> {
     fn new(contents: &'a mut Contents) -> Self {
-        Segments {
+        Messages {
             before: contents.ephemerides.len(),
             contents,
             has_rejected: false,
+            is_unknown: false,
             places: HashMap::new(),
             ids: Ids::new(),
         }
@@ -193,20 +170,19 @@ impl<'a> Segments<'a> {
         }
     }
 
-    /// Adds a segment whose states are all read.
-    fn add(&mut self, data: Data) {
-        match data.finish() {
-            Ok((id, name, segment)) => self.keep(id, name, segment),
-            Err((line, reason)) => self.reject(line, &reason),
-        }
+    fn refuse(&mut self, line: usize, reason: impl AsRef<str>) {
+        self.has_rejected = true;
+        self.contents.reject(line, reason);
     }
 
-    fn keep(&mut self, id: String, name: String, segment: Segment) {
+    /// Adds a segment to its object.
+    fn add(&mut self, id: String, name: String, segment: Segment) {
         let mut object = Object {
             identity: Identity::of_ephemeris(&id, &name),
-            id: match is_placeholder(&id) {
-                true => unnumbered_id(&id, &name),
-                false => id,
+            id: if is_placeholder(&id) {
+                unnumbered_id(&id, &name)
+            } else {
+                id
             },
             names: Vec::from_iter(Some(name).filter(|name| !is_placeholder(name))),
             orbit: Orbit::Ephemeris(Ephemeris {
@@ -221,11 +197,6 @@ impl<'a> Segments<'a> {
             object.identify(None, &mut self.ids);
             objects.push(object);
         }
-    }
-
-    fn reject(&mut self, line: usize, reason: &str) {
-        self.has_rejected = true;
-        self.contents.reject(line, reason);
     }
 }
 
@@ -245,45 +216,31 @@ impl Data {
         let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, stop)?);
         let mut remarks: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
         Ok(Data {
-            line: meta.line,
             id: meta.object("OBJECT_ID")?,
             name: meta.object("OBJECT_NAME")?,
             axes,
             clock,
-            method: method(meta, &mut remarks)?,
+            in_covariance: false,
             degree_line: meta.find("INTERPOLATION_DEGREE").map(|(_, line)| line),
-            start,
-            stop,
-            nodes: Vec::new(),
-            remarks,
+            segment: Segment {
+                line: meta.line,
+                nodes: Vec::new(),
+                method: method(meta, &mut remarks)?,
+                start_ns: time::tai_ns(start),
+                stop_ns: time::tai_ns(stop),
+                remarks,
+            },
         })
     }
 
-    /// `epoch x y z vx vy vz [ax ay az]`, km and km/s.
-    fn line(&mut self, number: usize, line: &str) -> At<()> {
-        let bad = |what: &str| (number, format!("{what} in '{}'", shorten(line)));
-        if is_header(line) {
-            return Err(bad(
-                "a keyword behind the states; another message starts with its CCSDS_..._VERS: add \
-                 that, or split the file here",
-            ));
-        }
-        let mut words = line.split_whitespace();
-        let epoch = words.next().unwrap_or_default();
-        let numbers = words.map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()));
-        let numbers: Option<Vec<f64>> = numbers.collect();
-        let numbers = numbers.ok_or_else(|| bad("a value that is not a number"))?;
-        self.state(epoch, &numbers).map_err(|what| bad(&what))
-    }
-
     /// Adds a state, or says what is wrong with it.
-    fn state(&mut self, epoch: &str, numbers: &[f64]) -> Result<(), String> {
-        let epoch = self.clock.read(epoch).ok_or("no epoch")?;
+    fn state(&mut self, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
         let (&[x, y, z, vx, vy, vz] | &[x, y, z, vx, vy, vz, _, _, _]) = numbers else {
             return Err("not 6 values (or 9 with accelerations)".to_owned());
         };
-        let tai_ns = epoch.to_tai_duration().total_nanoseconds();
-        if self.nodes.last().is_some_and(|node| node.tai_ns >= tai_ns) {
+        let nodes = &mut self.segment.nodes;
+        let tai_ns = time::tai_ns(epoch);
+        if nodes.last().is_some_and(|node| node.tai_ns >= tai_ns) {
             return Err("an epoch that is not after the one before".to_owned());
         }
         let state = StateVector {
@@ -302,67 +259,62 @@ impl Data {
             return Err(reason.to_owned());
         }
         let node = Node { tai_ns, state };
-        if let Some(last) = self.nodes.last() {
+        if let Some(last) = nodes.last() {
             agree(last, &node)?;
         }
-        self.nodes.push(node);
+        nodes.push(node);
         Ok(())
     }
 
-    fn finish(mut self) -> At<(String, String, Segment)> {
-        let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else {
-            return Err((self.line, "the segment has no states".to_owned()));
+    /// The segment within its states: nothing is extrapolated.
+    fn finish(self) -> At<(String, String, Segment)> {
+        let mut segment = self.segment;
+        let fault = |reason: &str| Err((segment.line, reason.to_owned()));
+        let (first, last) = match segment.nodes.as_slice() {
+            [] => return fault("the segment has no states"),
+            [_] => {
+                let rule = "nothing is extrapolated: give two at least";
+                return fault(&format!("the segment has a single state, and {rule}"));
+            }
+            [first, .., last] => (first.tai_ns, last.tai_ns),
         };
-        if self.nodes.len() == 1 {
-            let rule = "nothing is extrapolated: give two at least";
-            return Err((
-                self.line,
-                format!("the segment has a single state, and {rule}"),
-            ));
+        segment.start_ns = segment.start_ns.max(first);
+        segment.stop_ns = segment.stop_ns.min(last);
+        if segment.start_ns > segment.stop_ns {
+            return fault("no state lies between the segment's start and stop time");
         }
-        // nothing is extrapolated: the states bound the stated interval
-        let start_ns = self.start.to_tai_duration().total_nanoseconds();
-        let stop_ns = self.stop.to_tai_duration().total_nanoseconds();
-        let start_ns = start_ns.max(first.tai_ns);
-        let stop_ns = stop_ns.min(last.tai_ns);
-        if start_ns > stop_ns {
-            let reason = "no state lies between the segment's start and stop time";
-            return Err((self.line, reason.to_owned()));
-        }
-        let (Method::Lagrange(count) | Method::Hermite(count), has) =
-            (self.method, self.nodes.len());
+        let has = segment.nodes.len();
+        let (Method::Lagrange(count) | Method::Hermite(count)) = segment.method;
         if let Some(line) = self.degree_line.filter(|_| has < count) {
             let remark = format!(
                 "INTERPOLATION_DEGREE takes {count} states, and the segment has {has}: the degree is lower"
             );
-            self.remarks.push((line, remark));
-        }
-        let mut segment = Segment {
-            line: self.line,
-            nodes: self.nodes,
-            method: self.method,
-            start_ns,
-            stop_ns,
-            remarks: self.remarks,
-        };
-        let degree = segment.method.degree();
-        let mut farthest_m = None;
-        while let (Some(off_m), Some(method)) = (segment.divergence_m(), segment.method.lower()) {
-            farthest_m = farthest_m.or(Some((off_m, method.degree())));
-            segment.method = method;
-        }
-        if let Some((off_m, lower)) = farthest_m {
-            let remark = format!(
-                "interpolation of degree {degree} does not converge on these states (half way between two it is {:.1} km off that of degree \
-                 {lower}): degree {} is taken; give states at even times, or a lower INTERPOLATION_DEGREE",
-                off_m / 1e3,
-                segment.method.degree()
-            );
-            let line = self.degree_line.unwrap_or(self.line);
             segment.remarks.push((line, remark));
         }
+        converge(&mut segment, self.degree_line);
         Ok((self.id, self.name, segment))
     }
+}
+
+/// Lowers the degree of the interpolation until it converges, with a remark.
+fn converge(segment: &mut Segment, degree_line: Option<usize>) {
+    let degree = segment.method.degree();
+    let mut farthest_m = None;
+    while let (Some(off_m), Some(method)) = (segment.divergence_m(), segment.method.lower()) {
+        farthest_m = farthest_m.or(Some((off_m, method.degree())));
+        segment.method = method;
+    }
+    let Some((off_m, lower)) = farthest_m else {
+        return;
+    };
+    let remark = format!(
+        "interpolation of degree {degree} does not converge on these states (half way between two it is {:.1} km off that of degree \
+         {lower}): degree {} is taken; give states at even times, or a lower INTERPOLATION_DEGREE",
+        off_m / 1e3,
+        segment.method.degree()
+    );
+    let line = degree_line.unwrap_or(segment.line);
+    segment.remarks.push((line, remark));
 }
 
 /// The interpolation that metadata ask for: without INTERPOLATION Hermite's, without a degree that of 7.

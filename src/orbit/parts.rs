@@ -1,28 +1,8 @@
 //! A text in parts that each hold messages of one kind: files are often made by joining others.
 
-use crate::lines::{self, LineFinder};
+use crate::lines::{self, Part};
 use crate::{omm, tle, xml};
 use memchr::{memchr, memchr3, memmem};
-
-/// A stretch of a text.
-pub(crate) struct Part<'a> {
-    pub text: &'a str,
-    /// Lines of the whole text before it.
-    pub lines_before: usize,
-}
-
-impl<'a> Part<'a> {
-    /// Its lines with their numbers in the whole text.
-    pub fn lines(&self) -> impl Iterator<Item = (usize, &'a str)> + Clone + use<'a> {
-        let before = self.lines_before;
-        lines::numbered(self.text).map(move |(number, line)| (number + before, line))
-    }
-
-    /// Finds lines of the whole text by offsets in this part.
-    pub fn finder(&self) -> LineFinder<'a> {
-        LineFinder::new(self.text, self.lines_before)
-    }
-}
 
 /// What a stretch of lines holds.
 #[derive(Clone, Copy, PartialEq)]

@@ -1,38 +1,9 @@
 //! Texts that stand for no value where an id, a number or a name is expected.
 
 use crate::Designator;
+use crate::catalogue_number::{assigned, catalogue_number, unlabelled};
 use crate::designator::SEPARATORS;
-use crate::identity::{assigned, catalogue_number, unlabelled};
-
-/// Placeholders. `UNKNOWN`, one of [`MISSING`], is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME).
-const PLACEHOLDERS: [&str; 14] = [
-    "UNK", "UNDEF", "TBD", "TBA", "TBC", "TBS", "NA", "NO", "NONE", "NULL", "NIL", "NAN",
-    "INVALID", "ANALYST",
-];
-
-/// Words that are a placeholder behind `UN`, `NOT`, `NOT YET` or `TO BE`. `TBA - TO BE ASSIGNED` is a name of Space-Track's.
-const MISSING: [&str; 20] = [
-    "KNOWN",
-    "ASSIGNED",
-    "DEFINED",
-    "SPECIFIED",
-    "IDENTIFIED",
-    "NAMED",
-    "CATALOGUED",
-    "CATALOGED",
-    "REGISTERED",
-    "AVAILABLE",
-    "APPLICABLE",
-    "ANNOUNCED",
-    "DETERMINED",
-    "DECIDED",
-    "CONFIRMED",
-    "SUPPLIED",
-    "PROVIDED",
-    "ISSUED",
-    "GIVEN",
-    "SET",
-];
+use crate::missing::{PLACEHOLDERS, is_missing};
 
 /// Words without meaning next to a placeholder, as in `UNKNOWN OBJECT 2` and `NO ID`.
 const FILLERS: [&str; 10] = [
@@ -50,23 +21,6 @@ const FILLERS: [&str; 10] = [
 
 /// What stands for digits that are not known, as in `2026-???A` and `YYYY-NNNP`.
 const MARKS: &str = "XYN?#*_.-\u{2013}\u{2014}";
-
-/// Whether a word in capitals is a placeholder by itself: one of the lists, or `XX`, `XXX` and so on.
-fn is_empty_word(word: &str) -> bool {
-    let mut prefixes = ["UN", "NOTYET", "NOT", "TOBE"].into_iter();
-    let is_missing = |prefix| {
-        let rest = word.strip_prefix(prefix);
-        rest.is_some_and(|rest| MISSING.contains(&rest))
-    };
-    let is_crossed_out = word.len() >= 2 && word.bytes().all(|byte| byte == b'X');
-    is_crossed_out || PLACEHOLDERS.contains(&word) || prefixes.any(is_missing)
-}
-
-/// Whether the piece of a designator is none: pieces with three letters are beyond 600, and none is beyond 9,000, where `TBA` and `XXA` would be.
-pub(crate) fn is_unknown_piece(piece: [u8; 3]) -> bool {
-    let is_word = std::str::from_utf8(&piece).is_ok_and(is_empty_word);
-    is_word || (piece.starts_with(b"XX") && piece[2] > 0)
-}
 
 /// Whether a text is a designator without year, number or piece: the `YYYY-NNNP{PP}` of the
 /// standard (CCSDS 502.0-B-3, OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`, `2026-TBDA`,
@@ -152,7 +106,7 @@ pub fn is_placeholder(text: &str) -> bool {
     let letters: String = text.chars().filter(|c| c.is_alphanumeric()).collect();
     let first = letters.chars().next().filter(|c| c.is_alphabetic());
     let are_equal = letters.len() >= 4 && letters.chars().all(|c| Some(c) == first);
-    if letters.is_empty() || are_equal || is_empty_word(&letters) {
+    if letters.is_empty() || are_equal || is_missing(&letters) {
         return true;
     }
     consists_of_empty_words(&text)
@@ -174,7 +128,7 @@ fn consists_of_empty_words(text: &str) -> bool {
         if is_letter || ["NOT", "YET", "TO", "BE"].contains(&word) {
             continue;
         }
-        if !is_empty_word(&beginning) {
+        if !is_missing(&beginning) {
             return false;
         }
         (has_any, beginning) = (true, String::new());

@@ -1,7 +1,8 @@
 //! One element set as its file gives it, with the values that other formats need and a scene does not.
 
+use crate::catalogue_number::assigned;
 use crate::elements::Elements;
-use crate::identity::{agency_id, assigned, unnumbered_id};
+use crate::identity::{agency_id, unnumbered_id};
 use crate::is_placeholder;
 use crate::{Designator, Theory};
 

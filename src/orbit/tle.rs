@@ -1,7 +1,6 @@
 //! Files of two-line element sets, with or without name lines.
 
-use crate::format::Format;
-use crate::parts::Part;
+use crate::lines::Part;
 use crate::record::{At, Record, shorten};
 use crate::two_line::Checksum;
 use crate::{Contents, bounded_name, lines};
@@ -173,16 +172,13 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The format of a text that holds anything like an element line.
-pub(crate) fn looks_like(text: &str) -> Option<Format> {
+/// Whether the sets of a text have names; none of a text without an element line.
+pub(crate) fn has_names(text: &str) -> Option<bool> {
     let mut lines = significant(text).map(|(_, line)| element_line(line));
     if lines.clone().all(|line| line.is_none()) {
         return None;
     }
-    Some(match lines.all(|line| line.is_some()) {
-        true => Format::Tle,
-        false => Format::ThreeLine,
-    })
+    Some(lines.any(|line| line.is_none()))
 }
 
 /// Names stand behind their sets in a file that begins with a set, has a name right after it and

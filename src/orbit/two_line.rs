@@ -1,5 +1,6 @@
 //! The two lines of an element set: fixed columns.
 
+use crate::catalogue_number::alpha_5;
 use crate::elements::Elements;
 use crate::record::{Record, long_designator};
 use crate::theory::{self, Theory};
@@ -267,22 +268,6 @@ fn scaled(whole: f64, power: i32) -> Option<f64> {
         0..=22 => Some(whole * 10f64.powi(power)),
         _ => None,
     }
-}
-
-/// A number in digits, or Alpha-5: a letter (no I, no O) for the leading two of six, `A` = 10 to `Z` = 33.
-pub(crate) fn alpha_5(text: &str) -> Option<u32> {
-    let (letter, rest) = match text.bytes().next()? {
-        byte @ b'A'..=b'H' => (u32::from(byte - b'A') + 10, &text[1..]),
-        byte @ b'J'..=b'N' => (u32::from(byte - b'J') + 18, &text[1..]),
-        byte @ b'P'..=b'Z' => (u32::from(byte - b'P') + 23, &text[1..]),
-        _ => (0, text),
-    };
-    let right_length = letter == 0 || rest.len() == 4;
-    if !right_length || !rest.bytes().all(|b| b.is_ascii_digit()) {
-        return None;
-    }
-    let rest: u32 = rest.parse().ok()?;
-    Some(letter * 10_000 + rest)
 }
 
 #[cfg(test)]

@@ -1,12 +1,14 @@
 //! Objects of several sources, each once. All sources are read first: the last one may show that
 //! earlier records are of one object.
 
-use crate::{Object, Orbit, identity};
+use crate::{Object, Orbit, Rejected, identity};
 use std::collections::HashMap;
 
 /// The objects of a file, or of another source, one for each record or ephemeris.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
+    /// Its name in messages; empty: none.
+    pub name: String,
     /// In the order of the source.
     pub objects: Vec<Object>,
     /// The line that each begins at; may be shorter where the source has no lines.
@@ -25,21 +27,8 @@ pub struct United {
     pub sources: Vec<usize>,
     /// Records of objects that came before: the object's place, and the record's source.
     pub joined: Vec<(usize, usize)>,
-    /// Orbits that cannot be used beside an earlier one of the same object.
-    pub refused: Vec<Refused>,
-}
-
-/// An orbit that cannot be used beside an earlier one of the same object.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refused {
-    /// Its source, as index.
-    pub source: usize,
-    /// The line that it begins at; 1 where the source has no lines.
-    pub line: usize,
-    /// What it is an orbit of besides which other one.
-    reason: String,
-    /// The source of the earlier orbit, as index.
-    earlier: usize,
+    /// Orbits that cannot be used beside an earlier one of the same object, each with its source.
+    pub refused: Vec<(usize, Rejected)>,
 }
 
 /// What all records say of an object.
@@ -84,6 +73,8 @@ pub fn unite(mut sources: Vec<Source>) -> United {
         known.rank = known.rank.min(rank);
         known.records += 1;
     }
+    let names = sources.iter().map(|source| source.name.clone());
+    let names: Vec<String> = names.collect();
     let mut united = United::default();
     let mut ids = HashMap::new();
     let mut places = places.into_iter();
@@ -91,8 +82,12 @@ pub fn unite(mut sources: Vec<Source>) -> United {
         let lines = one.lines.into_iter().chain(std::iter::repeat(1));
         for ((object, line), place) in one.objects.into_iter().zip(lines).zip(places.by_ref()) {
             let known = &mut all[place];
-            if one.rank <= known.rank {
-                united.add(object, (source, line), known, &mut ids);
+            if one.rank > known.rank {
+                continue;
+            }
+            if let Err(reason) = united.add(object, source, known, (&mut ids, &names)) {
+                let refused = Rejected::new(&one.name, line, &reason);
+                united.refused.push((source, refused));
             }
         }
     }
@@ -101,51 +96,44 @@ pub fn unite(mut sources: Vec<Source>) -> United {
 }
 
 impl United {
-    /// Adds an object of a line of a source.
+    /// Adds an object of a source.
+    ///
+    /// Errors: why its orbit cannot be used beside an earlier one of the same object.
     fn add(
         &mut self,
         mut object: Object,
-        (source, line): (usize, usize),
+        source: usize,
         known: &mut Known,
-        ids: &mut Ids,
-    ) {
+        (ids, names): (&mut Ids, &[String]),
+    ) -> Result<(), String> {
         let Some(place) = known.place else {
             known.place = Some(self.objects.len());
             object.identify(known.number.filter(|_| known.records > 1), ids);
             self.objects.push(object);
             self.sources.push(source);
-            return;
+            return Ok(());
         };
         let first = &mut self.objects[place];
         if let (Orbit::Elements(..), Orbit::Elements(..)) = (&first.orbit, &object.orbit) {
             first.join(object);
             self.joined.push((place, source));
-            return;
+            return Ok(());
         }
         first.identity.join(object.identity);
-        let mut reason = format!("{} is ", object.label());
-        if first.id != object.id {
-            reason += &format!("{} ", first.label());
-        }
-        self.refused.push(Refused {
-            source,
-            line,
-            reason,
-            earlier: self.sources[place],
-        });
-    }
-}
-
-impl Refused {
-    /// Why, with the earlier orbit's file by its name among those of the sources.
-    pub fn reason(&self, names: &[String]) -> String {
-        let named = names.get(self.earlier).filter(|name| !name.is_empty());
-        let earlier = match named {
-            _ if self.earlier == self.source => "this file already",
-            Some(name) => name,
-            None => "an earlier file",
+        let first = if first.id == object.id {
+            String::new()
+        } else {
+            format!("{} ", first.label())
         };
-        format!("{}in {earlier}: keep one of the two", self.reason)
+        let earlier = match self.sources[place] {
+            same if same == source => "this file already",
+            other if names[other].is_empty() => "an earlier file",
+            other => &names[other],
+        };
+        let object = object.label();
+        Err(format!(
+            "{object} is {first}in {earlier}: keep one of the two"
+        ))
     }
 }
 

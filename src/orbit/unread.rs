@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 use crate::lines;
-use crate::parts::Part;
+use crate::lines::Part;
 use crate::xml::{Tag, tags};
 use memchr::memmem;
 use std::collections::BTreeMap;

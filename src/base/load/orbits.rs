@@ -26,8 +26,6 @@ pub struct Findings {
 #[derive(Debug, Default)]
 pub struct Pool {
     sources: Vec<Source>,
-    /// A name for each source.
-    names: Vec<String>,
 }
 
 impl Pool {
@@ -38,7 +36,6 @@ impl Pool {
             rank,
             ..Source::default()
         });
-        self.names.push(String::new());
     }
 
     /// Adds every object of a file, or of all files in a folder, each a source with this rank.
@@ -63,10 +60,9 @@ impl Pool {
         for (file, contents) in load(folder, name, findings)? {
             findings.book(&contents.rejected, &contents.assumed);
             refused.extend_from_slice(&contents.rejected);
-            let source = contents.into_source(rank);
+            let source = contents.into_source(file, rank);
             is_empty &= source.objects.is_empty();
             self.sources.push(source);
-            self.names.push(file);
         }
         if is_empty {
             let nothing = Loaded {
@@ -100,15 +96,8 @@ impl Pool {
     /// the object would be drawn twice.
     pub fn unite(self, findings: &mut Findings) -> United {
         let united = unite(self.sources);
-        findings
-            .rejected
-            .extend(united.refused.iter().map(|refused| {
-                let reason = refused.reason(&self.names);
-                match self.names.get(refused.source) {
-                    Some(name) if !name.is_empty() => format!("{name}:{}: {reason}", refused.line),
-                    _ => reason,
-                }
-            }));
+        let refused = united.refused.iter().map(|(_, refused)| refused);
+        findings.rejected.extend(refused.map(Rejected::to_string));
         united
     }
 }
@@ -257,23 +246,16 @@ fn load(
 /// The objects of some files.
 fn whole(files: Vec<(String, Contents)>) -> Loaded {
     let mut loaded = Loaded::default();
-    let (mut names, mut sources) = (Vec::new(), Vec::new());
+    let mut sources = Vec::new();
     for (file, mut contents) in files {
         loaded.rejected.append(&mut contents.rejected);
         loaded.assumed.append(&mut contents.assumed);
-        names.push(file);
-        sources.push(contents.into_source(0));
+        sources.push(contents.into_source(file, 0));
     }
     let united = unite(sources);
     loaded.objects = united.objects;
-    for refused in united.refused {
-        let source = names.get(refused.source).cloned().unwrap_or_default();
-        loaded.rejected.push(Rejected {
-            line: refused.line,
-            reason: refused.reason(&names),
-            source,
-        });
-    }
+    let refused = united.refused.into_iter().map(|(_, refused)| refused);
+    loaded.rejected.extend(refused);
     loaded
 }
 

@@ -116,13 +116,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     } = unite(all);
     report.objects = objects.len();
     report.shared_names = shared_names(&objects);
-    let names = report.files.iter().map(|one| one.file.clone());
-    let names: Vec<String> = names.collect();
-    for refused in refused {
-        let (line, reason) = (refused.line, refused.reason(&names));
-        let rejected = &mut report.files[refused.source].rejected;
-        rejected.push(Refusal { line, reason });
-        rejected.sort_by_key(|refusal| refusal.line);
+    for (source, refused) in refused {
+        let file = &mut report.files[source];
+        file.rejected.push(refused.into());
+        file.rejected.sort_by_key(|refusal| refusal.line);
     }
     for file in &report.files {
         report.records += file.records;
@@ -188,7 +185,7 @@ fn of_source(source: Source) -> (FileReport, orbit::Source) {
                 assumed: std::mem::take(&mut contents.assumed),
                 ..of_contents(&contents)
             };
-            let source = contents.into_source(0);
+            let source = contents.into_source(report.file.clone(), 0);
             let report = report.with_objects(&source.objects);
             (report, source)
         }

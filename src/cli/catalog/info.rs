@@ -82,7 +82,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// The objects of all files; sets of one object are joined.
 fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
-    let (mut names, mut all) = (Vec::new(), Vec::new());
+    let mut all = Vec::new();
     let mut foreign = Vec::new();
     for source in sources(&args.files, &mut foreign)? {
         let file = shown(&source.file);
@@ -92,17 +92,12 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
         for assumed in &contents.assumed {
             tracing::warn!("{assumed}");
         }
-        names.push(file);
-        all.push(contents.into_source(0));
+        all.push(contents.into_source(file, 0));
     }
     let United {
         objects, refused, ..
     } = unite(all);
-    let refused = refused.iter();
-    rejected.extend(refused.map(|refused| {
-        let (name, line) = (&names[refused.source], refused.line);
-        format!("{name}:{line}: {}", refused.reason(&names))
-    }));
+    rejected.extend(refused.iter().map(|(_, refused)| refused.to_string()));
     args.records.settle_lines(&rejected)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");

@@ -1,11 +1,11 @@
 //! OEM in XML, alone or several in an NDM (CCSDS 505.0-B).
 
-use super::{Data, Segments};
+use super::{Data, Messages};
 use crate::Contents;
-use crate::lines::LineFinder;
+use crate::lines::{LineFinder, Part};
 use crate::meta::Meta;
-use crate::parts::Part;
 use crate::record::{At, check_version, shorten};
+use crate::segments::Message;
 use crate::xml::{Element, read_elements, tags, unit, version};
 use hifitime::Epoch;
 use memchr::memmem;
@@ -33,7 +33,7 @@ pub(crate) fn looks_like(text: &str) -> bool {
 /// Reads every segment by itself, as [`super::read`] does.
 pub(crate) fn read(part: &Part, contents: &mut Contents) {
     let (text, mut finder) = (part.text, part.finder());
-    let mut read = Segments::new(contents);
+    let mut read = Messages::new(contents);
     let is_part = |name: &str| matches!(name, "oem" | "segment" | "ndm");
     let mut parts = tags(text, 0).filter(|tag| is_part(tag.name)).peekable();
     let (mut in_oem, mut open) = (false, 0);
@@ -54,7 +54,7 @@ pub(crate) fn read(part: &Part, contents: &mut Contents) {
                 && let Err(reason) = check_version("CCSDS_OEM_VERS", &version)
             {
                 in_oem = false;
-                read.reject(finder.line(tag.start), &reason);
+                read.refuse(finder.line(tag.start), reason);
             }
         }
         // Other messages of an NDM have segments too.
@@ -63,19 +63,19 @@ pub(crate) fn read(part: &Part, contents: &mut Contents) {
         }
         let line = finder.line(tag.start);
         let Some(end) = parts.next_if(|next| next.name == "segment" && next.closing) else {
-            read.reject(line, "<segment> without its </segment>");
+            read.refuse(line, "<segment> without its </segment>");
             continue;
         };
         let segment = text.get(tag.start..end.end).unwrap_or_default();
         let first_start = &mut read.contents.first_start;
-        match self::segment(segment, tag.start, &mut finder, first_start) {
-            Ok(data) => read.add(data),
-            Err((line, reason)) => read.reject(line, &reason),
+        let data = self::segment(segment, tag.start, &mut finder, first_start);
+        if let Err((line, reason)) = data.and_then(|data| read.end(data, line)) {
+            read.refuse(line, reason);
         }
     }
     if open > 0 {
         let line = finder.line(text.trim_end().len());
-        read.reject(line, "<oem> or <ndm> is not closed: the file is cut off");
+        read.refuse(line, "<oem> or <ndm> is not closed: the file is cut off");
     }
     read.finish();
 }
@@ -210,6 +210,8 @@ impl State {
             let epoch = shorten(epoch);
             (self.line, format!("{what} in the stateVector of '{epoch}'"))
         };
-        data.state(epoch, &numbers).map_err(bad)
+        let time = data.clock.read(epoch).ok_or("no epoch".to_owned());
+        time.and_then(|time| data.state(time, &numbers))
+            .map_err(bad)
     }
 }

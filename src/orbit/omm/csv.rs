@@ -3,7 +3,7 @@
 
 use super::{Fields, Key};
 use crate::Contents;
-use crate::parts::Part;
+use crate::lines::Part;
 use csv_core::{ReadRecordResult, Reader};
 use std::borrow::Cow;
 

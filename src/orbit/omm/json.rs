@@ -2,8 +2,7 @@
 //! numbers or text.
 
 use super::{Fields, KEYWORDS, Key};
-use crate::lines::{self, LineFinder};
-use crate::parts::Part;
+use crate::lines::{self, LineFinder, Part};
 use crate::record::{At, Record, shorten};
 use crate::two_line::Checksum;
 use crate::{Contents, bounded_name};

@@ -1,7 +1,7 @@
 //! OMM in keyword = value notation: messages one after the other.
 
 use super::{Fields, Key};
-use crate::parts::Part;
+use crate::lines::Part;
 use crate::record::{check_version, shorten};
 use crate::{Contents, lines};
 use std::borrow::Cow;

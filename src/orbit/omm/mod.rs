@@ -10,11 +10,11 @@ pub(crate) mod json;
 pub(crate) mod kvn;
 pub(crate) mod xml;
 
+use crate::catalogue_number::alpha_5;
+use crate::catalogue_number::{assigned, catalogue_number};
 use crate::elements::Elements;
-use crate::identity::{assigned, catalogue_number};
 use crate::record::{At, Record, check_version, long_designator, shorten};
 use crate::theory::{self, Theory};
-use crate::two_line::alpha_5;
 use crate::units::{DEGREE, REV_PER_DAY};
 use crate::{bounded_name, is_placeholder, time};
 use hifitime::{Epoch, TimeScale, Unit};

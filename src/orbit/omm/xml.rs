@@ -2,8 +2,7 @@
 
 use super::{Fields, Key};
 use crate::Contents;
-use crate::lines::LineFinder;
-use crate::parts::Part;
+use crate::lines::{LineFinder, Part};
 use crate::record::{At, Record, check_version};
 use crate::xml::{Element, read_elements, tags, unit, version};
 use std::borrow::Cow;

@@ -1,0 +1,42 @@
+//! Words that stand for a value that is not known.
+
+/// Placeholders. `UNKNOWN`, one of [`MISSING`], is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME).
+pub(crate) const PLACEHOLDERS: [&str; 14] = [
+    "UNK", "UNDEF", "TBD", "TBA", "TBC", "TBS", "NA", "NO", "NONE", "NULL", "NIL", "NAN",
+    "INVALID", "ANALYST",
+];
+
+/// Words that are a placeholder behind `UN`, `NOT`, `NOT YET` or `TO BE`. `TBA - TO BE ASSIGNED` is a name of Space-Track's.
+const MISSING: [&str; 20] = [
+    "KNOWN",
+    "ASSIGNED",
+    "DEFINED",
+    "SPECIFIED",
+    "IDENTIFIED",
+    "NAMED",
+    "CATALOGUED",
+    "CATALOGED",
+    "REGISTERED",
+    "AVAILABLE",
+    "APPLICABLE",
+    "ANNOUNCED",
+    "DETERMINED",
+    "DECIDED",
+    "CONFIRMED",
+    "SUPPLIED",
+    "PROVIDED",
+    "ISSUED",
+    "GIVEN",
+    "SET",
+];
+
+/// Whether a word in capitals is a placeholder by itself: one of the lists, or `XX`, `XXX` and so on.
+pub(crate) fn is_missing(word: &str) -> bool {
+    let mut prefixes = ["UN", "NOTYET", "NOT", "TOBE"].into_iter();
+    let is_negated = |prefix| {
+        let rest = word.strip_prefix(prefix);
+        rest.is_some_and(|rest| MISSING.contains(&rest))
+    };
+    let is_crossed_out = word.len() >= 2 && word.bytes().all(|byte| byte == b'X');
+    is_crossed_out || PLACEHOLDERS.contains(&word) || prefixes.any(is_negated)
+}
