@@ -31,6 +31,7 @@ mod frame;
 mod generated;
 mod parts;
 mod rules;
+mod table;
 mod wire;
 
 pub mod can;

@@ -1,8 +1,6 @@
 //! `vectors/golden.txt` in other forms, both ways: on a serial line, as CAN frames, compressed pixels.
 
-mod common;
-
-use common::{Vector, golden, hex};
+use crate::common::{Vector, golden, hex};
 use skyloop_protocols::can::form::Frames;
 use skyloop_protocols::can::{Node, Side};
 use skyloop_protocols::{Reply, rice, slip};

@@ -1,8 +1,6 @@
 //! `vectors/golden.txt` in both directions: decode(hex) gives the fields, encoding them the hex.
 
-mod common;
-
-use common::{Vector, golden, hex};
+use crate::common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::pixels::unpack;

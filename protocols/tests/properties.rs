@@ -1,8 +1,6 @@
 //! Properties over random input: damage is noticed, and what is encoded comes back.
 
-mod common;
-
-use common::{Vector, golden};
+use crate::common::{Vector, golden};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;

@@ -1,8 +1,6 @@
 //! Compressed pixels: what they come to, that they come back, and what is refused.
 
-mod common;
-
-use common::{Random, hex};
+use crate::common::{Random, hex};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use skyloop_protocols::rice::{decode, encode};

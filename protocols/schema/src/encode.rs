@@ -3,8 +3,8 @@
 use toml::{Table, Value};
 
 use crate::bytes::{Bits, crc16, from_hex};
+use crate::mistake::Mistake;
 use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
-use crate::vectors::Mistake;
 
 /// The payload of a message with these fields. Missing fields are an error; values may be wrong.
 ///

@@ -8,6 +8,7 @@ mod c;
 mod dbc;
 mod encode;
 mod icd;
+mod mistake;
 mod model;
 mod query;
 mod rice;

@@ -51,7 +51,7 @@ fn doc(text: &str) -> String {
 fn codes(schema: &Schema) -> String {
     let (version, max_packet) = (schema.version, schema.max_packet);
     let mut out = format!(
-        "use crate::wire::wire_enum;\n\n\
+        "use crate::table::wire_enum;\n\n\
          /// Version of these formats, in the secondary header.\npub const VERSION: u8 = {version};\n\
          /// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.\n\
          pub const MAX_PACKET: usize = {max_packet};\n"
@@ -129,5 +129,5 @@ fn counters(schema: &Schema) -> String {
                   pub fn refuse(&mut self, reason: Reason)";
     let refuse = block("impl Counters", &block(refuse, &body));
     let names = block("counters!", &names);
-    format!("use super::codes::Reason;\nuse crate::wire::counters;\n\n{names}\n{refuse}")
+    format!("use super::codes::Reason;\nuse crate::table::counters;\n\n{names}\n{refuse}")
 }

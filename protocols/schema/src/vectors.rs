@@ -6,6 +6,7 @@ use toml::{Table, Value};
 use crate::NOTE;
 use crate::bytes::{crc32, from_hex, hex};
 use crate::encode::{can_frames, compressed, float, numbers, packet, payload, unsigned};
+use crate::mistake::Mistake;
 use crate::model::{Field, Kind, Number, Rest, Schema};
 use crate::text::{each, join};
 
@@ -56,48 +57,6 @@ pub struct Reference {
     /// Identifiers and data of its CAN frames.
     #[serde(skip)]
     pub frames: Vec<(u16, Vec<u8>)>,
-}
-
-/// Octets that are refused: a good packet and what is wrong with it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Mistake {
-    pub name: String,
-    /// The end that receives them: `emulator` or `client`.
-    pub receiver: String,
-    /// Name of the error.
-    pub error: String,
-    like: String,
-    #[serde(default)]
-    fields: Table,
-    /// Fields to leave out.
-    #[serde(default)]
-    without: Vec<String>,
-    /// All of the payload.
-    payload: Option<String>,
-    /// Octets that the payload lacks at its end.
-    #[serde(default)]
-    cut: usize,
-    /// Octets after the payload.
-    append: Option<String>,
-    /// Another format version.
-    pub version: Option<u8>,
-    /// Bits of the first octet to flip.
-    #[serde(default)]
-    pub octet0: u8,
-    /// Other sequence flags.
-    pub flags: Option<u16>,
-    /// Added to the data length.
-    #[serde(default)]
-    pub extra: i16,
-    pub apid: Option<u16>,
-    /// Bits of the CRC to flip.
-    #[serde(default)]
-    pub crc: u16,
-    /// Only so many octets of the packet.
-    keep: Option<usize>,
-    #[serde(skip)]
-    pub octets: Vec<u8>,
 }
 
 /// A packet with its fields.

@@ -1,7 +1,7 @@
 // Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.
 //! Numbers with a name: versions, limits, kinds of packets, codes of fields.
 
-use crate::wire::wire_enum;
+use crate::table::wire_enum;
 
 /// Version of these formats, in the secondary header.
 pub const VERSION: u8 = 3;

@@ -2,7 +2,7 @@
 //! The counters of `Status`, in the order of the wire.
 
 use super::codes::Reason;
-use crate::wire::counters;
+use crate::table::counters;
 
 counters! {
     /// Attitudes accepted.

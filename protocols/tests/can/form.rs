@@ -1,7 +1,7 @@
 //! The CAN form: its frames bit by bit, and which packets go that way.
 
-use crate::bus::{Bus, attitude, command_packet};
-use crate::isotp::counted;
+use super::bus::{Bus, attitude, command_packet};
+use super::isotp::counted;
 use proptest::prelude::*;
 use skyloop_protocols::can::form::{Frames, join, split};
 use skyloop_protocols::can::{CanFrame, Lane, Node, Side};

@@ -1,7 +1,7 @@
 //! Whole packets between two nodes.
 
-use crate::bus::{Bus, Damage, ack_packet, attitude, command_packet, octets, parameters};
-use crate::isotp::counted;
+use super::bus::{Bus, Damage, ack_packet, attitude, command_packet, octets, parameters};
+use super::isotp::counted;
 use skyloop_protocols::Command;
 use skyloop_protocols::can::{Counts, Parameters};
 use skyloop_protocols::crc::crc16;

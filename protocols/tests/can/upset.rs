@@ -1,8 +1,8 @@
 //! ISO-TP where it does not go well: frames out of place, too long messages, slow and silent ends.
 
-use crate::bus::octets;
+use super::bus::octets;
+use super::isotp::{counted, play};
 use crate::common::hex;
-use crate::isotp::{counted, play};
 use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
 use skyloop_protocols::can::{CanFrame, Node, Side};
 

@@ -1,5 +1,5 @@
 //! `vectors/golden.txt`, hexadecimal digits, random numbers.
-#![allow(dead_code, reason = "each test file uses its part")]
+#![allow(dead_code, reason = "the fuzz targets use a part")]
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;

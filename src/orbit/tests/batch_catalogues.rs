@@ -3,13 +3,11 @@
 //! Public catalogues are read where they are: in the folder that `SKYLOOP_CATALOGUES` names, else in
 //! `../shared/data/tle` beside the repository. Everywhere else the made-up sets stand for them.
 
-mod support;
-
+use crate::support::{Answer, DECAYED, Tally, answers, batch, samples, scalar};
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR};
 use skyloop_orbit::time::parse_utc;
 use std::process::Command;
-use support::{Answer, DECAYED, Tally, answers, batch, samples, scalar};
 
 /// Days from each epoch; both signs of zero.
 const DAYS: [f64; 10] = [-365.0, -30.0, -7.0, -1.0, -0.0, 0.0, 1.0, 7.0, 30.0, 365.0];

@@ -2,16 +2,14 @@
 //!
 //! The sets are the same in every run. Others, drawn anew, a minute of them:
 //!
-//!     cargo test --release -p skyloop-orbit --test batch_edges -- --ignored --nocapture
+//!     cargo test --release -p skyloop-orbit --test orbit batch_edges -- --ignored --nocapture
 
-mod support;
-
+use crate::support::{Tally, batch, samples};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use skyloop_orbit::elements::{Elements, MAX_ELAPSED_DAYS};
 use std::cell::RefCell;
 use std::f64::consts::{PI, TAU};
-use support::{Tally, batch, samples};
 
 /// WGS72: Earth radius, km, and gravitational parameter, km^3/min^2.
 const EARTH_KM: f64 = 6378.135;

@@ -1,11 +1,9 @@
 //! The batch's results are the same to the last bit on any number of threads, with any instructions, beside any other
 //! objects, and after any other question.
 
-mod support;
-
+use crate::support::{Answer, answers, samples};
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{Batch, Level, States};
-use support::{Answer, answers, samples};
 
 /// Minutes after the epochs: near and far, to both sides.
 const MINUTES: [f64; 8] = [

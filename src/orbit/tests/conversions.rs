@@ -1,15 +1,12 @@
 //! Element sets written and read again: the same elements, or what a format cannot hold is reported.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::sealed;
 use hifitime::{Epoch, Unit};
 use proptest::prelude::*;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Format, Record, Written, parse_contents, write};
 use std::f64::consts::{PI, TAU};
-use texts::sealed;
 
 const OMM: [Format; 4] = [
     Format::OmmKvn,

@@ -1,14 +1,11 @@
 //! TLE and 3LE files: what loads, what is refused, and what it says.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{rows, sealed};
 use hifitime::{Epoch, TimeScale, Unit};
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 use skyloop_orbit::elements::PropagationError;
 use skyloop_orbit::{Loaded, Object, Orbit, OrbitError, load, parse};
-use texts::{rows, sealed};
 
 /// Made-up sets: a low orbit and a geostationary one. Checksums are put behind them.
 const LOW_1: &str = "1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999";

@@ -1,15 +1,12 @@
 //! CCSDS OEM files: what loads, what lies between the states, and what is refused.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{oem as message, rows};
 use hifitime::{Epoch, TimeScale, Unit};
 use proptest::prelude::*;
 use skyloop_orbit::ephemeris::NotCovered;
 use skyloop_orbit::frames::{eme2000_to_gcrf, teme_to_gcrf};
 use skyloop_orbit::{Loaded, Object, Orbit, OrbitError, StateVector, load, parse};
 use std::path::PathBuf;
-use texts::{oem as message, rows};
 
 const NAMES: [&str; 4] = ["cassiope", "rcm-1", "rcm-2", "rcm-3"];
 

@@ -1,8 +1,6 @@
 //! OEM against independent programs: the states between the states, and the frames.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts;
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::time::{parse_utc, utc_text};

@@ -1,11 +1,8 @@
 //! Fields of the two lines that are padded with blanks, and how they are written back.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::sealed;
 use hifitime::Epoch;
 use skyloop_orbit::{Format, Record, parse_contents, write};
-use texts::sealed;
 
 /// A made-up set. Checksums are put behind the lines.
 const LINES: [&str; 2] = [

@@ -1,13 +1,10 @@
 //! TEME to GCRF against independent libraries; frames and versions that messages may have.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{OMM, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 use hifitime::{Epoch, TimeScale, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::frames::{eme2000_to_gcrf, teme_to_gcrf};
 use skyloop_orbit::{aem, parse};
-use texts::{OMM, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 
 fn numbers(words: &mut dyn Iterator<Item = &str>) -> Vec<f64> {
     words.map(|word| word.parse().unwrap()).collect()

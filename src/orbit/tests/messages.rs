@@ -1,13 +1,10 @@
 //! CCSDS AEM in keyword = value notation, and any text as a message.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::rows;
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{aem, frames, parse};
-use texts::rows;
 
 /// A message with one segment and two equal attitudes.
 fn attitudes(version: &str, meta: &str, numbers: &str) -> String {

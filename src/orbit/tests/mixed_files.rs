@@ -1,12 +1,9 @@
 //! Files with messages of several kinds, and what of them is refused or reported by name.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{OMM, SET, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 use hifitime::Unit;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Contents, Format, aem, parse, parse_contents, unread_format};
-use texts::{OMM, SET, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 
 /// A span for messages of some hours.
 const SPAN: &str = "START_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T06:00:00\n";

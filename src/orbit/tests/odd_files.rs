@@ -1,11 +1,8 @@
 //! What files have that their publishers' samples have not: other units, values twice, line breaks in values.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{OMM as KVN, SET, oem, omm_json as json, omm_xml as xml, rows};
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Contents, parse, parse_contents};
-use texts::{OMM as KVN, SET, oem, omm_json as json, omm_xml as xml, rows};
 
 fn read(text: &str) -> Contents {
     parse_contents(text, "odd").unwrap()

@@ -1,12 +1,9 @@
 //! OMM as the publishers of catalogues serve it: KVN, XML, JSON and CSV, whole and damaged.
 
-#[path = "support/texts.rs"]
-mod texts;
-
+use crate::support::texts::{rows, sealed};
 use proptest::prelude::*;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::{Checksum, Contents, Format, Orbit, parse, parse_contents};
-use texts::{rows, sealed};
 
 // Made-up objects, in the layouts and with the keywords of the publishers.
 

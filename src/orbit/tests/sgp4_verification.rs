@@ -1,9 +1,7 @@
 //! SGP4/SDP4, one object at a time and in the batch, against the vectors published with AIAA
 //! 2006-6753 and PyPI sgp4's error codes.
 
-mod support;
-
-use support::{Tally, batch, distance, samples, scalar};
+use crate::support::{Tally, batch, distance, samples, scalar};
 
 /// 5 mm: what the last digits of the published vectors and another order of operations leave.
 const TOLERANCE: (f64, f64) = (5e-6, 2e-9);

@@ -1,7 +1,6 @@
 //! Interpolated positions against SGP4 itself, frame by frame.
 
-mod support;
-
+use crate::support::{answers, distance, samples};
 use hifitime::{Duration, Epoch, Unit};
 use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
@@ -11,7 +10,6 @@ use skyloop_orbit::tracks::{BOUND_KM, Look, Places, Tracks};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use support::{answers, distance, samples};
 
 /// Where an object is, TEME, km; or the code of its failure.
 type Place = Result<[f64; 3], u8>;

@@ -1,6 +1,6 @@
 //! Tables of test cases, and texts of messages.
 
-#![allow(dead_code)] // each test binary uses its part
+#![allow(dead_code)] // the unit tests of the crate use a part
 
 /// The rows of a table: cells between bars, `\n` in a cell stands for a line break.
 /// Blank lines and lines that begin with `//` are skipped.

@@ -1,8 +1,6 @@
 //! Packets over CAN: frames and their time on the bus, ISO-TP, the CAN form, nodes over good and bad channels, slcan.
 
 mod bus;
-#[path = "../common/mod.rs"]
-mod common;
 mod form;
 mod frame;
 mod isotp;
