@@ -15,7 +15,6 @@ mod shapes;
 use fidelity::RawFidelity;
 pub use heads::Head;
 use heads::RawHead;
-use hifitime::Epoch;
 pub use look_at::{LookAt, Target, Up};
 use nalgebra::Vector3;
 use objects::{Objects, RawObjects};
@@ -25,15 +24,14 @@ pub use run::metrics_address;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
 use schemars::JsonSchema;
 use sequence::RawSequence;
-pub use sequence::attitude_of_radec;
+pub use sequence::{AttitudeFile, Sequence, TimedAttitude, attitude_of_radec};
 use serde::Deserialize;
 use skyloop_base::load::{
-    Allowed, CENTURIES, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice,
-    one_of, orbits, read, schema_of, some_table, table, tables,
+    Allowed, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, advice, one_of, orbits, read,
+    schema_of, some_table, table, tables,
 };
-use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
-use skyloop_render::attitude::{Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
+use skyloop_render::attitude::{MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
 use skyloop_render::camera::Camera;
 use skyloop_render::effect::EFFECTS;
 use skyloop_render::engine::{Setup, Sky};
@@ -87,44 +85,6 @@ pub enum Observer {
     Object(Box<Object>),
     /// At this state (GCRF) in the middle of the first exposure, carried on by two-body motion and J2.
     State(StateVector),
-}
-
-/// The exposures of an offline run and the attitudes they are made with.
-#[derive(Debug, Clone)]
-pub struct Sequence {
-    /// Middle of the first exposure.
-    pub epoch: Epoch,
-    /// Exposures.
-    pub frames: u32,
-    /// From one exposure's middle to the next, s.
-    pub period_s: f64,
-    /// Slerp between them; of several, the exposures must lie within their span. Without any: +Z to the Earth's
-    /// centre, +X towards the velocity, or what `look_at` says.
-    pub attitudes: Vec<TimedAttitude>,
-    /// What the camera looks at and follows, instead of attitudes.
-    pub look_at: Option<LookAt>,
-    /// A file of attitudes instead.
-    pub attitude_file: Option<AttitudeFile>,
-    /// Body rates (rad/s) of a single attitude.
-    pub rates: [f64; 3],
-}
-
-/// A file of attitudes: a CCSDS AEM, or lines `UTC x y z w`.
-#[derive(Debug, Clone)]
-pub struct AttitudeFile {
-    /// As messages name it.
-    pub name: String,
-    /// What it holds.
-    pub text: String,
-}
-
-/// An attitude at an instant.
-#[derive(Debug, Clone, Copy)]
-pub struct TimedAttitude {
-    /// When.
-    pub epoch: Epoch,
-    /// ICRF to body.
-    pub attitude: Attitude,
 }
 
 #[derive(Deserialize, JsonSchema)]
@@ -366,7 +326,7 @@ const OWN_LIMITS: &[Limit] = &[
     ("label_snr", Allowed::Number(0.0..=1e9)),
     ("effects.off[]", Allowed::Word(can_be_off)),
     ("sky.catalog", Allowed::Word(catalogs)),
-    ("observer", Allowed::NotBoth(["orbit", "state"])),
+    ("observer", Allowed::NotBoth(["state", "orbit"])),
 ];
 
 /// The limits of all keys.
@@ -438,7 +398,7 @@ impl RawObserver {
     ) -> Result<Option<Observer>, ConfigError> {
         match (&self.orbit, self.state) {
             (None, None) => Ok(None),
-            (Some(selector), None) => {
+            (Some(selector), _) => {
                 let object = orbits::one(folder, selector, findings);
                 let object = object.map_err(|error| check.explain("observer.orbit", error))?;
                 Ok(Some(Observer::Object(Box::new(object))))
@@ -447,11 +407,6 @@ impl RawObserver {
                 Ok(observer) => Ok(Some(observer)),
                 Err(why) => Err(check.explain("observer.state", why)),
             },
-            (Some(_), Some(_)) => {
-                let reason = "given beside observer.orbit: leave one of them out";
-                let error = check.explain("observer.state", reason);
-                Err(error.needs(&["observer.orbit"]))
-            }
         }
     }
 }
@@ -476,15 +431,6 @@ impl Observer {
         }
         Ok(Observer::State(state))
     }
-}
-
-fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
-    let text = time.to_string();
-    let epoch = parse_utc(&text).map_err(|why| check.explain(key, why))?;
-    if !CENTURIES.iter().any(|years| text.trim().starts_with(years)) {
-        return Err(check.refuse(key, text, "a time of the years 1900 to 2099"));
-    }
-    Ok(epoch)
 }
 
 #[cfg(test)]

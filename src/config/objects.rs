@@ -108,9 +108,15 @@ pub fn schema() -> schemars::Schema {
     schema_of::<RawPopulation>("skyloop population file", &[LIMITS, ENTRIES])
 }
 
+/// The keys that name the orbits of an entry, with their forms.
+const ORBITS: [(&str, &str); 2] = [
+    ("object", "object = \"FILE:NAME\""),
+    ("files", "files = [\"FILE\", ...]"),
+];
+
 /// Rules between the keys of an entry.
 const ENTRIES: &[Limit] = &[
-    ("objects[]", OneOf(&["object", "files"])),
+    ("objects[]", OneOf(&ORBITS)),
     ("objects[]", NotBoth(["sphere", "shape"])),
     ("objects[]", Needs(["shape", "attitude"])),
     ("objects[]", Needs(["attitude", "shape"])),
@@ -258,28 +264,20 @@ impl RawPopulation {
             let key = format!("objects[{i}]");
             let look = entry.look(&key, &shapes, check)?;
             let mut origins = Vec::new();
-            match (&entry.object, &entry.files) {
-                (Some(selector), None) => {
-                    let key = format!("{key}.object");
-                    let one = shelf
-                        .one(selector, &mut all.findings)
-                        .map_err(|error| check.explain(&key, error))?;
-                    all.pool.push(one, ONE);
-                    origins.push((key, selector));
-                }
-                (None, Some(files)) if !files.is_empty() => {
-                    for (i, name) in files.iter().enumerate() {
-                        let key = format!("{key}.files[{i}]");
-                        let read = all.pool.read(folder, name, POPULATION, &mut all.findings);
-                        read.map_err(|error| check.explain(&key, error))?;
-                        let sources = all.pool.len() - all.sources.len() - origins.len();
-                        origins.extend(std::iter::repeat_n((key, name), sources));
-                    }
-                }
-                _ => {
-                    let reason = "give either object = \"FILE:NAME\", or files = [\"FILE\", ...] with at least one file";
-                    return Err(check.explain(&key, reason));
-                }
+            if let Some(selector) = &entry.object {
+                let key = format!("{key}.object");
+                let one = shelf
+                    .one(selector, &mut all.findings)
+                    .map_err(|error| check.explain(&key, error))?;
+                all.pool.push(one, ONE);
+                origins.push((key, selector));
+            }
+            for (i, name) in entry.files.iter().flatten().enumerate() {
+                let key = format!("{key}.files[{i}]");
+                let read = all.pool.read(folder, name, POPULATION, &mut all.findings);
+                read.map_err(|error| check.explain(&key, error))?;
+                let sources = all.pool.len() - all.sources.len() - origins.len();
+                origins.extend(std::iter::repeat_n((key, name), sources));
             }
             all.sources
                 .extend(origins.into_iter().map(|(key, name)| Origin {
@@ -303,19 +301,18 @@ impl RawEntry {
         shapes: &BTreeMap<String, Shape>,
         check: &Check,
     ) -> Result<Look, ConfigError> {
-        // Tables by themselves first: what a rule between them repairs hides none of their faults.
         let sphere = self.sphere.as_ref();
         let sphere = sphere.map(|own| own.validate(&format!("{key}.sphere"), LIMITS, check));
         let attitude = self.attitude.as_ref();
         let attitude = attitude.map(|own| own.validate(&format!("{key}.attitude"), check));
         match (sphere.transpose()?, &self.shape, attitude.transpose()?) {
-            (Some(sphere), None, None) => Ok(Look::Sphere(sphere)),
             (None, Some(name), Some(attitude)) => {
                 let Some(shape) = shapes.get(name) else {
                     let known: Vec<&str> = shapes.keys().map(String::as_str).collect();
-                    let allowed = match known.is_empty() {
-                        true => format!("a shape of this file: add [shapes.{name}]"),
-                        false => format!("one of the shapes{}", advice(name, &known)),
+                    let allowed = if known.is_empty() {
+                        format!("a shape of this file: add [shapes.{name}]")
+                    } else {
+                        format!("one of the shapes{}", advice(name, &known))
                     };
                     let error = check.refuse(&format!("{key}.shape"), format!("{name:?}"), allowed);
                     return Err(error.needs(&[&format!("shapes.{name}")]));
@@ -325,26 +322,21 @@ impl RawEntry {
                     attitude,
                 })))
             }
-            (None, Some(_), None) => {
-                let reason =
-                    "a shape looks different from each side: add attitude = { mode = ... }";
-                Err(check.explain(key, reason))
-            }
-            (_, None, Some(_)) => {
-                let reason = "an attitude turns a shape: add shape = \"NAME\", or leave it out";
-                Err(check.explain(key, reason))
-            }
-            (Some(_), Some(_), _) => Err(check.explain(key, "give sphere or shape, not both")),
             (None, None, None) => {
                 let reason = "says nothing of its objects: give sphere = { diameter_m = ... }, or shape and attitude";
                 Err(check.explain(key, reason))
             }
+            // Rules between keys refuse other combinations.
+            (sphere, ..) => Ok(Look::Sphere(sphere.unwrap_or_default())),
         }
     }
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(super) use tests::load as load_population;
+
+#[cfg(test)]
+mod tests {
     use super::*;
     use skyloop_base::load::{agree, both};
 

@@ -1,7 +1,6 @@
 //! `[sequence]`: the exposures of an offline run and where its camera looks.
 
-use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
-use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
+use super::look_at::{DEC_DEG, LookAt, RawTarget, TURN_DEG, Up};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -12,6 +11,44 @@ use skyloop_orbit::{LARGEST_TABLE, Object, aem};
 use skyloop_render::attitude::Attitude;
 use skyloop_render::camera::Camera;
 use skyloop_render::sky::bodies::Bodies;
+
+/// The exposures of an offline run and the attitudes they are made with.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    /// Middle of the first exposure.
+    pub epoch: Epoch,
+    /// Exposures.
+    pub frames: u32,
+    /// From one exposure's middle to the next, s.
+    pub period_s: f64,
+    /// Slerp between them; of several, the exposures must lie within their span. Without any: +Z to the Earth's
+    /// centre, +X towards the velocity, or what `look_at` says.
+    pub attitudes: Vec<TimedAttitude>,
+    /// What the camera looks at and follows, instead of attitudes.
+    pub look_at: Option<LookAt>,
+    /// A file of attitudes instead.
+    pub attitude_file: Option<AttitudeFile>,
+    /// Body rates (rad/s) of a single attitude.
+    pub rates: [f64; 3],
+}
+
+/// A file of attitudes: a CCSDS AEM, or lines `UTC x y z w`.
+#[derive(Debug, Clone)]
+pub struct AttitudeFile {
+    /// As messages name it.
+    pub name: String,
+    /// What it holds.
+    pub text: String,
+}
+
+/// An attitude at an instant.
+#[derive(Debug, Clone, Copy)]
+pub struct TimedAttitude {
+    /// When.
+    pub epoch: Epoch,
+    /// ICRF to body.
+    pub attitude: Attitude,
+}
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -31,6 +68,7 @@ pub(super) struct RawSequence {
     radec: Option<Fixed<f64, 3>>,
     /// Instead of attitudes: body +Z to the Earth's centre, +X towards the velocity
     #[serde(default)]
+    #[expect(dead_code, reason = "rules between keys read it")]
     nadir: bool,
     /// Instead of attitudes: what the boresight points at and follows: "Sun", "Moon", a planet, an object's name or number, "limb:HEIGHT_KM,AZIMUTH_DEG", "velocity", or [ra, dec] in deg
     look_at: Option<RawTarget>,
@@ -52,8 +90,14 @@ struct RawAttitude {
     q: Fixed<f64, 4>,
 }
 
-/// The keys that say where the camera looks, of which there is one.
-const POINTINGS: [&str; 5] = ["attitudes", "attitude_file", "radec", "nadir", "look_at"];
+/// The keys that give the pointing, with their forms.
+const POINTINGS: [(&str, &str); 5] = [
+    ("attitudes", "attitudes = [{ utc, q = [x, y, z, w] }]"),
+    ("attitude_file", "attitude_file = \"FILE\""),
+    ("radec", "radec = [ra, dec, roll]"),
+    ("nadir", "nadir = true"),
+    ("look_at", "look_at = \"Moon\""),
+];
 
 pub(super) const LIMITS: &[Limit] = &[
     ("sequence", OneOf(&POINTINGS)),
@@ -75,15 +119,6 @@ pub(super) const LIMITS: &[Limit] = &[
     ("sequence.look_at[1]", Number(DEC_DEG)),
 ];
 
-/// An error of a rule between these keys.
-fn among_pointings(error: ConfigError) -> ConfigError {
-    let keys = POINTINGS.map(|name| format!("sequence.{name}"));
-    error.needs(&keys.each_ref().map(String::as_str))
-}
-
-/// The forms of these keys.
-const POINTING_FORMS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
-
 /// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
     if !(DEC_DEG.contains(&dec) && TURN_DEG.contains(&ra) && TURN_DEG.contains(&roll)) {
@@ -104,7 +139,7 @@ impl RawSequence {
         folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
         // Keys by themselves first: what a rule between keys repairs hides none of them.
-        let epoch = utc(check, "sequence.epoch", &self.epoch)?;
+        let epoch = self.epoch.utc(check, "sequence.epoch")?;
         let frames = check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32;
         let period_s = check.limit(LIMITS, "sequence.period_s", self.period_s)?;
         let last = epoch + seconds(period_s * f64::from(frames - 1));
@@ -117,7 +152,6 @@ impl RawSequence {
         })?;
         let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
         let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
-        self.has_one_pointing(check)?;
         let attitudes = match self.radec {
             Some(Fixed(angles)) => {
                 let attitude = attitude_of_radec(angles, camera)
@@ -144,16 +178,6 @@ impl RawSequence {
             }
             None => None,
         };
-        if attitudes.len() != 1 && rates != [0.0; 3] {
-            let reason = match attitudes.len() {
-                0 => {
-                    "given beside attitude_file, nadir or look_at, which have their own rates: leave it out"
-                }
-                _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
-            };
-            let error = check.explain("sequence.rates_deg_s", reason);
-            return Err(among_pointings(error));
-        }
         Ok(Sequence {
             epoch,
             frames,
@@ -165,44 +189,6 @@ impl RawSequence {
         })
     }
 
-    /// Refuses none and more than one of the keys that say where the camera looks, and a rule for the roll without a target.
-    fn has_one_pointing(&self, check: &Check) -> Result<(), ConfigError> {
-        let given = [
-            !self.attitudes.is_empty(),
-            self.attitude_file.is_some(),
-            self.radec.is_some(),
-            self.nadir,
-            self.look_at.is_some(),
-        ];
-        let given = POINTINGS.iter().zip(given);
-        let given = given.filter(|(_, is_given)| *is_given);
-        let given: Vec<String> = given.map(|(name, _)| format!("sequence.{name}")).collect();
-        match given.as_slice() {
-            [] => {
-                let reason = format!("no pointing: give one of {POINTING_FORMS}");
-                return Err(among_pointings(check.explain("sequence", reason)));
-            }
-            // The last one: what is left without it is checked again.
-            [first, .., last] => {
-                let reason = format!("given beside {first}: leave one of them out");
-                return Err(check.explain(last, reason).needs(&[first]));
-            }
-            _ => {}
-        }
-        let rules = [
-            ("up", self.up.is_some()),
-            ("roll_deg", self.roll_deg.is_some()),
-        ];
-        match rules.iter().find(|(_, is_given)| *is_given) {
-            Some((key, _)) if self.look_at.is_none() => {
-                let reason = "a rule for the roll of sequence.look_at: leave it out";
-                let error = check.explain(&format!("sequence.{key}"), reason);
-                Err(error.needs(&["sequence.look_at"]))
-            }
-            _ => Ok(()),
-        }
-    }
-
     fn attitudes(&self, epoch: Epoch, check: &Check) -> Result<Vec<TimedAttitude>, ConfigError> {
         let mut attitudes = Vec::new();
         for (i, raw) in self.attitudes.iter().enumerate() {
@@ -210,16 +196,14 @@ impl RawSequence {
             let attitude = Attitude::from_xyzw(raw.q.0)
                 .map_err(|error| check.explain(&format!("{key}.q"), error))?;
             let epoch = match &raw.utc {
-                Some(time) => utc(check, &format!("{key}.utc"), time)?,
-                None if self.attitudes.len() == 1 => epoch,
-                None => {
-                    let reason = "no utc; each of several attitudes needs one";
-                    return Err(check.explain(&key, reason));
-                }
+                Some(time) => time.utc(check, &format!("{key}.utc"))?,
+                None => epoch,
             };
             attitudes.push(TimedAttitude { epoch, attitude });
         }
-        if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
+        // A rule between keys refuses one without its time.
+        let are_timed = self.attitudes.iter().all(|raw| raw.utc.is_some());
+        if are_timed && attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
             let reason =
                 "the utc of an attitude is not after that of the one before it: sort them by time";
             let key = "sequence.attitudes";

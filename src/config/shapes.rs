@@ -1,12 +1,11 @@
 //! What a population file says of looks: spheres, shapes and attitudes.
 
-use super::utc;
 use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_base::load::Allowed::{Count, Number, Word};
 use skyloop_base::load::{
-    Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, only_its_keys, tables,
+    Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of, tables,
 };
 use skyloop_render::attitude::Attitude;
 use skyloop_render::sky::body_attitude::BodyAttitude;
@@ -240,7 +239,6 @@ impl RawShape {
 
 impl RawPart {
     fn add(&self, shape: &mut Shape, key: &str, check: &Check) -> Result<(), ConfigError> {
-        only_its_keys([key, "kind", &self.kind], KINDS, &self.given(), check)?;
         let surface = self.surface(key, check)?;
         let length = |name: &str, value: Option<f64>| {
             check.limit(LIMITS, &format!("{key}.{name}"), value.unwrap_or(0.0))
@@ -281,21 +279,6 @@ impl RawPart {
             }
         }
         Ok(())
-    }
-
-    fn given(&self) -> [(&'static str, bool); 10] {
-        [
-            ("area_m2", self.area_m2.is_some()),
-            ("normal", self.normal.is_some()),
-            ("two_sided", self.two_sided.is_some()),
-            ("sun_axis", self.sun_axis.is_some()),
-            ("size_m", self.size_m.is_some()),
-            ("axis", self.axis.is_some()),
-            ("diameter_m", self.diameter_m.is_some()),
-            ("top_diameter_m", self.top_diameter_m.is_some()),
-            ("length_m", self.length_m.is_some()),
-            ("ends", self.ends.is_some()),
-        ]
     }
 
     fn surface(&self, key: &str, check: &Check) -> Result<Surface, ConfigError> {
@@ -360,12 +343,6 @@ impl RawPart {
 
 impl RawAttitude {
     pub fn validate(&self, key: &str, check: &Check) -> Result<BodyAttitude, ConfigError> {
-        let given = [
-            ("q", self.q.is_some()),
-            ("utc", self.utc.is_some()),
-            ("rates_deg_s", self.rates_deg_s.is_some()),
-        ];
-        only_its_keys([key, "mode", &self.mode], MODES, &given, check)?;
         let attitude = match self.q {
             Some(Fixed(q)) => {
                 Attitude::from_xyzw(q).map_err(|error| check.explain(&format!("{key}.q"), error))?
@@ -380,7 +357,7 @@ impl RawAttitude {
         };
         let rates = check.each_limit(LIMITS, &format!("{key}.rates_deg_s"), rates)?;
         Ok(BodyAttitude::Spin {
-            epoch: utc(check, &format!("{key}.utc"), time)?,
+            epoch: time.utc(check, &format!("{key}.utc"))?,
             attitude,
             rates: Vector3::from(rates.map(f64::to_radians)),
         })

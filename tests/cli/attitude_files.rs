@@ -109,7 +109,7 @@ fn attitude_files_that_cannot_be_flown_say_why() {
             BOTH,
             "sequence.attitude_file: given beside sequence.attitudes: leave one of them out",
         ),
-        ("", "no pointing: give one of attitudes"),
+        ("", "sequence: give one of attitudes"),
     ];
     let of_file = of_file.map(|(text, part)| (FILE, text, part));
     let of_sequence = of_sequence.map(|(sequence, part)| (sequence, good, part));

@@ -160,12 +160,12 @@ fn the_image_stands_as_the_rule_says() {
 /// Keys of a sequence. Of `roll` the name's advice is told; the key that is meant is in no line of
 /// the file.
 const REFUSED: &str = r#"
-# none | s.toml:1:1: sequence: no pointing: give one of
+# none | s.toml:1:1: sequence: give one of
 nadir = true\nradec = [0, 0, 0] | sequence.nadir: given beside sequence.radec
 look_at = "Sun"\nnadir = true | sequence.look_at: given beside sequence.nadir
-nadir = true\nup = "sun" | sequence.up: a rule for the roll of sequence.look_at
+nadir = true\nup = "sun" | sequence.up: goes with sequence.look_at
 look_at = "Sun"\nup = "left" | sequence.up: must be one of "north"
-look_at = "Sun"\nrates_deg_s = [0, 0, 1] | sequence.rates_deg_s: given beside attitude_file, nadir or look_at
+look_at = "Sun"\nrates_deg_s = [0, 0, 1] | sequence.rates_deg_s: given beside sequence.look_at
 look_at = "Sum" | sequence.look_at: "Sum" is none of
 radec = [0, 0, 0]\nroll = 1 | sequence.roll: unknown key `roll`: did you mean `roll_deg`?
 look_at = [0, 91] | a declination of -90 to 90 deg

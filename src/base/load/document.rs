@@ -212,3 +212,67 @@ pub(super) fn each_leaf(
         _ => each(key, value),
     }
 }
+
+/// The tables that a pattern stands for, each with its key.
+pub(super) fn tables_at<'t, 'i>(
+    document: &'t DeTable<'i>,
+    pattern: &str,
+) -> Vec<(String, &'t DeTable<'i>)> {
+    let pattern = pattern.replace('[', ".[");
+    let mut steps = pattern.split('.');
+    let first = steps.next().unwrap_or_default();
+    let root = document.get(first).map(|value| value.get_ref());
+    let mut found = Vec::from_iter(root.map(|value| (first.to_string(), value)));
+    for step in steps {
+        let members = found
+            .iter()
+            .flat_map(|(key, value)| members(key, value, step));
+        found = members.collect();
+    }
+    let tables = found.into_iter();
+    tables
+        .filter_map(|(key, value)| Some((key, value.as_table()?)))
+        .collect()
+}
+
+/// The values of a table or a list that a step of a pattern stands for.
+fn members<'t, 'i>(
+    key: &str,
+    value: &'t DeValue<'i>,
+    step: &str,
+) -> Vec<(String, &'t DeValue<'i>)> {
+    match value {
+        DeValue::Array(list) if step == "[]" => {
+            let entries = list.iter().enumerate();
+            let entries = entries.map(|(i, entry)| (format!("{key}[{i}]"), entry.get_ref()));
+            entries.collect()
+        }
+        DeValue::Table(table) => {
+            let named = table
+                .iter()
+                .filter(|(name, _)| step == "*" || name.get_ref() == step);
+            let named = named.map(|(name, value)| (format!("{key}.{}", name.get_ref()), value));
+            named.map(|(key, value)| (key, value.get_ref())).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Whether `key` is one of those that `pattern` stands for.
+pub(super) fn matches(pattern: &str, key: &str) -> bool {
+    let wild = [pattern.find("[]"), pattern.find('*')];
+    let Some(at) = wild.into_iter().flatten().min() else {
+        return pattern == key;
+    };
+    let (head, rest) = pattern.split_at(at);
+    let Some(key) = key.strip_prefix(head) else {
+        return false;
+    };
+    if let Some(rest) = rest.strip_prefix('*') {
+        // A name may have dots.
+        let mut ends = key.char_indices().map(|(end, _)| end);
+        return ends.any(|end| matches(rest, &key[end..]));
+    }
+    let index = key.strip_prefix('[').and_then(|key| key.split_once(']'));
+    index.is_some_and(|(index, key)| index.parse::<usize>().is_ok() && matches(&rest[2..], key))
+}

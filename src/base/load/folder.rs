@@ -1,6 +1,7 @@
 //! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
 
-use super::{ConfigError, embedded};
+use super::embedded;
+use super::error::ConfigError;
 use skyloop_orbit::path_text;
 use skyloop_orbit::{LARGEST_CONFIG, LARGEST_FILE};
 use std::io::ErrorKind;

@@ -1,6 +1,8 @@
 //! Limits of the values of a file, read by the checks and by the JSON Schema.
 
-use super::document::steps;
+use super::document::{matches, steps};
+use super::units::range_text;
+use super::words::one_of;
 use schemars::Schema;
 use serde_json::{Map, Value, json};
 use std::ops::RangeInclusive;
@@ -24,9 +26,10 @@ pub enum Allowed {
     Length(RangeInclusive<usize>),
     /// A text of this form: a regular expression as ECMA-262, Python and Rust have it.
     Form(fn() -> String),
-    /// A table with exactly one of these keys; true and lists that are not empty count.
-    OneOf(&'static [&'static str]),
-    /// A table without both of these keys; true counts, zeros do not.
+    /// A table with exactly one of these keys, each with its form in messages; true and lists that are
+    /// not empty count.
+    OneOf(&'static [(&'static str, &'static str)]),
+    /// A table without both of these keys, of which errors name the first; true counts, zeros do not.
     NotBoth([&'static str; 2]),
     /// A table with the second key where it has the first.
     Needs([&'static str; 2]),
@@ -71,7 +74,7 @@ pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
         if !listed.is_empty() {
             words.extend(listed);
         } else if let (Some(least), Some(most)) = (number("minimum"), number("maximum")) {
-            texts.push(super::range_text(key, &(least..=most)));
+            texts.push(range_text(key, &(least..=most)));
         } else if let (Some(least), Some(most)) = (number("minLength"), number("maxLength")) {
             texts.push(format!("a text of {least} to {most} characters in quotes"));
         } else if form.get("properties").is_some() && forms.len() > 1 {
@@ -81,7 +84,7 @@ pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
         }
     }
     if !words.is_empty() {
-        texts.insert(0, super::one_of(&words));
+        texts.insert(0, one_of(&words));
     }
     (!texts.is_empty()).then(|| texts.join(" or "))
 }
@@ -156,25 +159,6 @@ pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
     }
 }
 
-/// Whether `key` is one of those that `pattern` stands for.
-pub(super) fn matches(pattern: &str, key: &str) -> bool {
-    let wild = [pattern.find("[]"), pattern.find('*')];
-    let Some(at) = wild.into_iter().flatten().min() else {
-        return pattern == key;
-    };
-    let (head, rest) = pattern.split_at(at);
-    let Some(key) = key.strip_prefix(head) else {
-        return false;
-    };
-    if let Some(rest) = rest.strip_prefix('*') {
-        // A name may have dots.
-        let mut ends = key.char_indices().map(|(end, _)| end);
-        return ends.any(|end| matches(rest, &key[end..]));
-    }
-    let index = key.strip_prefix('[').and_then(|key| key.split_once(']'));
-    index.is_some_and(|(index, key)| index.parse::<usize>().is_ok() && matches(&rest[2..], key))
-}
-
 /// Writes the limits into the schema of a file.
 pub fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
@@ -216,7 +200,7 @@ impl Allowed {
             }
             Allowed::Form(pattern) => set("pattern", json!(pattern())),
             Allowed::OneOf(keys) => {
-                let keys: Vec<Value> = keys.iter().map(|key| is_given(key, &[])).collect();
+                let keys: Vec<Value> = keys.iter().map(|(key, _)| is_given(key, &[])).collect();
                 set("oneOf", json!(keys));
             }
             Allowed::NotBoth(keys) => {

@@ -1,6 +1,7 @@
 //! Orbit files of every format, and folders of them, by name.
 
-use super::{ConfigError, Folder};
+use super::error::ConfigError;
+use super::folder::Folder;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::ErrorKind;

@@ -5,12 +5,17 @@
 //! replaced key are not reported. At last all values are compared with their limits, since a check
 //! may have been skipped after another fault.
 
+use super::check::Check;
 use super::document::{
-    as_entry, each_leaf, key_in, parent, placeless, remove_at, rename, set, span_of, value_at,
-    within, without_indices,
+    as_entry, each_leaf, key_in, matches, parent, placeless, remove_at, rename, set, span_of,
+    value_at, within, without_indices,
 };
+use super::error::{ConfigError, MAX_FAULTS};
+use super::limits::{self, Allowed, Limit};
+use super::rules;
+use super::schema::schema_of;
 use super::syntax::{locate, not_toml, position};
-use super::{Allowed, Check, ConfigError, Limit, limits, one_of, schema_of};
+use super::words::one_of;
 use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -19,8 +24,6 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue, Deserializer, ValueDeserializer};
 
-/// Largest number of faults that are listed.
-pub(super) const MAX_FAULTS: usize = 30;
 /// Largest number of times that a file is read.
 const MAX_READS: usize = 100;
 
@@ -69,7 +72,14 @@ pub fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
         let check = Check::of(file);
         let raw = Raw::deserialize(Deserializer::from(report.document.clone()));
         let outcome = match raw {
-            Ok(raw) => validate(raw, &check).map_err(|error| report.of_check(error)),
+            Ok(raw) => {
+                let document = report.document.get_ref();
+                // Keys by themselves before rules between them, whose repair would hide other faults.
+                rules::keys_of_kinds(document, limits, &check)
+                    .and_then(|()| validate(raw, &check))
+                    .and_then(|value| rules::between_keys(document, limits, &check).map(|()| value))
+                    .map_err(|error| report.of_check(error))
+            }
             Err(error) => Err(report.of_parser(&error, &schema)),
         };
         match outcome {
@@ -331,7 +341,7 @@ fn beyond(
     }
     let word = value.get_ref().as_str()?;
     limits.iter().find_map(|(pattern, allowed)| match allowed {
-        Allowed::Word(words) if limits::matches(pattern, key) => {
+        Allowed::Word(words) if matches(pattern, key) => {
             let words = words();
             let refused = || check.refuse(key, format!("{word:?}"), one_of(&words));
             (!words.contains(&word)).then(refused)

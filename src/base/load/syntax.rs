@@ -1,7 +1,7 @@
 //! TOML into raw keys. Each fault is one line: file, line, column, key, and what is expected there.
 
-use super::ConfigError;
 use super::document::{as_entry, value_at};
+use super::error::ConfigError;
 use super::words::{missing_key, no_toml, plain};
 use std::ops::Range;
 use toml::Spanned;

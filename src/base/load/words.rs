@@ -1,6 +1,5 @@
 //! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
 
-use super::one_of;
 use skyloop_orbit::time::parse_utc;
 
 /// What serde says of a key or of a value, `text` in the file. `allowed`: what the key may be, in words, if it has a limit.
@@ -57,6 +56,15 @@ pub fn missing_key(message: &str) -> Option<&str> {
 
 /// What stands before the key that may be meant.
 pub const MEANT: &str = ": did you mean `";
+
+/// The choice between words.
+pub(crate) fn one_of(words: &[&str]) -> String {
+    let quoted: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
+    match quoted.as_slice() {
+        [only] => only.clone(),
+        all => format!("one of {}", all.join(", ")),
+    }
+}
 
 /// What may be meant by a word that is none of those known.
 pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {

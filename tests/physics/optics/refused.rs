@@ -42,14 +42,13 @@ optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be 0.
 optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value
 optics.projection |  | optics.projection: says nothing: name its model
 optics.projection | model = "mercator" | optics.projection.model = "mercator" | brown-conrady
-optics.projection | k = [0.1] | optics.projection.k = [0.1]: must be with a model: add model = "brown-conrady" or model = "fisheye" | a pinhole
-optics.projection | p = [0.1, 0.2] | optics.projection.p = [0.1, 0.2]: must be with a model: add model = "brown-conrady"; without
-optics.projection | strength = 2.0 | optics.projection.strength = 2.0: must be with a model: add model = "brown-conrady" or model = "fisheye"
-optics.projection | model = "pinhole"; k = [0.1] | optics.projection.k = [0.1] | left out, it is no key of model "pinhole"; model = "brown-conrady" or model = "fisheye" has it
-optics.projection | model = "fisheye"; k = [0.0]; p = [0.1, 0.1] | optics.projection.p = [0.1, 0.1] | no key of model "fisheye"; model = "brown-conrady" has it
-optics.projection | model = "brown-conrady" | optics.projection.k | missing | [k1, k2, k3]
-optics.projection | model = "brown-conrady"; p = [0.1, 0.1] | optics.projection.k | missing | without radial distortion
-optics.projection | model = "fisheye" | optics.projection.k | missing | [k1, k2, k3, k4] | equidistant
+optics.projection | k = [0.1] | optics.projection.k: goes with optics.projection.model
+optics.projection | p = [0.1, 0.2] | optics.projection.p: goes with optics.projection.model
+optics.projection | strength = 2.0 | optics.projection.strength: goes with optics.projection.model
+optics.projection | model = "pinhole"; k = [0.1] | optics.projection.k: means nothing to model "pinhole"
+optics.projection | model = "fisheye"; k = [0.0]; p = [0.1, 0.1] | optics.projection.p: means nothing to model "fisheye", which takes k, strength
+optics.projection | model = "brown-conrady" | optics.projection.k: the key `k` is missing
+optics.projection | model = "fisheye" | optics.projection.k: the key `k` is missing
 optics.projection | model = "fisheye"; k = [] | optics.projection.k = [] | 1 to 4 numbers
 optics.projection | model = "brown-conrady"; k = [1.0, 2.0, 3.0, 4.0, 5.0] | optics.projection.k = [1.0, 2.0, 3.0, 4.0, 5.0] | 1 to 3 numbers | k1, k2, p1, p2, k3
 optics.projection | model = "brown-conrady"; k = [0.1, nan] | optics.projection.k[1] = NaN
@@ -66,7 +65,7 @@ optics.vignetting | table = [[0.0, 1.0], [5.0, 1.1]] | optics.vignetting.table[1
 optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: must have 2 values, not 1
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
-optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4 | exclude
+optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4: given beside optics.vignetting.table
 optics.stray |  | optics.stray: says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
 optics.stray | pst = [] | optics.stray.pst = [] | at least one [angle, transmittance]
 optics.stray | pst = [[10.0, 0.0]] | optics.stray.pst[0][1] = 0: must be 0.000000000001 to 1

@@ -201,13 +201,13 @@ object = "none.oem"\nsphere = {} | .object | none.oem | check the path
 object = "both.tle:ISS"\nsphere = {} | no object called "ISS" | NORAD 5
 object = "both.tle"\nsphere = {} | 2 usable objects
 files = ["both.tle:5"]\nsphere = {} | whole files
-sphere = {} | give either object
-files = []\nsphere = {} | at least one file
-one: files = ["one.tle"]\nsphere = {} | give either object
+sphere = {} | give one of object
+files = []\nsphere = {} | give one of object
+one: files = ["one.tle"]\nsphere = {} | .files: given beside objects[0].object
 one: | says nothing of its objects
-one: sphere = {}\nshape = "thing"\nattitude = { mode = "nadir" } | sphere or shape, not both
-one: shape = "thing" | add attitude
-one: attitude = { mode = "nadir" } | add shape
+one: sphere = {}\nshape = "thing"\nattitude = { mode = "nadir" } | objects[0].sphere: given beside objects[0].shape
+one: shape = "thing" | objects[0].shape: goes with objects[0].attitude
+one: attitude = { mode = "nadir" } | objects[0].attitude: goes with objects[0].shape
 one: shape = "think"\nattitude = { mode = "nadir" } | .shape = "think" | thing
 one: sphere = { diameter_m = 0.0 } | .sphere.diameter_m = 0
 one: sphere = { diffuse = 0.6, specular = 0.6 } | .sphere: diffuse | above 1

@@ -27,7 +27,7 @@ pub const LIMITS: &[Limit] = &[
     ("optics.projection.k[]", Number(-1e6..=1e6)),
     ("optics.projection.p[]", Number(-1e6..=1e6)),
     ("optics.projection.strength", Number(0.0..=100.0)),
-    ("optics.projection", Allowed::Kind("model", MODELS)),
+    ("optics.projection", Allowed::Kind("model", &MODELS)),
     ("optics.projection", Needs(["k", "model"])),
     ("optics.projection", Needs(["p", "model"])),
     ("optics.projection", Needs(["strength", "model"])),
@@ -37,33 +37,25 @@ pub const LIMITS: &[Limit] = &[
 const MODEL: &[&str] = &["optics.projection.model"];
 
 /// Models, the keys that they need, and others.
-const MODELS: &[Kind] = &[
+const MODELS: [Kind; 3] = [
     ("pinhole", &[], &[]),
     ("brown-conrady", &["k"], &["p", "strength"]),
     ("fisheye", &["k"], &["strength"]),
 ];
 
-fn models() -> Vec<&'static str> {
-    MODELS.iter().map(|(name, ..)| *name).collect()
-}
-
 /// Furthest (px) beyond the detector that a projection must reach: light from there is faint.
 const MOST_MARGIN_PX: f64 = 64.0;
 
 impl RawProjection {
-    /// The polynomial's coefficients; those of the highest orders may be left out. `lens`: what a lens without any is.
+    /// The polynomial's coefficients; those of the highest orders may be left out.
     fn coefficients<const N: usize>(
         &self,
         strength: f64,
         check: &Check,
-        lens: &str,
     ) -> Result<[f64; N], ConfigError> {
         let key = "optics.projection.k";
         let names = ["k1", "k2", "k3", "k4"][..N].join(", ");
-        let Some(given) = self.k.as_deref() else {
-            let reason = format!("missing: the lens's coefficients, [{names}]; [0.0] is {lens}");
-            return Err(check.explain(key, reason).needs(MODEL));
-        };
+        let given = self.k.as_deref().unwrap_or_default();
         if !(1..=N).contains(&given.len()) {
             let mut allowed = format!("1 to {N} numbers, {names}");
             if N == 3 {
@@ -101,39 +93,23 @@ impl RawProjection {
     /// The projection with its coefficients multiplied by `strength`.
     fn of_strength(&self, strength: f64, check: &Check) -> Result<Projection, ConfigError> {
         let model = self.model.as_deref().unwrap_or("pinhole");
-        let both = ["brown-conrady", "fisheye"];
-        let unused = match model {
-            "pinhole" if self.k.is_some() => Some(("k", &both[..])),
-            "pinhole" | "fisheye" if self.p.is_some() => Some(("p", &both[..1])),
-            "pinhole" if self.strength.is_some() => Some(("strength", &both[..])),
-            _ => None,
-        };
-        if let Some((key, models)) = unused {
-            let models = models.iter().map(|name| format!("model = {name:?}"));
-            let models = models.collect::<Vec<_>>().join(" or ");
-            let allowed = match self.model {
-                Some(_) => format!("left out, it is no key of model {model:?}; {models} has it"),
-                None => format!("with a model: add {models}; without one the lens is a pinhole"),
-            };
-            let (key, given) = self.given(key);
-            return Err(check.refuse(&key, given, allowed).needs(MODEL));
-        }
         Ok(Projection::new(match model {
             "pinhole" => Model::Pinhole,
             "brown-conrady" => {
                 let p = self.p.map_or([0.0; 2], |Fixed(p)| p);
                 let p = check.each_limit(LIMITS, "optics.projection.p", p)?;
                 Model::BrownConrady {
-                    k: self.coefficients(strength, check, "a lens without radial distortion")?,
+                    k: self.coefficients(strength, check)?,
                     p: p.map(|p| strength * p),
                 }
             }
             "fisheye" => Model::Fisheye {
-                k: self.coefficients(strength, check, "the equidistant ideal")?,
+                k: self.coefficients(strength, check)?,
             },
             other => {
-                let allowed = one_of(&models());
-                return Err(check.refuse("optics.projection.model", format!("{other:?}"), allowed));
+                let known = MODELS.each_ref().map(|(name, ..)| *name);
+                let given = format!("{other:?}");
+                return Err(check.refuse("optics.projection.model", given, one_of(&known)));
             }
         }))
     }

@@ -7,9 +7,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_base::load::Allowed::{Count, Number};
-use skyloop_base::load::{
-    Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, only_its_keys, some_tables,
-};
+use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, some_tables};
 use std::sync::Arc;
 
 #[derive(Deserialize, JsonSchema)]
@@ -104,12 +102,6 @@ impl RawPsf {
         check: &Check,
         folder: &Folder,
     ) -> Result<Psf, ConfigError> {
-        only_its_keys(
-            ["optics.psf", "kind", &self.kind],
-            KINDS,
-            &self.given(),
-            check,
-        )?;
         // That its kind has them is known.
         let number = |key: &str, value: Option<f64>| {
             check.limit(LIMITS, &format!("optics.psf.{key}"), value.unwrap_or(0.0))
@@ -182,20 +174,6 @@ impl RawPsf {
         reason += &format!(": at most {most} px{remedy}");
         let error = check.explain(&format!("optics.psf.{key}"), reason);
         Err(error.needs(WIDTH))
-    }
-
-    /// The keys beside `kind`, and whether they are given.
-    fn given(&self) -> [(&'static str, bool); 8] {
-        [
-            ("sigma_px", self.sigma_px.is_some()),
-            ("obscuration", self.obscuration.is_some()),
-            ("fwhm_px", self.fwhm_px.is_some()),
-            ("beta", self.beta.is_some()),
-            ("images", self.images.is_some()),
-            ("oversampling", self.oversampling.is_some()),
-            ("width_by_field", self.width_by_field.is_some()),
-            ("wavelength_exponent", self.wavelength_exponent.is_some()),
-        ]
     }
 
     /// Where the table of widths ends, deg, if it is one.

@@ -168,7 +168,7 @@ rate_hz = 5.0 => rate_hz = 400.0 [rate exposure shutter height]
 exposure_s = 0.1 => exposure_s = "a" [exposure]
     timing.exposure_s: must be 
 shutter = "rolling" => shutter = "global" [shutter]
-    timing.row_us: rows take turns
+    timing.row_us: means nothing to shutter
 row_us = 10.0 =>  [shutter]
     timing.row_us: timing.shutter = "rolling" needs
 [0.0, 0.0, 0.0] => [0.0, 99999.0, 0.0] [mounting]

@@ -107,20 +107,8 @@ impl RawTiming {
             None => 0.0,
         };
         let name = self.shutter.as_deref().unwrap_or("global");
-        let Some(shutter) = Shutter::named(name, row_s) else {
-            return Err(check.refuse("timing.shutter", format!("{name:?}"), one_of(&SHUTTERS)));
-        };
-        let reason = match (shutter, self.row_us) {
-            (Shutter::Global, Some(_)) => {
-                "rows take turns with timing.shutter = \"rolling\" or \"frame-transfer\" only: leave it out".to_string()
-            }
-            (Shutter::Rolling { .. } | Shutter::FrameTransfer { .. }, None) => {
-                format!("timing.shutter = {name:?} needs the time from row to row")
-            }
-            _ => return Ok(shutter),
-        };
-        let error = check.explain("timing.row_us", reason);
-        Err(error.needs(&["timing.shutter"]))
+        let unknown = || check.refuse("timing.shutter", format!("{name:?}"), one_of(&SHUTTERS));
+        Shutter::named(name, row_s).ok_or_else(unknown)
     }
 }
 

@@ -42,17 +42,13 @@ impl RawVignetting {
             }
             super::rising_angles(key, table, LIMITS, check)?;
         }
-        match (self.cos4.unwrap_or(false), table) {
-            (true, Some(_)) => {
-                let reason = "cos4 and table exclude each other: leave one out";
-                Err(check.explain("optics.vignetting.cos4", reason))
-            }
-            (true, None) => Ok(Vignetting::Cos4),
-            (false, None) => Ok(Vignetting::None),
-            (false, Some(table)) => {
+        Ok(match (self.cos4, table) {
+            (_, Some(table)) => {
                 let rad = table.into_iter().map(|[deg, t]| [deg.to_radians(), t]);
-                Ok(Vignetting::Table(rad.collect()))
+                Vignetting::Table(rad.collect())
             }
-        }
+            (Some(true), None) => Vignetting::Cos4,
+            _ => Vignetting::None,
+        })
     }
 }
