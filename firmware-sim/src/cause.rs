@@ -119,13 +119,13 @@ mod tests {
     fn named(name: &str, roles: &str) -> Named {
         Named {
             name: name.into(),
-            roles: Roles::split(&format!("?roles={roles}")).unwrap().1,
+            roles: Roles::parse(roles).unwrap(),
         }
     }
 
     #[test]
     fn links_with_other_roles_are_named_with_the_remedy() {
-        let pixels = Roles::split("?roles=pixels").unwrap().1;
+        let pixels = Roles::parse("pixels").unwrap();
         let cause = |off: &str| {
             let (on, off) = (named("udp://A", "labels"), named("/dev/B", off));
             let what = pixels;

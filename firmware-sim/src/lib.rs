@@ -21,6 +21,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod address;
 pub mod attitude_list;
 mod background;
 mod blobs;

@@ -1,7 +1,8 @@
 //! A link by its address.
 
+use crate::address::{Address, OpenError};
 use crate::can::port::{CAN, SLCAN};
-use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::port::{Port, PortError, Scheme};
 use crate::roles::Roles;
 use crate::serial::SERIAL;
 use crate::udp::UDP;
@@ -9,36 +10,43 @@ use crate::udp::UDP;
 /// Every kind of link that an address can name.
 pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
+/// An open link, and what it carries.
+type Opened = (Box<dyn Port + Send>, Roles);
+
 /// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has; option `roles` of any of them says
 /// what for.
 ///
 /// # Errors
 /// [`PortError::Address`] if the text names no link, [`PortError::Io`] if it cannot be opened.
-pub fn open(link: &str) -> Result<(Box<dyn Port + Send>, Roles), PortError> {
-    let (name, rest) = link.split_once("://").unwrap_or((link, ""));
-    let scheme = SCHEMES.iter().find(|scheme| scheme.name == name);
-    let opened = match (scheme, Roles::split(rest)) {
-        (None, _) if name == "pty" => Err(OpenError::Wrong(
-            "a pty of the emulator is opened as serial://NAME".into(),
-        )),
-        (None, _) => Err(OpenError::Wrong(format!("no scheme is called \"{name}\""))),
-        (_, Err(reason)) => Err(OpenError::Wrong(reason)),
-        (Some(scheme), Ok((rest, roles))) => (scheme.open)(&rest).map(|port| (port, roles)),
-    };
-    opened.map_err(|error| match error {
-        OpenError::Failed(error) => error,
-        OpenError::Wrong(reason) => PortError::Address {
-            text: link.into(),
-            reason,
-            examples: match scheme {
-                Some(scheme) => scheme.example.into(),
-                None => {
-                    let examples = SCHEMES.iter().map(|scheme| scheme.example);
-                    examples.collect::<Vec<_>>().join(" or ")
-                }
-            },
+pub fn open(link: &str) -> Result<Opened, PortError> {
+    let name = link.split("://").next();
+    let scheme = SCHEMES.iter().find(|scheme| Some(scheme.name) == name);
+    let wrong = |reason| PortError::Address {
+        text: link.into(),
+        reason,
+        examples: match scheme {
+            Some(scheme) => scheme.example.into(),
+            None => {
+                let examples = SCHEMES.iter().map(|scheme| scheme.example);
+                examples.collect::<Vec<_>>().join(" or ")
+            }
         },
-    })
+    };
+    open_as(scheme, link).map_err(|error| error.into_error(wrong))
+}
+
+fn open_as(scheme: Option<&Scheme>, link: &str) -> Result<Opened, OpenError<PortError>> {
+    let address = Address::parse(link)?;
+    let Some(scheme) = scheme else {
+        let reason = match address.scheme.as_str() {
+            "pty" => "a pty of the emulator is opened as serial://NAME".into(),
+            other => format!("no scheme is called {other:?}"),
+        };
+        return Err(reason.into());
+    };
+    address.only(scheme.keys)?;
+    let roles = address.roles()?;
+    Ok(((scheme.open)(&address)?, roles))
 }
 
 #[cfg(test)]
@@ -54,10 +62,11 @@ mod tests {
             "serial:///dev/ttyX?baud=fast => must be a whole number",
             "serial:///dev/ttyX?baud=12 => 9600 to 3000000",
             "serial:///dev/ttyX?speed=9600 => unknown option \"speed\"; serial has baud, roles",
-            "serial:///dev/ttyX?baud=9600&baud=9600 => baud is given twice",
+            "serial:///dev/ttyX?baud=9600&baud=9600 => option \"baud\" is given twice",
             "udp://127.0.0.1:5?roles=eyes => roles=eyes must be truth",
             "udp://127.0.0.1:5?role=pixels => unknown option \"role\"; udp has roles",
-            "can://vcan0?role=pixels => unknown option \"role\"; it has bitrate, fd, load, roles",
+            "can://vcan0?role=pixels => unknown option \"role\"; can has bitrate, fd, load, roles",
+            "vcan0 => no scheme",
             "pty://tracker => is opened as serial://NAME",
         ] {
             let (text, part) = row.split_once(" => ").unwrap();

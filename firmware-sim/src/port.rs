@@ -7,6 +7,8 @@ use std::time::Duration;
 use skyloop_protocols::EncodeError;
 use thiserror::Error;
 
+use crate::address::{Address, OpenError};
+
 /// A link that carries packets. An implementation keeps packet boundaries; it may lose, repeat or damage packets.
 /// It gives a [`PortError`] when the link is gone.
 pub trait Port {
@@ -146,19 +148,13 @@ pub struct Scheme {
     pub name: &'static str,
     /// An address, for messages.
     pub example: &'static str,
-    /// Opens what stands behind `://`.
-    pub open: fn(&str) -> Result<Box<dyn Port + Send>, OpenError>,
+    /// Options of its addresses, besides `roles`.
+    pub keys: &'static [&'static str],
+    /// Opens the link of an address.
+    pub open: fn(&Address) -> Result<Box<dyn Port + Send>, OpenError<PortError>>,
 }
 
-/// Why the rest of an address opens nothing.
-pub enum OpenError {
-    /// It is no address of this scheme.
-    Wrong(String),
-    /// It cannot be opened.
-    Failed(PortError),
-}
-
-impl From<PortError> for OpenError {
+impl From<PortError> for OpenError<PortError> {
     fn from(error: PortError) -> Self {
         Self::Failed(error)
     }

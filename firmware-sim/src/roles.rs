@@ -26,27 +26,6 @@ impl Roles {
         labels: false,
     };
 
-    /// Takes option `roles` out of an address: the rest of it, and the roles; all where none are given.
-    pub fn split(address: &str) -> Result<(String, Self), String> {
-        let Some((place, options)) = address.split_once('?') else {
-            return Ok((address.into(), Self::ALL));
-        };
-        let mut roles = None;
-        let mut others = Vec::new();
-        for option in options.split('&') {
-            match option.strip_prefix("roles=") {
-                Some(_) if roles.is_some() => return Err("roles are given twice".into()),
-                Some(text) => roles = Some(Self::parse(text)?),
-                None => others.push(option),
-            }
-        }
-        let rest = match &others[..] {
-            [] => place.into(),
-            others => format!("{place}?{}", others.join("&")),
-        };
-        Ok((rest, roles.unwrap_or(Self::ALL)))
-    }
-
     /// Reads names joined by `+`: `pixels+labels`.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
@@ -115,37 +94,5 @@ impl std::fmt::Display for Roles {
         let has = names.into_iter().filter(|(has, _)| *has);
         let names: Vec<&str> = has.map(|(_, name)| name).collect();
         f.write_str(&names.join("+"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn roles_are_taken_out_of_an_address() {
-        let [truth, frames] = ["truth", "pixels+labels"].map(|text| Roles::parse(text).unwrap());
-        assert!(truth.truth && !truth.bring_frames() && frames.pixels && frames.labels);
-        for (address, rest, roles) in [
-            ("127.0.0.1:5", "127.0.0.1:5", Roles::ALL),
-            ("127.0.0.1:5?roles=truth", "127.0.0.1:5", truth),
-            ("/dev/x?baud=9600", "/dev/x?baud=9600", Roles::ALL),
-            (
-                "/dev/x?roles=labels+pixels&baud=9600",
-                "/dev/x?baud=9600",
-                frames,
-            ),
-            ("can0?fd=1&roles=truth&load=1", "can0?fd=1&load=1", truth),
-        ] {
-            assert_eq!(Roles::split(address), Ok((rest.into(), roles)), "{address}");
-        }
-        for (address, part) in [
-            ("x?roles=", "roles= must be"),
-            ("x?roles=truth+sound", "roles=truth+sound must be"),
-            ("x?roles=truth&roles=labels", "twice"),
-        ] {
-            let error = Roles::split(address).unwrap_err();
-            assert!(error.contains(part), "{error}");
-        }
     }
 }

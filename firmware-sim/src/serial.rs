@@ -1,11 +1,13 @@
 //! Packets over a serial line or a pseudo-terminal: SLIP frames.
 
 use std::io::{self, ErrorKind};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use skyloop_protocols::slip;
 
-use crate::port::{OpenError, Port, PortError, Refusal, Scheme};
+use crate::address::Address;
+use crate::port::{Port, PortError, Refusal, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
 /// How long a write may be stuck: a line whose other end does not read is gone.
@@ -14,40 +16,27 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 /// What brings a device back; it is not waited for.
 const REMEDY: &str = "check its cable, or what made the device (skyloop run on pty://, skyloop pty), and start again";
 
+/// Baud rates that a line may have. At the lowest a packet takes 1.5 s: the first must come within the 2 s after
+/// which the emulator mutes a client that grants no credit.
+const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
+
 /// `serial://PATH?baud=N`.
 pub const SERIAL: Scheme = Scheme {
     name: "serial",
     example: "serial:///dev/NAME?baud=115200",
-    open: |text| {
-        let (path, options) = text.split_once('?').unwrap_or((text, ""));
-        let baud = baud_of(options).map_err(OpenError::Wrong)?;
-        Ok(Box::new(SerialPort::open(path, baud)?))
+    keys: &["baud"],
+    open: |address| {
+        let baud = baud_of(address, 115_200)?;
+        Ok(Box::new(SerialPort::open(&address.target, baud)?))
     },
 };
 
-/// The baud rate that options state; the usual one where they do not.
-fn baud_of(options: &str) -> Result<u32, String> {
-    /// What the emulator's links take too.
-    const RANGE: std::ops::RangeInclusive<u32> = 9_600..=3_000_000;
-    const USUAL: u32 = 115_200;
-    let mut baud = None;
-    for option in options.split('&').filter(|option| !option.is_empty()) {
-        let (key, value) = option.split_once('=').unwrap_or((option, ""));
-        if key != "baud" {
-            return Err(format!("unknown option \"{key}\"; serial has baud, roles"));
-        }
-        let Ok(number) = value.parse() else {
-            return Err(format!("baud = \"{value}\" must be a whole number"));
-        };
-        if !RANGE.contains(&number) {
-            let (least, most) = RANGE.into_inner();
-            return Err(format!("baud = {number} must be {least} to {most}"));
-        }
-        if baud.replace(number).is_some() {
-            return Err("baud is given twice".into());
-        }
-    }
-    Ok(baud.unwrap_or(USUAL))
+/// The baud rate that an address states; `default` where it does not.
+///
+/// # Errors
+/// The reason, if it is no valid baud rate.
+pub fn baud_of(address: &Address, default: u32) -> Result<u32, String> {
+    Ok(address.whole_in("baud", BAUD)?.unwrap_or(default))
 }
 
 /// A serial port that carries packets.

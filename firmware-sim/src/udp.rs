@@ -9,23 +9,18 @@ use std::time::Duration;
 use skyloop_protocols::packet::{apid, identify};
 
 use crate::datagram::Datagrams;
-use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::port::{Port, PortError, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
 /// `udp://ADDRESS:PORT`.
 pub const UDP: Scheme = Scheme {
     name: "udp",
     example: "udp://127.0.0.1:PORT",
-    open: |text| {
-        let (address, options) = text.split_once('?').unwrap_or((text, ""));
-        if let Some(option) = options.split('&').find(|option| !option.is_empty()) {
-            let key = option.split('=').next().unwrap_or_default();
-            let reason = format!("unknown option \"{key}\"; udp has roles");
-            return Err(OpenError::Wrong(reason));
-        }
-        let wrong = |_| OpenError::Wrong(format!("\"{address}\" is no IP address and port"));
-        let address = address.parse().map_err(wrong)?;
-        Ok(Box::new(UdpPort::connect(address)?))
+    keys: &[],
+    open: |address| {
+        let wrong = |_| format!("{:?} is no IP address and port", address.target);
+        let emulator = address.target.parse().map_err(wrong)?;
+        Ok(Box::new(UdpPort::connect(emulator)?))
     },
 };
 

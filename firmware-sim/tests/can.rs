@@ -1,5 +1,6 @@
 //! Packets over buses that fill up, go and come back: two ends on a bus in memory.
 
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
 use skyloop_firmware_sim::can::port::CanPort;
 use skyloop_firmware_sim::can::settings::Settings;
@@ -159,7 +160,7 @@ struct Rig {
 }
 
 fn settings(query: &str) -> Settings {
-    Settings::parse(&format!("memory?{query}"), &["bitrate", "fd", "load"]).unwrap()
+    Settings::of(&Address::parse(&format!("can://memory?{query}")).unwrap()).unwrap()
 }
 
 impl Rig {

@@ -1,11 +1,14 @@
 //! Packets on a CAN bus, common to SocketCAN and to adapters on a serial line: the emulator's end of a carrier.
 
-use super::inbox::inbox;
-use super::{
-    AroundBus, Inbound, Intake, LinkError, LinkUrl, Options, Outbound, Tally, Unsent, Wire, count,
-    is_of_frame, outbox,
-};
+use super::departed::Unsent;
+use super::error::LinkError;
+use super::inbox::{Inbound, Intake, inbox};
+use super::kind::{AroundBus, Options};
+use super::outbox::{self, Outbound};
+use super::tally::{Tally, count, is_of_frame};
+use super::wire::Wire;
 use bytes::Bytes;
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
@@ -18,44 +21,23 @@ use std::time::Instant;
 /// Opens a bus.
 pub(super) type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
-/// What a URL says about its bus. `place` is its interface or device.
-pub(super) fn settings(url: &LinkUrl, place: &str, keys: &[&str]) -> Result<Settings, LinkError> {
-    if place.is_empty() {
-        return Err(url.refuse("it names no interface or device".to_string()));
-    }
-    let mut settings = Settings::new(place);
-    set(&mut settings, url, keys)?;
-    Ok(settings)
-}
-
-/// What a loopback at `place` has: FD at the highest rates, unless the URL says otherwise.
-pub(super) fn loopback_settings(
-    url: &LinkUrl,
-    place: &str,
-    keys: &[&str],
-) -> Result<Settings, LinkError> {
+/// The bus of a loopback at `place`: FD at the highest rates, unless the URL says otherwise.
+///
+/// # Errors
+/// The reason, if an option is wrong.
+pub(super) fn loopback_settings(url: &Address, place: &str) -> Result<Settings, String> {
     let mut settings = Settings::new(place);
     (settings.rates.bitrate, settings.rates.load) = (1_000_000, 1.0);
     if url.value("bitrate").is_none() && socket::carries_fd(place) {
         (settings.fd, settings.rates.data_bitrate) = (true, 8_000_000);
     }
-    set(&mut settings, url, keys)?;
+    settings.apply(url)?;
     Ok(settings)
-}
-
-fn set(settings: &mut Settings, url: &LinkUrl, keys: &[&str]) -> Result<(), LinkError> {
-    for key in keys {
-        if let Some(value) = url.value(key) {
-            let set = settings.set(key, value);
-            set.map_err(|reason| url.refuse(reason))?;
-        }
-    }
-    settings.check().map_err(|reason| url.refuse(reason))
 }
 
 /// Opens the bus of `settings` by `open`, now and each time that it has gone, and carries packets over it.
 pub(super) fn open(
-    url: &LinkUrl,
+    url: &Address,
     options: &Options,
     settings: &Settings,
     open: OpenBus,
@@ -68,7 +50,7 @@ pub(super) fn open(
 
 /// Carries packets over an open bus; with an `opener` the link survives that the bus goes.
 pub(super) fn start(
-    url: &LinkUrl,
+    url: &Address,
     options: &Options,
     bus: Box<dyn CanBus>,
     opener: Option<Opener>,
@@ -93,11 +75,8 @@ pub(super) fn start(
     let node = Node::new(Side::Emulator, settings.fd);
     let started = carrier::start(&url.scheme, bus, opener, node, settings.rates, end);
     let (waker, sender) = started.map_err(|error| {
-        url.failed(
-            "start its threads",
-            error,
-            "check the limits of this process",
-        )
+        let remedy = "check the limits of this process";
+        LinkError::refused(url.text.clone(), "start its threads", error, remedy)
     })?;
     outbox.releases = false;
     outbox.wake = Box::new(move || waker.wake());
@@ -207,7 +186,7 @@ impl Above for End {
 }
 
 /// The error for a bus that cannot be opened.
-pub(super) fn refused(url: &LinkUrl, settings: &Settings, source: Refusal) -> LinkError {
+pub(super) fn refused(url: &Address, settings: &Settings, source: Refusal) -> LinkError {
     let url = if url.target.is_empty() {
         format!("{}://{}", url.scheme, settings.place)
     } else {

@@ -1,7 +1,12 @@
 //! CAN through the kernel's SocketCAN, classic or FD.
 
-use super::{BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus};
+use super::bus;
+use super::error::{LinkError, OpenError};
+use super::kind::{BothEnds, Link, Options};
+use super::wire::Wire;
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::port::CanPort;
+use skyloop_firmware_sim::can::settings::{KEYS, Settings};
 use skyloop_firmware_sim::can::socket;
 
 /// CAN interfaces.
@@ -14,21 +19,20 @@ pub const CAN: Link = Link {
     loopback,
 };
 
-const KEYS: &[&str] = &["bitrate", "fd", "load"];
 /// The interface of a loopback.
 const VIRTUAL: &str = "vcan0";
 
-fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    let settings = bus::settings(url, &url.target, KEYS)?;
-    bus::open(url, options, &settings, socket::open)
+fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
+    let wire = bus::open(url, options, &Settings::of(url)?, socket::open)?;
+    Ok(wire)
 }
 
 /// Both ends on the virtual interface that the user has set up.
-fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    let settings = bus::loopback_settings(url, VIRTUAL, KEYS)?;
+fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
+    let settings = bus::loopback_settings(url, VIRTUAL)?;
     let wire = bus::open(url, options, &settings, socket::open)?;
     let bus = socket::open(&settings).map_err(|refusal| bus::refused(url, &settings, refusal))?;
     let port = CanPort::over(VIRTUAL, bus, None, &settings);
-    let port = port.map_err(|error| url.no_client(error))?;
+    let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }

@@ -1,6 +1,6 @@
 //! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
 
-use super::lock;
+use super::lock::lock;
 use std::collections::VecDeque;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};

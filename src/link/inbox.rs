@@ -1,7 +1,9 @@
 //! The inbound queue: bounded, never in the way of the wire. A flood loses its oldest attitudes first, since a newer
 //! one takes their place; every packet lost is counted.
 
-use super::{Inbound, QUEUE, Tally, count, lock};
+use super::lock::lock;
+use super::tally::{Tally, count};
+use bytes::Bytes;
 use skyloop_protocols::packet::{apid, identify};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,6 +11,31 @@ use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
+
+/// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
+pub(crate) const QUEUE: usize = 256;
+
+/// A packet from a client.
+#[derive(Debug, Clone)]
+pub struct Inbound {
+    /// Which exchange it belongs to: another number is another client.
+    pub exchange: u32,
+    /// The packet.
+    pub packet: Bytes,
+    /// When its last byte had arrived.
+    pub arrived: Instant,
+}
+
+impl Inbound {
+    pub(super) fn new(exchange: u32, packet: &[u8], arrived: Instant) -> Inbound {
+        let packet = Bytes::copy_from_slice(packet);
+        Inbound {
+            exchange,
+            packet,
+            arrived,
+        }
+    }
+}
 
 /// A queue for what arrives: the end of the wire and the end of the emulator.
 pub fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
@@ -224,7 +251,6 @@ impl Drop for Inbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bytes::Bytes;
     use skyloop_protocols::{Attitude, Command, MAX_PACKET, WireTime};
 
     fn inbound(command: &Command, count: u16) -> Inbound {

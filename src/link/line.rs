@@ -1,24 +1,16 @@
 //! Packets on a line of octets, common to serial ports and pseudo-terminals: SLIP frames in, SLIP frames out.
 
-use super::inbox::Gone;
-use super::{Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Tally, Unsent, count};
+use super::departed::Unsent;
+use super::inbox::{Gone, Inbound, Intake};
+use super::outbox::Outbound;
+use super::tally::{Airtime, Tally, count};
 use skyloop_protocols::slip::{self, FrameError};
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 /// How long a thread of a line waits before it looks whether the link is still wanted.
 pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
-
-/// Baud rates that a line may have. At the least of them a packet takes 1.5 s: the first must come within the 2 s after
-/// which a client that grants nothing has gone, wherever octets leave before they are on the line.
-const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
-
-/// The baud rate that a URL states.
-pub(super) fn baud_of(url: &LinkUrl, default: u32) -> Result<u32, LinkError> {
-    url.number_in("baud", default, BAUD)
-}
 
 /// 10 bit times an octet: the packet, its CRC-32, an END on both sides, and an escape for two octets of 256.
 pub(super) fn airtime(baud: u32) -> Airtime {

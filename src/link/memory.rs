@@ -1,9 +1,12 @@
 //! The in-process link: two queues.
 
-use super::{
-    BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally,
-    Wire, count, inbox::inbox,
-};
+use super::error::{LinkError, OpenError};
+use super::inbox::{Inbound, Intake, QUEUE, inbox};
+use super::kind::{BothEnds, Link, Options};
+use super::outbox::{Outbound, Outbox};
+use super::tally::{Tally, count};
+use super::wire::Wire;
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::port::{Port, PortError};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -19,13 +22,12 @@ pub const MEMORY: Link = Link {
     loopback,
 };
 
-fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
-    Err(url.refuse(
-        "the memory link joins two ends of one process: it works in `loopback` only".into(),
-    ))
+fn no_outside(_: &Address, _: &Options) -> Result<Wire, OpenError> {
+    let reason = "the memory link joins two ends of one process: it works in `loopback` only";
+    Err(reason.to_string().into())
 }
 
-fn loopback(_: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(_: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     let tally = Arc::new(Tally::default());
     let (to_emulator, inbox) = inbox(tally.clone());
     let (queue, from_emulator) = sync_channel(QUEUE);

@@ -4,7 +4,7 @@
 //! So the link shows who made it (`/dev/pts/./N` leads where `/dev/pts/N` does), and a socket in the abstract namespace of
 //! Linux, which ends with its process, whether that one still lives. Nothing else is ever removed.
 
-use super::lock;
+use super::lock::lock;
 use skyloop_firmware_sim::port::Refusal;
 use skyloop_orbit::path_text;
 use skyloop_protocols::crc::Crc32;

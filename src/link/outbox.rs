@@ -1,10 +1,51 @@
 //! The bounded queue from the emulator to the thread of a link.
 
-use super::{LinkError, NO_FAULTS, Outbound, Outbox, QUEUE, Tally};
+use super::error::LinkError;
+use super::inbox::QUEUE;
+use super::tally::Tally;
+use bytes::Bytes;
 use skyloop_protocols::FaultKind;
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
+use std::time::Instant;
+
+/// Something for the link to do.
+#[derive(Debug, Clone)]
+pub enum Outbound {
+    /// Send this packet, if its exchange still stands.
+    Packet {
+        /// Which exchange it answers.
+        exchange: u32,
+        /// The packet.
+        packet: Bytes,
+    },
+    /// End the exchange, unless its client has sent something since: the next client may come at once.
+    Release {
+        /// Which exchange.
+        exchange: u32,
+        /// When the client asked for it.
+        asked: Instant,
+    },
+}
+
+/// What stands before the reason in the answer to a fault that is refused.
+pub(crate) const FAULT_REFUSED: &str = "Fault: ";
+
+/// Why a link injects no faults.
+const NO_FAULTS: &str =
+    "no faults are injected here: start the emulator with --faults or --fault-log";
+
+/// The queue to a link.
+pub trait Outbox: Send {
+    /// Queues `what`; gives it back if the queue is full. Fails only by [`LinkError::Closed`].
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
+
+    /// Whether faults of this kind can be switched live; else why not, and the remedy.
+    fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
+        Err(NO_FAULTS.into())
+    }
+}
 
 /// Queues an item without waiting.
 type TrySend = dyn Fn(Outbound) -> Result<(), TrySendError<Outbound>> + Send;

@@ -4,7 +4,7 @@
 //! client would read them; the settings of one client, exclusive use included, outlast it; the master learns that
 //! nobody holds the other end (POLLHUP) only after somebody did.
 
-use super::lock;
+use super::lock::lock;
 use super::name::Name;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags};

@@ -1,18 +1,20 @@
 //! Pseudo-terminals: the emulator makes one, gives it a name that clients open as they would a serial port, and
 //! carries octets both ways at the pace of a baud rate. SLIP frames with CRC-32, two threads.
 
+use super::departed::Unsent;
+use super::error::{LinkError, OpenError};
 use super::inbox::inbox;
-use super::line::{Ear, Put, airtime, baud_of, write};
+use super::kind::{BothEnds, Link, Options, thread};
+use super::line::{Ear, Put, airtime, write};
 use super::name::is_one;
-use super::outbox::{self, QueueOutbox};
+use super::outbox::{self, Outbound, Outbox, QueueOutbox};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo};
-use super::{
-    BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Unsent, Wire, count,
-    thread,
-};
-use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
+use super::tally::{Tally, count};
+use super::wire::Wire;
+use skyloop_firmware_sim::address::Address;
+use skyloop_firmware_sim::serial::{SerialPort as FlightComputerPort, baud_of};
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -32,23 +34,24 @@ pub const PTY: Link = Link {
 /// How long the emulator's end stays for a client to read the last octets, unless that closes its own.
 const LINGER: Duration = Duration::from_millis(400);
 
-fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
     let baud = baud_of(url, 115_200)?;
     if url.target.is_empty() {
-        return Err(url.refuse("no name for the client to open".to_string()));
+        return Err("no name for the client to open".to_string().into());
     }
     let pseudo = made(url.text.clone(), Some(Path::new(&url.target)))?;
-    start(url, pseudo, baud, false)
+    let wire = start(url, pseudo, baud, false)?;
+    Ok(wire)
 }
 
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     let baud = baud_of(url, 3_000_000)?;
     let pseudo = made(url.text.clone(), None)?;
     let name = pseudo.name();
     // The loopback's own client is the only one.
     let wire = start(url, pseudo, baud, true)?;
     let port = FlightComputerPort::open(&name, baud);
-    let port = port.map_err(|error| url.no_client(error))?;
+    let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }
 
@@ -58,7 +61,7 @@ fn made(url: String, name: Option<&Path>) -> Result<Pseudo, LinkError> {
 }
 
 /// `last`: nobody is to come after the first client.
-fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, LinkError> {
+fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, LinkError> {
     let address = format!("pty://{}?baud={baud}", pseudo.name());
     let pseudo = Arc::new(pseudo);
     let tally = Arc::new(Tally::default());
@@ -248,7 +251,7 @@ mod tests {
     fn one_client_closes_and_the_next_opens_an_exchange_of_its_own() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("tracker").display().to_string();
-        let url = LinkUrl::parse(&format!("pty://{name}?baud=921600")).unwrap();
+        let url = Address::parse(&format!("pty://{name}?baud=921600")).unwrap();
         let mut wire = open(&url, &options()).unwrap();
         assert_eq!(wire.address, url.text);
         for exchange in 1..=3 {
@@ -278,7 +281,7 @@ mod tests {
 
     #[test]
     fn a_packet_takes_its_time_on_the_line_and_the_last_one_arrives() {
-        let url = LinkUrl::parse_loopback("pty?baud=9600").unwrap();
+        let url = Address::without_target("pty?baud=9600").unwrap();
         let (mut wire, mut port) = loopback(&url, &options()).unwrap();
         // X-Val: 100 octets without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.
         let takes = Duration::from_micros(110_416);

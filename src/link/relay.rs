@@ -1,6 +1,10 @@
 //! Copies what comes over one link to another emulator of the same process.
 
-use super::{Inbound, Intake, LinkError, Outbound, Outbox, Tally, Wire, inbox::inbox};
+use super::error::LinkError;
+use super::inbox::{Inbound, Intake, inbox};
+use super::outbox::{Outbound, Outbox};
+use super::tally::Tally;
+use super::wire::Wire;
 use std::sync::Arc;
 
 /// Where packets come in, and the link of the emulator that receives them. Its answers are dropped.

@@ -1,14 +1,20 @@
 //! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
 
-use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, write};
+use super::departed::Unsent;
+use super::error::{LinkError, OpenError};
+use super::inbox::inbox;
+use super::kind::{BothEnds, Link, Options, thread};
+use super::line::{Ear, Put, READ_TIMEOUT, airtime, write};
+use super::lock::lock;
 #[cfg(target_os = "linux")]
 use super::low_latency;
-use super::{
-    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Unsent, Wire, count, inbox::inbox,
-    lock, outbox, thread,
-};
+use super::outbox;
+use super::tally::{Airtime, Tally, count};
+use super::wire::Wire;
 use serialport::SerialPort;
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::port::Refusal;
+use skyloop_firmware_sim::serial::baud_of;
 use std::io::ErrorKind;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -23,14 +29,15 @@ pub const SERIAL: Link = Link {
     loopback,
 };
 
-fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
     let baud = baud_of(url, 115_200)?;
-    start(url, &url.target, baud, Some(airtime(baud)), false)
+    let wire = start(url, &url.target, baud, Some(airtime(baud)), false)?;
+    Ok(wire)
 }
 
 /// Opens the port called `path`; in a `loopback`, where it goes with its only client.
 fn start(
-    url: &LinkUrl,
+    url: &Address,
     path: &str,
     baud: u32,
     airtime: Option<Airtime>,
@@ -226,25 +233,27 @@ fn is_passing(error: &std::io::Error) -> bool {
 /// Both ends of a pseudo-terminal, for a loopback.
 #[cfg(unix)]
 pub(super) fn pseudo_terminal(
-    url: &LinkUrl,
+    url: &Address,
 ) -> Result<(serialport::TTYPort, serialport::TTYPort), LinkError> {
     const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
-    let failed =
-        |error: serialport::Error| url.failed("open a pseudo-terminal pair", error.into(), REMEDY);
-    serialport::TTYPort::pair().map_err(failed)
+    serialport::TTYPort::pair().map_err(|error| {
+        let url = url.text.clone();
+        LinkError::refused(url, "open a pseudo-terminal pair", error.into(), REMEDY)
+    })
 }
 
 /// The error for a system without pseudo-terminals.
 #[cfg(not(unix))]
-pub(super) fn no_pseudo_terminal(url: &LinkUrl) -> LinkError {
+pub(super) fn no_pseudo_terminal(url: &Address) -> LinkError {
     const REMEDY: &str = "this system has none: use --link udp or memory";
     let error = ErrorKind::Unsupported.into();
-    url.failed("open a pseudo-terminal pair", error, REMEDY)
+    let url = url.text.clone();
+    LinkError::refused(url, "open a pseudo-terminal pair", error, REMEDY)
 }
 
 /// The flight computer has one end of a pseudo-terminal, the emulator opens the other by its name.
 #[cfg(unix)]
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
     let baud = baud_of(url, 115_200)?;
     let (master, slave) = pseudo_terminal(url)?;
@@ -253,13 +262,13 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     let wire = start(url, &device, baud, None, true)?;
     drop(slave);
     let port = FlightComputerPort::over(Box::new(master));
-    let port = port.map_err(|error| url.no_client(error))?;
+    let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }
 
 #[cfg(not(unix))]
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
-    Err(no_pseudo_terminal(url))
+fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
+    Err(no_pseudo_terminal(url).into())
 }
 
 #[cfg(test)]
@@ -277,7 +286,7 @@ mod tests {
     /// The emulator's end at `path`.
     fn at(path: &Path) -> Wire {
         let path = path.to_str().unwrap();
-        let url = LinkUrl::parse(&format!("serial://{path}")).unwrap();
+        let url = Address::parse(&format!("serial://{path}")).unwrap();
         start(&url, path, 115_200, None, false).unwrap()
     }
 

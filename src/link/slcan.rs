@@ -1,7 +1,11 @@
 //! CAN through a LAWICEL-style adapter on a serial port or a pseudo-terminal: for hosts without CAN in their kernel.
 
-use super::{BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus};
-use skyloop_firmware_sim::can::settings::Settings;
+use super::bus;
+use super::error::{LinkError, OpenError};
+use super::kind::{BothEnds, Link, Options};
+use super::wire::Wire;
+use skyloop_firmware_sim::address::Address;
+use skyloop_firmware_sim::can::settings::ADAPTER_KEYS;
 use skyloop_firmware_sim::can::slcan;
 
 /// Adapters.
@@ -9,34 +13,24 @@ pub const SLCAN: Link = Link {
     scheme: "slcan",
     example: "slcan:///dev/ttyACM0?bitrate=500000",
     is_bus: true,
-    keys: KEYS,
+    keys: ADAPTER_KEYS,
     open,
     loopback,
 };
 
-const KEYS: &[&str] = &["bitrate", "fd", "load", "baud"];
-
-fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    let mut settings = bus::settings(url, &url.target, KEYS)?;
-    settings.baud.get_or_insert(slcan::BAUD);
-    check(url, &settings)?;
-    bus::open(url, options, &settings, slcan::open)
-}
-
-/// Refuses bit rates that adapters do not have.
-fn check(url: &LinkUrl, settings: &Settings) -> Result<(), LinkError> {
-    let commands = slcan::commands(settings);
-    commands.map(drop).map_err(|reason| url.refuse(reason))
+fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
+    let wire = bus::open(url, options, &slcan::settings(url)?, slcan::open)?;
+    Ok(wire)
 }
 
 /// Both ends on a pseudo-terminal.
 #[cfg(unix)]
-fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
     use serialport::SerialPort;
     use skyloop_firmware_sim::can::port::CanPort;
     let (master, slave) = super::serial::pseudo_terminal(url)?;
-    let settings = bus::loopback_settings(url, &slave.name().unwrap_or_default(), KEYS)?;
-    check(url, &settings)?;
+    let settings = bus::loopback_settings(url, &slave.name().unwrap_or_default())?;
+    slcan::commands(&settings)?;
     let refused = |refusal| bus::refused(url, &settings, refusal);
     let (ours, client) = (
         slcan::over(Box::new(slave), &settings).map_err(refused)?,
@@ -44,11 +38,11 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     );
     let wire = bus::start(url, options, ours, None, &settings)?;
     let port = CanPort::over(&settings.place, client, None, &settings);
-    let port = port.map_err(|error| url.no_client(error))?;
+    let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }
 
 #[cfg(not(unix))]
-fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
-    Err(super::serial::no_pseudo_terminal(url))
+fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
+    Err(super::serial::no_pseudo_terminal(url).into())
 }

@@ -1,6 +1,5 @@
 //! What a link counts, and whether it moves.
 
-use super::Airtime;
 use super::departed::{Departed, Unsent};
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::identify;
@@ -26,6 +25,9 @@ struct Harmed {
     /// Packets that were lost or damaged.
     lost: AtomicU32,
 }
+
+/// Time on the wire of one packet of a length in bytes, framing included.
+pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
 
 /// What a link counts.
 #[derive(Debug, Default)]

@@ -1,9 +1,10 @@
 //! The flight computer's end of a bus: whole packets, over SocketCAN or an adapter.
 
 use super::carrier::{self, Above, Next, Note, Waker};
-use super::settings::Settings;
+use super::settings::{self, Settings};
 use super::{CanBus, Opener, slcan, socket};
-use crate::port::{OpenError, Port, PortError, Refusal, Scheme, Tell};
+use crate::address::OpenError;
+use crate::port::{Port, PortError, Refusal, Scheme, Tell};
 use skyloop_protocols::can::{Node, Side};
 use std::io::{self, ErrorKind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -18,24 +19,16 @@ use std::time::{Duration, Instant};
 pub const CAN: Scheme = Scheme {
     name: "can",
     example: "can://vcan0?bitrate=500000",
-    open: |text| {
-        let settings =
-            Settings::parse(text, &["bitrate", "fd", "load"]).map_err(OpenError::Wrong)?;
-        open("can", settings, socket::open)
-    },
+    keys: settings::KEYS,
+    open: |address| open("can", Settings::of(address)?, socket::open),
 };
 
 /// `slcan://DEVICE?bitrate=N&fd=N&load=X&baud=N`.
 pub const SLCAN: Scheme = Scheme {
     name: "slcan",
     example: "slcan:///dev/NAME?bitrate=500000",
-    open: |text| {
-        let mut settings =
-            Settings::parse(text, &["bitrate", "fd", "load", "baud"]).map_err(OpenError::Wrong)?;
-        settings.baud.get_or_insert(slcan::BAUD);
-        slcan::commands(&settings).map_err(OpenError::Wrong)?;
-        open("slcan", settings, slcan::open)
-    },
+    keys: settings::ADAPTER_KEYS,
+    open: |address| open("slcan", slcan::settings(address)?, slcan::open),
 };
 
 /// What brings a line back.
@@ -62,7 +55,7 @@ fn open(
     scheme: &str,
     settings: Settings,
     open: OpenBus,
-) -> Result<Box<dyn Port + Send>, OpenError> {
+) -> Result<Box<dyn Port + Send>, OpenError<PortError>> {
     let link = format!("{scheme}://{}", settings.place);
     let bus = open(&settings).map_err(|source| PortError::Refused {
         link: link.clone(),

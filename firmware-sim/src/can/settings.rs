@@ -1,6 +1,7 @@
 //! What a link's address says about a bus: `can://vcan0?bitrate=500000&fd=8000000&load=0.9`.
 
 use super::pacing::Rates;
+use crate::address::Address;
 use std::time::Duration;
 
 /// A bus by its address.
@@ -16,10 +17,15 @@ pub struct Settings {
     pub baud: Option<u32>,
 }
 
+/// Options of a bus.
+pub const KEYS: &[&str] = &["bitrate", "fd", "load"];
+/// Options of a bus behind an adapter on a serial line.
+pub const ADAPTER_KEYS: &[&str] = &["bitrate", "fd", "load", "baud"];
+
 /// Bit rates of a classic bus, or of the arbitration phase.
 const BITRATES: std::ops::RangeInclusive<u32> = 10_000..=1_000_000;
 /// Highest bit rate of the data phase.
-const MOST_DATA_BITRATE: u32 = 8_000_000;
+const MAX_DATA_BITRATE: u32 = 8_000_000;
 
 impl Settings {
     /// A bus at `place` with what is usual: classic frames at 500 kbit/s, a tenth of the bus time left to others.
@@ -38,70 +44,43 @@ impl Settings {
         }
     }
 
-    /// A bus by what follows `://`. Of its keys those in `known` are allowed.
-    pub fn parse(text: &str, known: &[&str]) -> Result<Settings, String> {
-        let (place, query) = text.split_once('?').unwrap_or((text, ""));
-        if place.is_empty() {
+    /// The bus that an address names.
+    ///
+    /// # Errors
+    /// The reason, if the address names none or an option is wrong.
+    pub fn of(address: &Address) -> Result<Settings, String> {
+        if address.target.is_empty() {
             return Err("it names no interface or device".to_string());
         }
-        let mut settings = Settings::new(place);
-        for pair in query.split('&').filter(|pair| !pair.is_empty()) {
-            let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-            if !known.contains(&key) {
-                return Err(format!(
-                    "unknown option \"{key}\"; it has {}, roles",
-                    known.join(", ")
-                ));
-            }
-            settings.set(key, value)?;
-        }
-        settings.check()?;
+        let mut settings = Settings::new(&address.target);
+        settings.apply(address)?;
         Ok(settings)
     }
 
-    /// Takes the value of one key.
-    pub fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
-        let whole = || {
-            let number = value.parse::<u32>();
-            number.map_err(|_| format!("{key} = \"{value}\" must be a whole number"))
-        };
-        match key {
-            "bitrate" => self.rates.bitrate = whole()?,
-            "fd" => (self.fd, self.rates.data_bitrate) = (true, whole()?),
-            "baud" => self.baud = Some(whole()?),
-            "load" => {
-                let share = value.parse().ok();
-                let share = share.filter(|load| (0.01..=1.0).contains(load));
-                self.rates.load = share.ok_or_else(|| {
-                    format!("load = \"{value}\" must be a share of the bus, 0.01 to 1")
-                })?;
-            }
-            _ => return Err(format!("unknown key \"{key}\"")),
+    /// Replaces what the options of an address state.
+    ///
+    /// # Errors
+    /// The reason, if one of them is wrong.
+    pub fn apply(&mut self, address: &Address) -> Result<(), String> {
+        let rates = &mut self.rates;
+        if let Some(bitrate) = address.whole_in("bitrate", BITRATES)? {
+            rates.bitrate = bitrate;
         }
-        Ok(())
-    }
-
-    /// Whether its values fit each other.
-    pub fn check(&self) -> Result<(), String> {
-        let Rates {
-            bitrate,
-            data_bitrate,
-            ..
-        } = self.rates;
-        if !BITRATES.contains(&bitrate) {
+        if let Some(load) = address.decimal_in("load", 0.01..=1.0)? {
+            rates.load = load;
+        }
+        if let Some(baud) = address.whole_in("baud", 1..=u32::MAX)? {
+            self.baud = Some(baud);
+        }
+        if let Some(data_bitrate) = address.whole_in("fd", 0..=u32::MAX)? {
+            (self.fd, rates.data_bitrate) = (true, data_bitrate);
+        }
+        let (min, max) = (rates.bitrate, MAX_DATA_BITRATE);
+        if self.fd && !(min..=max).contains(&rates.data_bitrate) {
             return Err(format!(
-                "bitrate = {bitrate} must be {} to {} bit/s",
-                BITRATES.start(),
-                BITRATES.end()
+                "fd = {}, the bit rate of FD data, must be {min} (the bitrate) to {max} bit/s",
+                rates.data_bitrate
             ));
-        }
-        if self.fd && !(bitrate..=MOST_DATA_BITRATE).contains(&data_bitrate) {
-            return Err(format!(
-                "fd = {data_bitrate}, the bit rate of FD data, must be {bitrate} (the bitrate) to {MOST_DATA_BITRATE} bit/s"
-            ));
-        }
-        if self.baud == Some(0) {
-            return Err("baud = 0 must be above 0".to_string());
         }
         Ok(())
     }
@@ -145,19 +124,21 @@ impl Settings {
 mod tests {
     use super::*;
 
-    const ALL: &[&str] = &["bitrate", "fd", "load", "baud"];
+    fn read(text: &str) -> Result<Settings, String> {
+        Settings::of(&Address::parse(&format!("can://{text}"))?)
+    }
 
     #[test]
     fn addresses_are_read() {
-        let plain = Settings::parse("can0", ALL).unwrap();
+        let plain = read("can0").unwrap();
         assert_eq!((plain.fd, plain.rates.bitrate), (false, 500_000));
         let text = "vcan0?bitrate=250000&fd=8000000&load=0.5";
-        let fd = Settings::parse(text, ALL).unwrap();
+        let fd = read(text).unwrap();
         assert!(fd.fd);
         assert_eq!((fd.rates.data_bitrate, fd.rates.load), (8_000_000, 0.5));
         assert_eq!(fd.describe(), text);
-        // X-Val: 8 octets go in two segments of 7, each a line of 22 octets of 10 bits at 9600 baud.
-        let slow = Settings::parse("x?baud=9600", ALL).unwrap();
+        // X-Val: 8 bytes go in two segments of 7, each a line of 22 bytes of 10 bits at 9600 baud.
+        let slow = read("x?baud=9600").unwrap();
         assert_eq!(
             slow.packet_duration(8).as_micros(),
             2 * 22 * 10_000_000 / 9600
@@ -171,14 +152,14 @@ mod tests {
             "can0?bitrate=fast => bitrate = \"fast\" must be a whole number",
             "can0?bitrate=2000000 => 10000 to 1000000",
             "can0?bitrate=500000&fd=250000 => 500000 (the bitrate) to 8000000",
+            "can0?fd=9000000 => 500000 (the bitrate) to 8000000",
             "can0?fd => fd = \"\" must be a whole number",
             "can0?load=0 => 0.01 to 1",
             "can0?load=nan => 0.01 to 1",
-            "can0?baud=0 => above 0",
-            "can0?speed=3 => unknown option \"speed\"; it has bitrate, fd, load, baud, roles",
+            "can0?baud=0 => baud = 0 must be 1 to",
         ] {
             let (text, part) = row.split_once(" => ").unwrap();
-            let error = Settings::parse(text, ALL).unwrap_err();
+            let error = read(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }
     }

@@ -5,6 +5,7 @@
 
 use super::settings::Settings;
 use super::{CanBus, Refusal, Sending, Trouble};
+use crate::address::Address;
 use serialport::SerialPort;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::slcan::{
@@ -53,6 +54,17 @@ fn take_one(count: &AtomicU32) -> bool {
     count
         .fetch_update(Relaxed, Relaxed, |count| count.checked_sub(1))
         .is_ok()
+}
+
+/// The bus behind the adapter of an address.
+///
+/// # Errors
+/// The reason, if the address is wrong or adapters do not have its bit rates.
+pub fn settings(address: &Address) -> Result<Settings, String> {
+    let mut settings = Settings::of(address)?;
+    settings.baud.get_or_insert(BAUD);
+    commands(&settings)?;
+    Ok(settings)
 }
 
 /// The adapter's commands for the bit rates of `settings`.
@@ -285,7 +297,7 @@ mod tests {
     use std::io::{Read, Write};
 
     fn settings(query: &str) -> Settings {
-        Settings::parse(&format!("pty?{query}"), &["bitrate", "fd"]).unwrap()
+        Settings::of(&Address::parse(&format!("slcan://pty?{query}")).unwrap()).unwrap()
     }
 
     /// A bus and the other end of its line.

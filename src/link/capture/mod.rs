@@ -11,8 +11,10 @@ mod recording;
 pub mod replay;
 mod silence;
 
-use super::inbox::Observer;
-use super::{Inbound, LinkError, Outbound, Outbox, Wire};
+use super::error::LinkError;
+use super::inbox::{Inbound, Observer};
+use super::outbox::{Outbound, Outbox};
+use super::wire::{Closed, Wire};
 pub use origin::Origin;
 use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, NO_MARK, OutputFile};
@@ -234,7 +236,7 @@ impl Capture {
             made: AtomicU32::new(0),
             recorder: self.recorder(),
         }));
-        let to = std::mem::replace(&mut wire.outbox, Box::new(super::Closed));
+        let to = std::mem::replace(&mut wire.outbox, Box::new(Closed));
         wire.outbox = Box::new(TappedOutbox {
             to,
             link,

@@ -6,8 +6,9 @@
 
 use super::place::{Place, place_of};
 use super::{CaptureError, Origin, Record, candump, pcapng};
-use crate::{LinkUrl, Roles};
 use bytes::Bytes;
+use skyloop_firmware_sim::address::Address;
+use skyloop_firmware_sim::roles::Roles;
 use skyloop_orbit::{LARGEST_FILE, path_text};
 use skyloop_protocols::{Command, Direction, Personality, Reply};
 use std::collections::{BTreeMap, BTreeSet};
@@ -59,11 +60,12 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
         return Ok(sorted_out(personality, packets));
     }
     let found = pcapng::read(file, &Bytes::from(octets))?;
-    let roles = |link: &String| match LinkUrl::parse(link) {
-        Ok(url) => url.roles().unwrap_or(Roles::ALL),
-        // A loopback.
-        Err(_) => Roles::ALL,
+    let roles = |link: &String| {
+        let address = Address::parse(link);
+        // A loopback has no target, and all roles.
+        address.map_or(Ok(Roles::ALL), |address| address.roles())
     };
+    let roles = |link| roles(link).unwrap_or(Roles::ALL);
     Ok(Recording {
         origin: Origin::of_lines(&found.comments),
         links: found.links.iter().map(roles).collect(),

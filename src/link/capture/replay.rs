@@ -10,11 +10,14 @@ use super::difference::{called, first};
 use super::place::{Place, place_of, sealed};
 pub use super::recording::{Recording, load};
 use super::silence::Silence;
-use crate::inbox::{Observer, inbox};
-use crate::{
-    FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire, lock,
-};
+use crate::error::LinkError;
+use crate::inbox::{Inbound, Intake, Observer, inbox};
+use crate::lock::lock;
+use crate::outbox::{FAULT_REFUSED, Outbound, Outbox};
+use crate::tally::Tally;
+use crate::wire::Wire;
 use bytes::Bytes;
+use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, identify};
 use skyloop_protocols::{Direction, FaultKind, Personality, Reply};

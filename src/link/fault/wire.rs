@@ -4,10 +4,12 @@ use super::book::Book;
 use super::engine::{Damageable, Pushed};
 use super::injector::Injector;
 use super::plan::{Plan, impossible};
-use crate::inbox::inbox;
-use crate::{
-    Inbound, Inbox, Intake, LinkError, Outbound, Outbox, Tally, Wire, count, lock, outbox,
-};
+use crate::error::LinkError;
+use crate::inbox::{Inbound, Inbox, Intake, inbox};
+use crate::lock::lock;
+use crate::outbox::{self, Outbound, Outbox};
+use crate::tally::{Tally, count};
+use crate::wire::Wire;
 use bytes::Bytes;
 use skyloop_protocols::{FaultKind, Personality, packet};
 use std::sync::atomic::{AtomicBool, Ordering};

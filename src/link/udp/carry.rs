@@ -2,8 +2,10 @@
 
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
+use crate::departed::Unsent;
+use crate::inbox::{Inbound, Intake};
+use crate::outbox::Outbound;
 use crate::pace::Pace;
-use crate::{Inbound, Intake, Outbound, Unsent};
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};

@@ -1,7 +1,9 @@
 //! Who the emulator talks with over UDP: one client at a time.
 
 use super::proof::{Party, Proof, Prover};
-use crate::{Every, Options, Tally, count, is_of_frame};
+use crate::every::Every;
+use crate::kind::Options;
+use crate::tally::{Tally, count, is_of_frame};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

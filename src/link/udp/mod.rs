@@ -5,12 +5,15 @@ mod exchange;
 mod own;
 mod proof;
 
-use super::{
-    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, QUEUE, Tally, Wire, inbox::inbox,
-    outbox::QueueOutbox, thread,
-};
+use super::error::{LinkError, OpenError};
+use super::inbox::{QUEUE, inbox};
+use super::kind::{BothEnds, Link, Options, thread};
+use super::outbox::QueueOutbox;
+use super::tally::{Airtime, Tally};
+use super::wire::Wire;
 use carry::carry;
 use exchange::Exchange;
+use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::datagram::Datagrams;
 use skyloop_firmware_sim::udp::UdpPort;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket as SystemSocket};
@@ -29,27 +32,19 @@ pub const UDP: Link = Link {
     loopback,
 };
 
-fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    let address: SocketAddr = url
-        .target
-        .parse()
-        .map_err(|_| url.refuse(format!("{:?} is not an address and a port", url.target)))?;
+fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
+    let wrong = |_| format!("{:?} is not an address and a port", url.target);
+    let address = url.target.parse().map_err(wrong)?;
     Ok(listen(url, address, options)?.0)
 }
 
 /// Any free port of this machine alone.
 const ANY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
-fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
     let (wire, address) = listen(url, ANY, options)?;
-    let port = UdpPort::connect(address).map_err(|error| {
-        let error = std::io::Error::other(error);
-        url.failed(
-            "open the client's socket",
-            error,
-            "check that 127.0.0.1 is up",
-        )
-    })?;
+    let port = UdpPort::connect(address);
+    let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }
 
@@ -57,17 +52,17 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
 const RATES_MBIT: std::ops::RangeInclusive<f64> = 0.01..=100_000.0;
 
 /// The limit of a URL, in octets of packets (UDP, IP and Ethernet add 66 to each) a second.
-fn limit(url: &LinkUrl) -> Result<Option<f64>, LinkError> {
+fn limit(url: &Address) -> Result<Option<f64>, String> {
     let rate = url.decimal_in("rate_mbit", RATES_MBIT)?;
     Ok(rate.map(|mbit| mbit * 1e6 / 8.0))
 }
 
 /// Whether clients of a URL are to prove their addresses.
-fn proves(url: &LinkUrl) -> Result<bool, LinkError> {
+fn proves(url: &Address) -> Result<bool, String> {
     match url.value("proof") {
         None | Some("on") => Ok(true),
         Some("off") => Ok(false),
-        Some(other) => Err(url.refuse(format!("proof = {other}: on or off"))),
+        Some(other) => Err(format!("proof = {other}: on or off")),
     }
 }
 
@@ -76,20 +71,21 @@ fn airtime(octets_per_s: f64) -> Airtime {
 }
 
 fn listen(
-    url: &LinkUrl,
+    url: &Address,
     address: SocketAddr,
     options: &Options,
-) -> Result<(Wire, SocketAddr), LinkError> {
+) -> Result<(Wire, SocketAddr), OpenError> {
     let (socket, datagrams, local) = bind(url, address)?;
     Ok((start(url, options, socket, datagrams, local)?, local))
 }
 
 /// A socket that receives from now on, and its address.
 fn bind(
-    url: &LinkUrl,
+    url: &Address,
     address: SocketAddr,
 ) -> Result<(SystemSocket, Datagrams, SocketAddr), LinkError> {
-    let failed = |action, remedy| move |source| url.failed(action, source, remedy);
+    let failed =
+        |action, remedy| move |source| LinkError::refused(url.text.clone(), action, source, remedy);
     let socket = SystemSocket::bind(address).map_err(failed(
         "listen",
         "choose a free port and an address of this machine (port 0 takes any free port)",
@@ -106,12 +102,12 @@ fn bind(
 
 /// Carries what comes to the socket `local`, and what leaves it.
 fn start(
-    url: &LinkUrl,
+    url: &Address,
     options: &Options,
     socket: SystemSocket,
     datagrams: Datagrams,
     local: SocketAddr,
-) -> Result<Wire, LinkError> {
+) -> Result<Wire, OpenError> {
     let limit = limit(url)?;
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
@@ -123,7 +119,7 @@ fn start(
         .build()
         .map_err(|source| {
             let remedy = "check the limits of this process";
-            url.failed("start its thread", source, remedy)
+            LinkError::refused(url.text.clone(), "start its thread", source, remedy)
         })?;
     let sender = thread(url, "udp", move || {
         let carried = carry(socket, datagrams, arrivals, departures, exchange, limit);
@@ -151,7 +147,8 @@ mod tests {
     use super::carry::BURST;
     use super::*;
     use crate::fixture::{PATIENCE, options};
-    use crate::{Outbound, Standstill};
+    use crate::outbox::Outbound;
+    use crate::tally::Standstill;
     use bytes::Bytes;
     use skyloop_protocols::Counters;
     use std::time::Instant;
@@ -159,7 +156,7 @@ mod tests {
     /// Octets a second that a client gets of a second full of numbered packets; lost ones have been sent, too.
     fn delivered(mbit: f64) -> f64 {
         const OCTETS: usize = 1250;
-        let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
+        let url = Address::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
         let (mut wire, address) = listen(&url, ANY, &options()).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();
@@ -228,7 +225,7 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn datagrams_that_found_no_room_are_counted() {
         const SENT: u32 = 20_000;
-        let url = LinkUrl::parse("udp://127.0.0.1:0").unwrap();
+        let url = Address::parse("udp://127.0.0.1:0").unwrap();
         // Nobody reads while they come: most find the system's buffer full.
         let (socket, datagrams, local) = bind(&url, ANY).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
@@ -256,11 +253,11 @@ mod tests {
 
     #[test]
     fn a_limited_packet_takes_its_time() {
-        let url = LinkUrl::parse("udp://127.0.0.1:0?rate_mbit=2.5").unwrap();
+        let url = Address::parse("udp://127.0.0.1:0?rate_mbit=2.5").unwrap();
         let airtime = limit(&url).unwrap().map(airtime).unwrap();
         // 1250 octets are 10,000 bits.
         assert_eq!(airtime(1250), Duration::from_millis(4));
-        let url = LinkUrl::parse("udp://127.0.0.1:0?rate_mbit=0").unwrap();
+        let url = Address::parse("udp://127.0.0.1:0?rate_mbit=0").unwrap();
         assert!(limit(&url).is_err());
     }
 }

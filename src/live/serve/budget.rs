@@ -161,6 +161,7 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
 mod tests {
     use super::*;
     use skyloop_config::Config;
+    use skyloop_firmware_sim::address::Address;
     use skyloop_firmware_sim::can::settings::Settings;
     use skyloop_link::{self as link, Options};
     use std::sync::Arc;
@@ -169,7 +170,8 @@ mod tests {
     fn windows_on(bus: &str) -> (usize, f64) {
         let options = Options::default();
         let (mut wire, _port) = link::loopback("memory", &options).unwrap();
-        let bus = Settings::parse(bus, &["bitrate", "fd", "load"]).unwrap();
+        let bus = Address::parse(&format!("can://{bus}")).and_then(|bus| Settings::of(&bus));
+        let bus = bus.unwrap();
         wire.airtime = Some(Arc::new(move |octets| bus.packet_duration(octets)));
         let camera = Config::builtin().unwrap().camera;
         let output = Output {
