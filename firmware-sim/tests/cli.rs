@@ -1,17 +1,15 @@
 //! `skyloop-fc` as a person runs it.
 
-mod common;
-
 use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::time::Duration;
 
-use common::emulator::Emulator;
-use common::loops::over_udp;
+use crate::common::emulator::Emulator;
+use crate::common::loops::over_udp;
 
 /// Runs it with arguments that have no blanks in them.
-fn skyloop_fc(arguments: &str) -> Output {
+pub fn skyloop_fc(arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
         .args(arguments.split_whitespace())
         .output()

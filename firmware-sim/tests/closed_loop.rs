@@ -1,13 +1,11 @@
 //! The whole flight computer against a small emulator in a thread, over memory and over UDP, on good and on bad days.
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use common::Field;
-use common::emulator::Emulator;
-use common::loops::{
+use crate::common::Field;
+use crate::common::emulator::Emulator;
+use crate::common::loops::{
     ChannelPort, by_wall, computer, mission, over_memory, over_udp, start, within,
 };
 use skyloop_firmware_sim::event::{Event, Loss};
@@ -71,7 +69,7 @@ fn an_orbit_that_ends_cuts_the_run_short_and_keeps_its_report() {
         })),
         ..whole
     };
-    let flown = common::loops::fly(computer(port, gapped));
+    let flown = crate::common::loops::fly(computer(port, gapped));
     let Err(RunError::CutShort { report, source }) = flown else {
         panic!("the run is cut short");
     };
@@ -282,12 +280,12 @@ fn errors_that_end_a_run_say_what_to_do() {
         (decayed, "decayed"),
     ] {
         let (port, _inbound, _outbound) = ChannelPort::new();
-        let error = common::loops::fly(computer(port, mission)).unwrap_err();
+        let error = crate::common::loops::fly(computer(port, mission)).unwrap_err();
         assert!(error.to_string().contains(says), "{says}: {error}");
     }
     let (port, inbound, _outbound) = ChannelPort::new();
     drop(inbound);
-    let error = common::loops::fly(computer(port, mission(1))).unwrap_err();
+    let error = crate::common::loops::fly(computer(port, mission(1))).unwrap_err();
     assert!(matches!(error, RunError::Port(_)), "{error}");
 }
 
@@ -295,9 +293,12 @@ fn errors_that_end_a_run_say_what_to_do() {
 fn a_watcher_may_break_the_run_off_while_nothing_happens() {
     let after_a_second = || {
         let begin = Instant::now();
-        move |_: Event<'_>| match begin.elapsed() > Duration::from_secs(1) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        move |_: Event<'_>| {
+            if begin.elapsed() > Duration::from_secs(1) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         }
     };
     let patient = within(Duration::from_secs(3600), 3);
@@ -312,13 +313,15 @@ fn a_watcher_may_break_the_run_off_while_nothing_happens() {
         (true, Some(hourly), false),
         (false, None, true),
     ] {
-        let (port, thread) = over_memory(Emulator::new(match brings {
-            false => |_, packets| packets.clear(),
-            true => |_, _| {},
+        let (port, thread) = over_memory(Emulator::new(if brings {
+            |_, _| {}
+        } else {
+            |_, packets| packets.clear()
         }));
-        let pace = match is_wall {
-            true => Pace::Wall { rate_hz: hourly },
-            false => Pace::Stepped { most_hz },
+        let pace = if is_wall {
+            Pace::Wall { rate_hz: hourly }
+        } else {
+            Pace::Stepped { most_hz }
         };
         let mission = Mission {
             pace,
@@ -343,7 +346,7 @@ fn faults_begin_before_the_first_attitude_and_a_refusal_ends_the_run() {
         emulator.refuses_faults = refuses;
         let (port, thread) = over_memory(emulator);
         let flown = computer(port, mission(2)).with_faults(faults.to_vec());
-        let flown = common::loops::fly(flown);
+        let flown = crate::common::loops::fly(flown);
         let emulator = thread.join().unwrap();
         // It frees the emulator.
         assert_eq!(emulator.resets, 2);

@@ -1,7 +1,7 @@
 //! Options and exit codes of `skyloop-fc` as the program at 3edfec3 had them. Like
 //! `tests/contract` of the emulator, they may not change while the code is reorganised.
 
-use std::process::{Command, Output};
+use crate::cli::skyloop_fc;
 
 const OPTIONS: &str = "--attitudes --drift --epoch --fault --focal-px --force --frames --help --hold --junit \
     --limb-stare --link --listen --loop --max-centroid-rms --max-error --max-false --max-latency-p99-ms --max-missed \
@@ -27,13 +27,6 @@ const EXIT_CODES: [(i32, &str); 8] = [
         "--link serial:///dev/no-such --hold 0,0,0,1 --epoch 2026-06-01T00:00:00Z",
     ),
 ];
-
-fn skyloop_fc(arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
-        .args(arguments.split_whitespace())
-        .output()
-        .unwrap()
-}
 
 #[test]
 fn options_are_unchanged() {

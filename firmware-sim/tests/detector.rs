@@ -1,8 +1,6 @@
 //! The detector against star fields whose truth is known.
 
-mod common;
-
-use common::{Field, Noise, Star};
+use crate::common::{Field, Noise, Star};
 use skyloop_firmware_sim::detector::{Detection, DetectorSettings, detect};
 
 /// The stars that were found, each with its detection; and how many detections belong to none.

@@ -1,13 +1,11 @@
 //! Frames at every output level: put together again, detected, scored.
 
-mod common;
-
 use std::ops::ControlFlow;
 
-use common::emulator::Emulator;
-use common::loops::{computer, mission, over_memory};
-use common::wire::{Exposed, Sender, feed, shuffle};
-use common::{Field, Noise};
+use crate::common::emulator::Emulator;
+use crate::common::loops::{computer, mission, over_memory};
+use crate::common::wire::{Exposed, Sender, feed, shuffle};
+use crate::common::{Field, Noise};
 use skyloop_firmware_sim::detector::DetectorSettings;
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::RunError;
@@ -52,12 +50,15 @@ fn every_level_makes_its_frame_in_any_order_and_with_repetitions() {
     let levels = levels.flat_map(|pixels| LabelLevel::ALL.iter().map(|l| level(*pixels, *l)));
     for output in levels {
         let mut packets = packets(4, &output, &[]);
+        let sent_twice = packets.len() as u64;
         packets.extend(packets.clone());
         shuffle(&mut packets, &mut noise);
         let mut assembler = Assembler::default();
         let (mut frames, errors) = feed(&mut assembler, &packets);
         assert!(errors.is_empty(), "{output:?}: {errors:?}");
-        assert_eq!((frames.len(), assembler.counts().refused), (1, 0));
+        let counts = assembler.counts();
+        let found = (frames.len(), counts.refused, counts.duplicates);
+        assert_eq!(found, (1, 0, sent_twice), "{output:?}");
         let frame = frames.remove(0);
         let is_whole = matches!(output.pixels, PixelLevel::Frame | PixelLevel::Compressed);
         assert_eq!(frame.pixels() == sent.pixels, is_whole, "{output:?}");
@@ -257,7 +258,7 @@ fn an_output_that_does_not_fit_ends_the_run_with_the_emulators_arithmetic() {
         output: Some(Output::default()),
         ..mission(3)
     };
-    let error = common::loops::fly(computer(port, mission)).unwrap_err();
+    let error = crate::common::loops::fly(computer(port, mission)).unwrap_err();
     assert!(matches!(error, RunError::Refused { .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.contains("8.7 s at 115,200 baud"), "{text}");

@@ -1,15 +1,13 @@
 //! Several links, each with its roles: attitudes on one, pixels and labels from others.
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{JoinHandle, spawn};
 use std::time::Duration;
 
-use common::emulator::Emulator;
-use common::loops::{ChannelPort, by_wall, mission, on_links, within};
-use common::lossy::Lossy;
+use crate::common::emulator::Emulator;
+use crate::common::loops::{ChannelPort, by_wall, mission, on_links, within};
+use crate::common::lossy::Lossy;
 use skyloop_firmware_sim::event::{Event, Loss};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::port::Port;
@@ -54,9 +52,10 @@ fn over_memory(
             let everywhere = matches!(command, Command::Attitude(_));
             assert!(!everywhere || ends[at].1.truth, "an attitude off the truth");
             for (to, (emulator, roles, outlet)) in ends.iter_mut().enumerate() {
-                let concerned = match everywhere {
-                    true => roles.bring_frames(),
-                    false => to == at,
+                let concerned = if everywhere {
+                    roles.bring_frames()
+                } else {
+                    to == at
                 };
                 let answers = concerned.then(|| emulator.answer(&packet));
                 for answer in answers.into_iter().flatten() {
@@ -119,7 +118,7 @@ fn asking(output: Output, frames: u32) -> Mission {
 
 #[test]
 fn pixels_and_labels_of_a_frame_come_over_different_links() {
-    let (port, thread) = common::loops::over_memory(Emulator::new(|_, _| {}));
+    let (port, thread) = crate::common::loops::over_memory(Emulator::new(|_, _| {}));
     let (whole, expected) = fly(vec![(port, Roles::ALL)], mission(5));
     thread.join().unwrap();
     for names in [
@@ -262,7 +261,7 @@ fn links_that_leave_a_role_out_are_refused() {
         (&[], "no link has the role truth"),
     ] {
         let (links, thread) = over_memory(names, |_, _| {});
-        let flown = common::loops::fly(on_links(links, mission(1)));
+        let flown = crate::common::loops::fly(on_links(links, mission(1)));
         let error = flown.unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
         assert!(error.contains("add it to the roles="), "{error}");
@@ -329,7 +328,7 @@ fn pixels_asked_for_that_no_link_brings_are_told_in_one_line() {
     ] {
         let mut emulator = Emulator::new(|_, _| {});
         emulator.brings = (brings, true);
-        let (port, thread) = common::loops::over_memory(emulator);
+        let (port, thread) = crate::common::loops::over_memory(emulator);
         let (report, _) = fly(vec![(port, roles(ours))], asking(WINDOWS, 2));
         thread.join().unwrap();
         assert_eq!(report.frames, 2);

@@ -1,11 +1,9 @@
 //! Emulators that do not answer: a line left stuck by an earlier client, one that nobody listens on, one that ends.
 
-mod common;
-
 use std::time::{Duration, Instant};
 
-use common::emulator::Emulator;
-use common::loops::{computer, fly, on_links, over_memory, within};
+use crate::common::emulator::Emulator;
+use crate::common::loops::{computer, fly, on_links, over_memory, within};
 use skyloop_firmware_sim::flight_computer::RunError;
 use skyloop_firmware_sim::port::{Port, PortError};
 use skyloop_firmware_sim::roles::Roles;

@@ -1,10 +1,8 @@
 //! The closed loop over the wire, against a small emulator whose stars stand still in the sky. Against the real one:
 //! `tests/wire/steering.rs`.
 
-mod common;
-
-use common::emulator::Emulator;
-use common::loops::{by_wall, computer, mission, over_memory};
+use crate::common::emulator::Emulator;
+use crate::common::loops::{by_wall, computer, mission, over_memory};
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::control::{ControlAccount, ControlSettings};
 use skyloop_firmware_sim::flight_computer::RunError;
@@ -32,7 +30,7 @@ fn fly(port: impl Port + Send + 'static, mission: Mission) -> Result<Report, Run
         focal_px: FOCAL_PX,
         drift_rad_s: Vector3::from(DRIFT_DEG_S).map(f64::to_radians),
     };
-    common::loops::fly(computer(port, mission).with_control(Some(settings)))
+    crate::common::loops::fly(computer(port, mission).with_control(Some(settings)))
 }
 
 fn account(report: &Report) -> &ControlAccount {

@@ -1,7 +1,5 @@
 //! Synthetic star fields: pixel-integrated Gaussians with simple deterministic noise.
 
-#![allow(dead_code, reason = "each test file uses its share")]
-
 pub mod emulator;
 pub mod loops;
 pub mod lossy;

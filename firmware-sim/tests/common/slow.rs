@@ -41,9 +41,10 @@ impl<P: Port> Port for Slow<P> {
         let deadline = Instant::now() + timeout;
         loop {
             let now = Instant::now();
-            let next = match self.queue.is_empty() {
-                true => deadline,
-                false => self.due.min(deadline),
+            let next = if self.queue.is_empty() {
+                deadline
+            } else {
+                self.due.min(deadline)
             };
             if let Some(packet) = self.port.recv(next.saturating_duration_since(now))? {
                 if self.queue.is_empty() {

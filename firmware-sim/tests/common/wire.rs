@@ -90,28 +90,28 @@ impl Exposed {
         }
         let (frame, parts) = (self.frame, header.label_parts);
         let records = self.records(output.objects);
-        let texts = (0..).zip(label_texts(self.text.as_bytes()));
-        let objects = (0..).zip(records.chunks(OBJECTS_PER_PART * OBJECT_LENGTH));
-        match output.labels {
-            LabelLevel::None => {}
-            LabelLevel::Text => packets.extend(texts.map(|(part, text)| {
-                let part = LabelPart {
+        let data: Vec<&[u8]> = match output.labels {
+            LabelLevel::None => Vec::new(),
+            LabelLevel::Text => label_texts(self.text.as_bytes()).collect(),
+            LabelLevel::Objects => records.chunks(OBJECTS_PER_PART * OBJECT_LENGTH).collect(),
+        };
+        for (part, data) in (0..).zip(data) {
+            let reply = if output.labels == LabelLevel::Text {
+                Reply::Labels(LabelPart {
                     frame,
                     part,
                     parts,
-                    text,
-                };
-                sender.reply(&Reply::Labels(part), time)
-            })),
-            LabelLevel::Objects => packets.extend(objects.map(|(part, data)| {
-                let part = ObjectPart {
+                    text: data,
+                })
+            } else {
+                Reply::Objects(ObjectPart {
                     frame,
                     part,
                     parts,
                     data,
-                };
-                sender.reply(&Reply::Objects(part), time)
-            })),
+                })
+            };
+            packets.push(sender.reply(&reply, time));
         }
         packets.push(sender.end(frame, &self.pixels, time));
         packets
