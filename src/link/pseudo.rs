@@ -300,22 +300,6 @@ mod tests {
     }
 
     #[test]
-    fn a_name_in_use_is_not_taken_and_is_left_when_it_is_anothers() {
-        let folder = tempfile::tempdir().unwrap();
-        let name = folder.path().join("port");
-        let pseudo = Pseudo::open(Some(&name)).ok().unwrap();
-        let again = Pseudo::open(Some(&name)).err().unwrap();
-        assert_eq!(again.source.kind(), io::ErrorKind::AlreadyExists);
-        assert_eq!(pseudo.write(b"-", None).unwrap(), Written::Nobody);
-        let _port = client(&pseudo);
-        // Another's name is left alone.
-        std::fs::remove_file(&name).unwrap();
-        std::os::unix::fs::symlink("/dev/null", &name).unwrap();
-        drop(pseudo);
-        assert!(name.symlink_metadata().is_ok());
-    }
-
-    #[test]
     fn a_port_that_can_only_be_replaced_keeps_its_name() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("port");
