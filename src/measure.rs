@@ -1,5 +1,6 @@
 //! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
 
+mod clock;
 pub mod cost;
 pub mod frames;
 pub mod orbits;
@@ -8,15 +9,17 @@ mod ratio;
 mod sample;
 pub mod smear;
 
+pub use clock::thread_ms;
 pub use ratio::{Machine, Report, Row};
 pub use sample::Cost;
 
+use clock::{cost, rounds};
 use rayon::prelude::*;
 use sample::Sample;
 use skyloop_orbit::sgp4_batch::Level;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
-use skyloop_render::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict, digits};
+use skyloop_render::effect::{EFFECTS, Effect, Loss, Pass, Stage, Verdict, digits};
 use skyloop_render::engine::Emulator;
 use skyloop_render::fidelity::Choice;
 use skyloop_render::frame::{Charge, Frame, Memory};
@@ -30,10 +33,6 @@ use std::sync::Arc;
 
 /// Frames of which random effects' errors are the rms.
 const REPEATS: u32 = 12;
-/// Rounds that a time is taken of: at most, and at least.
-const ROUNDS: [usize; 2] = [25, 5];
-/// No more rounds once they have taken this long, ms.
-const LONG_MS: f64 = 400.0;
 
 /// A frame to measure on.
 pub struct Bench<'a> {
@@ -208,27 +207,6 @@ impl Bench<'_> {
         Ok(plan.steps.iter().map(&mut time).collect())
     }
 
-    /// What asking the effects takes that the plan by `choice` skips, ms: what they cost.
-    pub fn skipped_ms(&self, choice: &Choice) -> Result<f64, Unobservable> {
-        let (fidelity, scene) = (self.emulator.fidelity(), self.scene(choice, 0)?);
-        let plan = Plan::new(&scene, fidelity, choice);
-        let ask = |effect: &Effect| match &effect.judge {
-            // Twice: for the scene, and for the plan.
-            Judge::Images(judge, change_e) => {
-                let need = [(); 2].map(|()| judge(&scene.view, &scene.simulated, fidelity));
-                if *need[1].error != Loss::default() {
-                    change_e(&scene, &need[1].error);
-                }
-            }
-            Judge::Pixels(judge) => drop(judge(&scene, fidelity)),
-        };
-        const TIMES: u32 = 100;
-        let time = |effect| cost(|| (), |()| (0..TIMES).for_each(|_| ask(effect))).0.ms;
-        let skipped = |step: &&Step<'_>| matches!(step.verdict, Verdict::Skip { .. });
-        let steps = plan.steps.iter().filter(skipped);
-        Ok(steps.map(|step| time(step.effect)).sum::<f64>() / f64::from(TIMES))
-    }
-
     /// What `effect` adds to the making of images: a kind of source, its still images; what shapes them, over images
     /// that have all before it in [`EFFECTS`].
     fn imaging(&self, effect: &Effect, scene: &Scene) -> Cost {
@@ -240,9 +218,10 @@ impl Bench<'_> {
             let without = before.fold(scene.simulated.lights(), |set, other| set.with(other.id));
             (without.with(effect.id), without)
         } else if EffectSet::LIGHTS.has(effect.id) {
-            let with = match scene.simulated.has(EffectId::Distortion) {
-                true => alone.with(EffectId::Distortion),
-                false => alone,
+            let with = if scene.simulated.has(EffectId::Distortion) {
+                alone.with(EffectId::Distortion)
+            } else {
+                alone
             };
             (with, EffectSet::default())
         } else {
@@ -283,48 +262,4 @@ fn with(effect: &Effect, choice: &Choice) -> Choice {
     let mut with = choice.clone();
     with.off.retain(|name| *name != effect.name);
     with
-}
-
-/// What `work` takes on what `prepare` makes, and what it came to.
-fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (Cost, U) {
-    let mut round = || {
-        let given = prepare();
-        let started = thread_ms();
-        let made = work(given);
-        (thread_ms() - started, made)
-    };
-    // The first round finds cold caches.
-    let (_, mut made) = round();
-    let times = rounds(|| {
-        let took;
-        (took, made) = round();
-        took
-    });
-    (Sample::new(times).median(), made)
-}
-
-/// The times of as many rounds as there is time for, ms.
-fn rounds(mut round: impl FnMut() -> f64) -> Vec<f64> {
-    let ([most, least], started) = (ROUNDS, thread_ms());
-    let mut times = Vec::new();
-    while times.len() < least || times.len() < most && thread_ms() - started < LONG_MS {
-        times.push(round());
-    }
-    times
-}
-
-/// A clock of what this thread has had of a processor, ms: what other programs take does not count.
-#[cfg(target_os = "linux")]
-pub fn thread_ms() -> f64 {
-    use rustix::time::{ClockId, clock_gettime};
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
-}
-
-/// A clock, ms: here it counts what other programs take too.
-#[cfg(not(target_os = "linux"))]
-pub fn thread_ms() -> f64 {
-    use std::{sync::LazyLock, time::Instant};
-    static START: LazyLock<Instant> = LazyLock::new(Instant::now);
-    START.elapsed().as_secs_f64() * 1e3
 }

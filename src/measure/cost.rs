@@ -7,19 +7,21 @@
 mod choice;
 mod errors;
 mod row;
+mod setting;
 mod table;
 
 pub use choice::{Chosen, best};
 pub use errors::{Errors, Sums};
 pub use row::Row;
+pub use setting::{Setting, settings};
 
-use super::ratio::with_threads;
-use super::{Machine, thread_ms};
+use super::clock::thread_ms;
+use super::ratio::{Machine, with_threads};
 use serde::Serialize;
 use skyloop_base::rng::{NoiseKey, word};
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::engine::Emulator;
-use skyloop_render::fidelity::{Fidelity, KNOBS, PRESETS, Value};
+use skyloop_render::fidelity::Fidelity;
 use skyloop_render::scene::Unobservable;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -27,44 +29,6 @@ use std::time::{Duration, Instant};
 /// Rounds that are asked for, and at least made.
 pub const ROUNDS: usize = 101;
 const LEAST_ROUNDS: usize = 5;
-
-/// A setting to be measured.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Setting {
-    /// The preset's name, or the knob and its value: `wing_e = 0.2`.
-    pub name: String,
-    /// The knob that is moved away from `realtime`, and to what.
-    pub moved: Option<(&'static str, Value)>,
-    /// All its tolerances.
-    pub fidelity: Fidelity,
-}
-
-/// The presets, and `realtime` with one knob moved alone to where another preset has it.
-pub fn settings() -> Vec<Setting> {
-    let presets = PRESETS.iter().map(|(name, fidelity)| Setting {
-        name: name.to_string(),
-        moved: None,
-        fidelity: *fidelity,
-    });
-    let moved = KNOBS.iter().flat_map(|knob| {
-        let mut values: Vec<Value> = [Fidelity::FAST, Fidelity::REFERENCE]
-            .iter()
-            .map(knob.get)
-            .collect();
-        values.retain(|value| *value != (knob.get)(&Fidelity::REALTIME));
-        values.dedup();
-        values.into_iter().map(|value| {
-            let mut fidelity = Fidelity::REALTIME;
-            (knob.set)(&mut fidelity, value);
-            Setting {
-                name: format!("{} = {value}", knob.name),
-                moved: Some((knob.name, value)),
-                fidelity,
-            }
-        })
-    });
-    presets.chain(moved).collect()
-}
 
 /// What was measured of a scene.
 #[derive(Debug, Clone, Serialize)]
@@ -130,9 +94,10 @@ impl Report {
             let measured = measured(emulator, vehicles, &settings, effort, &mut told);
             (measured, machine)
         };
-        let (measured, machine) = match effort.one_core {
-            true => with_threads(1, measure),
-            false => measure(),
+        let (measured, machine) = if effort.one_core {
+            with_threads(1, measure)
+        } else {
+            measure()
         };
         emulator.set_fidelity(before);
         let (sums, times) = measured?;
@@ -192,9 +157,10 @@ fn times(
             emulator.set_fidelity(settings[i].fidelity);
             let before_ms = thread_ms();
             let shot = emulator.shoot(vehicle, 0)?;
-            times[i].push(match effort.one_core {
-                true => thread_ms() - before_ms,
-                false => shot.render_time.as_secs_f64() * 1e3,
+            times[i].push(if effort.one_core {
+                thread_ms() - before_ms
+            } else {
+                shot.render_time.as_secs_f64() * 1e3
             });
         }
         go_on(told(round + 1))?;
@@ -234,30 +200,5 @@ mod tests {
         // X-Val: each of 101 rounds has a given pair with a chance of 1 in 27, 3.7 times in all; 15 have one of a hundred thousand pairs.
         let most = followed.into_iter().flatten().max().unwrap();
         assert!(most < 15, "{most}");
-    }
-
-    #[test]
-    fn a_knob_is_moved_alone_and_to_both_sides() {
-        let all = settings();
-        for setting in all.iter().skip(PRESETS.len()) {
-            let (name, value) = setting.moved.unwrap();
-            let other = |knob: &&skyloop_render::fidelity::Knob| {
-                !knob.is_same(&setting.fidelity, &Fidelity::REALTIME)
-            };
-            let others: Vec<_> = KNOBS.iter().filter(other).collect();
-            assert_eq!(others.len(), 1, "{}", setting.name);
-            assert_eq!(
-                (others[0].name, (others[0].get)(&setting.fidelity)),
-                (name, value)
-            );
-        }
-        for knob in KNOBS {
-            let moves = all.iter().filter_map(|setting| setting.moved);
-            assert!(
-                moves.filter(|(name, _)| *name == knob.name).count() >= 1,
-                "{}",
-                knob.name
-            );
-        }
     }
 }

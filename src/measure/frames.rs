@@ -3,7 +3,7 @@
 //! All figures of a report are of one run, as ratios, taken in turns.
 
 use super::population::before;
-use super::ratio::{Machine, Row, pools, row, with_threads};
+use super::ratio::{MS, Machine, Row, pools, row, with_threads};
 use super::smear::smear;
 use hifitime::Unit;
 use serde::Serialize;
@@ -35,7 +35,6 @@ const WARM: usize = 18;
 /// Frames that threads share one after the other before it is the turn of the single thread: what has slept meanwhile shares the first one late.
 const STREAM: usize = 4;
 const STEP_S: f64 = 0.1;
-pub(super) const MS: usize = 1_000_000;
 
 /// What was measured.
 #[derive(Debug, Clone, Serialize)]

@@ -9,6 +9,9 @@ use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
 use std::time::Instant;
 
+/// Nanoseconds of a millisecond: rows whose unit it is.
+pub(super) const MS: usize = 1_000_000;
+
 /// What works take, all measured in one run.
 pub trait Report: Serialize + fmt::Display + Sized {
     /// Parts that [`Report::measure`] tells of.

@@ -1,8 +1,7 @@
 //! What smear costs: stars that run over the detector against the same stars at rest.
 
-use super::frames::MS;
 use super::population::before;
-use super::ratio::{Row, row};
+use super::ratio::{MS, Row, row};
 use nalgebra::Vector3;
 use skyloop_base::load::{ConfigError, Folder};
 use skyloop_render::attitude::VehicleState;

@@ -1,7 +1,6 @@
 //! The setting for a budget of time.
 
-use super::Row;
-use super::row::is_closer;
+use super::row::{Row, is_closer};
 
 /// What is chosen for a budget.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,9 +15,12 @@ pub struct Chosen<'a> {
 /// first: a median would let every second frame be late. Where none fits: the one whose median is least. None of no rows.
 pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
     let fitting = rows.iter().filter(|row| row.p99_ms <= budget_ms);
-    let closest = fitting.reduce(|best, row| match is_closer(&row.errors, &best.errors) {
-        true => row,
-        false => best,
+    let closest = fitting.reduce(|best, row| {
+        if is_closer(&row.errors, &best.errors) {
+            row
+        } else {
+            best
+        }
     });
     if let Some(row) = closest {
         return Some(Chosen { row, fits: true });
@@ -30,7 +32,7 @@ pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::cost::row::tests::made;
+    use crate::measure::cost::row::made;
 
     #[test]
     fn a_budget_is_for_99_frames_in_100_and_buys_the_most_accurate() {

@@ -1,6 +1,6 @@
 //! How far a setting's frame is from the reference's: images, background, pixels.
 
-use super::Setting;
+use super::setting::Setting;
 use crate::measure::rendered;
 use serde::Serialize;
 use skyloop_render::attitude::VehicleState;

@@ -1,6 +1,7 @@
 //! A setting's errors and times, and where it stands among the others.
 
-use super::{Errors, Setting, Sums};
+use super::errors::{Errors, Sums};
+use super::setting::Setting;
 use crate::measure::sample::Sample;
 use serde::Serialize;
 use skyloop_render::fidelity::{Fidelity, Value};
@@ -107,9 +108,12 @@ fn front(rows: &[Row], times: &[Vec<f64>]) -> Vec<bool> {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(super) use tests::made;
+
+#[cfg(test)]
+mod tests {
     use super::*;
-    use crate::measure::cost::settings;
+    use crate::measure::cost::setting::settings;
 
     /// Rows of the presets with these times (ms) and errors of pixels (e-).
     pub fn made(of: [(f64, f64); 3]) -> Vec<Row> {

@@ -1,0 +1,71 @@
+//! The settings that are measured.
+
+use skyloop_render::fidelity::{Fidelity, KNOBS, PRESETS, Value};
+
+/// A setting to be measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    /// The preset's name, or the knob and its value: `wing_e = 0.2`.
+    pub name: String,
+    /// The knob that is moved away from `realtime`, and to what.
+    pub moved: Option<(&'static str, Value)>,
+    /// All its tolerances.
+    pub fidelity: Fidelity,
+}
+
+/// The presets, and `realtime` with one knob moved alone to where another preset has it.
+pub fn settings() -> Vec<Setting> {
+    let presets = PRESETS.iter().map(|(name, fidelity)| Setting {
+        name: name.to_string(),
+        moved: None,
+        fidelity: *fidelity,
+    });
+    let moved = KNOBS.iter().flat_map(|knob| {
+        let mut values: Vec<Value> = [Fidelity::FAST, Fidelity::REFERENCE]
+            .iter()
+            .map(knob.get)
+            .collect();
+        values.retain(|value| *value != (knob.get)(&Fidelity::REALTIME));
+        values.dedup();
+        values.into_iter().map(|value| {
+            let mut fidelity = Fidelity::REALTIME;
+            (knob.set)(&mut fidelity, value);
+            Setting {
+                name: format!("{} = {value}", knob.name),
+                moved: Some((knob.name, value)),
+                fidelity,
+            }
+        })
+    });
+    presets.chain(moved).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_knob_is_moved_alone_and_to_both_sides() {
+        let all = settings();
+        for setting in all.iter().skip(PRESETS.len()) {
+            let (name, value) = setting.moved.unwrap();
+            let other = |knob: &&skyloop_render::fidelity::Knob| {
+                !knob.is_same(&setting.fidelity, &Fidelity::REALTIME)
+            };
+            let others: Vec<_> = KNOBS.iter().filter(other).collect();
+            assert_eq!(others.len(), 1, "{}", setting.name);
+            assert_eq!(
+                (others[0].name, (others[0].get)(&setting.fidelity)),
+                (name, value)
+            );
+        }
+        for knob in KNOBS {
+            let moves = all.iter().filter_map(|setting| setting.moved);
+            assert!(
+                moves.filter(|(name, _)| *name == knob.name).count() >= 1,
+                "{}",
+                knob.name
+            );
+        }
+    }
+}
