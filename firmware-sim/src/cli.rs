@@ -8,7 +8,6 @@ pub use closed::LoopArgs;
 pub use faults::parse_fault;
 pub use profile::ProfileArgs;
 
-use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use anyhow::{Result, anyhow, bail};
@@ -113,21 +112,6 @@ fn parse_positions(text: &str) -> Result<Positions> {
     let count = centres.len();
     Positions::new(&centres)
         .ok_or_else(|| anyhow!("{count} positions where at most {MAX_POSITIONS} may be given"))
-}
-
-/// Reads a number of `unit` within `range`.
-pub fn within(
-    range: RangeInclusive<f64>,
-    unit: &'static str,
-) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
-    move |text| match text.trim().parse() {
-        Ok(number) if range.contains(&number) => Ok(number),
-        _ => Err(format!(
-            "it must be {} to {} {unit}",
-            range.start(),
-            range.end()
-        )),
-    }
 }
 
 /// Reads `AFTER:S`, both in seconds.

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
-use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, parse_pause, within};
+use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, parse_pause};
 use hifitime::Epoch;
 use skyloop_firmware_sim::console::{in_one_line, printable, refuse, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
@@ -22,7 +22,7 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::report::Report;
-use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::text::{whole, within};
 use skyloop_firmware_sim::verdict::{self, Limits, Suite, UNFINISHED, Verdict, VerdictFile};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Ages, LoadError, file_and_name, set_ut1_utc};

@@ -42,6 +42,21 @@ pub fn decimal(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, Strin
     }
 }
 
+/// A number of `unit` within a range, likewise.
+pub fn within(
+    range: RangeInclusive<f64>,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| match text.trim().parse() {
+        Ok(number) if range.contains(&number) => Ok(number),
+        _ => Err(format!(
+            "it must be {} to {} {unit}",
+            range.start(),
+            range.end()
+        )),
+    }
+}
+
 /// A finite number, as an option of a command line takes it.
 pub fn number(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite());

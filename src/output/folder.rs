@@ -51,6 +51,9 @@ fn remedy(error: &io::Error) -> &'static str {
     }
 }
 
+/// The labels of a run, and its contact sheet.
+pub const LABELS: &str = "labels.jsonl";
+pub const SHEET: &str = "contact_sheet.png";
 /// What follows [`frame_name`]: digital numbers as FITS and as 16-bit PNG, a picture to look at, and expected electrons.
 pub const FITS: &str = ".fits";
 pub const PNG: &str = ".png";
@@ -64,7 +67,7 @@ pub fn frame_name(frame: u32) -> String {
 
 /// Whether a run of ours gives this name to a file.
 fn is_ours(name: &str) -> bool {
-    if name == super::LABELS || name == super::SHEET {
+    if name == LABELS || name == SHEET {
         return true;
     }
     let Some(rest) = name.strip_prefix("frame_") else {
@@ -168,7 +171,7 @@ impl Folder {
                 names.push(name.to_string());
             }
         }
-        let earlier = earlier_frames(&folder.path(super::LABELS));
+        let earlier = earlier_frames(&folder.path(LABELS));
         for name in &names {
             let replace = |e| folder.error("replace", name, e);
             skyloop_orbit::not_input(&folder.path(name)).map_err(replace)?;

@@ -34,7 +34,7 @@ pub use light_curve::{may_replace_light_curve, write_light_curve};
 pub use scatter::{Dot, Scatter, write_scatter};
 pub use text::{make_folder, remove_file, write_files, write_text};
 
-use folder::{ELECTRONS, FITS, Folder, PNG, PREVIEW};
+use folder::{ELECTRONS, FITS, Folder, LABELS, PNG, PREVIEW, SHEET};
 use sheet::ContactSheet;
 use skyloop_orbit::{Mark, OutputFile};
 use skyloop_render::camera::Camera;
@@ -54,9 +54,6 @@ pub fn may_replace(
 ) -> Result<(), OutputError> {
     Folder::at(dir).may_replace(marked, others, force)
 }
-
-const LABELS: &str = "labels.jsonl";
-const SHEET: &str = "contact_sheet.png";
 
 /// Writes the files of one run. Memory is bounded: no frame is kept, only the sheet's panels.
 #[derive(Debug)]

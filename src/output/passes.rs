@@ -135,9 +135,10 @@ pub fn table(rows: &[Row]) -> String {
         let [day, others @ ..] = [&row.enters, &row.nearest, &row.leaves].map(|at| date(&at.utc));
         others.iter().all(|other| *other == day)
     });
-    let (when, width): (fn(&str) -> &str, usize) = match within_a_day {
-        true => (time_of_day, 12),
-        false => (|utc| utc, 24),
+    let (when, width): (fn(&str) -> &str, usize) = if within_a_day {
+        (time_of_day, 12)
+    } else {
+        (|utc| utc, 24)
     };
     let mut text = format!(
         "{:<24} {:<24} {:<width$} {:<width$} {:>8} {:>7} {:>9} {:>9} {:>8} {:>8} {:>9} {:>8} {:>13} {:>13}  {}\n",
@@ -175,9 +176,10 @@ pub fn table(rows: &[Row]) -> String {
             when(&row.nearest.utc),
             when(&row.leaves.utc),
             // What is cut by the search's ends lasts longer.
-            match row.in_field_at_start || row.in_field_at_end {
-                true => format!(">{:.1}", row.duration_s),
-                false => format!("{:.1}", row.duration_s),
+            if row.in_field_at_start || row.in_field_at_end {
+                format!(">{:.1}", row.duration_s)
+            } else {
+                format!("{:.1}", row.duration_s)
             },
             row.lit_s,
             row.nearest.off_axis_deg,
@@ -243,9 +245,10 @@ pub fn csv(rows: &[Row]) -> String {
 
 /// A field of CSV (RFC 4180).
 fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_string(),
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_string()
     }
 }
 

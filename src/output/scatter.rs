@@ -64,9 +64,10 @@ fn range(values: impl Iterator<Item = f64>, room: f64) -> Range<f64> {
 /// Values with grid lines: 1, 2 and 5 times powers of ten, or the powers alone where they are many.
 fn ticks(range: &Range<f64>) -> Vec<f64> {
     let [low, high] = [range.start, range.end].map(|end| libm::log10(end).floor() as i32);
-    let factors: &[f64] = match high - low <= 2 {
-        true => &[1.0, 2.0, 5.0],
-        false => &[1.0],
+    let factors: &[f64] = if high - low <= 2 {
+        &[1.0, 2.0, 5.0]
+    } else {
+        &[1.0]
     };
     let all = (low..=high).flat_map(|power| factors.iter().map(move |f| f * 10f64.powi(power)));
     all.filter(|value| range.contains(value)).collect()
@@ -104,9 +105,12 @@ impl Scatter {
             name: self.axes[1],
             range: LogCoord::from((bottom..above.end).log_scale()),
             marks: [vec![floor], marks_above].concat(),
-            label: &|value| match *value == floor {
-                true => "0".to_string(),
-                false => text(*value),
+            label: &|value| {
+                if *value == floor {
+                    "0".to_string()
+                } else {
+                    text(*value)
+                }
             },
         };
         svg(&self.title, across, upwards, &[], |chart| {

@@ -1,6 +1,6 @@
 //! The observer's way in steps: position and attitude at every instant, without asking orbit and sidereal time each time.
 
-use super::NoPasses;
+use super::request::NoPasses;
 use hifitime::Epoch;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_config::flight::Flight;

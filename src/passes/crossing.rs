@@ -1,7 +1,7 @@
 //! What is told of one stay in the field.
 
+use super::request::{NoPasses, Search};
 use super::search::{Seeker, Sight};
-use super::{NoPasses, Search};
 use hifitime::Epoch;
 use skyloop_render::light_curve::{NoLightCurve, Point, point_from};
 use skyloop_render::scene::Hidden;

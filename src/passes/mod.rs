@@ -11,9 +11,11 @@ mod crossing;
 mod field;
 mod known;
 mod pointing;
+mod request;
 mod search;
 
 pub use crossing::{Glimpse, Lit, Pass};
+pub use request::{NoPasses, Search};
 
 use course::Course;
 use field::Field;
@@ -21,40 +23,19 @@ use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::Seeker;
-use skyloop_config::flight::{Flight, FlightError};
-use skyloop_orbit::time::utc_text;
+use skyloop_config::flight::Flight;
 use skyloop_orbit::{Object, Orbit};
 use skyloop_render::camera::Camera;
-use skyloop_render::light_curve::NoLightCurve;
-use skyloop_render::scene::Unobservable;
 use skyloop_render::sky::field::Field as Cone;
 use skyloop_render::sky::{Corrections, Population};
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
-use thiserror::Error;
 
 /// Seconds of a step: in them a low orbit goes 80 km.
 const STEP_S: f64 = 10.0;
 /// How often the pointing is looked at where it lacks a direction, s, beside the gaps in the states of its target: the shorter ones only where the
 /// longer ones miss a time without a direction, such as that of an observer below the limb that is looked at.
 const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
-
-/// When to look, and how closely.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Search {
-    /// The first instant.
-    pub from: Epoch,
-    /// The last one, after it.
-    pub to: Epoch,
-    /// No stay in the field that is longer is missed, s; what is not above a millisecond counts as one.
-    pub shortest_s: f64,
-}
-
-impl Search {
-    fn length_s(&self) -> f64 {
-        (self.to - self.from).to_seconds()
-    }
-}
 
 /// What was found.
 #[derive(Debug, Default)]
@@ -65,29 +46,6 @@ pub struct Passes {
     pub unknown: BTreeMap<String, String>,
     /// Times of the search, first and last instants, that were not searched, since the pointing has no direction then.
     pub unpointed: Vec<[Epoch; 2]>,
-}
-
-/// Why nothing can be found.
-#[derive(Debug, Error)]
-pub enum NoPasses {
-    /// No attitude or no state of the vehicle.
-    #[error(transparent)]
-    Flight(#[from] FlightError),
-    /// Nothing can be seen from there, or then.
-    #[error(transparent)]
-    Unobservable(#[from] Unobservable),
-    /// The brightness of an object is not known.
-    #[error(transparent)]
-    Light(#[from] NoLightCurve),
-    /// The observer is inside the Earth.
-    #[error(
-        "the observer is below the ground (WGS84) at {}: must be above it; check orbit, units and epochs",
-        utc_text(*epoch)
-    )]
-    BelowGround {
-        /// When.
-        epoch: Epoch,
-    },
 }
 
 /// The passes of a population through the field of `camera` on a vehicle. `tick` is told of the parts of the work that

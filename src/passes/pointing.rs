@@ -1,6 +1,6 @@
 //! When the pointing has a direction: an object that it follows may have no states.
 
-use super::Search;
+use super::request::Search;
 use hifitime::{Epoch, Unit};
 use skyloop_config::flight::Flight;
 use skyloop_orbit::Object;

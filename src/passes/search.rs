@@ -3,7 +3,7 @@
 use super::course::{Course, Step};
 use super::field::Field;
 use super::known::{self, NoState};
-use super::{NoPasses, Search};
+use super::request::{NoPasses, Search};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::{Object, StateVector};
@@ -169,9 +169,10 @@ impl Seeker<'_> {
         let (mut low, mut high) = (known_s, other_s);
         while high - low > FINE_S {
             let mid = (low + high) / 2.0;
-            match self.is_inside(mid)? == inside {
-                true => low = mid,
-                false => high = mid,
+            if self.is_inside(mid)? == inside {
+                low = mid
+            } else {
+                high = mid
             }
         }
         Ok(if inside { low } else { high })
@@ -222,9 +223,10 @@ impl Seeker<'_> {
         while high - low > FINE_S {
             let reach = SECTION * (high - low);
             let (first, second) = (high - reach, low + reach);
-            match value(first)? < value(second)? {
-                true => high = second,
-                false => low = first,
+            if value(first)? < value(second)? {
+                high = second
+            } else {
+                low = first
             }
         }
         // At an end it may be less than anywhere near it.
@@ -245,9 +247,10 @@ impl Seeker<'_> {
     ) -> Result<f64, NoPasses> {
         while high - low > FINE_S {
             let mid = (low + high) / 2.0;
-            match self.sight(mid)?.is_some_and(|sight| sight.hidden == before) {
-                true => low = mid,
-                false => high = mid,
+            if self.sight(mid)?.is_some_and(|sight| sight.hidden == before) {
+                low = mid
+            } else {
+                high = mid
             }
         }
         Ok((low + high) / 2.0)

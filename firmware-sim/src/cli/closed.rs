@@ -6,10 +6,8 @@ use nalgebra::Vector3;
 use skyloop_firmware_sim::control::{ControlAccount, ControlSettings};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::profile::Profile;
-use skyloop_firmware_sim::text::parse_numbers;
+use skyloop_firmware_sim::text::{parse_numbers, within};
 use skyloop_protocols::PixelLevel;
-
-use super::within;
 
 /// Fastest drift about each axis, deg/s: a fifth of what is steered.
 const MOST_DRIFT_DEG_S: f64 = 0.1;

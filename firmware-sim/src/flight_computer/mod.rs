@@ -4,6 +4,7 @@
 
 mod error;
 mod opening;
+mod pause;
 mod stepped;
 mod wall;
 
@@ -15,7 +16,7 @@ use hifitime::Epoch;
 use skyloop_protocols::{Command, Fault, LabelLevel, apid};
 
 pub use self::error::RunError;
-pub use self::wall::Pause;
+pub use self::pause::Pause;
 use crate::control::{Control, ControlSettings, Exposed};
 use crate::detector::{Detections, DetectorSettings};
 use crate::event::{Event, Loss};
@@ -453,8 +454,9 @@ impl FlightComputer {
 type Watch<'a> = dyn FnMut(Event<'_>) -> ControlFlow<()> + 'a;
 
 fn positive(what: &'static str, value: f64) -> Result<(), RunError> {
-    match value.is_finite() && value > 0.0 {
-        true => Ok(()),
-        false => Err(RunError::Setting { what, value }),
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(RunError::Setting { what, value })
     }
 }

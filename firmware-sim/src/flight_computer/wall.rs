@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use super::pause::Pause;
 use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
 use crate::exchange::Incoming;
@@ -10,15 +11,6 @@ use skyloop_protocols::{Command, WireTime};
 
 /// So many packets at most are taken, of those that wait, before an attitude that is due.
 const TAKEN_BETWEEN: u32 = 32;
-
-/// A time without exposures, counted from the first attitude; attitudes leave all the same.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pause {
-    /// When it begins.
-    pub after: Duration,
-    /// How long it lasts.
-    pub lasts: Duration,
-}
 
 impl FlightComputer {
     pub(super) fn run_wall(
@@ -48,9 +40,10 @@ impl FlightComputer {
         {
             let rate_hz = rate_hz.unwrap_or(0.0);
             // Of none the first comes never, too.
-            let due = match rate_hz > 0.0 {
-                true => Duration::try_from_secs_f64(f64::from(sequence) / rate_hz),
-                false => Ok(Duration::MAX),
+            let due = if rate_hz > 0.0 {
+                Duration::try_from_secs_f64(f64::from(sequence) / rate_hz)
+            } else {
+                Ok(Duration::MAX)
             };
             let due = due.unwrap_or(Duration::MAX);
             // One look at the clock for all: a turn is often one packet, of which there are tens of thousands a second.

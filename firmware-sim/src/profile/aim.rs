@@ -9,7 +9,7 @@ use skyloop_orbit::StateVector;
 use skyloop_orbit::time::seconds;
 use skyloop_orbit::two_body::propagate_j2;
 
-use super::{OrbitSource, OrbitSourceError, ProfileError};
+use super::error::{OrbitSource, OrbitSourceError, ProfileError};
 use crate::pointing::{Pointing, of_axes, rate_between};
 
 /// A direction (ICRF, any length) at an epoch, as it is seen from a state (GCRF).

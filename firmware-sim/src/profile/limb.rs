@@ -4,7 +4,7 @@ use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_orbit::StateVector;
 
-use super::ProfileError;
+use super::error::ProfileError;
 use crate::earth::{EQUATOR_M, Earth, POLE_M};
 use crate::pointing::of_axes;
 

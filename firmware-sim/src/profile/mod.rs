@@ -3,31 +3,24 @@
 //! Those that follow the orbit get their rates by a central difference over the orbit near the instant (`along`).
 
 mod aim;
+mod error;
 mod limb;
 mod scan;
 
-use std::error::Error;
 use std::sync::Arc;
 
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
-use skyloop_orbit::time::utc_text;
 use skyloop_orbit::two_body::propagate_j2;
 use skyloop_orbit::{Object, StateVector};
-use thiserror::Error;
 
 pub use self::aim::{Aim, Direction};
+pub use self::error::{OrbitSource, OrbitSourceError, ProfileError};
 pub use self::limb::LimbStare;
 pub use self::scan::Scan;
-use crate::attitude_list::{AttitudeList, OutsideList};
+use crate::attitude_list::AttitudeList;
 use crate::earth::Earth;
 use crate::pointing::{Pointing, of_axes, rate_between};
-
-/// Any error that an orbit source may give.
-pub type OrbitSourceError = Box<dyn Error + Send + Sync>;
-
-/// Where the spacecraft is: epoch in, GCRF position and velocity out.
-pub type OrbitSource = Arc<dyn Fn(Epoch) -> Result<StateVector, OrbitSourceError> + Send + Sync>;
 
 /// The orbit of a catalogue object as an [`OrbitSource`].
 #[must_use]
@@ -59,40 +52,6 @@ pub enum Profile {
     LimbStare(LimbStare),
     /// The camera's boresight at a target.
     Aim(Aim),
-}
-
-/// Why there is no attitude at an epoch.
-#[derive(Debug, Error)]
-#[expect(missing_docs, reason = "the messages say it")]
-pub enum ProfileError {
-    #[error(transparent)]
-    OutsideList(#[from] OutsideList),
-    #[error("{what} needs an orbit: give one (--orbit FILE[:NAME])")]
-    NeedsOrbit { what: &'static str },
-    #[error("no orbit state at {}: {source}", utc_text(*epoch))]
-    Orbit {
-        epoch: Epoch,
-        source: OrbitSourceError,
-    },
-    #[error("no direction to look in at {}: {source}", utc_text(*epoch))]
-    Target {
-        epoch: Epoch,
-        source: OrbitSourceError,
-    },
-    #[error("no direction to look in at {}: the target is at the observer's own place, or the direction is zero", utc_text(*epoch))]
-    NoTarget { epoch: Epoch },
-    #[error("no attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
-    NoPlane { epoch: Epoch },
-    #[error(
-        "no limb at {height_km} km at {}: a line of sight {height_km} km above the ellipsoid at its lowest starts above that, and \
-         the orbit is at {orbit_km:.1} km: choose a lower height",
-        utc_text(*epoch)
-    )]
-    BelowLimb {
-        epoch: Epoch,
-        height_km: f64,
-        orbit_km: f64,
-    },
 }
 
 impl Profile {

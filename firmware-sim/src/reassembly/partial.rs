@@ -14,7 +14,7 @@ use skyloop_protocols::{
 };
 
 use super::arrivals::{Arrival, Arrivals};
-use super::{AssemblyCounts, AssemblyError, Demand, Progress, Run};
+use super::progress::{AssemblyCounts, AssemblyError, Demand, Progress, Run};
 use crate::received::{Content, Cutout, ReceivedFrame};
 
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! The book of what was injected: counted, and written down line by line as JSON.
 
-use super::engine::{How, Injection, What};
+use super::injection::{How, Injection, What};
 use super::plan::name;
 use super::stopped::{Needs, Outlook, Stop, Stopped};
 use skyloop_orbit::path_text;

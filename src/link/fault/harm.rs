@@ -1,6 +1,6 @@
 //! What one rule does to one item.
 
-use super::engine::How;
+use super::injection::How;
 use super::line::Order;
 use super::rule::Rule;
 use skyloop_base::rng::PixelStream;

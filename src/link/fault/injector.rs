@@ -1,8 +1,9 @@
 //! The faults of both directions of one link, and what they share: the time, the log, the counters.
 
 use super::book::Book;
-use super::engine::{Damageable, Faults, Injection, What};
+use super::engine::{Damageable, Faults};
 use super::harm::{is_damage, is_loss};
+use super::injection::{Injection, What};
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
 use super::spared::Spared;

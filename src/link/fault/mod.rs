@@ -7,6 +7,7 @@ mod book;
 mod bus;
 mod engine;
 mod harm;
+mod injection;
 mod injector;
 mod line;
 mod outage;

@@ -1,6 +1,6 @@
 //! Faults of one kind that take the whole link out of action, whatever directions and rules they have.
 
-use super::engine::{Injection, What};
+use super::injection::{Injection, What};
 use skyloop_protocols::FaultKind;
 
 /// Follows the faults of one kind.
