@@ -27,9 +27,10 @@ pub fn say(text: impl Display) -> io::Result<()> {
 pub fn write_out(text: impl Display) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let text = text.to_string();
-    let text = match out.is_terminal() {
-        true => printable(&text),
-        false => Cow::Borrowed(text.as_str()),
+    let text = if out.is_terminal() {
+        printable(&text)
+    } else {
+        Cow::Borrowed(text.as_str())
     };
     match write!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

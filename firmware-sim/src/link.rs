@@ -77,9 +77,10 @@ mod tests {
                 .filter(|name| error.contains(&format!("{name}://")));
             let examples: Vec<&str> = shown.collect();
             let name = text.split(':').next().unwrap();
-            let due = match names.clone().any(|known| known == name) {
-                true => vec![name],
-                false => names.collect(),
+            let due = if names.clone().any(|known| known == name) {
+                vec![name]
+            } else {
+                names.collect()
             };
             assert!(error.contains(part), "{text}: {error}");
             assert_eq!(examples, due, "{text}: {error}");

@@ -143,9 +143,10 @@ impl Links {
         for (at, end) in self.ends.iter_mut().enumerate() {
             self.asked = at;
             let exchange = &mut end.exchange;
-            let answer = match stops {
-                true => exchange.ask_after(&[], &command, &[ONCE], &mut tick)?,
-                false => exchange.ask(&command, timeout, &mut tick)?,
+            let answer = if stops {
+                exchange.ask_after(&[], &command, &[ONCE], &mut tick)?
+            } else {
+                exchange.ask(&command, timeout, &mut tick)?
             };
             match answer {
                 Answer::Done => {}

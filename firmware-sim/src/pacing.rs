@@ -75,9 +75,10 @@ impl Pacing {
             self.missing += u64::from(lost - told);
         }
         self.left = self.left.wrapping_add(lost + 1 - told);
-        let enough = match self.renewed.elapsed() >= GRANT_AFTER {
-            true => 1,
-            false => (self.window / 4).max(1),
+        let enough = if self.renewed.elapsed() >= GRANT_AFTER {
+            1
+        } else {
+            (self.window / 4).max(1)
         };
         self.target().wrapping_sub(self.granted) >= enough
     }
@@ -115,9 +116,10 @@ impl Pacing {
     fn target(&self) -> u32 {
         let target = self.left.wrapping_add(self.window);
         // Never back: a grant once given stands.
-        match (target.wrapping_sub(self.granted) as i32) > 0 {
-            true => target,
-            false => self.granted,
+        if (target.wrapping_sub(self.granted) as i32) > 0 {
+            target
+        } else {
+            self.granted
         }
     }
 }

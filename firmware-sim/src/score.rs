@@ -164,9 +164,10 @@ fn compare(
     let (labels, spots): (Vec<Label>, Vec<Label>) = labels.into_iter().partition(Label::is_source);
     let faintest = labels.iter().map(|label| label.electrons);
     let faintest = faintest.min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
-    let due_e = match complete {
-        true => f64::MIN,
-        false => CLEARLY * faintest,
+    let due_e = if complete {
+        f64::MIN
+    } else {
+        CLEARLY * faintest
     };
     // What a particle or a defect shows as is neither found nor missed nor false.
     let (field, spots) = (Field::new(labels), Field::new(spots));

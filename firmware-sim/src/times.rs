@@ -136,9 +136,10 @@ mod tests {
                 let (exact, found) = (sorted[rank - 1], times.quantile(fraction).unwrap());
                 let off = found.abs_diff(exact);
                 let ends = rank == 1 || rank == sorted.len();
-                let most = match ends {
-                    true => Duration::ZERO,
-                    false => exact / 200 + Duration::from_nanos(1),
+                let most = if ends {
+                    Duration::ZERO
+                } else {
+                    exact / 200 + Duration::from_nanos(1)
                 };
                 assert!(off <= most, "{count} {fraction}: {found:?}, not {exact:?}");
             }

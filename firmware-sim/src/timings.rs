@@ -71,9 +71,10 @@ impl SignedTimes {
         // A share of a side whose rank there is the middle of a step, so that rounding does not move it.
         let share = |rank: u64, of: u64| (rank as f64 - 0.5) / of as f64;
         // The first of all lies furthest below.
-        let (side, sign, share) = match rank <= below {
-            true => (&self.below, -1.0, share(below + 1 - rank, below)),
-            false => (&self.above, 1.0, share(rank - below, above)),
+        let (side, sign, share) = if rank <= below {
+            (&self.below, -1.0, share(below + 1 - rank, below))
+        } else {
+            (&self.above, 1.0, share(rank - below, above))
         };
         Some(sign * side.quantile(share)?.as_secs_f64())
     }

@@ -11,15 +11,12 @@ use bytes::Bytes;
 use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
 use skyloop_firmware_sim::can::settings::Settings;
-use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
+use skyloop_firmware_sim::can::{self, CanBus, OpenBus, Opener, Refusal, Trouble, socket};
 use skyloop_protocols::can::{Node, Side};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Instant;
-
-/// Opens a bus.
-pub(super) type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
 /// The bus of a loopback at `place`: FD at the highest rates, unless the URL says otherwise.
 ///
@@ -42,9 +39,8 @@ pub(super) fn open(
     settings: &Settings,
     open: OpenBus,
 ) -> Result<Wire, LinkError> {
-    let bus = open(settings).map_err(|refusal| refused(url, settings, refusal))?;
-    let again = settings.clone();
-    let opener: Opener = Box::new(move || open(&again));
+    let opened = can::open(open, settings);
+    let (bus, opener) = opened.map_err(|refusal| refused(url, settings, refusal))?;
     start(url, options, bus, Some(opener), settings)
 }
 

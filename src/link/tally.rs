@@ -307,9 +307,10 @@ impl Standstill {
             (self.bytes, self.since, self.moved) = (bytes, now, now);
         }
         if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.is_logged, true) {
-            let what = match self.tally.is_held_back() {
-                true => "packets that a fault holds back",
-                false => "the client to read what is queued",
+            let what = if self.tally.is_held_back() {
+                "packets that a fault holds back"
+            } else {
+                "the client to read what is queued"
             };
             tracing::warn!(
                 "waiting for {what}: {:.1} s at most",

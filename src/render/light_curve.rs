@@ -129,9 +129,10 @@ pub fn point_from(
     let seen = population.see(index, &earth, &shutter, corrections)?;
     Ok(Point {
         epoch,
-        mag: match seen.apparent.range_m < OWN_VEHICLE_M {
-            true => f64::INFINITY,
-            false => seen.mag,
+        mag: if seen.apparent.range_m < OWN_VEHICLE_M {
+            f64::INFINITY
+        } else {
+            seen.mag
         },
         range_m: seen.apparent.range_m,
         phase: seen.phase,

@@ -193,9 +193,10 @@ fn field_deg(camera: &Camera) -> [f64; 3] {
         }
         for _ in 0..40 {
             let half = (seen + dark) / 2.0;
-            match passes_light(camera, &direction(at(half))) {
-                true => seen = half,
-                false => dark = half,
+            if passes_light(camera, &direction(at(half))) {
+                seen = half
+            } else {
+                dark = half
             }
         }
         direction(at(seen))

@@ -13,6 +13,7 @@ pub mod slcan;
 pub mod socket;
 
 pub use crate::port::Refusal;
+use settings::Settings;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::frame::{MAX_CLASSIC_DATA, MAX_DATA};
 use std::io;
@@ -56,6 +57,19 @@ pub trait CanBus: Send {
 
 /// Opens a bus, and opens it again when it has gone.
 pub type Opener = Box<dyn FnMut() -> Result<Box<dyn CanBus>, Refusal> + Send>;
+
+/// Opens a bus by its settings.
+pub type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
+
+/// Opens a bus now; the opener opens it again.
+///
+/// # Errors
+/// There is no such bus, or it is not to be had.
+pub fn open(open: OpenBus, settings: &Settings) -> Result<(Box<dyn CanBus>, Opener), Refusal> {
+    let bus = open(settings)?;
+    let settings = settings.clone();
+    Ok((bus, Box::new(move || open(&settings))))
+}
 
 /// What an error frame says of the bus (Linux: `can/error.h`; the class is in the identifier).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,9 +2,9 @@
 
 use super::carrier::{self, Above, Next, Note, Waker};
 use super::settings::{self, Settings};
-use super::{CanBus, Opener, slcan, socket};
+use super::{CanBus, OpenBus, Opener, slcan, socket};
 use crate::address::OpenError;
-use crate::port::{Port, PortError, Refusal, Scheme, Tell};
+use crate::port::{Port, PortError, Scheme, Tell};
 use skyloop_protocols::can::{Node, Side};
 use std::io::{self, ErrorKind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -49,26 +49,19 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// The time to leave at the end in such a silence: a short command needs no answer.
 const SILENT_CLOSE_TIMEOUT: Duration = Duration::from_millis(100);
 
-type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
-
 fn open(
     scheme: &str,
     settings: Settings,
     open: OpenBus,
 ) -> Result<Box<dyn Port + Send>, OpenError<PortError>> {
     let link = format!("{scheme}://{}", settings.place);
-    let bus = open(&settings).map_err(|source| PortError::Refused {
+    let opened = super::open(open, &settings).map_err(|source| PortError::Refused {
         link: link.clone(),
         source,
-    })?;
-    let again = settings.clone();
-    let opener: Opener = Box::new(move || open(&again));
-    Ok(Box::new(CanPort::over(
-        &link,
-        bus,
-        Some(opener),
-        &settings,
-    )?))
+    });
+    let (bus, opener) = opened?;
+    let port = CanPort::over(&link, bus, Some(opener), &settings)?;
+    Ok(Box::new(port))
 }
 
 /// A bus that carries packets.
@@ -325,9 +318,10 @@ impl Drop for CanPort {
         let Some(thread) = self.thread.take() else {
             return;
         };
-        let patience = match self.is_silent() {
-            true => SILENT_CLOSE_TIMEOUT,
-            false => CLOSE_TIMEOUT,
+        let patience = if self.is_silent() {
+            SILENT_CLOSE_TIMEOUT
+        } else {
+            CLOSE_TIMEOUT
         };
         let deadline = Instant::now() + patience;
         // What waits for a line that has gone, or that takes nothing, does not leave any more.
