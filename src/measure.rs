@@ -1,4 +1,4 @@
-//! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
+//! Measured cost of effects: the time of each one, and the error of leaving it out, on one frame.
 
 mod clock;
 pub mod cost;
@@ -57,8 +57,8 @@ impl Bench<'_> {
         emulator.scene(&self.camera, &self.vehicle, repeat, choice)
     }
 
-    /// The verdicts of the frame's plan by `choice`, with what leaving each effect out costs at most: of those that run too, and of those that
-    /// are switched off by a frame that has them.
+    /// The decisions of the frame's plan by `choice`, with the error bound of leaving each effect
+    /// out. For effects that are switched off the bound comes from a frame that has them.
     pub fn verdicts(&self, choice: &Choice) -> Result<Vec<EffectLabel>, Unobservable> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
@@ -80,7 +80,7 @@ impl Bench<'_> {
         plan.steps.iter().map(full).collect()
     }
 
-    /// What leaving out an effect that `choice` switches off costs at most.
+    /// Error bound of an effect that `choice` switches off.
     fn error_of(&self, effect: &Effect, choice: &Choice) -> Result<Loss, Unobservable> {
         let with = Choice {
             noise: choice.noise || effect.random,
@@ -93,9 +93,10 @@ impl Bench<'_> {
         Ok(step.and_then(|step| plan.error(step)).unwrap_or_default())
     }
 
-    /// What leaving `effect` out of `choice` changes in the end, as `Loss` has it: the change (e-) of the pixel that changes most, after full
-    /// wells and what spills from them; its rms where the effect is random, but of particles that of the frame at hand. Effects that draw
-    /// are compared with noise, all others without, particles left out; before the charge becomes digits, where it is not that.
+    /// Error of leaving `effect` out of `choice`, as in `Loss`: the change (e-) of the pixel that
+    /// changes most, after full wells and blooming. Its rms where the effect is random, except for
+    /// particles, which are those of this frame. Random effects are compared with noise, others
+    /// without noise and particles; before digitisation, unless the effect follows it.
     pub fn error_e(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let with = Choice {
             noise: effect.random,
@@ -120,12 +121,14 @@ impl Bench<'_> {
             let change = change(0..1)?;
             return Ok(most(&change).map_or(0.0, |pixel| change[pixel]));
         }
-        // The pixel is chosen by other frames than it is judged by, or chance alone would raise it.
+        // The pixel is chosen on other frames than it is measured on, or chance alone would raise
+        // it.
         let (chosen, judged) = (change(0..REPEATS)?, change(REPEATS..2 * REPEATS)?);
         Ok(most(&chosen).map_or(0.0, |pixel| judged[pixel]))
     }
 
-    /// How far leaving `effect` out of `choice` moves the centroid of an image on the detector, or the end of its track, at most (px).
+    /// How far leaving `effect` out of `choice` moves a centroid on the detector, or the end of a
+    /// track, at most (px).
     pub fn error_px(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let images = |off: &[&'static str]| -> Result<HashMap<_, _>, Unobservable> {
             let mut choice = with(effect, choice);
@@ -150,7 +153,7 @@ impl Bench<'_> {
             most = moved.fold(most, f64::max);
         }
         if effect.id == EffectId::Smear {
-            // Labels have the ends of true tracks, smeared or not: an image that stands still misses them by half.
+            // Labels have the ends of true tracks: an image at rest misses them by half.
             let tracks = images(&["aberration drift"])?;
             let halves = tracks
                 .values()
@@ -171,8 +174,8 @@ impl Bench<'_> {
         charge.map(f64::from).collect()
     }
 
-    /// What each effect of the plan by `choice` takes, in the order of the plan; 0 for those that do not run. To be
-    /// called in a pool of one thread.
+    /// Time of each effect of the plan by `choice`, in the plan's order; 0 if it does not run. To
+    /// be called in a pool of one thread.
     pub fn costs(&self, choice: &Choice) -> Result<Vec<Cost>, Unobservable> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
@@ -207,8 +210,8 @@ impl Bench<'_> {
         Ok(plan.steps.iter().map(&mut time).collect())
     }
 
-    /// What `effect` adds to the making of images: a kind of source, its still images; what shapes them, over images
-    /// that have all before it in [`EFFECTS`].
+    /// Time that `effect` adds to imaging: for a kind of source, its images at rest; for what
+    /// shapes images, over images that have all effects before it in [`EFFECTS`].
     fn imaging(&self, effect: &Effect, scene: &Scene) -> Cost {
         let fidelity = self.emulator.fidelity();
         let alone = EffectSet::default().with(effect.id);
@@ -227,7 +230,7 @@ impl Bench<'_> {
         } else {
             return Cost::default();
         };
-        // What only says where an image is, and with what light, adds to its track.
+        // An effect on place and light of an image only adds to its track.
         let only_tracks = matches!(effect.id, EffectId::Distortion | EffectId::Vignetting);
         let time = |simulated: EffectSet| {
             let view = scene.view.clone();
@@ -241,7 +244,7 @@ impl Bench<'_> {
             drop(images);
             took
         };
-        // In turn, so that what slows the machine down for a while slows both.
+        // In turns, so that other load slows both alike.
         let difference = || time(with) - time(without);
         let Cost { ms, error_ms } = Sample::new(rounds(difference)).median();
         Cost {

@@ -1,15 +1,15 @@
-//! The client's side of pacing: how many frame packets it grants, so that no buffer on the way overflows.
+//! Client side of pacing: how many frame packets are granted, so that no buffer overflows.
 //!
-//! The grant is cumulative: frame packets that have left the emulator so far, plus a window. Packets that were lost
-//! have left it too: the gaps in their sequence counts say how many, and after a silence a `Status` does.
+//! The grant is cumulative: frame packets that have left the emulator, plus a window. Lost packets
+//! count too: gaps in their sequence counts show them, and after a silence a `Status` does.
 
 use std::time::{Duration, Instant};
 
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::SEQUENCE_MODULUS;
 
-/// Where packets take long, a grant goes out with the first that comes so long after the last grant: whoever sends them
-/// hears often enough that they are taken.
+/// On slow links a grant goes out with the first packet after this time: the emulator mutes clients
+/// that stay silent.
 const GRANT_AFTER: Duration = Duration::from_millis(250);
 
 /// Credit granted against frame packets seen.
@@ -48,7 +48,7 @@ impl Pacing {
         self.missing
     }
 
-    /// Books an arrival. Says whether so much of the window is used up that a new grant should go out.
+    /// Books an arrival; whether a new grant is due.
     pub(crate) fn arrived(&mut self, apid: u16, sequence_count: u16) -> bool {
         let Some(row) = PAID.iter().position(|paid| *paid == apid) else {
             return false;
@@ -61,7 +61,8 @@ impl Pacing {
             return false;
         }
         *next = Some((sequence_count + 1) % SEQUENCE_MODULUS);
-        // The emulator cannot have sent more than was granted, or told of; a larger gap is a restarted count, not a loss.
+        // The emulator cannot have sent more than was granted; a larger gap is a restarted count,
+        // not a loss.
         let unused = self.granted.wrapping_sub(self.left);
         let ahead = Some(u32::from(ahead));
         let lost = ahead.filter(|lost| *lost < unused.saturating_add(self.foretold));
@@ -83,8 +84,8 @@ impl Pacing {
         self.target().wrapping_sub(self.granted) >= enough
     }
 
-    /// Takes the emulator's own count, from a `Status`: what left it and has not arrived by now is lost, or asked for
-    /// again. Says whether that was news.
+    /// Takes the emulator's count from a `Status`: packets that left it and have not arrived are
+    /// lost, or requested. Whether that is news.
     ///
     /// This frees a link on which a whole window was lost, when no gap can show it.
     pub(crate) fn rebase(&mut self, packets_sent: u32) -> bool {
@@ -101,7 +102,8 @@ impl Pacing {
         news
     }
 
-    /// After a frame was given up: none of its packets will come, and the next `Status` is the new base.
+    /// After a frame was given up: its packets will not come, and the next `Status` is the new
+    /// base.
     pub(crate) fn forget(&mut self) {
         self.next = [None; PAID.len()];
         self.foretold = 0;

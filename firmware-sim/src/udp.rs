@@ -37,7 +37,7 @@ pub struct UdpPort {
 }
 
 impl UdpPort {
-    /// A socket on a free port that hears `emulator` only. It binds to the loopback address if `emulator` has one.
+    /// A socket on a free port for `emulator` only; on the loopback address if `emulator` has one.
     pub fn connect(emulator: SocketAddr) -> Result<Self, PortError> {
         let link = format!("udp://{emulator}");
         let local: IpAddr = match (emulator.ip().is_loopback(), emulator.is_ipv4()) {
@@ -59,7 +59,8 @@ impl UdpPort {
                 let mut datagrams = Datagrams::of(&socket)?;
                 window = window_of(datagrams.make_room(ROOM));
                 datagrams.join();
-                // The longest datagram fits, or as many as come joined: what is longer than a packet stays too long, and is refused as such.
+                // Room for the longest datagram or joined ones: an overlong packet is refused as
+                // such.
                 let mut buffer = vec![0; 1 << 16];
                 let answering = socket;
                 Reader::start("skyloop-fc udp", move |intake| {
@@ -94,20 +95,21 @@ impl UdpPort {
     }
 }
 
-/// Receive buffer asked for, bytes; what a datagram takes of it, about; and a window that the queue behind it holds.
+/// Requested receive buffer, bytes; size of a datagram in it; and the window that the queue behind
+/// it holds.
 const ROOM: usize = 4 << 20;
 const TAKES: usize = 2304;
 const MOST_WINDOW: u32 = 512;
 /// What the least buffer holds that systems give.
 const LEAST_WINDOW: u32 = 64;
 
-/// Packets that may be under way where the system has room for so many octets: three quarters of those that fit.
+/// Window for a receive buffer of so many bytes: three quarters of the packets that fit.
 fn window_of(room: Option<usize>) -> u32 {
     let fit = room.map_or(0, |octets| octets / TAKES * 3 / 4);
     u32::try_from(fit).map_or(MOST_WINDOW, |fit| fit.clamp(LEAST_WINDOW, MOST_WINDOW))
 }
 
-/// Whether a packet asks for the proof of this address: it is sent back as it came (ICD, section 5.1), however busy the flight computer is.
+/// Whether a packet is a Challenge, which is returned at once (ICD, section 5.1).
 fn is_challenge(packet: &[u8]) -> bool {
     identify(packet).is_some_and(|(apid, _)| apid == apid::CHALLENGE)
 }

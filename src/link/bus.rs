@@ -1,4 +1,4 @@
-//! Packets on a CAN bus, common to SocketCAN and to adapters on a serial line: the emulator's end of a carrier.
+//! Packets on a CAN bus (SocketCAN or adapter): the emulator's end of a carrier.
 
 use super::departed::Unsent;
 use super::error::LinkError;
@@ -32,7 +32,7 @@ pub(super) fn loopback_settings(url: &Address, place: &str) -> Result<Settings, 
     Ok(settings)
 }
 
-/// Opens the bus of `settings` by `open`, now and each time that it has gone, and carries packets over it.
+/// Opens the bus of `settings`, reopens it when it is gone, and carries packets over it.
 pub(super) fn open(
     url: &Address,
     options: &Options,

@@ -1,4 +1,4 @@
-//! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
+//! When queued packets have left the queue: only the thread of the link sees the end of a frame.
 
 use super::lock::lock;
 use std::collections::VecDeque;
@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Packets that were queued and have left, and the moments that somebody wants to know.
+/// Packets queued and sent so far, and marks at the ends of frames.
 #[derive(Debug, Default)]
 pub struct Departed {
     /// Packets put into the queue so far, modulo 2^32.
@@ -79,13 +79,13 @@ impl Departed {
         self.queued.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// The packet that was queued last was refused: it has not been queued at all. By the thread that queues and marks.
+    /// The last packet was refused and does not count. For the thread that queues and marks.
     pub(super) fn refused(&self) {
         self.queued.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Hands a packet on to a further queue, which books it, too, where `offer` says that it took it: it is one all the while. A mark that is set in between comes
-    /// one packet too early, which is then on its way.
+    /// Hands a packet to a further queue, which books it if `is_taken`. It counts once meanwhile. A
+    /// mark set in between is one packet early.
     pub(super) fn hand_on<T>(
         &self,
         offer: impl FnOnce() -> T,
@@ -138,12 +138,13 @@ impl Departed {
         self.queued.load(Ordering::SeqCst)
     }
 
-    /// Marks the packets of a frame, all that were queued after the place `before`: how they left is stored until it is read.
-    pub fn mark(&self, before: u32) -> Mark {
+    /// Marks the packets of a frame: all that were queued after `before`. Their exit is stored
+    /// until it is read.
+    pub(crate) fn mark(&self, before: u32) -> Mark {
         let last = self.place();
         let mark = Mark { before, last };
         let mut book = lock(&self.book);
-        // Before the look at what has left: a packet that leaves meanwhile finds the mark, or the look finds the packet.
+        // Before reading `done`: a packet that leaves meanwhile finds the mark, or is counted.
         self.open.fetch_add(1, Ordering::SeqCst);
         let reached = is_reached(last, self.done.load(Ordering::SeqCst));
         if reached {
@@ -157,8 +158,8 @@ impl Departed {
         mark
     }
 
-    /// How the marked packets left; none if they have not, or an older mark has not been read. The mark is then forgotten.
-    pub fn left(&self, mark: Mark) -> Option<Exit> {
+    /// How the marked packets left, once. None if they have not, or an older mark is still unread.
+    pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
         if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
@@ -168,8 +169,8 @@ impl Departed {
         Some(left)
     }
 
-    /// Nobody wants to know any more.
-    pub fn forget(&self, mark: Mark) {
+    /// Drops a mark.
+    pub(crate) fn forget(&self, mark: Mark) {
         let marks = &mut lock(&self.book).marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())
@@ -242,7 +243,7 @@ mod tests {
         assert_eq!(departed.waiting(), 0);
     }
 
-    /// A packet leaves while the one before it is booked: its mark is reached at once, the older one a moment later.
+    /// Two packets leave at once, and the later mark is reached first.
     #[test]
     fn a_mark_that_is_reached_first_hides_no_older_one() {
         let departed = Departed::default();
@@ -277,8 +278,8 @@ mod tests {
         assert_eq!(lock(&departed.book).marks.len(), 0);
     }
 
-    /// Frames of three packets, the second of which has an answer before it. A frame is lost with any of its packets,
-    /// and with no other's.
+    /// Frames of three packets; an answer precedes the second. A frame is lost with its own packets
+    /// only.
     #[test]
     fn a_frame_is_lost_with_any_of_its_packets() {
         use Unsent::{ClientGone, NotProved};

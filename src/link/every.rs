@@ -14,7 +14,8 @@ pub struct Every {
 }
 
 impl Every {
-    /// Counts an event at `now`. If a message is due: the number of events that it reports, this one included.
+    /// Counts an event. If a message is due: the number of events since the last, this one
+    /// included.
     pub fn count(&mut self, now: Instant) -> Option<u32> {
         self.unreported = self.unreported.saturating_add(1);
         let passed = self.last.map(|last| now.saturating_duration_since(last));

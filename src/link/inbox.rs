@@ -1,5 +1,5 @@
-//! The inbound queue: bounded, never in the way of the wire. A flood loses its oldest attitudes first, since a newer
-//! one takes their place; every packet lost is counted.
+//! The inbound queue: bounded, and never blocks the wire. A flood drops the oldest attitudes, which
+//! newer ones replace; every lost packet is counted.
 
 use super::lock::lock;
 use super::tally::{Tally, count};
@@ -85,7 +85,7 @@ pub trait Observer: Send + Sync {
     /// It begins to make a frame, or ends.
     fn making(&self, _is: bool) {}
 
-    /// Whether it may not end the frame that it makes before it has taken another packet: a recorded one had come meanwhile.
+    /// Whether the current frame must not end before another packet is taken, as recorded.
     fn holds_frame(&self) -> bool {
         false
     }
@@ -107,12 +107,12 @@ struct State {
     intakes: usize,
     /// Whether the emulator still has its end.
     read: bool,
-    /// Who waits for this queue and others.
+    /// The thread that waits for this queue and others.
     reader: Option<Thread>,
 }
 
 impl Shared {
-    /// Lets go of the queue, and wakes who waits for it.
+    /// Unlocks the queue and wakes the waiting threads.
     fn wake(&self, state: MutexGuard<'_, State>) {
         let reader = state.reader.clone();
         drop(state);
@@ -124,9 +124,9 @@ impl Shared {
 }
 
 impl Intake {
-    /// Queues a packet, without waiting. A full queue drops its oldest attitude, or its oldest packet if it holds
-    /// none, and counts it.
-    pub fn push(&self, inbound: Inbound) -> Result<(), Gone> {
+    /// Queues a packet without waiting. A full queue drops and counts its oldest attitude, or else
+    /// its oldest packet.
+    pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
         let mut state = lock(&self.shared.state);
         if !state.read {
             return Err(Gone);
@@ -170,8 +170,9 @@ impl Drop for Intake {
 }
 
 impl Inbox {
-    /// Unparks `reader` at every packet, and when the wire has gone: for a thread that waits for several queues.
-    pub fn unparks(&self, reader: Thread) {
+    /// Unparks `reader` at every packet and at the end of the wire, for a thread with several
+    /// queues.
+    pub(crate) fn unparks(&self, reader: Thread) {
         lock(&self.shared.state).reader = Some(reader);
     }
 

@@ -1,5 +1,5 @@
-//! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
-//! packet means a link knows at most whether it is valid or of a frame. Adding one is a file here and a line in [`LINKS`].
+//! Links. Each carries whole packets between its own threads and two bounded queues. It only checks
+//! whether a packet is valid or part of a frame. A new link is a file here and a row in [`LINKS`].
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

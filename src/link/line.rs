@@ -1,4 +1,4 @@
-//! Packets on a line of octets, common to serial ports and pseudo-terminals: SLIP frames in, SLIP frames out.
+//! Packets on a serial line or pseudo-terminal: SLIP frames in both directions.
 
 use super::departed::Unsent;
 use super::inbox::{Gone, Inbound, Intake};
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// How long a thread of a line waits before it looks whether the link is still wanted.
 pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// 10 bit times an octet: the packet, its CRC-32, an END on both sides, and an escape for two octets of 256.
+/// 10 bit times a byte: the packet, its CRC-32, two ENDs, and an escape for two bytes in 256.
 pub(super) fn airtime(baud: u32) -> Airtime {
     Arc::new(move |octets| {
         let framed = octets as f64 + 4.0;
@@ -89,8 +89,8 @@ pub(super) enum Put {
     Unwanted,
 }
 
-/// Puts packets from the queue on the line until the emulator drops its end. `put` gets the exchange, the octets
-/// and whether the line was idle before.
+/// Writes queued packets to the line until the emulator closes. `put` gets the exchange, the
+/// octets, and whether the line was idle before.
 pub(super) fn write(
     departures: &Receiver<Outbound>,
     tally: &Tally,
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_packet_takes_ten_bit_times_an_octet() {
-        // 1400 octets, 4 of CRC-32, 2 ENDs and 10.97 escapes expected: 14169.7 bits at 9600 a second.
+        // 1400 bytes, 4 of CRC-32, 2 ENDs and 10.97 escapes: 14169.7 bits at 9600 bit/s.
         assert_eq!(airtime(9600)(1400).as_millis(), 1476);
     }
 

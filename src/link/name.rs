@@ -1,8 +1,8 @@
 //! The name of a pseudo-terminal in the file system, a symbolic link.
 //!
-//! A run that is killed leaves its name behind, and the system soon gives the number of its device to another terminal.
-//! So the link shows who made it (`/dev/pts/./N` leads where `/dev/pts/N` does), and a socket in the abstract namespace of
-//! Linux, which ends with its process, whether that one still lives. Nothing else is ever removed.
+//! A killed run leaves its name behind, and the system reuses the device number. So the link marks
+//! its maker (`/dev/pts/./N` leads where `/dev/pts/N` does), and an abstract socket, which ends
+//! with its process, shows whether that still runs. Nothing else is ever removed.
 
 use super::lock::lock;
 use skyloop_firmware_sim::port::Refusal;
@@ -29,7 +29,7 @@ pub(super) struct Name {
 }
 
 impl Name {
-    /// Makes `path` lead to `device`. What stands there is replaced only if it is the name of a run that has ended.
+    /// Makes `path` lead to `device`; replaces only the name of a run that has ended.
     pub fn give(path: &Path, device: &str) -> Result<Name, Refusal> {
         const FOLDER: &str = "choose a name in a folder that you may write";
         const OTHER: &str = "choose another name, or remove what is there";

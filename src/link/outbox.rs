@@ -20,7 +20,7 @@ pub enum Outbound {
         /// The packet.
         packet: Bytes,
     },
-    /// End the exchange, unless its client has sent something since: the next client may come at once.
+    /// End the exchange, unless its client has sent something since.
     Release {
         /// Which exchange.
         exchange: u32,

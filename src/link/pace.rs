@@ -1,4 +1,4 @@
-//! A line at its rate, without clock and without octets: when what is put on it has passed.
+//! A line with a rate: when each byte put on it has passed. It has no clock of its own.
 
 use std::time::{Duration, Instant};
 
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
     octets_per_s: f64,
-    /// How far behind its time the line may be and still catch up: what waits meanwhile lies in the system's queues.
+    /// How far the line may lag and still catch up: data waits in the system's queues meanwhile.
     slack: Duration,
     /// When the last octet put on it has passed.
     free: Option<Instant>,

@@ -41,8 +41,8 @@ impl PacedEar {
     }
 }
 
-/// Writes all octets as they find room; whether they had to wait for it. None if the client has gone, or they are no
-/// longer `wanted`.
+/// Writes all octets; whether they had to wait for room. None if the client has gone, or they are
+/// no longer `wanted`.
 pub(super) fn write_all(
     to: &Pseudo,
     mut octets: &[u8],
@@ -64,8 +64,8 @@ pub(super) fn write_all(
     Ok(Some(waited))
 }
 
-/// Carries octets one way until they are no longer `wanted`. Where nobody holds the far end they are lost, as on any
-/// wire; where it does not read, they wait, as with flow control.
+/// Carries octets one way while `wanted`. Without a client at the far end they are lost, as on any
+/// wire; if it does not read, they wait, as with flow control.
 pub(super) fn relay(
     from: &Pseudo,
     to: &Pseudo,

@@ -1,8 +1,9 @@
-//! A pseudo-terminal whose master is held here and whose other end a client opens by name, once or many times.
+//! A pseudo-terminal: the master end here, the other end opened by clients by name, again and
+//! again.
 //!
-//! Facts of Linux that shape this: a master without a client takes some 20,480 octets and then none, and the next
-//! client would read them; the settings of one client, exclusive use included, outlast it; the master learns that
-//! nobody holds the other end (POLLHUP) only after somebody did.
+//! Linux: a master without a client takes some 20,480 octets, which the next client would read.
+//! Settings of a client, exclusive use included, outlast it. The master gets POLLHUP only after a
+//! first client has closed.
 
 use super::lock::lock;
 use super::name::Name;
@@ -137,7 +138,7 @@ impl Pseudo {
         Ok(Heard::Left)
     }
 
-    /// Writes what finds room, if client number `client` (any, if none is given) holds the other end.
+    /// Writes what fits, if client number `client` (none: any) holds the other end.
     pub fn write(&self, octets: &[u8], client: Option<u32>) -> io::Result<Written> {
         let mut state = lock(&self.state);
         if !state.held
@@ -211,7 +212,7 @@ fn pair() -> io::Result<(OwnedFd, String)> {
     Ok((master, device))
 }
 
-/// Takes from the other end what a client left: octets it did not read, settings, exclusive use. Leaves it hung up.
+/// Clears what a client left: unread octets, settings, exclusive use. Leaves the end hung up.
 fn calm(master: &OwnedFd, device: &str) -> io::Result<()> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let other = rustix::fs::open(device, flags, Mode::empty())?;

@@ -1,5 +1,5 @@
-//! Pseudo-terminals: the emulator makes one, gives it a name that clients open as they would a serial port, and
-//! carries octets both ways at the pace of a baud rate. SLIP frames with CRC-32, two threads.
+//! Pseudo-terminals with a name that clients open like a serial port. Bytes pass at the pace of a
+//! baud rate, as SLIP frames with CRC-32. Two threads.
 
 use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
@@ -31,7 +31,7 @@ pub const PTY: Link = Link {
     loopback,
 };
 
-/// How long the emulator's end stays for a client to read the last octets, unless that closes its own.
+/// How long the emulator's end stays open for a client to read the last bytes.
 const LINGER: Duration = Duration::from_millis(400);
 
 fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
@@ -128,8 +128,7 @@ impl Drop for NamedOutbox {
     }
 }
 
-/// Octets in, packets into the queue, until the writer has ended (`stop`: the emulator dropped its end). A `last` client
-/// that goes is not missed.
+/// Reads packets until the writer has ended (`stop`). After a `last` client none is expected.
 fn read(
     pseudo: &Pseudo,
     baud: u32,
@@ -261,7 +260,8 @@ mod tests {
             assert_eq!(&inbound.packet[..], b"hello");
             assert_eq!(inbound.exchange, exchange);
             assert_eq!(wire.tally.counters().reconnects, exchange - 1);
-            // What answers the client before is lost, and counted; half a packet ends with its client.
+            // An answer to the previous client is lost, and counted; half a packet ends with its
+            // client.
             offer(&mut wire, exchange - 1, b"late");
             offer(&mut wire, exchange, b"answer");
             let mut answer = vec![0; framed(b"answer").len()];
@@ -296,8 +296,8 @@ mod tests {
         assert!(there >= takes && back.elapsed() >= takes, "{there:?}");
     }
 
-    /// Octets a second that arrive at one end of a pair while the other end sends all it can; with `both`, that one
-    /// does too. Never more than the line carries since it began.
+    /// Bytes/s that arrive at one end of a pair while the other end (with `both`: each end) sends
+    /// all it can. Never more than the line carries since it began.
     fn delivered(baud: u32, both: bool) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let names = ["a", "b"].map(|name| folder.path().join(name));
@@ -338,7 +338,8 @@ mod tests {
                 early = early.or(Some((come, most)).filter(|_| come > most));
             }
             stop.store(true, Ordering::Relaxed);
-            // The feeders may be stuck in a write that nobody relays any more. What has come stays: a reader that has been told of it would wait for ever.
+            // The feeders may be blocked in a write. Input is not cleared: the reader would wait
+            // for ever.
             for end in [&a, &b] {
                 let _ = end.clear(ClearBuffer::Output);
             }

@@ -1,4 +1,4 @@
-//! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
+//! Serial ports: SLIP frames with CRC-32, two threads a port. A port that vanishes is reopened.
 
 use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
@@ -113,11 +113,11 @@ impl Device {
 /// What the two threads share.
 struct Line {
     device: Device,
-    /// The port to write to; none while the writer has it, and while it has gone: an open handle would keep its name
-    /// from coming back.
+    /// The port to write to. None while the writer uses it, and while the device is gone: an open
+    /// handle would keep its name from coming back.
     output: Mutex<Option<Port>>,
     back: Condvar,
-    /// How often the port has been lost. Whoever notices first counts; the other sees it by the number.
+    /// How often the port was lost. The thread that notices counts; the other compares the number.
     losses: AtomicU32,
     tally: Arc<Tally>,
 }
@@ -130,9 +130,9 @@ impl Line {
         let _ = self.losses.compare_exchange(known, next, relaxed, relaxed);
     }
 
-    /// Writes all of `octets`, however long its other end takes: then the queue stays full, and it is the emulator
-    /// that gives frames up, whole. While the port has gone the packet waits, and the queue behind it. The reader
-    /// never waits for a write.
+    /// Writes all `octets`, however long that takes: the queue stays full meanwhile, and the
+    /// emulator drops whole frames. While the port is gone, packets wait. The reader never waits
+    /// for a write.
     fn put(&self, mut octets: &[u8], wanted: &dyn Fn() -> bool) -> Put {
         let mut output = lock(&self.output);
         let mut port = loop {
@@ -310,8 +310,8 @@ mod tests {
         client.write_all(&framed(b"first")).unwrap();
         assert_eq!(heard(&wire), b"first");
         for round in 1..=2 {
-            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged. Its name goes
-            // first: the system gives the number to the next who asks.
+            // With both ends closed the pseudo-terminal vanishes, like an unplugged adapter. Its
+            // name goes first: the system reuses the number.
             std::fs::remove_file(&path).unwrap();
             drop((client, device));
             let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();

@@ -1,4 +1,4 @@
-//! CAN through a LAWICEL-style adapter on a serial port or a pseudo-terminal: for hosts without CAN in their kernel.
+//! CAN through a LAWICEL-style adapter on a serial port: for hosts without CAN in their kernel.
 
 use super::bus;
 use super::error::{LinkError, OpenError};

@@ -1,4 +1,4 @@
-//! What a link counts, and whether it moves.
+//! Counters of a link, and whether bytes still leave it.
 
 use super::departed::{Departed, Unsent};
 use skyloop_protocols::credit::PAID;
@@ -36,7 +36,7 @@ pub struct Tally {
     pub departed: Departed,
     /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
-    /// Why what has not left is lost, once nothing waits for it any more.
+    /// Why waiting packets were given up; unset before that.
     given_up: OnceLock<Unsent>,
     /// Whether the client is to prove its address before it gets frames.
     awaits_proof: AtomicBool,
@@ -102,7 +102,7 @@ impl Tally {
         self.departed.queued();
     }
 
-    /// Puts a packet into the outbound queue. It is booked first: it may have left the queue before `try_send` is back.
+    /// Puts a packet into the outbound queue. Booked first: it may leave before `try_send` returns.
     pub(super) fn queue<E>(&self, try_send: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
         self.queued();
         try_send().inspect_err(|_| self.departed.refused())
@@ -145,7 +145,7 @@ impl Tally {
         self.given_up.get().copied()
     }
 
-    /// Whether all that waits is lost: who holds a link lets go of it.
+    /// Whether all waiting packets are given up.
     pub(super) fn is_given_up(&self) -> bool {
         self.given_up.get().is_some()
     }
@@ -160,8 +160,8 @@ impl Tally {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
     }
 
-    /// Frame packets that were removed from the queue since their client's address was not proved: they count as lost, too.
-    pub fn unproved(&self) -> u32 {
+    /// Frame packets removed since the client's address was not proved. They count as lost, too.
+    pub(crate) fn unproved(&self) -> u32 {
         self.unproved.load(Ordering::SeqCst)
     }
 
@@ -176,8 +176,8 @@ impl Tally {
         way_out.is_held_back.load(Ordering::Relaxed)
     }
 
-    /// What faults do to packets of a direction of which they had lost as many as `before`; none: nothing.
-    pub fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
+    /// Effect of faults on a direction, which had lost `before` packets; none if there is none.
+    pub(crate) fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
         let harmed = self.harmed.get(usize::from(direction.code()))?;
         if harmed.is_held_back.load(Ordering::Relaxed) {
             return Some(Harm::Delays);
@@ -192,7 +192,8 @@ impl Tally {
         self.harmed.each_ref().map(lost)
     }
 
-    /// Notes whether faults hold packets of a direction back, and that they have lost or damaged more.
+    /// Books whether faults hold packets of a direction back, and how many more they lost or
+    /// damaged.
     pub(super) fn note_harm(&self, direction: Direction, is_held_back: bool, lost: u32) {
         if let Some(harmed) = self.harmed.get(usize::from(direction.code())) {
             harmed.is_held_back.store(is_held_back, Ordering::Relaxed);
@@ -249,17 +250,19 @@ pub struct Standstill {
     is_logged: bool,
 }
 
-/// The end of a run waits so long before it says so; a link of which no byte leaves for so long stands still.
-pub const SOON: Duration = Duration::from_millis(500);
+/// Silence after which a link stands still, and after which the end of a run reports its wait.
+pub(crate) const SOON: Duration = Duration::from_millis(500);
 
-/// After what time without a byte a link stands still, `least` or twice as long as a packet takes: it may leave in one piece.
-pub fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
+/// Silence after which a link stands still: `least`, or twice the time of a packet, which may leave
+/// in one piece.
+pub(crate) fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
     least.max(2 * packet)
 }
 
 impl Standstill {
-    /// Over when nothing has left for `patience`, and after three times as long if a slow line still moves.
+    /// Over when nothing has left for `patience`; on a slow line that still moves, after three
+    /// times that.
     pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
         Standstill {
             tally: tally.clone(),
@@ -299,7 +302,7 @@ impl Standstill {
         }
     }
 
-    /// Pauses for a moment; true if nothing has left for so long that nobody takes it.
+    /// Pauses for a moment; true if waiting any longer is useless.
     pub fn is_over(&mut self) -> bool {
         std::thread::sleep(Duration::from_millis(2));
         let (bytes, now) = (self.tally.bytes(), Instant::now());

@@ -26,7 +26,8 @@ pub struct Wire {
     pub tally: Arc<Tally>,
     /// How long one packet takes, where the line is what limits; none where it is not.
     pub airtime: Option<Airtime>,
-    /// The thread that sends, if the link has one; it ends when the outbox is gone and its queue empty.
+    /// The sending thread, if there is one; it ends when the outbox is dropped and its queue is
+    /// empty.
     pub sender: Option<JoinHandle<()>>,
 }
 

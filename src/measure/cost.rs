@@ -1,8 +1,10 @@
-//! What accuracy costs: frames of a scene at each setting of [`Fidelity`], their errors against `reference` and their times.
+//! The cost of accuracy: frames of a scene at each setting of [`Fidelity`], with their errors
+//! against `reference` and their times.
 //!
-//! The settings are the presets, and `realtime` with one knob moved alone: coarser, to where `fast` has it, and finer, to where `reference`
-//! has it. Errors are of frames without noise, seen by what noise leaves of faint sources. Times are of whole frames with noise, the settings in turns within each round, so that what else the
-//! machine does falls on all alike.
+//! The settings are the presets, and `realtime` with one knob moved to its value in `fast` or in
+//! `reference`. Errors are those of frames without noise, weighted by what noise leaves of faint
+//! sources. Times are those of whole frames with noise; the settings take turns in each round, so
+//! that other load affects all alike.
 
 mod choice;
 mod errors;
@@ -53,7 +55,8 @@ pub struct Effort {
     pub rounds: usize,
     /// No more rounds than a few once they have taken this long.
     pub limit: Duration,
-    /// Whether one thread makes the frames, and times are what it has had of its processor: what other programs take does not count.
+    /// Whether one thread renders, and times are its processor times, without those of other
+    /// programs.
     pub one_core: bool,
 }
 
@@ -77,8 +80,8 @@ fn go_on(flow: ControlFlow<()>) -> Result<(), Unmeasured> {
 }
 
 impl Report {
-    /// Measures the frames of `vehicles`; `told` hears of each part that is done, and of how many, and says whether to go on. The emulator is left as it was but for
-    /// the number of its next frame.
+    /// Measures the frames of `vehicles`. `told` gets the number of finished parts and of all, and
+    /// may stop. Of the emulator only the number of the next frame changes.
     ///
     /// Fails only where [`skyloop_render::scene::View::new`] does, or as `told` says.
     pub fn measure(
@@ -135,8 +138,8 @@ fn measured(
     Ok((sums, times))
 }
 
-/// What each setting's frames take, ms, a round each. Before each round a frame is made that does not count: what all have in common, such as
-/// the orbits of that time, is then there.
+/// Frame times of each setting, ms, one per round. Each round starts with a frame that does not
+/// count: it computes what all settings share, such as the orbits.
 fn times(
     emulator: &mut Emulator,
     vehicles: &[VehicleState],
@@ -168,7 +171,8 @@ fn times(
     Ok(times)
 }
 
-/// The order of a round, drawn anew for each: a frame takes longer after one whose work has emptied the caches, and no setting is to come after such a one each time.
+/// The order of a round, random: a frame is slower after one that has emptied the caches, and no
+/// setting must follow such a one every time.
 fn order(round: usize, count: usize) -> Vec<usize> {
     let key = NoiseKey {
         seed: 0,

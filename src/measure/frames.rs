@@ -1,4 +1,4 @@
-//! What frames take: noise and whole frames against their own slow paths, two threads against one.
+//! Frame times: noise and whole frames against their own slow paths, two threads against one.
 //!
 //! All figures of a report are of one run, as ratios, taken in turns.
 
@@ -20,19 +20,20 @@ use std::fmt;
 use std::hint::black_box;
 
 const OBJECTS: usize = 20_000;
-/// Columns and rows of the noise's frame, and pixels of it that are drawn at a time, as the renderer's runs are.
+/// Columns and rows of the noise frame, and pixels drawn at a time, as in the renderer.
 const SIDE: usize = 1024;
 const RUN: usize = 2048;
 /// Mean of its pixels, e-.
 const MEAN_E: f32 = 50.0;
 /// Their read noise, e-.
 pub const READ_E: f32 = 3.0;
-/// Rounds of which medians are told: of noise, and of frames.
+/// Rounds of the medians: of noise, and of frames.
 const ROUNDS: usize = 21;
 const FRAMES: usize = 16;
-/// Frames before those: in the first sixteen, orbits get the segments that frames after them read (`orbit::tracks`).
+/// Frames before those: the first sixteen build the segments of orbits (`orbit::tracks`).
 const WARM: usize = 18;
-/// Frames that threads share one after the other before it is the turn of the single thread: what has slept meanwhile shares the first one late.
+/// Frames in a row on several threads before the turn of the single thread: threads that slept
+/// start late on the first one.
 const STREAM: usize = 4;
 const STEP_S: f64 = 0.1;
 
@@ -132,8 +133,8 @@ pub const CONVERTER: Converter = Converter {
     max: 4095,
 };
 
-/// Shot noise, read noise and digits of even light by a level's kernels, against `theirs`, on one
-/// thread. That is given a round's number and the mean electrons of pixels, and makes digits of them.
+/// Shot noise, read noise and DN of even light by a level's kernels, against `theirs`, on one
+/// thread. `theirs` gets the round, the mean electrons of pixels, and the DN to fill.
 pub fn noise(
     level: Level,
     against: &'static str,
@@ -189,7 +190,8 @@ struct Work {
 }
 
 impl Work {
-    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar SGP4 too. Some frames are made already.
+    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar
+    /// SGP4. Renders some frames already.
     fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
         let (mut config, vehicle) = before(OBJECTS)?;
         config.camera = Camera::load(camera, &Folder::current())?;

@@ -1,6 +1,8 @@
-//! What the orbits of a catalogue take: the batch against the scalar SGP4, threads, tracks, and a camera's whole step.
+//! Orbit times of a catalogue: the batch against the scalar SGP4, threads, tracks, and the whole
+//! step of a camera.
 //!
-//! All figures of a report are of one run, as ratios: those of one work are taken in turns, so that what else the machine does falls on all alike.
+//! All ratios of a report are of one run, and timed in turns, so that other load affects both sides
+//! alike.
 
 mod step;
 mod table;
@@ -28,7 +30,7 @@ const CATALOGUE: usize = 200_000;
 const DEEP: usize = 10;
 /// Calls of the batch in a round, back to back: about as long as one of the scalar SGP4.
 const CALLS: usize = 10;
-/// And of two threads against one: many times as long as a system takes to see that both wait for the same processor.
+/// And of two threads against one: far longer than a scheduler takes to separate them.
 const LONG: usize = 100;
 const ROUNDS: usize = 31;
 /// Frames of the whole step, a tenth of a second apart, after those in which segments are laid.

@@ -1,4 +1,4 @@
-//! One work against another: both are done in turns, so that what else the machine does falls on both alike.
+//! Two pieces of work timed in turns, so that other load on the machine affects both alike.
 
 use super::sample::Sample;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -12,7 +12,7 @@ use std::time::Instant;
 /// Nanoseconds of a millisecond: rows whose unit it is.
 pub(super) const MS: usize = 1_000_000;
 
-/// What works take, all measured in one run.
+/// Measurements of one run.
 pub trait Report: Serialize + fmt::Display + Sized {
     /// Parts that [`Report::measure`] tells of.
     const PARTS: u32;
@@ -152,7 +152,7 @@ pub(super) fn mark(kept: bool) -> &'static str {
     if kept { "" } else { "  NOT kept" }
 }
 
-/// On so many threads.
+/// Runs `work` on so many threads.
 pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     match ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool.install(work),
@@ -173,8 +173,8 @@ pub(super) fn ns(work: impl FnOnce()) -> f64 {
     started.elapsed().as_nanos() as f64
 }
 
-/// A row of two works that are done in turns, `rounds` times; of their ns each is divided by what it stands for: objects, or those of a
-/// unit of time.
+/// Times two pieces of work in turns, `rounds` times. Each time in ns is divided by its `of`: a
+/// number of objects, or the ns of a unit.
 pub(super) fn row(
     work: String,
     against: &'static str,

@@ -28,8 +28,8 @@ struct Stars {
     electrons: Vec<f32>,
 }
 
-/// What smeared stars cost in a frame over what they do at rest: tracks, footprints, signal-to-noise ratios, light on pixels. It is to be at
-/// most fourfold.
+/// Cost of smeared stars over stars at rest: tracks, footprints, signal-to-noise ratios, light on
+/// pixels. At most fourfold.
 ///
 /// Errors: the built-in scene or camera cannot be read.
 pub fn smear() -> Result<Row, ConfigError> {

@@ -64,8 +64,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Opens `dir` for a run of `frames` frames (which choose the contact sheet's panels; more or fewer
-    /// may come), creating it if need be.
+    /// Opens `dir`, creating it if need be, for a run of `frames` frames, which choose the contact
+    /// sheet's panels; more or fewer may come.
     ///
     /// Files of an earlier run, those that its labels list, are removed; no other file is touched.
     ///
@@ -75,7 +75,7 @@ impl Writer {
         Writer::create_over(dir, frames, false)
     }
 
-    /// [`Writer::create`]; with `force` whatever has the name of one of the run's files is replaced, whoever made it.
+    /// [`Writer::create`]; with `force` it replaces any file with the name of one of the run's.
     ///
     /// Errors: as there.
     pub fn create_over(dir: &Path, frames: u32, force: bool) -> Result<Writer, OutputError> {
@@ -88,12 +88,14 @@ impl Writer {
         })
     }
 
-    /// Writes one frame: FITS, PNG, preview, its expected electrons if it carries them, and its line of labels.
+    /// Writes one frame: FITS, PNG, preview, expected electrons if it has them, and its line of
+    /// labels.
     ///
-    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the label as it travels on the wire. Its
-    /// line of `labels.jsonl` has the names of the frame's files besides, as `files`.
+    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the
+    /// label as sent. Its line of `labels.jsonl` also names the frame's files, as `files`.
     ///
-    /// Errors: a file cannot be written; what was written of the frame is removed, and labels without a frame are.
+    /// Errors: a file cannot be written; files of the frame, and labels without a frame, are
+    /// removed.
     pub fn write_frame(
         &mut self,
         camera: &Camera,
@@ -162,7 +164,7 @@ impl Writer {
     }
 }
 
-/// A label's line of `labels.jsonl`: the text of its JSON object, with the names of the frame's files as the last member.
+/// A label's line of `labels.jsonl`: its JSON object with the frame's files as the last member.
 fn with_files(label_json: &str, files: &[String]) -> String {
     let members = label_json.strip_suffix('}').unwrap_or(label_json);
     let comma = if members.ends_with('{') { "" } else { "," };

@@ -1,4 +1,5 @@
-//! The observer's way in steps: position and attitude at every instant, without asking orbit and sidereal time each time.
+//! The observer's path in steps: position and attitude at every instant, without a new orbit and
+//! sidereal time each time.
 
 use super::request::NoPasses;
 use hifitime::Epoch;
@@ -12,7 +13,7 @@ use skyloop_render::sky::apparent::Observer;
 use skyloop_render::sky::population::Shutter;
 use skyloop_render::sky::shadow::Earth;
 
-/// Knots of a step. Positions are the polynomial through them: with 2.5 s between, 1e-7 m off in a low orbit.
+/// Knots of the polynomial of a step: at 2.5 s, 1e-7 m off in a low orbit.
 const KNOTS: usize = 5;
 
 /// The observer during all of a search.
@@ -41,7 +42,8 @@ pub(super) struct Step {
 }
 
 impl<'a> Course<'a> {
-    /// From `from` on for `length_s`, in steps of at most `step_s`; rates are looked at every `look_s`.
+    /// From `from` on for `length_s`, in steps of at most `step_s`; rates are sampled every
+    /// `look_s`.
     pub(super) fn new(
         flight: &'a Flight,
         from: Epoch,

@@ -1,4 +1,4 @@
-//! What is told of one stay in the field.
+//! One stay in the field: where it begins and ends, its extremes, its light.
 
 use super::request::{NoPasses, Search};
 use super::search::{Seeker, Sight};
@@ -91,7 +91,7 @@ impl Seeker<'_> {
         let glimpse = |t_s: f64| self.glimpse(population, index, t_s);
         let nearest_s = least(&|sight| sight.off_axis)?;
         let closest_s = least(&|sight| sight.range_m)?;
-        // The edge itself is within the bisection's millisecond, and may be the last instant with a state.
+        // The edge is known to a millisecond, and may be the last instant with a state.
         let within = |t_s: f64| -> Result<Option<Glimpse>, NoPasses> {
             let inner_s = (t_s.max(start + WITHIN_S)).min(end - WITHIN_S);
             Ok(match glimpse(t_s)? {

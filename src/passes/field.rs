@@ -50,7 +50,7 @@ impl<'a> Field<'a> {
         (on(0) && on(1)).then_some(place)
     }
 
-    /// A bound (rad) from below of the angle from a direction to the edge of the field, on either side of it.
+    /// A lower bound (rad) of the angle from a direction to the edge of the field.
     pub(super) fn to_edge(&self, direction: &Vector3<f64>) -> f64 {
         let dots = self.edge.iter().map(|edge| edge.dot(direction));
         let nearest = libm::acos(dots.fold(-1.0, f64::max).min(1.0));

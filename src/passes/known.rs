@@ -7,7 +7,8 @@ use skyloop_orbit::{Object, OrbitError, StateVector};
 use skyloop_render::attitude::{MAX_POSITION, MAX_SPEED};
 use thiserror::Error;
 
-/// The time over which motion is looked at, s: SGP4's velocities are not how its positions change. Only of those beyond their apogees.
+/// Interval of the motion test, s: SGP4's velocities differ from the change of its positions. For
+/// objects beyond their apogees only.
 const WAY_S: f64 = 0.1;
 
 /// Why there is no state.
@@ -68,8 +69,9 @@ fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     })
 }
 
-/// Whether `object`, of which `error` says that it has no state at its epoch, may have one up to `half_s` (s) before or after.
-/// An ephemeris says when; of elements only both ends are asked, as they fail for longer than that, or not at all.
+/// Whether `object`, which has no state at its epoch by `error`, may have one within `half_s` (s).
+/// An ephemeris tells when; elements are tested at both ends, as they fail for longer, or not at
+/// all.
 pub(super) fn may_have_near(
     object: &Object,
     error: &NoState,

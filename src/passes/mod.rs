@@ -1,10 +1,10 @@
 //! Which objects cross a camera's field, when, and how bright: no frame is made.
 //!
-//! Time goes in steps. For each, [`Population::before`] gives the objects that may stand in the cone of the field at some time of it.
-//! Of each of these the step is bisected: where even the fastest way of its image does not reach the edge of the
-//! detector, it is in the field or not all through; else down to [`Search::shortest_s`]. So no stay in the field
-//! that lasts longer than that is missed, and none that is shorter is sure to be found. Where an object's states begin or end within the
-//! field, so does its stay.
+//! Time goes in steps. For each, [`Population::before`] gives the objects that may be in the cone
+//! of the field. For each of these the step is bisected: where its image cannot reach the edge of
+//! the detector, even at its highest speed, it is in the field or out of it throughout; else down
+//! to [`Search::shortest_s`]. So every stay that lasts longer is found, and shorter ones may be
+//! missed. Where an object's states begin or end in the field, so does its stay.
 
 mod course;
 mod crossing;
@@ -33,8 +33,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Seconds of a step: in them a low orbit goes 80 km.
 const STEP_S: f64 = 10.0;
-/// How often the pointing is looked at where it lacks a direction, s, beside the gaps in the states of its target: the shorter ones only where the
-/// longer ones miss a time without a direction, such as that of an observer below the limb that is looked at.
+/// Steps of the pointing test where it lacks a direction, s. The shorter ones serve where the
+/// longer ones miss such a time, as for an observer below the limb it looks at.
 const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 
 /// What was found.
@@ -42,14 +42,15 @@ const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 pub struct Passes {
     /// In order of entry.
     pub passes: Vec<Pass>,
-    /// Objects whose orbit has no answer at some time of the search, or one that is none (beyond 4e6 km or 100 km/s), each with one reason.
+    /// Objects whose orbit fails at some time of the search, or gives nonsense (beyond 4e6 km or
+    /// 100 km/s), each with one reason.
     pub unknown: BTreeMap<String, String>,
-    /// Times of the search, first and last instants, that were not searched, since the pointing has no direction then.
+    /// Times, first and last instants, without a pointing direction: they were not searched.
     pub unpointed: Vec<[Epoch; 2]>,
 }
 
-/// The passes of a population through the field of `camera` on a vehicle. `tick` is told of the parts of the work that
-/// are done, from 0 to 1.
+/// The passes of a population through the field of `camera` on a vehicle. `tick` gets the finished
+/// part of the work, from 0 to 1.
 pub fn passes(
     search: &Search,
     flight: &Flight,
@@ -152,8 +153,8 @@ fn through(
     })
 }
 
-/// The part of a search in which any object may have a state, and a step on either side of it, so that a stay that begins or ends with the
-/// states is not taken for one that the search cuts off; nothing where no object has any.
+/// The part of a search in which any object may have a state, and a step on either side, so that
+/// such a stay does not look cut off by the search; none if no object has any.
 fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
     let spans = objects.iter().filter_map(Object::span);
     let (first, last) = spans.reduce(|(a, b), (start, end)| (a.min(start), b.max(end)))?;
@@ -168,7 +169,8 @@ fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
     (part.from <= part.to && any()).then_some(part)
 }
 
-/// Whether an object has a state in the time of a search. SGP4 has none for longer than a step, or has one at its end.
+/// Whether an object has a state during a search. SGP4 fails for longer than a step, or not at its
+/// ends.
 fn has_states(object: &Object, search: &Search) -> bool {
     if let Orbit::Ephemeris(ephemeris) = &object.orbit {
         let within = |(start, end)| start <= search.to && end >= search.from;
@@ -180,8 +182,9 @@ fn has_states(object: &Object, search: &Search) -> bool {
     instants.any(|instant| known::state(object, instant, &Matrix3::identity()).is_ok())
 }
 
-/// The steps in which each object may be in the field, and the objects without a state. Of those the test of a step's middle says nothing:
-/// they are looked at in every step that may have states beside its middle.
+/// The steps in which each object may be in the field, and the objects without a state. The test of
+/// a step's middle does not apply to those: they are tested in every step that may have states
+/// elsewhere.
 #[allow(clippy::type_complexity)]
 fn candidates(
     course: &Course,

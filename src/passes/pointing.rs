@@ -16,8 +16,8 @@ const LONGEST_LIGHT_TIME_S: f64 = 10.0;
 /// Light times change by less than 1e-4 of themselves with each of these.
 const LIGHT_TIME_STEPS: usize = 4;
 
-/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude, looked at every `step_s`, and in each gap of the states
-/// of its target and between two gaps, however short.
+/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude: tested
+/// every `step_s`, and in each gap of the target's states.
 pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search> {
     let has = |epoch: Epoch| {
         let state = flight.state(epoch);
@@ -54,7 +54,8 @@ pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search
     parts.collect()
 }
 
-/// The part of a search in which the target may have a state, or its light may arrive; none: it never has one.
+/// The part of a search in which the target may have a state or its light may arrive; none if
+/// never.
 fn with_target(search: &Search, flight: &Flight) -> Option<Search> {
     let Some(target) = &flight.target else {
         return Some(*search);
@@ -68,7 +69,7 @@ fn with_target(search: &Search, flight: &Flight) -> Option<Search> {
     (part.from < part.to).then_some(part)
 }
 
-/// Instants of a search, in order, between which the target's states begin and end, and those at which they do so in its light.
+/// Instants of a search, in order, at which the target's states, or their light, begin and end.
 fn beside_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
     let Some(target) = &flight.target else {
         return Vec::new();
@@ -81,7 +82,8 @@ fn beside_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
     inside
 }
 
-/// When the light that leaves a target at an instant, maybe in a short gap of its states, arrives: t = left + |r(t) - r_observer(t)| / c, by iteration.
+/// When light that leaves a target at an instant arrives: t = left + |r(t) - r_observer(t)| / c, by
+/// iteration.
 fn seen(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
     let place = |at| target.state(at).ok().map(|state| state.position_m);
     let beside = [1.0, -1.0]
@@ -95,7 +97,7 @@ fn seen(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
     Some(at)
 }
 
-/// The instant between two, of which one has an attitude, at which that changes: of those bisected the last that has one.
+/// Between two instants, one of which has an attitude: the last one with an attitude, by bisection.
 fn edge([mut low, mut high]: [Epoch; 2], had: bool, has: &impl Fn(Epoch) -> bool) -> Epoch {
     while high - low > seconds(FINE_S) {
         let middle = low + (high - low) * 0.5;

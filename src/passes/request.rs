@@ -14,7 +14,7 @@ pub struct Search {
     pub from: Epoch,
     /// The last one, after it.
     pub to: Epoch,
-    /// No stay in the field that is longer is missed, s; what is not above a millisecond counts as one.
+    /// Every stay longer than this is found, s; values up to a millisecond count as one.
     pub shortest_s: f64,
 }
 

@@ -1,4 +1,5 @@
-//! When an object is in the field: instants are bisected where, by how fast its image can move at most, it may reach the edge.
+//! When an object is in the field: instants are bisected where its image, at its highest possible
+//! speed, may reach the edge.
 
 use super::course::{Course, Step};
 use super::field::Field;
@@ -121,7 +122,8 @@ impl Seeker<'_> {
         Ok(())
     }
 
-    /// Whether it is in the field, or not, for `half_s` before and after an instant; none where it may change, or its states may begin or end.
+    /// Whether it is in the field for `half_s` before and after an instant; none where that or its
+    /// states may change.
     fn throughout(&self, step: &Step, t_s: f64, half_s: f64) -> Result<Option<bool>, NoPasses> {
         let epoch = self.course.epoch(t_s);
         let state = match self.state(step, epoch) {
@@ -136,7 +138,7 @@ impl Seeker<'_> {
         let observer = step.state(t_s);
         let line = state.position_m - observer.position_m;
         let range = line.norm();
-        // On a way w the line turns by asin(w / range) at most: pi w / range is above it, with room for a way that bends.
+        // Over a path w the line turns by asin(w / range) at most: pi w / range is above that.
         let way = (state.velocity_m_s - observer.velocity_m_s).norm() * half_s;
         let sweep = PI * way / range.max(1e-3) + step.rate * half_s + 2.0 * WANDER;
         if range < OWN_VEHICLE_M || sweep > PI {
@@ -164,7 +166,7 @@ impl Seeker<'_> {
         self.lost.get_or_init(|| why.to_string());
     }
 
-    /// The instant between a known one and another, of the other kind, at which it crosses the edge: the last one inside.
+    /// The instant at which it crosses the edge: the last one inside.
     fn edge_between(&self, (known_s, inside): (f64, bool), other_s: f64) -> Result<f64, NoPasses> {
         let (mut low, mut high) = (known_s, other_s);
         while high - low > FINE_S {
@@ -210,7 +212,8 @@ impl Seeker<'_> {
         }))
     }
 
-    /// The instant between `low` and `high` at which a quantity is least, if it has one least value there.
+    /// The instant between `low` and `high` with the least value of a quantity that has one
+    /// minimum.
     pub(super) fn least(
         &self,
         ends: [f64; 2],

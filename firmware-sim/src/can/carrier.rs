@@ -1,7 +1,7 @@
-//! Between whole packets and a bus: one thread reads frames, another has the [`Node`], sends, and keeps the pace.
+//! Packets on a bus: one thread reads frames, another runs the [`Node`], sends, and keeps the pace.
 //!
-//! The reader does nothing but read, so that the kernel's buffer never fills up while a frame waits for its turn on the
-//! bus. A bus that goes (an interface set down, an adapter unplugged) is opened again until it is back.
+//! The reader only reads, so that the kernel's buffer never fills up while a frame waits for the
+//! bus. A bus that vanishes (interface down, adapter unplugged) is reopened until it is back.
 
 use super::pacing::{Pace, Rates};
 use super::{CanBus, Opener, Sending, Trouble};
@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What the carrier works for: its packets, its client's, and its book-keeping.
+/// The owner of a carrier: its packets, and its book-keeping.
 pub trait Above: Send + 'static {
     /// A packet to send.
     type Packet: AsRef<[u8]> + Send;
@@ -21,10 +21,10 @@ pub trait Above: Send + 'static {
     /// The next packet to send.
     fn next(&mut self) -> Next<Self::Packet>;
 
-    /// A packet that has arrived whole, when its last frame had. False: nobody wants packets any more.
+    /// A packet has arrived; `at`: its last frame. False: packets are no longer wanted.
     fn arrived(&mut self, packet: &[u8], at: Instant) -> bool;
 
-    /// Whether anybody still wants its packets: if not, the carrier ends, whatever is under way.
+    /// Whether packets are still wanted: if not, the carrier ends at once.
     fn is_wanted(&self) -> bool;
 
     /// A packet has left, or has been given up: that is an `Unsent` too.
@@ -97,8 +97,8 @@ impl Waker {
     }
 }
 
-/// Starts the two threads, called `name`. The thread behind the handle ends when `above` has nothing to send any more and all
-/// has left, or when nobody wants its packets.
+/// Starts the two threads, called `name`. The returned one ends when `above` is closed and all has
+/// left, or when packets are no longer wanted.
 ///
 /// # Errors
 /// The system gives no thread or no second handle to the bus.
@@ -173,7 +173,7 @@ impl Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        // It ends within its time-out; a reader that waits for room in the queue ends with the carrier.
+        // It ends within its time-out, or with the carrier if the queue is full.
         self.stop.store(true, Ordering::Relaxed);
     }
 }
@@ -207,7 +207,7 @@ struct Carrier<A: Above> {
 }
 
 impl<A: Above> Carrier<A> {
-    /// Sends what may go, then waits for the next event and takes all there are. False: this is the end.
+    /// Sends what may leave, then waits for events and handles them. False: the carrier ends.
     fn turn(&mut self) -> bool {
         self.feed();
         let due = match self.restart().and_then(|()| self.push()) {
@@ -215,7 +215,8 @@ impl<A: Above> Carrier<A> {
             Err(error) => return self.recover(error),
         };
         self.book();
-        // What has been given up just now has left its lane, too: at the end nobody must count it again.
+        // Packets just given up leave their lane here, so that they are not counted again at the
+        // end.
         self.finish();
         if self.closed && self.is_idle() || !self.above.is_wanted() {
             return false;
@@ -386,8 +387,8 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Ends the reader of a bus that has gone. The frames that it leaves behind belong to that bus, and so does what it
-    /// says of its end: it must not be heard of the next one.
+    /// Ends the reader of a bus that is gone. Its remaining frames and errors belong to that bus,
+    /// not to the next one.
     fn dismiss_reader(&mut self) {
         let Some(reader) = self.reader.take() else {
             return;
@@ -427,7 +428,7 @@ impl<A: Above> Carrier<A> {
             };
             let shared = bus.share();
             let reader = shared.and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
-            // Without a second handle or a thread for it, it is tried again like one that is not there.
+            // Without a second handle or thread it is retried like a bus that is not there.
             if let Ok(reader) = reader {
                 (self.bus, self.reader) = (Some(bus), Some(reader));
                 self.above.note(Note::Back);

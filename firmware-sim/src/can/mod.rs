@@ -1,5 +1,5 @@
-//! CAN buses as both ends of the cable use them: frames through the kernel's SocketCAN or through a LAWICEL-style adapter
-//! on a serial line, sent no faster than the bus carries them.
+//! CAN buses for both ends of the cable, through the kernel's SocketCAN or through a LAWICEL-style
+//! adapter on a serial line, at the rate of the bus.
 //!
 //! 1. [`CanBus`]: what a bus can do. [`socket`] and [`slcan`] are the two there are.
 //! 2. [`settings`]: what a link's address says about a bus. [`pacing`]: how fast its frames may follow each other.
@@ -28,8 +28,8 @@ pub enum Sending {
     Full,
 }
 
-/// A bus: frames out, frames in. Its errors mean that it has gone; what the controller reports of errors on the bus comes
-/// as frames with [`CanFrame::error`].
+/// A bus. Its errors mean that it is gone; errors on the bus come as frames with
+/// [`CanFrame::error`].
 pub trait CanBus: Send {
     /// Sends a frame, without waiting for long.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending>;
@@ -43,8 +43,8 @@ pub trait CanBus: Send {
     /// The system gives no second handle.
     fn share(&self) -> io::Result<Box<dyn CanBus>>;
 
-    /// Puts a controller that has left the bus back on it, after [`Trouble::BusOff`]; the handle that sends does it. [`Sending::Full`]: call it
-    /// again later. A kernel's interface restarts by itself (`restart-ms`).
+    /// Puts a controller back on the bus after [`Trouble::BusOff`], by the handle that sends.
+    /// [`Sending::Full`]: try again later. A kernel's interface restarts by itself (`restart-ms`).
     fn restart(&mut self) -> io::Result<Sending> {
         Ok(Sending::Sent)
     }

@@ -1,7 +1,7 @@
-//! How fast frames may follow each other: no faster than the bus carries them, and with a share of its time left to others.
+//! Spacing of frames: no faster than the bus carries them, with a share of its time left to others.
 //!
-//! A virtual bus takes frames as fast as they are written, and its receivers lose what they cannot read in time, in
-//! silence. A real one has a transmit queue that is soon full, and nodes that a sender without pause shuts out.
+//! A virtual bus takes frames at any speed, and its receivers silently lose what they cannot read
+//! in time. A real one has a small transmit queue, and a sender without pauses blocks other nodes.
 
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::frame::{WireBits, padded_length};
@@ -22,7 +22,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// From the start of this frame to when the next may follow: its bits, stuff bits included, over the load.
+    /// Time from this frame to the next one: its bits, stuff bits included, over the load.
     #[must_use]
     pub fn duration(&self, frame: &CanFrame) -> Duration {
         self.time(frame.exact_bits())
@@ -33,8 +33,8 @@ impl Rates {
         bus.div_f64(self.load)
     }
 
-    /// Time of a frame with this many octets of any data: of random bits one in 31 is followed by a stuff bit, at worst one
-    /// in four.
+    /// Time of a frame with this many bytes of random data: one stuff bit in 31 bits (at worst, one
+    /// in four).
     fn usual_time(&self, octets: usize, fd: bool) -> Duration {
         let Some(frame) = CanFrame::new(0, fd, &[0; 64][..octets.min(64)]) else {
             return Duration::ZERO;
@@ -43,11 +43,11 @@ impl Rates {
         least + most.saturating_sub(least) * 4 / 31
     }
 
-    /// Time of a whole packet of `length` octets that goes by ISO-TP (ISO 15765-2, 9.6), without the answers of the other
-    /// end. Attitudes, short commands and Acks go as plain frames, in less.
+    /// Time of a packet of `length` bytes by ISO-TP (ISO 15765-2, 9.6), without flow control.
+    /// Attitudes, short commands and Acks go as plain frames, in less.
     #[must_use]
     pub fn packet_duration(&self, length: usize, fd: bool) -> Duration {
-        // Only FD frames of more than 8 octets are filled up, to the next length that there is.
+        // FD frames of more than 8 bytes are padded to the next valid length.
         let of = |octets: usize| self.usual_time(padded_length(octets), fd);
         let (most, single) = if fd { (64, 62) } else { (8, 7) };
         if length <= single {

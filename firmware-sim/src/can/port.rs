@@ -44,7 +44,7 @@ const INBOUND: usize = 1024;
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 /// How long what is queued may take to leave at the end.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
-/// When nothing has come for so long, nobody takes what is queued: nothing waits for room, or at the end, any more.
+/// After this silence no client reads: nothing waits for room, or at the end, any more.
 const SILENCE: Duration = Duration::from_secs(2);
 /// The time to leave at the end in such a silence: a short command needs no answer.
 const SILENT_CLOSE_TIMEOUT: Duration = Duration::from_millis(100);

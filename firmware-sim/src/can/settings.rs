@@ -1,4 +1,4 @@
-//! What a link's address says about a bus: `can://vcan0?bitrate=500000&fd=8000000&load=0.9`.
+//! A bus by its address: `can://vcan0?bitrate=500000&fd=8000000&load=0.9`.
 
 use super::pacing::Rates;
 use crate::address::Address;
@@ -28,7 +28,8 @@ const BITRATES: std::ops::RangeInclusive<u32> = 10_000..=1_000_000;
 const MAX_DATA_BITRATE: u32 = 8_000_000;
 
 impl Settings {
-    /// A bus at `place` with what is usual: classic frames at 500 kbit/s, a tenth of the bus time left to others.
+    /// A bus at `place` with defaults: classic frames at 500 kbit/s, a tenth of the time left to
+    /// others.
     #[must_use]
     pub fn new(place: &str) -> Settings {
         const BITRATE: u32 = 500_000;
@@ -85,15 +86,16 @@ impl Settings {
         Ok(())
     }
 
-    /// Time of one packet of so many octets: on the bus or, where that takes longer, on the serial line of the adapter
-    /// (10 bit times an octet, two hexadecimal digits an octet of data).
+    /// Time of one packet: on the bus or, if longer, on the serial line of the adapter (10 bit
+    /// times a byte, two hexadecimal digits per data byte).
     #[must_use]
     pub fn packet_duration(&self, octets: usize) -> Duration {
         let on_bus = self.rates.packet_duration(octets, self.fd);
         let Some(baud) = self.baud else {
             return on_bus;
         };
-        // Octets of data that a segment carries, and octets of its line: letter, identifier 3, length 1, digits, CR.
+        // Data bytes of a segment, and bytes of its line: letter, identifier 3, length 1, digits,
+        // CR.
         let (carried, line) = if self.fd {
             (63, 6 + 2 * 64)
         } else {

@@ -113,7 +113,7 @@ impl FlightComputer {
         Self { faults, ..self }
     }
 
-    /// Takes whole frames, and looks neither at their pixels nor at their labels: for runs that measure the emulator and not this.
+    /// Receives frames without looking at pixels or labels: for runs that measure the emulator.
     #[must_use]
     pub fn taking_only(self) -> Self {
         Self {
@@ -128,13 +128,14 @@ impl FlightComputer {
         Self { pause, ..self }
     }
 
-    /// By the wall clock it is the mission's start at `zero`, however long the emulator takes to answer; none: as the first attitude leaves.
+    /// By the wall clock the mission starts at `zero`; none: when the first attitude leaves.
     #[must_use]
     pub fn with_zero(self, zero: Option<Instant>) -> Self {
         Self { zero, ..self }
     }
 
-    /// Closes the loop: the mission's attitude is held against a drift, by what the frames show. By the wall clock only.
+    /// Closes the loop: holds the mission's attitude against a drift, by the frames. By the wall
+    /// clock only.
     #[must_use]
     pub fn with_control(self, closed: Option<ControlSettings>) -> Self {
         Self { closed, ..self }
@@ -221,7 +222,8 @@ impl FlightComputer {
         }
     }
 
-    /// What can be known before anything is sent: settings, and the attitude at both ends of a stepped run.
+    /// Errors known before anything is sent: settings, and the attitude at both ends of a stepped
+    /// run.
     fn check(&self) -> Result<(), RunError> {
         let listens = self.mission.pace == Pace::Listen;
         for (role, has) in [

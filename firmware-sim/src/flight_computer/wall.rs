@@ -46,10 +46,10 @@ impl FlightComputer {
                 Ok(Duration::MAX)
             };
             let due = due.unwrap_or(Duration::MAX);
-            // One look at the clock for all: a turn is often one packet, of which there are tens of thousands a second.
+            // The clock is read once per turn, as turns come tens of thousands of times a second.
             let now = Instant::now();
             let elapsed = now.saturating_duration_since(begin);
-            // At a rate that this machine cannot keep the next one is always due: what has come is taken all the same.
+            // At too high a rate an attitude is always due: packets are taken all the same.
             let is_due = elapsed >= due && taken.is_none_or(|packets| packets >= TAKEN_BETWEEN);
             if is_due {
                 let elapsed_s = elapsed.as_secs_f64();

@@ -1,5 +1,6 @@
-//! CAN frames in the log format of can-utils' `candump -l`: `(1436509052.249713) can0 123#DEADBEEF`, with `##` and a digit
-//! of flags for FD frames. The format has no direction, the identifiers do: what the emulator sends is 0x200 to 0x2FF.
+//! CAN frames in the log format of `candump -l` (can-utils): `(1436509052.249713) can0
+//! 123#DEADBEEF`, with `##` and a digit of flags for FD frames. The direction follows from the
+//! identifier: the emulator sends 0x200 to 0x2FF.
 
 use super::{CaptureError, Record};
 use bytes::Bytes;
@@ -51,8 +52,8 @@ pub fn line(record: &Record<CanFrame>) -> String {
     line
 }
 
-/// Reads a log of candump; newer ones may state a direction (R, T) at a line's end. What a recording that broke off has
-/// of its last line is left out.
+/// Reads a log of candump; newer ones may state a direction (R, T) at the end of a line. A cut last
+/// line is left out.
 pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureError> {
     let (whole, rest) = text.split_at(text.rfind('\n').map_or(0, |end| end + 1));
     let text = if parse(rest).is_some() || whole.is_empty() {

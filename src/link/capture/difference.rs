@@ -33,8 +33,8 @@ pub fn called(personality: &Personality, packet: &[u8]) -> String {
     }
 }
 
-/// The first difference of a replayed packet from the recorded one; none if there is none that counts. A Status may
-/// differ in its counters, as those of the link depend on the link, and in its times.
+/// The first relevant difference of a replayed packet from the recorded one. Counters and times of
+/// a Status do not count.
 pub fn first(
     personality: &Personality,
     width: u16,

@@ -1,5 +1,5 @@
-//! Recordings: what the emulator takes from a link and what it hands to it, in the order in which it does, each with its
-//! time. A thread writes the file, so that a slow disk does not hold up the run; a packet is never left out.
+//! Recordings of a link's packets, as the emulator takes and sends them, with times. A thread
+//! writes the file, so that a slow disk does not delay the run; no packet is left out.
 
 mod bus;
 pub mod candump;
@@ -41,9 +41,11 @@ pub struct Record<P> {
     pub link: u32,
     /// Which exchange it belongs to.
     pub exchange: u32,
-    /// The emulator had looked for a packet in vain before it took this one: what it did meanwhile may depend on that.
+    /// The emulator had polled in vain before it took this packet: what it did meanwhile may depend
+    /// on that.
     pub first: bool,
-    /// How many frames the emulator had made when it took this one (in); none: not recorded, and it made no frame at that moment.
+    /// Frames made before the emulator took this packet (in); none: not recorded, and no frame was
+    /// being made.
     pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
@@ -64,7 +66,8 @@ impl<P> Record<P> {
     }
 }
 
-/// How a recording of packets is recognised: pcapng's section header and the program that wrote it. One of CAN frames has no mark.
+/// Mark of a recording of packets: pcapng's section header and program. Logs of CAN frames have
+/// none.
 const MARK: Mark = &["\n\r\r\n", "skyloop "];
 /// Records that may wait to be written; then the run waits.
 const QUEUE: usize = 4096;
@@ -112,7 +115,7 @@ pub enum CaptureError {
     },
 }
 
-/// What to do about an output file that cannot be opened; refusals of skyloop's own say it themselves.
+/// Remedy for an output file that cannot be opened; skyloop's own refusals contain theirs.
 pub fn remedy_of(error: &std::io::Error) -> &'static str {
     match error.kind() {
         std::io::ErrorKind::InvalidInput => "",
@@ -167,7 +170,8 @@ impl WallTime {
 }
 
 impl Capture {
-    /// Opens `file` for a recording; it is changed by [`Capture::begin`] only. `force`: even if skyloop did not write it.
+    /// Opens `file` for a recording; [`Capture::begin`] changes it. `force`: even if skyloop did
+    /// not write it.
     fn create(
         file: &Path,
         force: bool,
@@ -209,8 +213,8 @@ impl Capture {
         Capture::create(file, force, None)
     }
 
-    /// Begins the recording, in place of what the file had. One of packets starts with `origin`; candump's format has no
-    /// place for it.
+    /// Begins the recording and replaces the file. One of packets starts with `origin`, for which
+    /// candump's format has no place.
     pub fn begin(&mut self, origin: &Origin) -> Result<(), CaptureError> {
         let links = self.links.as_ref();
         let head = links.map(|links| pcapng::head(links, &origin.to_lines()));
@@ -229,7 +233,7 @@ impl Capture {
         }
     }
 
-    /// Records what the emulator takes from `wire` and what it hands to it: number `link` of those of the recording.
+    /// Records the packets of `wire` in both directions, as link number `link`.
     pub fn tap(&self, wire: &mut Wire, link: u32) {
         wire.inbox.observe(Box::new(Tap {
             link,
@@ -355,7 +359,7 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-/// Writes records until the recording ends. After an error the others are counted only: the run goes on.
+/// Writes records until the end. After an error the rest are only counted: the run goes on.
 fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u64, CaptureError> {
     let mut to = BufWriter::with_capacity(1 << 16, Counted { to, bytes: 0 });
     // Ends of the records of which not all bytes have been written, and the end of the last one.

@@ -1,4 +1,4 @@
-//! What a recorded run was made from: settings and input files. A replay compares them with its own.
+//! Settings and input files of a recorded run. A replay compares them with its own.
 
 use skyloop_orbit::Input;
 use skyloop_orbit::path_text;

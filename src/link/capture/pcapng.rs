@@ -15,9 +15,9 @@ const PACKET: u32 = 6;
 const MAGIC: u32 = 0x1A2B_3C4D;
 /// LINKTYPE_WIRESHARK_UPPER_PDU.
 const UPPER_PDU: u16 = 252;
-/// Tag "dissector name" (12) with `ccsds`, padded to a multiple of four octets, and the end of the tags.
+/// Tag "dissector name" (12) with `ccsds`, padded to four octets, and the end of the tags.
 const TAGS: [u8; 16] = *b"\0\x0c\0\x08ccsds\0\0\0\0\0\0\0";
-/// Options: end, comment, name of the interface, its resolution of time, flags and queue of a packet, the program.
+/// Option codes of blocks.
 const END: u16 = 0;
 const COMMENT: u16 = 1;
 const INTERFACE_NAME: u16 = 2;
@@ -129,8 +129,8 @@ pub struct Packets {
     pub records: Vec<Record<Bytes>>,
 }
 
-/// Reads the records of a file that skyloop has written; blocks of other kinds are passed over. A last block that is cut
-/// off (the run was killed) is left out, and the log says so.
+/// Reads a file that skyloop has written; other blocks are skipped. A cut last block (the run was
+/// killed) is left out, with a log message.
 pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
         file: path_text(file),

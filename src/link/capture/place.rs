@@ -51,7 +51,7 @@ pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
     Place::of(&reply, packet)
 }
 
-/// The packet with the CRC that fits it: one that was altered in a recording by hand may have lost its own.
+/// The packet with a matching CRC: a recording may have been edited by hand.
 pub fn sealed(packet: &[u8]) -> Vec<u8> {
     let mut packet = packet.to_vec();
     reseal(&mut packet);

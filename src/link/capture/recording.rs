@@ -1,8 +1,8 @@
 //! A recording, read from its file for a replay.
 //!
-//! Frames of a bus were queued before they were recorded there. Packets that a client requested again stand among
-//! others than where they were sent, those of a frame that a Reset ends still follow it, and what the bus lost is
-//! missing. So such a recording is sorted first.
+//! On a bus, recorded frames had been queued before. Repeated packets stand where they were
+//! repeated, packets of a frame that a Reset ends follow the Reset, and lost ones are missing. So
+//! such a recording is sorted first.
 
 use super::place::{Place, place_of};
 use super::{CaptureError, Origin, Record, candump, pcapng};
@@ -24,14 +24,14 @@ pub struct Recording {
     pub links: Vec<Roles>,
     /// Their packets.
     pub events: Vec<Record<Bytes>>,
-    /// Whether it was made on the bus and not at the emulator's end: packets were queued between the two, and short ones
-    /// overtook long ones. Then only frames are compared, and not their sequence counts.
+    /// Whether it was made on the bus: packets were queued, and short ones overtook long ones. Then
+    /// only frames are compared, without their sequence counts.
     pub on_the_bus: bool,
     /// Packets that came again, on the client's request, otherwise than the first time.
     pub(super) altered: BTreeMap<Place, Vec<Bytes>>,
     /// Frames of which packets are missing in it, on the bus: the others are compared.
     pub torn: usize,
-    /// Frames that are in it and not compared: packets of them are there twice, and nobody had asked.
+    /// Frames that are not compared: packets of them are there twice without a request.
     pub doubled: usize,
 }
 
@@ -90,8 +90,8 @@ struct Found {
     twice: bool,
 }
 
-/// What can be compared of a recording made on a bus: what was received, and the packets of frames, each once and
-/// where it was sent first at the latest.
+/// The comparable part of a recording made on a bus: received packets, and each packet of a frame
+/// once, no later than it was first sent.
 fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recording {
     let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
     let mut asked = BTreeSet::new();
@@ -142,7 +142,7 @@ fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recordin
     }
 }
 
-/// When an event happened: after which event of the recording, and in order of places among several such.
+/// When an event happened: after which recorded event, and its place among several such.
 type Moment = (usize, Place);
 
 /// When the emulator took or sent each event; none of those that are not compared.
@@ -153,14 +153,15 @@ fn moments(
 ) -> Vec<Option<Moment>> {
     let mut moments = vec![None; events.len()];
     for found in frames.values() {
-        // Packets are sent in order: one that stands after a later one was lost there, and sent again.
+        // Packets are sent in order: one after a later one was lost, and sent again.
         let mut next = usize::MAX;
         for (place, at) in found.places.iter().rev() {
             next = next.min(*at);
             moments[*at] = Some((next, *place));
         }
     }
-    // A Reset ends the frame under way: its packets had been sent before. What was received keeps its order.
+    // A Reset ends the current frame, whose packets were sent before. Received packets keep their
+    // order.
     let mut earliest = 0;
     let received = |at: &usize| events[*at].direction == Direction::In;
     for at in (0..events.len()).filter(received) {
@@ -191,7 +192,7 @@ mod tests {
         Record::on_bus(Duration::ZERO, direction, Bytes::copy_from_slice(item))
     }
 
-    /// The header, from the golden vectors' own codec, of a frame with `parts` parts of labels and no pixels.
+    /// The header of a frame with `parts` parts of labels and no pixels.
     fn header(frame: u32, parts: u16) -> Record<Bytes> {
         let golden = FrameHeader {
             frame,

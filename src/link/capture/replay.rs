@@ -1,9 +1,9 @@
-//! Links that play a recording: what was received comes again, in its place among the packets that are sent, and what
-//! is sent is compared with what was.
+//! Links that play a recording: received packets come again in their order, and sent packets are
+//! compared with the recorded ones.
 //!
-//! The emulator's end of a link is one thread, so its run is a function of what it takes and when: each packet is held
-//! back until the emulator has sent what the recording has before it, and sending waits until it has taken what the
-//! recording has before that. No clock is asked.
+//! The run of the emulator depends only on the order of packets: each one is held back until the
+//! emulator has sent what was recorded before it, and sending waits for what it took before. No
+//! clock is used.
 
 use super::Record;
 use super::difference::{called, first};
@@ -88,7 +88,8 @@ struct End {
     taken: Option<(u16, u16)>,
     /// Packets that the recording still has of each frame.
     left: BTreeMap<u32, u32>,
-    /// The frame under way: its place in the progress, its columns, its packets, the sum of their payloads.
+    /// The current frame: its place in the progress, its columns, its packets, the CRC of their
+    /// payloads.
     frame: usize,
     width: u16,
     due: u32,
@@ -215,8 +216,8 @@ impl Replay {
         std::mem::take(&mut lock(&self.state).progress)
     }
 
-    /// Puts the next event into the inbox, if it is a packet that was received. One that came after the emulator had
-    /// looked in vain waits until it has; one that came when more frames had been made, until they are.
+    /// Queues the next event if it was received. One that came after a poll in vain waits for such
+    /// a poll; one that came after more frames, for those.
     fn feed(&self, state: &mut State) {
         let Some(event) = state.events.get(state.at) else {
             self.end(state);
@@ -369,7 +370,7 @@ impl Outbox for Played {
         Ok(None)
     }
 
-    /// As the recorded run answered: the recording was made behind the faults, and does not say whether there were any.
+    /// As the recorded run answered: the recording does not say whether there were faults.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
         let state = lock(&self.replay.state);
         match state.refusal(self.link) {
@@ -383,7 +384,7 @@ impl Outbox for Played {
 }
 
 impl State {
-    /// Why the recorded emulator refused the packet that was taken last from this link; none if it did not.
+    /// Why the recorded emulator refused the last packet of this link; none if it did not.
     fn refusal(&self, link: usize) -> Option<String> {
         let taken = self.ends[link].taken?;
         let own = |e: &&Record<Bytes>| e.direction == Direction::Out && e.link as usize == link;

@@ -1,9 +1,9 @@
-//! How long a replay has stood still, and how much of that the emulator had nothing to do.
+//! How long a replay has stood still, and for how much of that the emulator was idle.
 
 use std::time::{Duration, Instant};
 
-/// An emulator without work looks for packets at least as often as this (`serve`: every 50 ms). One that comes later has
-/// worked meanwhile: on a frame, which may take minutes.
+/// An idle emulator polls for packets at least this often (`serve`: every 50 ms). A later poll
+/// means that it was rendering, which may take minutes.
 const LOOKS: Duration = Duration::from_millis(200);
 
 /// Since something was taken or sent.

@@ -95,8 +95,8 @@ impl Book {
         self.stopped.add(Direction::Out, way_out);
     }
 
-    /// The fault without an end, or that lasts 30 s longer, by which nothing passes any more, such as `stuck, out`, and how many packets (on CAN: frames)
-    /// met it. None if no packet met one after `since`, or it is over.
+    /// The endless fault that stops all packets, such as `stuck, out`, and how many packets (on
+    /// CAN: frames) met it. None if no packet met one after `since`, or it is over.
     pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<Stop> {
         self.stopped.since(since, Instant::now(), needs)
     }

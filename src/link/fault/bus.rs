@@ -1,9 +1,9 @@
 //! The faults around a CAN bus: its frames are harmed one by one.
 //!
-//! The link reads with one handle and sends with the other. Whichever handle comes first sends what is due; the
-//! other goes on with its own work. Frames that the receiver throws away, or that find the delay line full, count as
-//! overflows. While the bus is off (in either direction), nothing comes, frames to be sent wait in the controller's
-//! queue, and the link gets an error frame as from the kernel.
+//! The link reads with one handle and sends with the other. Each handle first sends the frames that
+//! are due, unless the other one is doing so. Frames that the receiver drops, or that find the
+//! delay line full, count as overflows. While the bus is off in either direction, nothing arrives,
+//! frames to send stay queued, and the link gets an error frame as from the kernel.
 
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
@@ -95,7 +95,8 @@ struct State {
 }
 
 impl BusFaults {
-    /// The faults of `plan`, and those that the client commands, at the bus at `address` whose link counts in `tally`.
+    /// Scheduled faults of `plan` and live faults, at the bus at `address` whose link counts in
+    /// `tally`.
     pub fn new(
         address: &str,
         tally: &Arc<Tally>,
@@ -134,7 +135,7 @@ impl State {
         self.stopped.take().or_else(|| self.faults.pop_out())
     }
 
-    /// When a handle that reads is to look again. A frame that is due and cannot leave is no reason.
+    /// When a reading handle must look again. A due frame that cannot leave does not count.
     fn wake_at(&self) -> Option<Duration> {
         let blocked = self.is_off || self.stopped.is_some() || self.sending;
         let out = self.faults.way_out.next_due().filter(|_| !blocked);
@@ -194,8 +195,8 @@ struct FaultyBus {
 }
 
 impl FaultyBus {
-    /// Sends what is due. The lock is not held meanwhile: a bus may take its time, and the other handle has frames
-    /// to read.
+    /// Sends the frames that are due. The lock is released meanwhile, so that the other handle can
+    /// read.
     fn hand_on(&mut self) -> io::Result<()> {
         let mut state = self.faults.lock();
         while let Some(frame) = state.next_due() {

@@ -1,4 +1,4 @@
-//! The engine: what befalls the items of one direction, and when they go on. It knows no clock and no wire.
+//! The fault engine of one direction. It has no clock of its own and no wire.
 
 use super::harm::{ORDER, Way, is_loss};
 use super::injection::{Injection, What};

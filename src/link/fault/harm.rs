@@ -7,7 +7,7 @@ use skyloop_base::rng::PixelStream;
 use skyloop_protocols::FaultKind;
 use std::time::Duration;
 
-/// In which order an item suffers: first what the line does, then its time, at last the receiver.
+/// Order of the faults: first those of the line, then delays, then those of the receiver.
 pub(super) const ORDER: [FaultKind; 11] = [
     FaultKind::BusOff,
     FaultKind::Down,
@@ -91,8 +91,8 @@ pub(super) fn is_damage(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Truncate | FaultKind::BitFlips)
 }
 
-/// Which of `bits` bits are inverted, each with `probability`: the gaps between them are geometric (Devroye 1986,
-/// X.2), so that one draw is enough for each that is.
+/// Which of `bits` bits are inverted, each with `probability`. The gaps are geometric (Devroye
+/// 1986, X.2), so that one draw per inverted bit is enough.
 fn flips(random: &mut PixelStream, probability: f64, bits: usize) -> Vec<usize> {
     if probability >= 1.0 {
         return (0..bits).collect();

@@ -34,7 +34,7 @@ pub(super) struct Injector<I, O = I> {
 }
 
 impl<I: Damageable, O: Damageable> Injector<I, O> {
-    /// The faults of `plan`, and those that the client commands, on the link at `address` with this `tally`.
+    /// Scheduled faults of `plan` and live faults, on the link at `address` that counts in `tally`.
     pub fn new(
         address: &str,
         tally: &Arc<Tally>,
@@ -82,8 +82,8 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
         self.way_out.pop_due(now)
     }
 
-    /// Switches the fault that `packet` commands; false if it commands none. What a link of whole packets (no bus)
-    /// cannot inject is left to the emulator, which refuses it.
+    /// Switches the fault that `packet` commands; false if it commands none. The emulator refuses
+    /// faults that only a bus can have.
     pub fn switch(&mut self, packet: &[u8], is_bus: bool) -> bool {
         let decoded = (self.personality.decode_command)(packet);
         let Ok((header, Command::Fault(fault))) = decoded else {
@@ -101,8 +101,8 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
         true
     }
 
-    /// Logs and counts what both directions have injected, in order of time; when the CAN controller left the bus
-    /// or came back.
+    /// Logs and counts new injections of both directions in order of time. Returns when the CAN
+    /// controller left the bus or came back.
     pub fn note(&mut self) -> Vec<Change> {
         let Some(now) = self.now() else {
             return Vec::new();

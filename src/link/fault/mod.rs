@@ -1,7 +1,7 @@
-//! Faults in any link: items are damaged, lost, doubled, delayed or reordered, by a schedule or by the client's
-//! command. All of it repeats with its seeds, and is logged.
+//! Faults in any link: items are damaged, lost, doubled, delayed or reordered, by a schedule or by
+//! command. They repeat with their seeds, and are logged.
 //!
-//! The order is wire, faults, capture, emulator: a recording holds what the emulator received and what it sent.
+//! The order is wire, faults, capture, emulator: a recording holds what the emulator got and sent.
 
 mod book;
 mod bus;

@@ -1,4 +1,4 @@
-//! Faults of one kind that take the whole link out of action, whatever directions and rules they have.
+//! Outages: faults of one kind, in any direction, that take the whole link down.
 
 use super::injection::{Injection, What};
 use skyloop_protocols::FaultKind;

@@ -79,8 +79,8 @@ impl Rule {
         self.turned == 2
     }
 
-    /// Random numbers for the next item. They depend on the seed, the rule and how many items it has seen, so that
-    /// they repeat from run to run.
+    /// Random numbers for the next item. They depend on the seed, the rule and the number of items
+    /// before, so that they repeat.
     pub(super) fn draw(&mut self) -> PixelStream {
         let key = NoiseKey {
             seed: self.seed,

@@ -1,4 +1,4 @@
-//! The answers to commands that switch faults: whatever is in force, a client learns whether its command took.
+//! Answers to commands that switch faults pass all faults, so that a client learns the result.
 
 use skyloop_protocols::packet::{apid, identify};
 use skyloop_protocols::{Personality, Reply};

@@ -7,8 +7,8 @@ use skyloop_protocols::{Direction, FaultKind};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Chance of a packet to pass below which its direction counts as stopped. A client sends a command some 20 times
-/// before it gives up: 2 % of such runs would get one through.
+/// A direction counts as stopped when a packet passes with a lower chance. A client sends a command
+/// some 20 times before it gives up: 2 % of such runs would get one through.
 const MIN_CHANCE: f64 = 1e-3;
 /// Jitter from which CAN frames, 0.1 to 1 ms apart, overtake each other in any order.
 const MAX_SPACING: Duration = Duration::from_millis(10);
@@ -16,8 +16,8 @@ const MAX_SPACING: Duration = Duration::from_millis(10);
 /// The frames of an attitude on CAN must come within this time (N_Cr).
 const MAX_SPREAD: Duration = Duration::from_micros(Parameters::FD.timeout_us);
 
-/// A fault that lasts so much longer counts as one without an end: the flight computer gives up after 30 s without an
-/// answer (`TIMEOUT` in `flight`).
+/// A fault that lasts so much longer counts as endless: the flight computer gives up after 30 s
+/// without an answer (`TIMEOUT` in `flight`).
 const LASTING: Duration = Duration::from_secs(30);
 
 /// A fault by which nothing passes any more.
@@ -31,7 +31,7 @@ pub struct Stop {
     pub lasts: Option<Duration>,
 }
 
-/// The fault of one direction by which nothing passes: its kind, and how much longer it lasts.
+/// The fault that stops one direction: its kind, and how much longer it lasts.
 type Culprit = (FaultKind, Option<Duration>);
 
 /// What a client needs to get frames.
@@ -43,18 +43,17 @@ pub struct Needs {
     pub long_packets: bool,
 }
 
-/// What lasting faults (those without an end, and those that last `LASTING` longer) do to the items of one direction,
-/// since the last call.
+/// Effect of endless faults on the items of one direction, since the last call.
 #[derive(Debug, Default)]
 pub(super) struct Outlook {
-    /// The kind that lets the fewest pass, and how many items had no chance: as they are, and if these items had been of
-    /// the longest packets.
+    /// The kind that stops the most, and how many items it stopped: as they are, and as if they
+    /// were parts of the longest packets.
     lost: [Option<(Culprit, u64)>; 2],
     /// How much later items come.
     late: Late,
 }
 
-/// How much later items come on average, how many did, and the fault that does most of it.
+/// Mean delay of items, their number, and the fault that causes most of it.
 type Late = (Duration, u64, Option<Culprit>);
 
 /// How much later (s) a fault lets items come on average: a jitter is even from 0 to its value.
@@ -67,7 +66,7 @@ fn late_s(rule: &Rule) -> f64 {
 }
 
 impl Outlook {
-    /// Sees an item meet `rules` at `now`.
+    /// Books an item that meets `rules` at `now`.
     pub fn see(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
         let lasts = |rule: &Rule| rule.until.map(|until| until.saturating_sub(now));
         let is_endless = |rule: &&Rule| lasts(rule).is_none_or(|lasts| lasts >= LASTING);
@@ -102,8 +101,8 @@ pub struct Shape {
     pub items: usize,
     /// Of each.
     pub bytes: usize,
-    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within
-    /// `MAX_SPREAD`.
+    /// Whether they must come once and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others
+    /// must come within `MAX_SPREAD`.
     pub in_order: bool,
 }
 
@@ -164,7 +163,7 @@ impl Met {
 pub(super) struct Stopped {
     /// By length (longest: true), direction (out: true) and kind.
     lost: BTreeMap<(bool, bool, &'static str), Met>,
-    /// Delays and jitter of packets in and out: how much later they come on average, by which kind mostly.
+    /// Mean delay of packets in and out, and the kind that causes most of it.
     late: [Option<(Duration, FaultKind, Met)>; 2],
 }
 
@@ -191,7 +190,8 @@ impl Stopped {
         }
     }
 
-    /// The lasting fault by which nothing passes any more; none if no packet met one after `since`, or it is over at `now`.
+    /// The fault that stops a direction. None if no packet met one after `since`, or it is over at
+    /// `now`.
     pub fn since(&self, since: Instant, now: Instant, needs: &Needs) -> Option<Stop> {
         let way = |out: bool| if out { "out" } else { "in" };
         let is_needed = |is_long: bool, out: bool| !is_long || (out && needs.long_packets);

@@ -1,4 +1,4 @@
-//! The faults around an open link: a thread each way between the link's own queues and those of the emulator.
+//! Faults around an open link: one thread per direction, between the link and the emulator.
 
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
@@ -82,8 +82,8 @@ impl Damageable for Outbound {
     }
 }
 
-/// Puts the faults of `plan`, and those that the client commands, between `wire` and the emulator. `book` logs what
-/// is injected.
+/// Puts scheduled faults of `plan` and live faults between `wire` and the emulator. `book` logs
+/// them.
 pub fn wrap(
     wire: Wire,
     plan: &Plan,
@@ -199,7 +199,8 @@ struct WayOut {
 }
 
 impl WayOut {
-    /// Carries packets until the emulator has dropped its end and all have left or are given up, or the link has gone.
+    /// Carries packets until the emulator has closed and its queue is empty or given up, or the
+    /// link ends.
     fn run(mut self) {
         let shared = self.shared.clone();
         while !shared.tally.is_given_up() && matches!(self.turn(), Ok(true)) {}

@@ -1,4 +1,5 @@
-//! The socket's two ways, which one thread carries side by side: what comes is stamped and handed on while what leaves waits for room.
+//! Both directions of the socket on one thread: arrivals are stamped and passed on while departures
+//! wait.
 
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
@@ -21,17 +22,17 @@ use tokio::net::UdpSocket;
 use tokio::sync::Notify;
 use tokio::sync::mpsc::Receiver;
 
-/// What a limited link may catch up at once, after a timer that came late: timers here go by milliseconds.
+/// Burst of a limited link after a late timer, which has a resolution of milliseconds.
 pub(super) const BURST: Duration = Duration::from_millis(5);
 /// Datagrams that are taken in a row.
 const IN_A_ROW: u64 = 16;
 /// Packets that are taken from the queue at a time.
 const TOGETHER: usize = 64;
-/// Datagrams of strangers that are read in each [`PAUSE`] while a client has a socket of its own. More find the system's buffer full, which costs
-/// this process nothing.
+/// Datagrams of strangers read in each [`PAUSE`] while a client has its own socket. The rest
+/// overflow the system's buffer, at no cost here.
 const STRANGERS: u32 = 64;
 const PAUSE: Duration = Duration::from_millis(50);
-/// Datagrams that may have come before a client got its own socket: more than the system's buffer holds.
+/// Datagrams that may have come before a client got its own socket: more than the system buffers.
 const BEFORE: u32 = 1024;
 /// How often it is looked whether a Challenge is due.
 const LOOK: Duration = Duration::from_millis(100);
@@ -90,7 +91,8 @@ impl Shared {
         self.changed.notify_waiters();
     }
 
-    /// Gives an established client a socket of its own, and takes it from one that has lost the exchange; whether there is a new one.
+    /// Gives an established client its own socket, and closes that of a client that lost the
+    /// exchange; whether there is a new one.
     fn settle(&self, datagrams: &Datagrams, now: Instant) -> bool {
         let (address, established) = {
             let exchange = self.exchange.borrow();
@@ -249,7 +251,7 @@ async fn receive(shared: &Shared, datagrams: Datagrams, arrivals: Intake) {
     }
 }
 
-/// Takes a datagram; `is_stranger`: of one that came where strangers' do. False when nobody takes packets any more.
+/// Takes a datagram; `is_stranger`: from the common socket. False when the emulator has closed.
 fn hand_on(
     shared: &Shared,
     arrivals: &Intake,
@@ -364,7 +366,8 @@ struct WayOut<'a> {
 }
 
 impl WayOut<'_> {
-    /// Sends what there is, if its exchange still stands; what the system refuses is lost, and counted. The octets that have left.
+    /// Sends packets whose exchange still stands; refused ones are lost, and counted. Returns the
+    /// bytes sent.
     async fn send(&mut self, batch: &mut Batch) -> usize {
         let tally = self.shared.exchange.borrow().tally.clone();
         let (mut at, mut octets) = (0, 0);
@@ -390,7 +393,8 @@ impl WayOut<'_> {
         octets
     }
 
-    /// Waits until some of the packets of an exchange may leave: those and their address; or why the first one never may.
+    /// Waits until packets of an exchange may leave: those and their address, or why the first
+    /// never may.
     async fn permit<'p>(
         &self,
         exchange: u32,

@@ -1,4 +1,4 @@
-//! Who the emulator talks with over UDP: one client at a time.
+//! The client of a UDP link: one at a time.
 
 use super::proof::{Party, Proof, Prover};
 use crate::every::Every;
@@ -28,7 +28,8 @@ struct Client {
     address: SocketAddr,
     /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
     is_valid: bool,
-    /// Whether it has sent Reset, and no valid packet since: a valid packet of another address takes its place.
+    /// Whether it has sent Reset and nothing valid since: a valid packet of another address
+    /// replaces it.
     released: bool,
     opened: Instant,
     /// When it sent a packet last. Challenges that it returned do not count.
@@ -74,8 +75,8 @@ impl Exchange {
         }
     }
 
-    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address. It opens no exchange and
-    /// keeps none, but that of another address takes the place of a client that has proved nothing.
+    /// Takes a datagram from `from`; opens a new exchange if it may. A returned Challenge proves an
+    /// address. It opens no exchange, but its sender replaces a client that has proved nothing.
     pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
         let returned = self.prover.returned(from, packet, now);
         let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
@@ -157,7 +158,8 @@ impl Exchange {
         });
     }
 
-    /// The client, if it is to have a socket of its own: its address is proved, and it has sent a valid packet.
+    /// The client, if it gets a socket of its own: it has proved its address and sent a valid
+    /// packet.
     pub fn established(&self, now: Instant) -> Option<SocketAddr> {
         let client = self.client.as_ref();
         let client = client.filter(|one| one.is_valid && self.prover.holds(&one.proof, now));
@@ -206,8 +208,9 @@ impl Exchange {
         number == self.number && self.client.is_some()
     }
 
-    /// Whether a packet of exchange `number` may leave. One that leaves without proof is booked. Frame packets, and all that is queued for a client that
-    /// has been silent since its proof lapsed, never leave without.
+    /// Whether a packet of exchange `number` may leave. One without proof is booked. Frame packets
+    /// never leave without proof, nor does anything for a client that is silent since its proof
+    /// lapsed.
     pub fn permit(&mut self, number: u32, packet: &[u8], now: Instant) -> Permit {
         let Some(client) = self.client.as_mut().filter(|_| number == self.number) else {
             return Permit::Never;
@@ -398,7 +401,7 @@ mod tests {
             assert_eq!(rig.good(2, when), Stranger);
         }
         assert_eq!(rig.permit(1, &of_frame, 5998), Permit::All(at(1)));
-        // What it has sent with proof pays for nothing now: what is queued is removed, until it sends more.
+        // Bytes sent with proof do not pay now: the queue is dropped until more comes.
         assert_eq!(rig.permit(1, &of_frame, 5999), Permit::Never);
         assert_eq!(rig.permit(1, &answer, 5999), Permit::Never);
         assert_eq!(rig.exchange.tally.unproved(), 2);
@@ -413,7 +416,7 @@ mod tests {
         assert_eq!(rig.good(3, 6999), Packet(3));
     }
 
-    /// Forged packets of four addresses keep a client out that returns its Challenge no longer than it takes to do so.
+    /// Forged packets of other addresses delay a client by no more than one returned Challenge.
     #[test]
     fn an_address_that_returns_its_challenge_takes_the_place_of_one_that_has_proved_nothing() {
         // Whether the client of the exchange returns its own Challenge first.
@@ -450,7 +453,8 @@ mod tests {
     /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
     #[test]
     fn a_client_that_takes_frames_after_its_reset_goes_on_until_a_valid_packet_of_another() {
-        // When the Challenge comes back; the Reset has been dealt with at 10 ms. Without proof of addresses there is none.
+        // When the Challenge comes back; the Reset is handled at 10 ms. None: no proof of
+        // addresses.
         for returned in [Some(5), Some(20), None] {
             let mut rig = Rig::new(5000, returned.is_some());
             rig.good(1, 0);

@@ -1,4 +1,4 @@
-//! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
+//! UDP: one packet a datagram, answers to the current client only. One thread with its own runtime.
 
 mod carry;
 mod exchange;
@@ -153,7 +153,7 @@ mod tests {
     use skyloop_protocols::Counters;
     use std::time::Instant;
 
-    /// Octets a second that a client gets of a second full of numbered packets; lost ones have been sent, too.
+    /// Bytes/s that a client gets of numbered packets worth a second; lost ones count as sent.
     fn delivered(mbit: f64) -> f64 {
         const OCTETS: usize = 1250;
         let url = Address::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
@@ -205,7 +205,7 @@ mod tests {
         for mbit in [1.0, 10.0, 100.0] {
             let nominal = mbit * 1e6 / 8.0;
             let close = |rate: &f64| (rate / nominal - 1.0).abs() <= 0.02;
-            // A machine that is busy with other things may keep the timer waiting: the best of many.
+            // A busy machine may delay the timer: the best of many counts.
             let mut rates = Vec::new();
             while rates.len() < 25 && !rates.last().is_some_and(close) {
                 rates.push(delivered(mbit));

@@ -1,5 +1,6 @@
-//! Proof of address (ICD, section 5.1). Anybody can write another's address into a datagram. So a client gets a Challenge that only who receives at
-//! its address can return; until it does, and when it has not done so for some time, it gets little more than it has sent.
+//! Proof of address (ICD, section 5.1). Source addresses can be forged. So a client gets a
+//! Challenge that only the receiver at its address can return. Without a recent proof it gets
+//! little more than it has sent.
 
 use skyloop_protocols::packet::{apid, identify};
 use skyloop_protocols::{Challenge, MAX_PACKET, Personality, Reply, WireTime};
@@ -7,7 +8,8 @@ use std::hash::{BuildHasher, RandomState};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
-/// Bytes that an address without proof gets for each that came from it, headers of IP and UDP included. As QUIC has it: RFC 9000, section 8.
+/// Bytes sent to an unproved address for each byte from it, IP and UDP headers included (as in
+/// QUIC: RFC 9000, section 8).
 const FACTOR: usize = 3;
 /// How long a proof holds at least, however short `idle_s` is: an answer takes time.
 const MIN_LIFETIME: Duration = Duration::from_secs(1);
@@ -35,12 +37,14 @@ pub(super) enum Party {
 /// What an address has proved.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
-    /// When it returned a Challenge last; none if it never has, or has sent a packet after the proof lapsed.
+    /// When it last returned a Challenge; none if never, or if it sent a packet after the proof
+    /// lapsed.
     returned: Option<Instant>,
     /// When it got one last, and how many in all.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes that came and left without proof. As long as nothing has come since the proof lapsed: those of the Challenge returned last.
+    /// Bytes that came and left without proof. After a lapse, until a packet comes: those of the
+    /// last returned Challenge.
     received: usize,
     sent: usize,
 }
@@ -109,8 +113,8 @@ impl Prover {
         buffer.get(..length).map(<[u8]>::to_vec)
     }
 
-    /// A Challenge for an address that is not the client's, in answer to a valid packet. Nothing is stored of the address: even the shortest command, of
-    /// 18 bytes, allows the 25 of a Challenge.
+    /// A Challenge for another address, in answer to a valid packet. No state is stored for it:
+    /// even the shortest command is long enough to pay for it.
     pub fn challenge_other(
         &self,
         address: SocketAddr,
@@ -131,8 +135,8 @@ impl Prover {
         !self.is_on || proof.returned.is_some_and(fresh)
     }
 
-    /// The next Challenge for an address, if it is time for one and as much has come from there. A silent address gets the few that the limit allows
-    /// at longer intervals: it may be out of reach for a while.
+    /// The next Challenge for an address, if it is due and paid for by received bytes. A silent
+    /// address gets the few that the limit allows.
     pub fn challenge(
         &self,
         proof: &mut Proof,

@@ -11,8 +11,9 @@ pub struct Chosen<'a> {
     pub fits: bool,
 }
 
-/// Of the settings of which 99 frames in 100 take no longer than `budget_ms` that whose pixels are off least, and of those that are alike the
-/// first: a median would let every second frame be late. Where none fits: the one whose median is least. None of no rows.
+/// The most accurate setting whose 99th percentile is within `budget_ms` (with a median every
+/// second frame could be late); the first of equal ones. If none fits, the one with the lowest
+/// median. None of no rows.
 pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
     let fitting = rows.iter().filter(|row| row.p99_ms <= budget_ms);
     let closest = fitting.reduce(|best, row| {

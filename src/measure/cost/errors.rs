@@ -19,7 +19,7 @@ const WHOLE: f64 = 0.9999;
 /// What a setting is off by.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Errors {
-    /// By how much images are moved on average, thousandths of a pixel: the length of the mean of all moves.
+    /// Length of the mean shift of images, thousandths of a pixel.
     pub centroid_bias_mpx: f64,
     /// The rms of all moves, thousandths of a pixel.
     pub centroid_rms_mpx: f64,
@@ -215,7 +215,8 @@ mod tests {
         assert!((value - wanted).abs() <= 1e-12 * wanted, "{value} {wanted}");
     }
 
-    /// One image that moves by (0.5, 0) px, and one by (-0.5, 0.25) px with three quarters of its light left.
+    /// One image shifted by (0.5, 0) px, and one by (-0.5, 0.25) px with three quarters of its
+    /// light.
     fn two_images() -> Sums {
         let mut sums = Sums::default();
         sums.image(

@@ -40,11 +40,11 @@ impl Row {
 
 /// Smaller differences of errors are rounding: of their size, and of electrons.
 const ROUNDING: [f64; 2] = [1e-3, 1e-6];
-/// A difference of times counts from so many of its standard errors on, and from this part of the time.
+/// Times differ from so many standard errors on, and from this part of the time.
 const SIGMAS: f64 = 3.0;
 const SMALL: f64 = 0.01;
 
-/// The rows of `settings`, by what was summed of their errors, and the times of their frames (ms), round by round.
+/// The rows of `settings`, with their summed errors and their frame times (ms), round by round.
 pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
     let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
         let sample = Sample::new(times.iter().copied());
@@ -95,7 +95,8 @@ fn is_faster(a: &[f64], b: &[f64]) -> bool {
     by.ms > (SIGMAS * by.error_ms).max(least)
 }
 
-/// Which rows are on the Pareto front of time and of the frame's rms. Of those that only chance tells apart the first one stands for all.
+/// Which rows are on the Pareto front of time and rms. Of rows that differ only by chance the first
+/// one counts.
 fn front(rows: &[Row], times: &[Vec<f64>]) -> Vec<bool> {
     let stands_for = |j: usize, i: usize| {
         let closer = |a: usize, b: usize| is_closer(&rows[a].errors, &rows[b].errors);
