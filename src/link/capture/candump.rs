@@ -92,7 +92,7 @@ fn parse(line: &str) -> Option<Record<CanFrame>> {
     let (s, us) = time.split_once('.')?;
     let us = (us.len() == 6).then(|| us.parse::<u32>().ok())??;
     let at = Duration::from_secs(s.parse().ok()?).checked_add(Duration::from_micros(us.into()))?;
-    Some(Record::on_bus(at, direction, item))
+    Some(Record::plain(at, direction, item))
 }
 
 /// The frame of `123#DEADBEEF`, `123##5DEADBEEF` or `123#R8`.
@@ -142,7 +142,7 @@ pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
         let end = &mut ends[usize::from(frame.direction == Direction::Out)];
         if let Some(packet) = end.receive(&frame.item, us) {
             let packet = Bytes::copy_from_slice(packet);
-            packets.push(Record::on_bus(frame.at, frame.direction, packet));
+            packets.push(Record::plain(frame.at, frame.direction, packet));
         }
         // What a listener would answer, the end itself has.
         while end.next_frame(us).is_some() {}
@@ -156,7 +156,7 @@ mod tests {
 
     fn record(item: CanFrame, direction: Direction) -> Record<CanFrame> {
         let at = Duration::new(1_436_509_052, 249_713_000);
-        Record::on_bus(at, direction, item)
+        Record::plain(at, direction, item)
     }
 
     #[test]

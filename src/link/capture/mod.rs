@@ -52,8 +52,8 @@ pub struct Record<P> {
 }
 
 impl<P> Record<P> {
-    /// A record made on a CAN bus, which has one link and one exchange.
-    fn on_bus(at: Duration, direction: Direction, item: P) -> Record<P> {
+    /// A record of link 0 and exchange 0, which says nothing of frames and polls.
+    fn plain(at: Duration, direction: Direction, item: P) -> Record<P> {
         Record {
             at,
             direction,
@@ -271,7 +271,7 @@ pub struct Recorder {
 impl Recorder {
     /// Records one line of a log of CAN frames.
     pub fn frame(&self, instant: Instant, direction: Direction, frame: &CanFrame) {
-        let record = Record::on_bus(self.clock.of(instant), direction, *frame);
+        let record = Record::plain(self.clock.of(instant), direction, *frame);
         self.send(candump::line(&record).into_bytes());
     }
 
@@ -316,21 +316,17 @@ struct TappedOutbox {
 
 impl Outbox for TappedOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let kept = match &what {
+        let packet = match &what {
             Outbound::Packet { exchange, packet } => Some((*exchange, packet.clone())),
             Outbound::Release { .. } => None,
         };
         let at = self.recorder.clock.of(Instant::now());
         let back = self.to.offer(what)?;
-        if let (None, Some((exchange, item))) = (&back, kept) {
+        if let (None, Some((exchange, item))) = (&back, packet) {
             self.recorder.send(pcapng::block(&Record {
-                at,
-                direction: Direction::Out,
                 link: self.link,
                 exchange,
-                first: false,
-                made: None,
-                item,
+                ..Record::plain(at, Direction::Out, item)
             }));
         }
         Ok(back)

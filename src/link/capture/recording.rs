@@ -189,7 +189,7 @@ mod tests {
     use std::time::Duration;
 
     fn event(direction: Direction, item: &[u8]) -> Record<Bytes> {
-        Record::on_bus(Duration::ZERO, direction, Bytes::copy_from_slice(item))
+        Record::plain(Duration::ZERO, direction, Bytes::copy_from_slice(item))
     }
 
     /// The header of a frame with `parts` parts of labels and no pixels.
