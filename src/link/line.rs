@@ -1,11 +1,16 @@
 //! Packets on a serial line or pseudo-terminal: SLIP frames in both directions.
 
 use super::departed::Unsent;
-use super::inbox::{Gone, Inbound, Intake};
-use super::outbox::Outbound;
+use super::error::LinkError;
+use super::inbox::{Gone, Inbound, Intake, inbox};
+use super::kind::thread;
+use super::outbox::{self, Outbound};
 use super::tally::{Airtime, Tally, count};
+use super::wire::Wire;
+use skyloop_firmware_sim::address::Address;
 use skyloop_protocols::slip::{self, FrameError};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
@@ -18,6 +23,35 @@ pub(super) fn airtime(baud: u32) -> Airtime {
         let framed = octets as f64 + 4.0;
         let octets = framed * (1.0 + 2.0 / 256.0) + 2.0;
         Duration::from_secs_f64(octets * 10.0 / f64::from(baud))
+    })
+}
+
+/// Starts the two threads of the line at `address`, called `NAME-read` and `NAME-write`. `read` runs
+/// until its flag is set, which happens when `write` has ended. `write` gets the queue, and a function
+/// that says whether the emulator still reads.
+pub(super) fn start(
+    url: &Address,
+    name: &str,
+    address: String,
+    tally: &Arc<Tally>,
+    read: impl FnOnce(Ear, &AtomicBool) + Send + 'static,
+    write: impl FnOnce(&Receiver<Outbound>, &dyn Fn() -> bool) + Send + 'static,
+) -> Result<Wire, LinkError> {
+    let (arrivals, inbox) = inbox(tally.clone());
+    let (mut outbox, departures) = outbox::queue(&address, tally);
+    outbox.releases = false;
+    let ended = Arc::new(AtomicBool::new(false));
+    let stop = ended.clone();
+    let wanted = arrivals.watch();
+    let ear = Ear::new(arrivals, tally.clone());
+    thread(url, &format!("{name}-read"), move || read(ear, &stop))?;
+    let sender = thread(url, &format!("{name}-write"), move || {
+        write(&departures, &wanted);
+        ended.store(true, Ordering::Relaxed);
+    })?;
+    Ok(Wire {
+        sender: Some(sender),
+        ..Wire::new(address, inbox, outbox, tally.clone())
     })
 }
 
@@ -120,7 +154,6 @@ pub(super) fn write(
 mod tests {
     use super::*;
     use crate::fixture::framed;
-    use crate::inbox::inbox;
 
     #[test]
     fn a_packet_takes_ten_bit_times_an_octet() {

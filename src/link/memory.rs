@@ -1,15 +1,15 @@
 //! The in-process link: two queues.
 
-use super::error::{LinkError, OpenError};
+use super::error::OpenError;
 use super::inbox::{Inbound, Intake, QUEUE, inbox};
 use super::kind::{BothEnds, Link, Options};
-use super::outbox::{Outbound, Outbox};
+use super::outbox::{Outbound, QueueOutbox};
 use super::tally::{Tally, count};
 use super::wire::Wire;
 use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::port::{Port, PortError};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 /// The in-process link.
@@ -31,46 +31,33 @@ fn loopback(_: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     let tally = Arc::new(Tally::default());
     let (to_emulator, inbox) = inbox(tally.clone());
     let (queue, from_emulator) = sync_channel(QUEUE);
-    let outbox = MemoryOutbox {
-        queue,
-        tally: tally.clone(),
+    let counted = tally.clone();
+    let try_send = move |what: Outbound| {
+        let bytes = match &what {
+            Outbound::Packet { packet, .. } => Some(packet.len()),
+            Outbound::Release { .. } => None,
+        };
+        let sent = queue.try_send(what);
+        if matches!(sent, Err(TrySendError::Full(_))) {
+            return sent;
+        }
+        if let Some(bytes) = bytes {
+            // A queued packet has left. If the client has closed it is lost; the inbox reports the end.
+            match sent {
+                Ok(()) => counted.moved(bytes),
+                Err(_) => count(&counted.lost),
+            }
+            counted.done();
+        }
+        Ok(())
     };
+    let outbox = QueueOutbox::new("memory", &tally, try_send);
     let port = MemoryPort {
         to_emulator,
         from_emulator,
     };
     let wire = Wire::new("memory".to_string(), inbox, outbox, tally);
     Ok((wire, Box::new(port)))
-}
-
-/// The emulator's end.
-struct MemoryOutbox {
-    queue: SyncSender<Outbound>,
-    tally: Arc<Tally>,
-}
-
-impl Outbox for MemoryOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let octets = match &what {
-            Outbound::Packet { packet, .. } => packet.len(),
-            Outbound::Release { .. } => 0,
-        };
-        match self.queue.try_send(what) {
-            // What the other end can take has left.
-            Ok(()) => {
-                self.tally.moved(octets);
-                if octets > 0 {
-                    self.tally.queued();
-                    self.tally.done();
-                }
-            }
-            Err(TrySendError::Full(what)) => return Ok(Some(what)),
-            // The client has left, as it may; the inbox says so too.
-            Err(TrySendError::Disconnected(Outbound::Packet { .. })) => count(&self.tally.lost),
-            Err(TrySendError::Disconnected(Outbound::Release { .. })) => {}
-        }
-        Ok(None)
-    }
 }
 
 /// The flight computer's end.

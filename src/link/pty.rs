@@ -3,11 +3,10 @@
 
 use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
-use super::inbox::inbox;
-use super::kind::{BothEnds, Link, Options, thread};
-use super::line::{Ear, Put, airtime, write};
+use super::kind::{BothEnds, Link, Options};
+use super::line::{self, Ear, Put, airtime, write};
 use super::name::is_one;
-use super::outbox::{self, Outbound, Outbox, QueueOutbox};
+use super::outbox::{Outbound, Outbox};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo};
@@ -19,6 +18,7 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 /// Pseudo-terminals at the pace of a baud rate.
@@ -65,51 +65,44 @@ fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     let address = format!("pty://{}?baud={baud}", pseudo.name());
     let pseudo = Arc::new(pseudo);
     let tally = Arc::new(Tally::default());
-    let (arrivals, inbox) = inbox(tally.clone());
-    let (mut outbox, departures) = outbox::queue(&address, &tally);
-    outbox.releases = false;
-    let ended = Arc::new(AtomicBool::new(false));
     let last = Arc::new(AtomicBool::new(last));
-    let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
-    let parting = last.clone();
-    let wanted = arrivals.watch();
-    let ear = Ear::new(arrivals, tally.clone());
-    thread(url, "pty-read", move || {
-        if let Err(error) = read(&reading, baud, ear, &heard, [&stop, &parting]) {
+    let (reading, heard, parting) = (pseudo.clone(), tally.clone(), last.clone());
+    let read = move |ear: Ear, stop: &AtomicBool| {
+        if let Err(error) = read(&reading, baud, ear, &heard, [stop, &parting]) {
             tracing::error!(%error, "{} can no longer be read", reading.name());
         }
-    })?;
+    };
     let (writing, sent) = (pseudo.clone(), tally.clone());
-    let sender = thread(url, "pty-write", move || {
+    let write = move |departures: &Receiver<Outbound>, wanted: &dyn Fn() -> bool| {
         let mut pace = Pace::of_baud(baud);
-        write(&departures, &sent, |exchange, octets, idle| {
+        write(departures, &sent, |exchange, octets, idle| {
             if idle {
                 pace.rest(Instant::now());
             }
-            put(&writing, &mut pace, exchange, octets, &sent, &wanted)
+            put(&writing, &mut pace, exchange, octets, &sent, wanted)
         });
-        // The end of the master takes along what the client has not read yet.
+        // The end of the master discards what the client has not read yet.
         let end = Instant::now();
         while writing.is_held() && wanted() && end.elapsed() < LINGER {
             std::thread::sleep(PIECE);
         }
-        ended.store(true, Ordering::Relaxed);
-    })?;
+    };
+    let wire = line::start(url, "pty", address, &tally, read, write)?;
     let outbox = NamedOutbox {
-        outbox,
+        outbox: wire.outbox,
         pseudo,
         last,
     };
     Ok(Wire {
+        outbox: Box::new(outbox),
         airtime: Some(airtime(baud)),
-        sender: Some(sender),
-        ..Wire::new(address, inbox, outbox, tally)
+        ..wire
     })
 }
 
 /// The queue to the writer; the name goes with it, before the last packets have left.
 struct NamedOutbox {
-    outbox: QueueOutbox,
+    outbox: Box<dyn Outbox>,
     pseudo: Arc<Pseudo>,
     /// Set when no other client is to come.
     last: Arc<AtomicBool>,

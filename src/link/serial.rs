@@ -2,13 +2,11 @@
 
 use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
-use super::inbox::inbox;
-use super::kind::{BothEnds, Link, Options, thread};
-use super::line::{Ear, Put, READ_TIMEOUT, airtime, write};
+use super::kind::{BothEnds, Link, Options};
+use super::line::{self, Ear, Put, READ_TIMEOUT, airtime, write};
 use super::lock::lock;
 #[cfg(target_os = "linux")]
 use super::low_latency;
-use super::outbox;
 use super::tally::{Airtime, Tally, count};
 use super::wire::Wire;
 use serialport::SerialPort;
@@ -60,29 +58,19 @@ fn start(
         losses: AtomicU32::new(0),
         tally: Arc::new(Tally::default()),
     });
-    let tally = line.tally.clone();
-    let (arrivals, inbox) = inbox(tally.clone());
-    let (mut outbox, departures) = outbox::queue(&address, &tally);
-    outbox.releases = false;
-    let ended = Arc::new(AtomicBool::new(false));
-    let (reading, stop) = (line.clone(), ended.clone());
-    let wanted = arrivals.watch();
-    let ear = Ear::new(arrivals, tally.clone());
-    thread(url, "serial-read", move || {
-        read(&reading, input, ear, &stop)
-    })?;
-    let sender = thread(url, "serial-write", move || {
-        let tally = line.tally.clone();
-        write(&departures, &tally, |_, octets, _| {
-            line.put(octets, &wanted)
-        });
-        ended.store(true, Ordering::Relaxed);
-    })?;
-    Ok(Wire {
-        airtime,
-        sender: Some(sender),
-        ..Wire::new(address, inbox, outbox, tally)
-    })
+    let (reading, tally) = (line.clone(), line.tally.clone());
+    let sent = tally.clone();
+    let wire = line::start(
+        url,
+        "serial",
+        address,
+        &tally,
+        move |ear, stop| read(&reading, input, ear, stop),
+        move |departures, wanted| {
+            write(departures, &sent, |_, octets, _| line.put(octets, wanted));
+        },
+    )?;
+    Ok(Wire { airtime, ..wire })
 }
 
 /// A port's place and speed.
