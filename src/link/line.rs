@@ -153,7 +153,25 @@ pub(super) fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::framed;
+    use crate::fixture::{PATIENCE, framed};
+
+    #[test]
+    fn a_line_ends_with_its_emulator() {
+        let url = Address::parse("serial://none").unwrap();
+        let (done, ended) = std::sync::mpsc::channel();
+        let read = move |_: Ear, stop: &AtomicBool| {
+            while !stop.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            done.send(()).unwrap();
+        };
+        let write = |departures: &Receiver<Outbound>, _: &dyn Fn() -> bool| {
+            while departures.recv().is_ok() {}
+        };
+        let wire = start(&url, "line", String::new(), &Arc::default(), read, write).unwrap();
+        drop(wire);
+        ended.recv_timeout(PATIENCE).unwrap();
+    }
 
     #[test]
     fn a_packet_takes_ten_bit_times_an_octet() {
