@@ -11,14 +11,14 @@ use crate::udp::UDP;
 pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
 /// An open link, and what it carries.
-type Opened = (Box<dyn Port + Send>, Roles);
+type WithRoles = (Box<dyn Port + Send>, Roles);
 
 /// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has; option `roles` of any of them says
 /// what for.
 ///
 /// # Errors
 /// [`PortError::Address`] if the text names no link, [`PortError::Io`] if it cannot be opened.
-pub fn open(link: &str) -> Result<Opened, PortError> {
+pub fn open(link: &str) -> Result<WithRoles, PortError> {
     let name = link.split("://").next();
     let scheme = SCHEMES.iter().find(|scheme| Some(scheme.name) == name);
     let wrong = |reason| PortError::Address {
@@ -35,7 +35,7 @@ pub fn open(link: &str) -> Result<Opened, PortError> {
     open_as(scheme, link).map_err(|error| error.into_error(wrong))
 }
 
-fn open_as(scheme: Option<&Scheme>, link: &str) -> Result<Opened, OpenError<PortError>> {
+fn open_as(scheme: Option<&Scheme>, link: &str) -> Result<WithRoles, OpenError<PortError>> {
     let address = Address::parse(link)?;
     let Some(scheme) = scheme else {
         let reason = match address.scheme.as_str() {

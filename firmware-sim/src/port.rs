@@ -142,6 +142,9 @@ impl Refusal {
     }
 }
 
+/// An open link, or why there is none.
+pub type Opened = Result<Box<dyn Port + Send>, OpenError<PortError>>;
+
 /// A kind of link that an address can name.
 pub struct Scheme {
     /// What its addresses begin with, before `://`.
@@ -151,7 +154,7 @@ pub struct Scheme {
     /// Options of its addresses, besides `roles`.
     pub keys: &'static [&'static str],
     /// Opens the link of an address.
-    pub open: fn(&Address) -> Result<Box<dyn Port + Send>, OpenError<PortError>>,
+    pub open: fn(&Address) -> Opened,
 }
 
 impl From<PortError> for OpenError<PortError> {

@@ -3,8 +3,7 @@
 use super::carrier::{self, Above, Next, Note, Waker};
 use super::settings::{self, Settings};
 use super::{CanBus, OpenBus, Opener, slcan, socket};
-use crate::address::OpenError;
-use crate::port::{Port, PortError, Scheme, Tell};
+use crate::port::{Opened, Port, PortError, Scheme, Tell};
 use skyloop_protocols::can::{Node, Side};
 use std::io::{self, ErrorKind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -49,11 +48,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// The time to leave at the end in such a silence: a short command needs no answer.
 const SILENT_CLOSE_TIMEOUT: Duration = Duration::from_millis(100);
 
-fn open(
-    scheme: &str,
-    settings: Settings,
-    open: OpenBus,
-) -> Result<Box<dyn Port + Send>, OpenError<PortError>> {
+fn open(scheme: &str, settings: Settings, open: OpenBus) -> Opened {
     let link = format!("{scheme}://{}", settings.place);
     let opened = super::open(open, &settings).map_err(|source| PortError::Refused {
         link: link.clone(),
