@@ -28,9 +28,11 @@ const RENDER_LAYERS: Layers = &[
 
 const FLIGHT_COMPUTER_LAYERS: Layers = &[
     &[
-        "burst", "console", "datagram", "earth", "image", "junit", "pacing", "pointing", "port",
-        "reader", "roles", "text", "time", "times",
+        "burst", "console", "datagram", "earth", "image", "junit", "pacing", "pointing", "reader",
+        "roles", "text", "time", "times",
     ],
+    &["address"],
+    &["port"],
     &[
         "attitude_list",
         "background",
