@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a client without proof of its address keeps others out that have not proved theirs.
+/// How long a client without proof keeps others out that have none either.
 const GRACE: Duration = Duration::from_secs(1);
 
 /// Who the emulator talks with.
@@ -28,8 +28,7 @@ struct Client {
     address: SocketAddr,
     /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
     is_valid: bool,
-    /// Whether it has sent Reset and nothing valid since: a valid packet of another address
-    /// replaces it.
+    /// Whether it has sent Reset and nothing valid since: any valid packet replaces it.
     released: bool,
     opened: Instant,
     /// When it sent a packet last. Challenges that it returned do not count.
@@ -75,8 +74,8 @@ impl Exchange {
         }
     }
 
-    /// Takes a datagram from `from`; opens a new exchange if it may. A returned Challenge proves an
-    /// address. It opens no exchange, but its sender replaces a client that has proved nothing.
+    /// Takes a datagram; opens a new exchange if it may. The sender of a returned Challenge only
+    /// replaces a client that has proved nothing.
     pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
         let returned = self.prover.returned(from, packet, now);
         let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
@@ -103,7 +102,6 @@ impl Exchange {
             return Heard::Stranger;
         };
         if returned.is_some() {
-            // It was sent in answer to a valid packet.
             client.is_valid |= returned == Some(Party::Other);
             client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
@@ -158,8 +156,7 @@ impl Exchange {
         });
     }
 
-    /// The client, if it gets a socket of its own: it has proved its address and sent a valid
-    /// packet.
+    /// The client, if it has proved its address and sent a valid packet.
     pub fn established(&self, now: Instant) -> Option<SocketAddr> {
         let client = self.client.as_ref();
         let client = client.filter(|one| one.is_valid && self.prover.holds(&one.proof, now));
@@ -177,7 +174,7 @@ impl Exchange {
         client.is_some_and(|client| !self.yields(client, true, now))
     }
 
-    /// Counts a packet of a stranger, and says now and then why such are not answered.
+    /// Counts a packet of a stranger; logs the reason from time to time.
     pub fn ignore(&mut self, from: SocketAddr, now: Instant) {
         count(&self.tally.foreign);
         if let Some(client) = &self.client
@@ -208,9 +205,7 @@ impl Exchange {
         number == self.number && self.client.is_some()
     }
 
-    /// Whether a packet of exchange `number` may leave. One without proof is booked. Frame packets
-    /// never leave without proof, nor does anything for a client that is silent since its proof
-    /// lapsed.
+    /// Whether a packet of exchange `number` may leave. Without proof of address no frame leaves.
     pub fn permit(&mut self, number: u32, packet: &[u8], now: Instant) -> Permit {
         let Some(client) = self.client.as_mut().filter(|_| number == self.number) else {
             return Permit::Never;
@@ -252,7 +247,6 @@ impl Exchange {
         };
         self.tally.end(self.number);
         self.tally.await_proof(false);
-        // After a Reset it may go.
         if client.is_valid && !client.released {
             tracing::warn!(
                 "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
@@ -349,7 +343,6 @@ mod tests {
     #[test]
     fn an_exchange_stands_until_it_is_idle_or_released() {
         let mut rig = Rig::new(40, false);
-        // Anybody's first packet may be bad, and the next one's too.
         assert_eq!(rig.bad(1, 0), Packet(1));
         assert_eq!(rig.bad(2, 0), Packet(2));
         // A good one makes it stand, until it is idle.
