@@ -26,7 +26,9 @@ use skyloop_render::frame::{Charge, Frame, Memory};
 use skyloop_render::label::EffectLabel;
 use skyloop_render::plan::{Plan, Step};
 use skyloop_render::render::{render, tiles};
-use skyloop_render::scene::{EffectId, EffectSet, Scene, Source, Unobservable};
+use skyloop_render::scene::{
+    EffectId, EffectSet, Scene, Source, Unobservable, build_scene, track_all,
+};
 use std::collections::HashMap;
 use std::hint::black_box;
 use std::sync::Arc;
@@ -236,10 +238,10 @@ impl Bench<'_> {
             let view = scene.view.clone();
             let started = thread_ms();
             if only_tracks {
-                black_box(view.track_all(&simulated, fidelity));
+                black_box(track_all(&view, &simulated, fidelity));
                 return thread_ms() - started;
             }
-            let images = Scene::new(view, simulated, fidelity);
+            let images = build_scene(view, simulated, fidelity);
             let took = thread_ms() - started;
             drop(images);
             took

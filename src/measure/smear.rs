@@ -8,7 +8,7 @@ use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
 use skyloop_render::engine::Emulator;
 use skyloop_render::fidelity::Fidelity;
-use skyloop_render::scene::{EffectId, EffectSet, Scene, Source, View};
+use skyloop_render::scene::{EffectId, EffectSet, Source, View, build_scene};
 use std::hint::black_box;
 
 /// Stars, and how far (px) they run.
@@ -90,7 +90,7 @@ impl Stars {
 
     fn take(&mut self, view: View, simulated: EffectSet) {
         let [width, height] = [view.camera.detector.width, view.camera.detector.height];
-        let scene = Scene::new(view, simulated, &self.fidelity);
+        let scene = build_scene(view, simulated, &self.fidelity);
         for first in (0..height).step_by(BAND) {
             let rows = first..(first + BAND).min(height);
             for source in &scene.sources {
@@ -127,7 +127,7 @@ mod tests {
             fidelity,
             ..
         } = Stars::new().unwrap();
-        let scene = Scene::new(view, simulated, &fidelity);
+        let scene = build_scene(view, simulated, &fidelity);
         assert_eq!(scene.sources.len(), STARS);
         for source in &scene.sources {
             // The field is 21 deg wide: the plane's scale grows by its tangent.

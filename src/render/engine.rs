@@ -3,13 +3,15 @@
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::crew;
+use crate::effect::area_kinds;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::{Frame, Memory};
 use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
 use crate::scene::{
-    EffectId, Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, View, World,
+    EffectId, Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, World, add_areas,
+    build_scene, build_view, is_flooded,
 };
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::{Catalog, Selection};
@@ -406,7 +408,7 @@ impl Emulator {
 
     /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice` allows.
     ///
-    /// Fails only where [`View::new`] does, and where the work exceeds [`Emulator::work_limit_s`]. Where area light fills every pixel, a frame that would exceed it
+    /// Fails only where [`build_view`] does, and where the work exceeds [`Emulator::work_limit_s`]. Where area light fills every pixel, a frame that would exceed it
     /// is made as if nothing moved.
     pub fn scene(
         &self,
@@ -424,9 +426,9 @@ impl Emulator {
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let faint = self.faint(camera, choice);
         let (world, fidelity) = (&self.world, &self.fidelity);
-        let mut view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
+        let mut view = build_view(world, camera, vehicle, exposure, fidelity, key, faint)?;
         view.level = self.level;
-        let mut view = view.where_shine(&self.world, &allowed(choice));
+        let mut view = add_areas(view, world, area_kinds(), &allowed(choice));
         loop {
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
@@ -435,7 +437,7 @@ impl Emulator {
             let too_much = view.too_much(limit_s);
             let is_exceeded = limit_s.is_some_and(|limit_s| foreseen_s > limit_s);
             if !is_exceeded {
-                let scene = Scene::new(view, simulated, fidelity);
+                let scene = build_scene(view, simulated, fidelity);
                 if !scene.view.limit.is_exceeded() {
                     tracing::debug!(
                         "images and light: {:.3} s on one core",
@@ -451,7 +453,7 @@ impl Emulator {
             // Where light fills every pixel nobody sees what moves, but in the expected electrons of a frame without noise.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
-            if !choice.noise || !view.is_flooded(&allowed(choice), fidelity) {
+            if !choice.noise || !is_flooded(&view, &allowed(choice), fidelity) {
                 return Err(too_much);
             }
             view.still_in_flood = true;

@@ -7,6 +7,7 @@
 
 #![allow(unsafe_code)]
 
+mod bloom;
 mod corners;
 
 mod dots;
@@ -23,6 +24,7 @@ mod real;
 
 mod search;
 
+pub use bloom::Bloom;
 pub use corners::{Nodes, Place};
 pub use dots::{BESIDE, Circle, Dot, Sheet};
 pub use ends::{Ends, ROWS};

@@ -26,7 +26,7 @@ use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
 use crate::effect::{Verdict, name_of};
 use crate::plan::{Plan, Step};
-use crate::scene::{Body, EffectId, Scene, SeenWanderer, Source, World};
+use crate::scene::{Body, EffectId, Scene, SeenWanderer, Source, World, flooded_by};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -269,7 +269,7 @@ impl Label {
         let pointing = view.pointing(0.0);
         let matrix = pointing.matrix();
         let [ra, dec, roll] = pointing.ra_dec_roll();
-        let flooded_by = scene.flooded_by().map(name_of);
+        let flooded_by = flooded_by(scene).map(name_of);
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);

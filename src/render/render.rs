@@ -98,7 +98,7 @@ fn running<'r, 'a, 's>(
     room: &'r mut [&'a Pass<'s>],
 ) -> &'r [&'a Pass<'s>] {
     let lit = || scene.areas.iter().filter(|area| area.electrons > 0.0);
-    let is_area = |step: &Step<'_>| lit().any(|area| area.kind.effect == step.effect.id);
+    let is_area = |step: &Step<'_>| lit().any(|area| area.effect == step.effect.id);
     let running = steps.iter().filter_map(|step| match &step.verdict {
         Verdict::Run { pass, .. } => Some((pass, is_area(step))),
         Verdict::Off { .. } | Verdict::Skip { .. } => None,

@@ -6,12 +6,12 @@ use crate::measure::sample::Sample;
 use hifitime::Unit;
 use skyloop_base::load::ConfigError;
 use skyloop_render::crew;
-use skyloop_render::effect::name_of;
+use skyloop_render::effect::{area_kinds, name_of};
 use skyloop_render::engine::Emulator;
 use skyloop_render::fidelity::{Choice, Orbits};
 use skyloop_render::label::Label;
 use skyloop_render::plan::Plan;
-use skyloop_render::scene::{KINDS, Unobservable, View};
+use skyloop_render::scene::{Unobservable, View};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
     choice.off.extend(["stars", "planets", "moon"]);
     choice
         .off
-        .extend(KINDS.iter().map(|kind| name_of(kind.effect)));
+        .extend(area_kinds().map(|kind| name_of(kind.effect)));
 
     let emulator = Emulator::new(&mut config);
     let camera = emulator.camera();

@@ -9,8 +9,8 @@
 //! with the pixel's true solid angle for IFOV^2, and before the division by the gain.
 
 use super::cause::digits;
-use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Cost, Loss, Need, Pass};
+use crate::scene::bounds::{DROWNED, area_lit_e, is_drowned, shown_e, trail_of, with_trail};
 use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, EffectId, SPREAD_NS, Scene};
 
 /// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
@@ -28,7 +28,7 @@ pub(super) fn judge<'s>(
     says: impl Fn(&AreaLight) -> String,
     ns: f64,
 ) -> (Need<'s>, Pass<'s>) {
-    let Some(area) = scene.areas.iter().find(|area| area.kind.effect == effect) else {
+    let Some(area) = scene.areas.iter().find(|area| area.effect == effect) else {
         return (Need::none("there is none in the scene"), Pass::idle());
     };
     if let Some(why) = &area.dark {
@@ -47,7 +47,7 @@ pub(super) fn judge<'s>(
         // Too thin to be laid on pixels.
         Need::new(says(area), Loss::of_pixel(area.most_e), 0.0)
     } else {
-        let cells_e = || with_trail(scene, scene.area_lit_e(area), || scene.trail_of(area));
+        let cells_e = || with_trail(scene, area_lit_e(scene, area), || trail_of(scene, area));
         let error = Cost::of(move || shown_e(scene, cells_e, effect));
         let price_ms = (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6;
         Need {

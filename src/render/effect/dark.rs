@@ -10,9 +10,9 @@
 //! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
 use super::cause::{counted, digits};
-use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
 use super::{Cost, Effect, Need, Pass};
 use crate::fidelity::Fidelity;
+use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.

@@ -10,10 +10,10 @@
 //! columns and rows, are left out. Price: by their number.
 
 use super::cause::{counted, digits};
-use super::shown::held_of;
 use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::{EffectId, Scene};
+use crate::scene::bounds::held_of;
+use crate::scene::{EffectId, Scene, struck_e};
 
 /// Dead pixels.
 pub const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", judge);
@@ -25,7 +25,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         Need::none("the detector has no dead pixels")
     } else {
         let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
-        let struck = scene.struck_e(dead).fold(0.0, f64::max);
+        let struck = struck_e(scene, dead).fold(0.0, f64::max);
         let all = counted(dead.len(), "dead pixel");
         let because = match held.max(struck) {
             0.0 => format!("{all}, and no charge that they could lose"),

@@ -9,11 +9,13 @@
 //! track is looked at.
 
 use super::cause::digits;
-use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Loss, Need};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, EffectId, EffectSet, STEEPEST_STREAK, Scene, Source, View};
+use crate::scene::bounds::{
+    Change, STEEPEST_STREAK, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
+};
+use crate::scene::{EffectId, EffectSet, Scene, Source, View, still_looks};
 
 /// The lens's departure from its ideal.
 pub const DISTORTION: Effect = Effect::images(EffectId::Distortion, "distortion", judge, change);
@@ -44,7 +46,7 @@ fn judge(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
     // Of what moves images by more, nothing else is asked.
     let e = if px <= fidelity.skip_px {
         let ideal = EffectSet::default();
-        view.areas_taken_e(&ideal.with(EffectId::Distortion), &ideal)
+        areas_taken_e(view, &ideal.with(EffectId::Distortion), &ideal)
     } else {
         0.0
     };
@@ -54,7 +56,7 @@ fn judge(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
         _ => 15.0,
     };
     let because = format!("it moves images by up to {} px", digits(px));
-    Need::new(because, Loss { e, px }, view.looks() * ns * 1e-6)
+    Need::new(because, Loss { e, px }, still_looks(view) * ns * 1e-6)
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
@@ -62,9 +64,9 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let ideal = optics.projection.ideal();
     let other = scene.simulated.toggled(EffectId::Distortion);
     let enters = scene.simulated.has(EffectId::Distortion);
-    let seen = scene.seen();
+    let seen = lines_of_sight(scene);
     let faint = |source: &Source| {
-        let [_, seen, _] = scene.seen()(&source.body);
+        let [_, seen, _] = seen(&source.body);
         let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
         let (a, b) = a.zip(b)?;
         let off_px = libm::hypot(a[0] - b[0], a[1] - b[1]);

@@ -18,12 +18,10 @@
 //! Price: some ten products each time a star is looked at.
 
 use super::cause::STILL_IN_FLOOD;
-use super::shown::changed_e;
 use super::{Effect, Loss, Need};
 use crate::fidelity::Fidelity;
-use crate::scene::{
-    Body, Candidate, Change, EffectId, EffectSet, STEEPEST, STEEPEST_STREAK, Scene, Source, View,
-};
+use crate::scene::bounds::{Change, STEEPEST, STEEPEST_STREAK, changed_e};
+use crate::scene::{Body, Candidate, EffectId, EffectSet, Scene, Source, View, work};
 use crate::sky::bodies::LIGHT_M_S;
 use hifitime::Unit;
 use nalgebra::Vector3;
@@ -61,7 +59,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     let px = furthest * view.scale_and_corner_px.0;
     let because = format!("stars move by up to {px:.2e} px from mid-exposure to its ends");
     // Images that would stand still otherwise become tracks of two panels.
-    let price_ms = view.work(0.0, fidelity).moving_ms;
+    let price_ms = work(view, 0.0, fidelity).moving_ms;
     Need::new(because, Loss { e: 0.0, px }, price_ms)
 }
 

@@ -10,10 +10,10 @@
 //! the response of single pixels averages out over a column; charge moves on evenly. Price: a sum a pixel.
 
 use super::cause::{digits, no_light};
-use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
 use super::{Cost, Effect, Need, Pass};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
+use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// The trails of frame transfer.

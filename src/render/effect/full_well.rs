@@ -9,13 +9,13 @@
 //! wells differ by some per cent, and bend before they are full (`nonlinearity` has a bend of its own). No charge is left over for the next
 //! frame. Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is worked through once.
 
-use super::bloom::Bloom;
 use super::cause::digits;
-use super::shown::{apart, greatest, held_e};
 use super::{Cost, Effect, Need, Pass};
-use crate::camera::{Blooming, Detector};
+use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
-use crate::scene::{EffectId, Scene, drawn_e};
+use crate::kernels::Bloom;
+use crate::scene::bounds::{apart, greatest, held_e, straightened_e};
+use crate::scene::{EffectId, Scene, columns_e, drawn_e, in_groups};
 use skyloop_base::abort::WorkLimit;
 use std::cell::Cell;
 
@@ -65,7 +65,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
                 let [a, b] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
                 apart(&a, &b)
             });
-            spilling + scene.straightened_e(&without)
+            spilling + straightened_e(scene, &without)
         };
         let need = Need::of_pixels(scene, because, 0.0, ns);
         let spilt = if spills { spilt(scene) } else { 0 };
@@ -93,27 +93,12 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
 fn spilt(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
-    let groups = scene.in_groups(&scene.spill.columns, |columns| {
-        let charge = scene.columns_e(columns, &scene.simulated);
+    let groups = in_groups(scene, &scene.spill.columns, |columns| {
+        let charge = columns_e(scene, columns, &scene.simulated);
         let columns = charge.chunks_exact(detector.height);
         columns.filter(|column| column.iter().any(over)).count()
     });
     groups.into_iter().sum()
-}
-
-/// What the pixels of a column hold of its charge (e-).
-pub(super) fn fill(column: &mut [f64], detector: &Detector) {
-    let full = detector.full_well_e;
-    match detector.blooming {
-        Blooming::None => column.iter_mut().for_each(|e| *e = e.min(full)),
-        Blooming::Column => {
-            let mut held: Vec<f32> = column.iter().map(|e| *e as f32).collect();
-            Bloom::default().spill(&mut held, full);
-            for (e, held) in column.iter_mut().zip(held) {
-                *e = held.into();
-            }
-        }
-    }
 }
 
 /// Spills every column with an overfull pixel, unless the frame is cancelled. Returns the charge that left at the columns' ends, e-.

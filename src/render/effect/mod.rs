@@ -1,7 +1,7 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
 mod area;
-mod bloom;
+mod background;
 mod cause;
 mod dark;
 mod dead;
@@ -21,7 +21,6 @@ mod readout;
 mod response;
 mod rolling;
 mod shot;
-mod shown;
 mod smear;
 mod starlight;
 mod stuck;
@@ -33,7 +32,7 @@ pub use cause::{counted, digits};
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
-use crate::scene::{EffectId, EffectSet, Scene, View};
+use crate::scene::{EffectId, EffectSet, Found, Kind, Scene, Surroundings, View, World};
 use std::borrow::Cow;
 use std::ops::Deref;
 use std::sync::LazyLock;
@@ -81,6 +80,8 @@ pub struct Effect {
     pub random: bool,
     /// What a scene needs of it.
     pub judge: Judge,
+    /// How to find its light before the camera, of an area source.
+    pub area: Option<Kind>,
 }
 
 impl Effect {
@@ -111,7 +112,23 @@ impl Effect {
             stage,
             random: false,
             judge,
+            area: None,
         }
+    }
+
+    /// An area source, with the function that finds its light, and why no pixel is lit if none is
+    /// though light was found.
+    const fn found_by(
+        mut self,
+        radiance: fn(&World, &View, &Surroundings) -> Found,
+        unlit: &'static str,
+    ) -> Effect {
+        self.area = Some(Kind {
+            effect: self.id,
+            radiance,
+            unlit,
+        });
+        self
     }
 
     /// The same, drawing random numbers.
@@ -129,6 +146,11 @@ impl Effect {
     pub fn is_foreseen(&self) -> bool {
         self.id == EffectId::Radiation
     }
+}
+
+/// The area sources, in physical order.
+pub fn area_kinds() -> impl Iterator<Item = Kind> {
+    EFFECTS.iter().filter_map(|effect| effect.area)
 }
 
 /// The name of an effect, as plans and labels give it.

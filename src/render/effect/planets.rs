@@ -10,6 +10,6 @@ use crate::scene::EffectId;
 
 /// The planets.
 pub const PLANETS: Effect = Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
-    let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
+    let own_e = |drawn: &[&_]| point::sources_lit_e(scene, drawn);
     point::judge(scene, fidelity, (EffectId::Planets, "planet"), own_e)
 });

@@ -8,9 +8,9 @@
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
 use super::cause::{counted, digits, none_lit};
-use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Cost, Effect, Need, Pass};
 use crate::fidelity::Fidelity;
+use crate::scene::bounds::{DROWNED, is_drowned, lit_e, shown_e, with_trail};
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
 /// The stars.
@@ -25,13 +25,13 @@ fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>
 }
 
 fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
-    let own_e = |drawn: &[&Source]| lit_e(scene, drawn);
+    let own_e = |drawn: &[&Source]| sources_lit_e(scene, drawn);
     judge(scene, fidelity, (EffectId::Rsos, "object"), own_e)
 }
 
 /// A bound (e-) of the light of these alone, for each column of cells.
-pub(super) fn lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
-    scene.lit_e(sources.iter().copied().map(Lit::from))
+pub(super) fn sources_lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
+    lit_e(scene, sources.iter().copied().map(Lit::from))
 }
 
 /// The answer of sources of a kind, whose light alone is bound by `own_e`; `what` is one of them.

@@ -9,11 +9,11 @@
 //! the energy loss. Reference: there. Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels of the events.
 
 use super::cause::{counted, digits};
-use super::shown::greatest;
 use super::{Effect, Loss, Need, Pass};
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
-use crate::scene::{EffectId, Scene, drawn_e};
+use crate::scene::bounds::greatest;
+use crate::scene::{EffectId, Scene, columns_e, drawn_e};
 use crate::sky::radiation::{FREE_SPACE, flux};
 
 /// Cosmic rays and trapped protons.
@@ -78,7 +78,7 @@ fn passed_on(scene: &Scene) -> f64 {
         (*all, *greatest) = (*all + e, greatest.max(e));
     }
     let passed = greatest(scene, &spill.columns, |columns| {
-        let expected = scene.columns_e(columns, &scene.simulated);
+        let expected = columns_e(scene, columns, &scene.simulated);
         let columns = expected.chunks_exact(detector.height).zip(columns);
         let passed = columns.map(|(expected, column)| {
             let [all, greatest] = struck[*column];

@@ -8,9 +8,9 @@
 //! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
 
 use super::cause::{digits, no_light};
-use super::shown::{DROWNED, is_drowned, shown_e};
 use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;
+use crate::scene::bounds::{DROWNED, is_drowned, lit_where, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
@@ -24,7 +24,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let own = EffectId::PixelResponse;
-    let worst = shown_e(scene, || scene.lit_where(off), own);
+    let worst = shown_e(scene, || lit_where(scene, off), own);
     let need = if is_drowned(scene, own) {
         Need::none(DROWNED)
     } else if worst == 0.0 {

@@ -10,11 +10,13 @@
 //! in which rows that an image touches open or close.
 
 use super::cause::digits;
-use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Loss, Need};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, EffectId, EffectSet, STEEPEST_STREAK, Scene, Source, View};
+use crate::scene::bounds::{
+    Change, STEEPEST_STREAK, areas_changed_e, changed_e, dimming_px, rolled,
+};
+use crate::scene::{EffectId, EffectSet, Scene, Source, View, work};
 
 /// Rows exposed in turn.
 pub const ROLLING_SHUTTER: Effect =
@@ -45,7 +47,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
         e: view.areas_peak_e() * swing_px.min(1.0),
         px: off_px * (2.0 - evenness(view)),
     };
-    Need::new(because, error, view.work(view.open_s, fidelity).rolling_ms)
+    Need::new(because, error, work(view, view.open_s, fidelity).rolling_ms)
 }
 
 /// The least part of the greatest transmission in the field (1), at most.
@@ -58,11 +60,11 @@ fn evenness(view: &View) -> f64 {
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let other = scene.simulated.toggled(EffectId::RollingShutter);
     let enters = scene.simulated.has(EffectId::RollingShutter);
-    let dimming = scene.dimming_px();
+    let dimming = dimming_px(scene);
     let beside = |_: &Source| Some(loss.px + 1.0);
     let e = changed_e(scene, &other, enters, beside, |image| {
         let (off_px, longer) = if scene.simulated.has(EffectId::Smear) {
-            scene.rolled(image, image.length_px)
+            rolled(scene, image, image.length_px)
         } else {
             (loss.px, 0.0)
         };

@@ -9,11 +9,11 @@
 //! an expansion.
 
 use super::cause::{digits, no_light};
-use super::shown::greatest;
 use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
-use crate::scene::{EffectId, Scene};
+use crate::scene::bounds::greatest;
+use crate::scene::{EffectId, Scene, columns_e};
 use skyloop_base::rng::poisson::Switch;
 
 /// Shot noise.
@@ -52,7 +52,7 @@ fn spilt_e(scene: &Scene) -> f64 {
         return 0.0;
     }
     greatest(scene, &scene.spill.columns, |columns| {
-        let charge = scene.columns_e(columns, &scene.simulated);
+        let charge = columns_e(scene, columns, &scene.simulated);
         let columns = charge.chunks_exact(scene.view.camera.detector.height);
         columns
             .map(|column| column.iter().sum::<f64>().sqrt())

@@ -10,10 +10,10 @@
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::cause::{STILL_IN_FLOOD, digits};
-use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Loss, Need};
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, EffectId, EffectSet, STEEPEST, Scene, Source, View};
+use crate::scene::bounds::{Change, STEEPEST, areas_changed_e, changed_e, dimming_px, rolled};
+use crate::scene::{EffectId, EffectSet, Scene, Source, View, areas_smear_ms, work};
 
 /// Motion during the exposure.
 pub const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", judge, change);
@@ -32,7 +32,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     if length_px + swing_px == 0.0 {
         return Need::none("the body's rates are 0, and no object moves across the field");
     }
-    let moving_ms = |seconds: f64| view.work(seconds, fidelity).moving_ms;
+    let moving_ms = |seconds: f64| work(view, seconds, fidelity).moving_ms;
     // Tracks that short are points.
     let price_ms = if length_px <= fidelity.skip_px {
         0.0
@@ -48,7 +48,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
         e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
         px: length_px / 2.0 + rolled_px,
     };
-    Need::new(because, error, price_ms + view.areas_smear_ms())
+    Need::new(because, error, price_ms + areas_smear_ms(view))
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
@@ -69,7 +69,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     } else {
         loss.px
     };
-    let dimming = scene.dimming_px();
+    let dimming = dimming_px(scene);
     let beside = |_: &Source| Some(moved_px + 1.0);
     let e = changed_e(scene, &other, enters, beside, |image| {
         let (length_px, bend_px) = if own {
@@ -77,7 +77,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         } else {
             (2.0 * loss.px, 2.0 * loss.px)
         };
-        let (rolled_px, longer) = scene.rolled(image, length_px);
+        let (rolled_px, longer) = rolled(scene, image, length_px);
         let moved = if simulated.has(EffectId::Smear) {
             rolled_px
         } else {

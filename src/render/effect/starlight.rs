@@ -11,9 +11,18 @@
 
 use super::Effect;
 use super::area::{judge, up_to};
-use crate::scene::EffectId;
+use super::background::{EARTH_FILLS, behind_the_earth};
+use crate::scene::{EffectId, Found, Surroundings, View, World};
+use nalgebra::Vector3;
 
 /// Starlight below the catalogue's limit.
 pub const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
     judge(scene, EffectId::Starlight, up_to, 330.0)
-});
+})
+.found_by(find, EARTH_FILLS);
+
+fn find(world: &World, view: &View, around: &Surroundings) -> Found {
+    let light = world.starlight.clone();
+    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
+    behind_the_earth(view, around, s10, 1.0)
+}

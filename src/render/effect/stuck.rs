@@ -9,9 +9,9 @@
 //! stuck, are left out. Price: by their number.
 
 use super::cause::counted;
-use super::shown::held_of;
 use super::{Effect, Loss, Need, Pass};
 use crate::fidelity::Fidelity;
+use crate::scene::bounds::held_of;
 use crate::scene::{EffectId, Scene};
 
 /// Stuck pixels.

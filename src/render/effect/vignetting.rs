@@ -17,11 +17,11 @@
 //! table, each time a track is looked at.
 
 use super::cause::digits;
-use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Loss, Need};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Change, EffectId, EffectSet, Scene, Source, View};
+use crate::scene::bounds::{Change, areas_changed_e, areas_taken_e, changed_e, lines_of_sight};
+use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_looks, work};
 
 /// The transmission off the boresight.
 pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", judge, change);
@@ -58,7 +58,7 @@ fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     if simulated.has(EffectId::Distortion) {
         without = without.with(EffectId::Distortion);
     }
-    view.areas_taken_e(&without.with(EffectId::Vignetting), &without)
+    areas_taken_e(view, &without.with(EffectId::Vignetting), &without)
 }
 
 /// Why it takes no light.
@@ -81,22 +81,22 @@ fn looks(view: &View, fidelity: &Fidelity) -> f64 {
     let tracks = |seconds: f64| view.longest_track_px(seconds) > fidelity.skip_px;
     let (exposure_s, readout_s) = (view.exposure.duration_s, view.camera.readout_s());
     let moving = if tracks(exposure_s) {
-        view.work(exposure_s, fidelity).looks
+        work(view, exposure_s, fidelity).looks
     } else {
         0.0
     };
     let rolling = if tracks(readout_s / 2.0) {
-        view.work(view.open_s, fidelity).rolling_looks
+        work(view, view.open_s, fidelity).rolling_looks
     } else {
         0.0
     };
-    view.looks() + moving + rolling
+    still_looks(view) + moving + rolling
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (vignetting, simulated) = (&scene.view.camera.optics.vignetting, &scene.simulated);
     let moves = simulated.moves_images();
-    let seen = scene.seen();
+    let seen = lines_of_sight(scene);
     let passes = |source: &Source| {
         let passes = seen(&source.body).map(|seen| vignetting.transmission(&seen));
         passes.iter().fold([1.0f64, 0.0], |[least, most], t| {

@@ -10,10 +10,21 @@
 
 use super::Effect;
 use super::area::{judge, up_to};
-use crate::scene::EffectId;
+use super::background::{EARTH_FILLS, behind_the_earth};
+use crate::scene::{EffectId, Found, Surroundings, View, World};
+use crate::sky::zodiacal::{ZodiacalLight, distance_factor};
+use nalgebra::Vector3;
 
 /// Zodiacal light.
 pub const ZODIACAL_LIGHT: Effect =
     Effect::light(EffectId::ZodiacalLight, "zodiacal light", |scene, _| {
         judge(scene, EffectId::ZodiacalLight, up_to, 260.0)
-    });
+    })
+    .found_by(find, EARTH_FILLS);
+
+fn find(world: &World, view: &View, around: &Surroundings) -> Found {
+    let sun_m = view.observer.sun_m(&world.corrections);
+    let light = ZodiacalLight::new(&sun_m);
+    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
+    behind_the_earth(view, around, s10, distance_factor(sun_m.norm()))
+}

@@ -1,6 +1,6 @@
 //! Why a label lists no object.
 
-use crate::scene::Scene;
+use crate::scene::{Scene, full_part};
 
 /// The reason, for `label_snr` as the least signal-to-noise ratio of listed objects and `flooded_by` as in the label.
 pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
@@ -8,7 +8,7 @@ pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -
         return format!("every pixel is full: {light}");
     }
     let faint = format!("has a signal-to-noise ratio of {label_snr} or more");
-    match scene.full_part() {
+    match full_part(scene) {
         0.0 => format!("no object in the field {faint}"),
         part => {
             // Rounded down, so that it never reads as all of them.

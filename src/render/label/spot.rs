@@ -2,7 +2,7 @@
 
 use super::{VISIBLE_SNR, e4, e6};
 use crate::camera::Detector;
-use crate::scene::{EffectId, Scene};
+use crate::scene::{EffectId, Scene, expected_e, struck_e};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::cmp::Ordering;
@@ -209,8 +209,8 @@ impl<'a> Pixels<'a> {
 
     /// What `pixels` expect, and what particles leave in them, e-.
     fn held_e(&self, pixels: &'a [u32]) -> impl Iterator<Item = f64> {
-        let expected = self.scene.expected_e(pixels).into_iter();
-        let struck = self.scene.struck_e(pixels);
+        let expected = expected_e(self.scene, pixels).into_iter();
+        let struck = struck_e(self.scene, pixels);
         expected.zip(struck).map(|(e, more)| e + more)
     }
 

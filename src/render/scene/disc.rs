@@ -1,19 +1,14 @@
 //! The Moon's disc where it is too large for points: light by direction, laid on the pixels as that of areas.
 
-use super::wanderer::sunlit;
-use super::{Area, Edge, EffectId, Kind, Radiance};
+use super::area::radiance::{Area, Edge, Radiance};
+use super::effect_set::EffectId;
+use super::moonlight::sunlit;
 use crate::sky::Observer;
 use crate::sky::moon::MoonDisc;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// It comes with the Moon, and is none of those that are looked for by themselves (`KINDS`).
-static DISC: Kind = Kind {
-    effect: EffectId::Moon,
-    radiance: |_, _, _| Err(UNLIT.into()),
-    unlit: UNLIT,
-};
 const UNLIT: &str = "no lit part of the Moon is in the field";
 
 /// The disc before one observer.
@@ -37,7 +32,8 @@ impl LargeDisc {
     /// With twice the light of its brightest pixel, e-.
     pub fn area(self, peak_e: f64) -> Area {
         Area {
-            kind: &DISC,
+            effect: EffectId::Moon,
+            unlit: UNLIT,
             radiance: Ok(Arc::new(self)),
             peak_e,
         }

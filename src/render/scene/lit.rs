@@ -1,7 +1,7 @@
 //! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
 
-use super::area::Light;
-use super::{AreaLight, EffectSet, Scene, Source};
+use super::area::light::Light;
+use super::source::Source;
 use crate::footprint::Footprint;
 
 /// Light on pixels.
@@ -28,32 +28,5 @@ impl<'a> From<&'a Light> for Lit<'a> {
             electrons: 1.0,
             footprint: light.footprint(),
         }
-    }
-}
-
-impl Scene {
-    /// All that lights pixels in a frame that has only those effects that `parts` has.
-    pub fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
-        let sources = self.sources.iter();
-        let sources = sources.filter(|source| parts.has(source.body.effect()));
-        let areas = self.area_lights(parts).into_iter();
-        sources.map(Lit::from).chain(areas.map(Lit::from))
-    }
-
-    /// The light of its area sources: of all of them as one, if it has them all.
-    pub(super) fn area_lights(&self, parts: &EffectSet) -> Vec<&Light> {
-        let is_in = |area: &&AreaLight| parts.has(area.kind.effect);
-        if self.areas.iter().all(|area| is_in(&area)) {
-            return self.areas_light.light().into_iter().collect();
-        }
-        let areas = self.areas.iter().filter(is_in);
-        areas.filter_map(AreaLight::light).collect()
-    }
-
-    /// The light of the area sources that it has not.
-    pub(super) fn area_lights_without(&self, parts: &EffectSet) -> Vec<&Light> {
-        let areas = self.areas.iter();
-        let areas = areas.filter(|area| !parts.has(area.kind.effect));
-        areas.filter_map(AreaLight::light).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! What can be shown: the epochs, turns, exposures and places of observers that there are frames of.
 
-use super::Exposure;
+use super::exposure::Exposure;
 use crate::attitude::{AttitudeError, VehicleState, check_orbit};
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::{Bodies, EpochOutOfRange};

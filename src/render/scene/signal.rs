@@ -8,8 +8,9 @@
 //! with the light s and the background b (area light, dark charge and what transfer adds to the column, e-) of the pixel as it responds, and the curve c of its amplifier. Pixels that show nothing
 //! of the light count for nothing: dead, stuck, or full in expectation.
 
-use super::area::Together;
-use super::{EffectId, EffectSet, View};
+use super::area::together::Together;
+use super::effect_set::{EffectId, EffectSet};
+use super::view::View;
 use crate::camera::Detector;
 use crate::footprint::Footprint;
 use crate::kernels::{self, Reading};
@@ -97,9 +98,10 @@ impl<'a> Noise<'a> {
         }
         let Held { shares, background } = held;
         self.beside(footprint, background);
-        let shares = match self.respond(footprint, shares) {
-            true => &shares[..],
-            false => footprint.shares(),
+        let shares = if self.respond(footprint, shares) {
+            &shares[..]
+        } else {
+            footprint.shares()
         };
         let mut sum = 0.0;
         kernels::add_signal(

@@ -18,7 +18,7 @@ pub struct Struck {
 
 impl Struck {
     /// By `events`; incomplete once the limit's frame is cancelled.
-    pub(super) fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
+    pub fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
         let some = usize::from(!events.is_empty());
         let mut rows = vec![Vec::new(); some * detector.height];
         for event in events.iter().take_while(|_| !limit.is_cancelled()) {

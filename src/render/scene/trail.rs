@@ -8,12 +8,12 @@
 //! the exposure it goes past all on the other side. Together it passes every row of its column once, each for t_row, which
 //! ever way it goes. The scene is taken to stand still for it: a row's light comes at the rate that it has on average over the exposure.
 
-use super::spill::columns_e;
-use super::{Lit, View};
+use super::lit::Lit;
+use super::view::View;
 use crate::camera::Shutter;
 
 /// What each pixel of a column gets, e-, one value a column; empty where no charge is shifted through light.
-pub(super) fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+pub fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
     }
@@ -24,9 +24,24 @@ pub(super) fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) ->
 }
 
 /// What each pixel of a column gets of the column's light (1).
-pub(super) fn part(view: &View) -> f64 {
+pub fn part(view: &View) -> f64 {
     match view.camera.shutter {
         Shutter::FrameTransfer { row_s } => row_s / view.exposure.duration_s,
         Shutter::Global | Shutter::Rolling { .. } => 0.0,
     }
+}
+
+/// The light on each column, e-.
+pub fn columns_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+    let detector = &view.camera.detector;
+    let mut columns = vec![0.0; detector.width];
+    for light in lights.filter(|light| light.electrons > 0.0) {
+        let rows = light.footprint.rows(0..detector.height);
+        for (_, first, shares) in rows.take_while(|_| !view.limit.is_cancelled()) {
+            for (column, share) in columns[first..].iter_mut().zip(shares) {
+                *column += light.electrons * f64::from(*share);
+            }
+        }
+    }
+    columns
 }

@@ -7,14 +7,8 @@ use skyloop::camera::{Camera, Vignetting};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity};
-use skyloop::scene::{Area, AreaLight, Edge, EffectId, EffectSet, Full, Kind, Radiance, View};
+use skyloop::scene::{Area, AreaLight, Edge, EffectId, EffectSet, Full, Radiance, View, lit_by};
 use std::sync::Arc;
-
-static KIND: Kind = Kind {
-    effect: EffectId::ZodiacalLight,
-    radiance: |_, _, _| Err("none".into()),
-    unlit: "it is dark",
-};
 
 /// ph/s/m^2/sr, so that pixels get some thousand electrons.
 pub const LEVEL: f64 = 1e13;
@@ -63,11 +57,18 @@ pub fn view(camera: Camera, rates: [f64; 3]) -> View {
 
 pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &EffectSet) -> AreaLight {
     let area = Area {
-        kind: &KIND,
+        effect: EffectId::ZodiacalLight,
+        unlit: "it is dark",
         radiance: Ok(Arc::new(radiance)),
         peak_e: 1e5,
     };
-    view.lit_by(&area, simulated, &Full::default(), &Fidelity::REALTIME)
+    lit_by(
+        view,
+        &area,
+        simulated,
+        &Full::default(),
+        &Fidelity::REALTIME,
+    )
 }
 
 /// Electrons of one pixel at a steradian of the level.

@@ -210,7 +210,7 @@ fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
     let detector = &truth.view.camera.detector;
     let floor = detector.read_noise_e.powi(2) + detector.quantisation_variance();
     let areas = truth.areas.iter().filter(|area| {
-        let effect = area.kind.effect;
+        let effect = area.effect;
         skipped.contains(&effect) && !always.contains(&effect)
     });
     let snr = areas.map(|area| {

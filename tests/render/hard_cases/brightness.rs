@@ -13,7 +13,7 @@ use skyloop::fidelity::Fidelity;
 use skyloop::kernels::{Reading, add_signal};
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::Plan;
-use skyloop::scene::Scene;
+use skyloop::scene::build_scene;
 use skyloop::sky::photometry::{Sphere, diffuse_phase, photon_irradiance};
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -154,7 +154,7 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
     let once = |electrons: f64, lit: &Lit| -> [Duration; 3] {
         let view = lit.scene.view.clone();
         let started = Instant::now();
-        let scene = Scene::new(view, lit.scene.simulated, emulator.fidelity());
+        let scene = build_scene(view, lit.scene.simulated, emulator.fidelity());
         let imaged = started.elapsed();
         let plan = Plan::new(&scene, emulator.fidelity(), &lit.choice);
         let started = Instant::now();

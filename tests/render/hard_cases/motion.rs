@@ -11,7 +11,7 @@ use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::orbit::Object;
 use skyloop::plan::simulated;
-use skyloop::scene::{Exposure, Unobservable};
+use skyloop::scene::{Exposure, Unobservable, track_all};
 use std::f64::consts::TAU;
 
 /// A Gaussian's share of the pixel at `i` along one axis: closed form.
@@ -106,7 +106,8 @@ fn next_to_rest_a_track_has_no_more_points_than_at_rest() {
             all: true,
             ..emulator.choice.clone()
         };
-        let points = view.track_all(
+        let points = track_all(
+            &view,
             &simulated(&view, emulator.fidelity(), &all),
             emulator.fidelity(),
         );

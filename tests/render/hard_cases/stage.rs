@@ -11,7 +11,7 @@ use skyloop::frame::{Frame, Memory};
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
 use skyloop::render::render;
-use skyloop::scene::{Body, Candidate, Scene};
+use skyloop::scene::{Body, Candidate, Scene, build_scene};
 use std::sync::OnceLock;
 
 pub use crate::fixtures::unit;
@@ -174,7 +174,7 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
         })
         .collect();
     let simulated = simulated(&view, emulator.fidelity(), &choice);
-    let scene = Scene::new(view, simulated, emulator.fidelity());
+    let scene = build_scene(view, simulated, emulator.fidelity());
     let frame = drawn(&Plan::new(&scene, emulator.fidelity(), &choice), &scene);
     let expected_e = frame.expected_e.unwrap().into_iter().map(f64::from);
     Lit {

@@ -6,11 +6,11 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
-use skyloop::effect::name_of;
+use skyloop::effect::{area_kinds, name_of};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Fidelity;
 use skyloop::plan::{Plan, allowed, simulated};
-use skyloop::scene::{Area, Body, Edge, Faint, KINDS, Radiance, Scene, View};
+use skyloop::scene::{Area, Body, Edge, Faint, Radiance, View, add_areas, build_scene, build_view};
 use skyloop::sky::bodies::Bodies;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -87,7 +87,7 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
         floor_e: 0.0,
     };
     let (world, fidelity) = (emulator.world(), emulator.fidelity());
-    let there = View::new(
+    let there = build_view(
         world,
         &here.camera,
         &vehicle,
@@ -116,7 +116,7 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
         }
     }
     // How far its candidates swing is asked anew; the light of the sky as it stands is not its own.
-    let mut there = there.where_shine(world, &allowed(&emulator.choice));
+    let mut there = add_areas(there, world, area_kinds(), &allowed(&emulator.choice));
     let area = |area: &Area| Area {
         radiance: area.radiance.clone().map(|of| {
             let turn = *turn;
@@ -200,7 +200,7 @@ fn turning_the_whole_sky_changes_nothing() {
             let there = turned(emulator, &here, &turn);
             let [here, there] = [here, there].map(|view| {
                 let simulated = simulated(&view, emulator.fidelity(), &emulator.choice);
-                Scene::new(view, simulated, emulator.fidelity())
+                build_scene(view, simulated, emulator.fidelity())
             });
             prop_assert_eq!(here.simulated, there.simulated);
             prop_assert_eq!(here.sources.len(), there.sources.len());
@@ -222,7 +222,7 @@ fn turning_the_whole_sky_changes_nothing() {
             }
             let areas = here.areas.iter().filter(|area| area.electrons > 0.0);
             lit.borrow_mut()
-                .extend(areas.map(|area| name_of(area.kind.effect)));
+                .extend(areas.map(|area| name_of(area.effect)));
             let sources = here.sources.iter().filter(|source| source.electrons > 0.0);
             lit.borrow_mut()
                 .extend(sources.map(|source| source.body.identity().0));
@@ -230,8 +230,7 @@ fn turning_the_whole_sky_changes_nothing() {
         },
     );
     println!("places {way}, pixels {pixel} of their own light");
-    let all = KINDS
-        .iter()
+    let all = area_kinds()
         .map(|kind| name_of(kind.effect))
         .chain(["star", "rso", "Moon"]);
     assert_eq!(lit.into_inner(), all.collect());

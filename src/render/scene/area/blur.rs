@@ -7,16 +7,8 @@
 //! K is the spread of a point in the middle of a pixel over the pixels around it, less the pixel's own width, of the Sun's colour, at the middle of a patch of the detector. Even
 //! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
 
-use super::Asked;
-use super::lay::SMALLEST;
-use super::lines::Lines;
-use super::near::Near;
-use super::runs::Run;
-use super::sampled::Block;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
-use rayon::prelude::*;
-use skyloop_base::abort::WorkLimit;
 
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;
@@ -57,66 +49,14 @@ impl<'a> Blur<'a> {
         [self.camera.detector.width, self.camera.detector.height]
     }
 
+    /// How far light is spread, px.
+    pub fn reach(&self) -> usize {
+        self.reach
+    }
+
     /// How many pixels around the detector give light to it.
     pub fn margin(&self) -> usize {
         self.margin
-    }
-
-    /// What pixels on and near `sampled` blocks, by rows of them, have more than `lines` say, whose grid begins `rim` columns and rows before the
-    /// detector; none once the work is over.
-    pub fn runs(
-        &self,
-        limit: &WorkLimit,
-        lines: &Lines,
-        rim: usize,
-        sampled: &[Vec<Block>],
-        asked: &mut Asked,
-    ) -> Vec<Run> {
-        if limit.is_over() {
-            return Vec::new();
-        }
-        let patches = self.patches(rim, sampled);
-        let places = lines.places();
-        let patches = patches.into_par_iter().filter(|_| !limit.is_over());
-        let near = patches.map(|(at, blocks)| {
-            let near = Near::new(self, at, &blocks, rim);
-            let spread_ns = (2.0 * self.reach as f64 + 1.0).powi(2) * SPREAD_NS;
-            limit.spend(near.count() as f64 * (BLURRED_NS + spread_ns));
-            (near.runs(lines, &places), near.count())
-        });
-        let near: Vec<(Vec<Run>, usize)> = near.collect();
-        if self.margin > 0 {
-            let pixels = near.iter().map(|(_, pixels)| pixels);
-            asked.spreads += pixels.sum::<usize>() * (2 * self.reach + 1).pow(2);
-        }
-        near.into_iter().flat_map(|(runs, _)| runs).collect()
-    }
-
-    /// The patches of the detector that have pixels on or near blocks, each with those.
-    fn patches<'b>(
-        &self,
-        rim: usize,
-        sampled: &'b [Vec<Block>],
-    ) -> Vec<([usize; 2], Vec<&'b Block>)> {
-        let [across, down] = self.size().map(|pixels| pixels.div_ceil(PATCH));
-        let mut blocks = vec![Vec::new(); across * down];
-        for block in sampled.iter().flatten() {
-            let near = |k: usize, patches: usize| {
-                let past = block.at[k] + SMALLEST + self.margin;
-                let from = (block.at[k] - self.margin).max(rim) - rim;
-                from / PATCH..past.saturating_sub(rim).div_ceil(PATCH).min(patches)
-            };
-            for row in near(1, down) {
-                for column in near(0, across) {
-                    blocks[row * across + column].push(block);
-                }
-            }
-        }
-        let patches = blocks.into_iter().enumerate();
-        let patches = patches.filter(|(_, blocks)| !blocks.is_empty());
-        patches
-            .map(|(i, blocks)| ([i % across, i / across].map(|i| i * PATCH), blocks))
-            .collect()
     }
 
     /// The light of a pixel of `e`, rows of so many columns, after its neighbours' is spread by a `kernel`.

@@ -7,12 +7,15 @@
 //! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
 
 use super::blur::Blur;
-use super::lay::AREA_LOOK_NS;
-use super::plane::Plane;
-use super::{Area, lay};
+use super::motion::AREA_LOOK_NS;
+use super::plane::{Plane, received};
+use super::radiance::Area;
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
-use crate::scene::{EffectId, EffectSet, View, flooding_e, trail};
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::spill::flooding_e;
+use crate::scene::trail;
+use crate::scene::view::View;
 use rayon::prelude::*;
 
 /// Side of a cell, px.
@@ -75,9 +78,7 @@ impl Full {
         side: impl Fn(usize) -> usize,
     ) -> Full {
         let detector = &view.camera.detector;
-        let areas: Vec<&Area> = areas
-            .filter(|area| simulated.has(area.kind.effect))
-            .collect();
+        let areas: Vec<&Area> = areas.filter(|area| simulated.has(area.effect)).collect();
         let responds = 1.0 - detector.pattern.worst_response();
         let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
@@ -169,7 +170,8 @@ impl<'a, 'v> Sky<'a, 'v> {
         let source = |area: &&'a Area| {
             let radiance = area.radiance.as_ref().ok()?;
             let plane = Plane::new(view, simulated, radiance.turning());
-            Some((*area, plane, view.area_scale_e(radiance.as_ref())))
+            let scale_e = plane.scale_e(radiance.as_ref());
+            Some((*area, plane, scale_e))
         };
         Sky {
             sources: areas.iter().filter_map(source).collect(),
@@ -189,7 +191,7 @@ impl<'a, 'v> Sky<'a, 'v> {
             let radiance = area.radiance.as_ref().ok()?;
             let (seen, taken) = plane.taken(at)?;
             let sky = plane.to_sky(plane.open_s(at[1])[0]);
-            Some(lay::light(radiance.as_ref(), &(sky * seen), taken) * scale_e)
+            Some(received(radiance.as_ref(), &(sky * seen), taken) * scale_e)
         });
         light.sum()
     }

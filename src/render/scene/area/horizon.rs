@@ -1,7 +1,7 @@
 //! The Earth before the sky: what it hides, and where its limb is.
 
-use super::Edge;
-use crate::scene::View;
+use super::radiance::Edge;
+use crate::scene::view::View;
 use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth, LimbCone};
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;

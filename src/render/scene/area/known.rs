@@ -1,7 +1,7 @@
 //! Places of a grid at which area light is worked out first.
 
-use super::Asked;
-use super::lay::Grid;
+use super::asked::Asked;
+use super::grid::Grid;
 use super::lines::Square;
 use rayon::prelude::*;
 

@@ -1,10 +1,13 @@
 //! Pixels of a patch of the detector that are worked out each for itself, and those near them, to which the point spread function brings their light.
 
-use super::blur::{Blur, LANES, PATCH};
-use super::lay::SMALLEST;
+use super::asked::Asked;
+use super::blur::{BLURRED_NS, Blur, LANES, PATCH, SPREAD_NS};
+use super::grid::SMALLEST;
 use super::lines::{Lines, Places};
 use super::runs::Run;
 use super::sampled::Block;
+use rayon::prelude::*;
+use skyloop_base::abort::WorkLimit;
 use std::ops::Range;
 
 /// The pixels of a patch, row by row, those of a row as bits.
@@ -123,6 +126,64 @@ impl<'a> Near<'a> {
         }
         e
     }
+}
+
+/// By how much pixels on and near sampled `blocks` (by rows of them) differ from `lines`, whose grid
+/// begins `rim` columns and rows before the detector. None once the work limit is over.
+pub fn runs(
+    blur: &Blur<'_>,
+    limit: &WorkLimit,
+    lines: &Lines,
+    rim: usize,
+    blocks: &[Vec<Block>],
+    asked: &mut Asked,
+) -> Vec<Run> {
+    if limit.is_over() {
+        return Vec::new();
+    }
+    let places = lines.places();
+    let patches = patches(blur, rim, blocks).into_par_iter();
+    let patches = patches.filter(|_| !limit.is_over());
+    let side = 2 * blur.reach() + 1;
+    let near = patches.map(|(at, blocks)| {
+        let near = Near::new(blur, at, &blocks, rim);
+        let spread_ns = (side as f64).powi(2) * SPREAD_NS;
+        limit.spend(near.count() as f64 * (BLURRED_NS + spread_ns));
+        (near.runs(lines, &places), near.count())
+    });
+    let near: Vec<(Vec<Run>, usize)> = near.collect();
+    if blur.margin() > 0 {
+        let pixels = near.iter().map(|(_, pixels)| pixels);
+        asked.spreads += pixels.sum::<usize>() * side.pow(2);
+    }
+    near.into_iter().flat_map(|(runs, _)| runs).collect()
+}
+
+/// The patches of the detector that have pixels on or near blocks, each with those.
+fn patches<'b>(
+    blur: &Blur<'_>,
+    rim: usize,
+    sampled: &'b [Vec<Block>],
+) -> Vec<([usize; 2], Vec<&'b Block>)> {
+    let [across, down] = blur.size().map(|pixels| pixels.div_ceil(PATCH));
+    let mut blocks = vec![Vec::new(); across * down];
+    for block in sampled.iter().flatten() {
+        let near = |k: usize, patches: usize| {
+            let past = block.at[k] + SMALLEST + blur.margin();
+            let from = (block.at[k] - blur.margin()).max(rim) - rim;
+            from / PATCH..past.saturating_sub(rim).div_ceil(PATCH).min(patches)
+        };
+        for row in near(1, down) {
+            for column in near(0, across) {
+                blocks[row * across + column].push(block);
+            }
+        }
+    }
+    let patches = blocks.into_iter().enumerate();
+    let patches = patches.filter(|(_, blocks)| !blocks.is_empty());
+    patches
+        .map(|(i, blocks)| ([i % across, i / across].map(|i| i * PATCH), blocks))
+        .collect()
 }
 
 /// Those bits of a word; of others, none.

@@ -1,7 +1,7 @@
 //! A pixel, or a part of one, and how an edge runs across it.
 
-use super::Edge;
 use super::plane::Plane;
+use super::radiance::Edge;
 use nalgebra::{Matrix3, Vector3};
 
 /// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).

@@ -1,7 +1,9 @@
 //! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
 
-use crate::camera::{Camera, Model, Projection, Vignetting};
-use crate::scene::{EffectId, EffectSet, View};
+use super::radiance::Radiance;
+use crate::camera::{Camera, Detector, Model, Projection, Vignetting};
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::view::View;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use skyloop_base::abort::WorkLimit;
 
@@ -103,9 +105,23 @@ impl<'a> Plane<'a> {
         Rotation3::new(self.turning * -dt_s).into_inner() * to_icrf
     }
 
-    /// The detector's pixels.
-    pub fn pixels(&self) -> usize {
-        self.camera().detector.pixels()
+    /// The detector.
+    pub fn detector(&self) -> &Detector {
+        &self.camera().detector
+    }
+
+    /// Electrons a steradian that a pixel gets of a radiance of 1. Clark et al. 2021, Eq. (5),
+    /// before the division by the gain: `N = E QE tau A_app t_int`.
+    pub fn scale_e(&self, radiance: &dyn Radiance) -> f64 {
+        let (camera, seconds) = (self.camera(), self.view.exposure.duration_s);
+        if radiance.is_of_pixels() {
+            return seconds;
+        }
+        let optics = &camera.optics;
+        camera.detector.quantum_efficiency
+            * optics.transmission
+            * optics.aperture_area_m2()
+            * seconds
     }
 
     /// The greatest scale of the plane, px a rad.
@@ -120,4 +136,10 @@ impl<'a> Plane<'a> {
         }
         (self.view.vehicle.rates.norm() + self.turning.norm()) * self.view.exposure.duration_s
     }
+}
+
+/// The light of a pixel that takes `taken` sr from a direction, for a scale of 1.
+pub fn received(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
+    let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
+    radiance.seen(direction) * taken
 }

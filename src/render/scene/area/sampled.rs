@@ -1,10 +1,12 @@
 //! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
 
-use super::Asked;
-use super::lay::{AREA_LOOK_NS, Grid, SMALLEST};
+use super::asked::Asked;
+use super::grid::{Grid, SMALLEST};
 use super::lines::Square;
+use super::motion::AREA_LOOK_NS;
 use super::patch::Patch;
-use super::{Radiance, plane::Plane};
+use super::plane::Plane;
+use super::radiance::Radiance;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -43,43 +45,51 @@ pub struct Block {
     pub e: [[f32; SMALLEST]; SMALLEST],
 }
 
-impl Grid<'_, '_> {
-    /// The light of squares whose pixels are worked out each for itself, by rows of squares; none once the work is over.
-    pub fn sampled(
-        &self,
-        mut marked: Vec<(Square, Sampled)>,
-        asked: &mut Asked,
-    ) -> Vec<Vec<Block>> {
-        marked.sort_by_key(|(square, _)| (square.y, square.x));
-        let rows: Vec<&[(Square, Sampled)]> =
-            marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
-        let cells = cells(self.radiance, self.plane);
-        let rows = rows
-            .into_par_iter()
-            .filter(|_| !self.plane.limit().is_over());
-        let rows = rows.map(|squares| {
-            let top = squares[0].0.y as f64 - self.rim as f64;
-            let skies: [Vec<Matrix3<f64>>; SMALLEST] =
-                std::array::from_fn(|row| self.skies(top + row as f64));
-            let squares = squares.par_iter().with_min_len(FEW);
-            let blocks = squares.map(|(square, how)| self.block(square, *how, cells, &skies));
-            let (mut row, mut of_blocks) = (Vec::new(), Vec::new());
-            blocks.unzip_into_vecs(&mut row, &mut of_blocks);
-            let mut asked = Asked::default();
-            of_blocks.into_iter().for_each(|of_block| asked += of_block);
-            (row, asked)
-        });
-        let (rows, of_rows): (Vec<Vec<Block>>, Vec<Asked>) = rows.unzip();
-        of_rows.into_iter().for_each(|of_row| *asked += of_row);
-        rows
-    }
+/// The light of the squares whose pixels are sampled, by rows of squares; none once the work limit
+/// is over.
+pub fn sampled(
+    grid: &Grid<'_, '_>,
+    mut marked: Vec<(Square, Sampled)>,
+    asked: &mut Asked,
+) -> Vec<Vec<Block>> {
+    marked.sort_by_key(|(square, _)| (square.y, square.x));
+    let rows: Vec<&[(Square, Sampled)]> = marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
+    let sampler = Sampler {
+        grid,
+        cells: cells(grid.radiance, grid.plane),
+    };
+    let rows = rows.into_par_iter();
+    let rows = rows.filter(|_| !grid.plane.limit().is_over());
+    let rows = rows.map(|squares| {
+        let top = squares[0].0.y as f64 - grid.rim as f64;
+        let skies: [Vec<Matrix3<f64>>; SMALLEST] =
+            std::array::from_fn(|row| sampler.skies(top + row as f64));
+        let squares = squares.par_iter().with_min_len(FEW);
+        let blocks = squares.map(|(square, how)| sampler.block(square, *how, &skies));
+        let (mut row, mut of_blocks) = (Vec::new(), Vec::new());
+        blocks.unzip_into_vecs(&mut row, &mut of_blocks);
+        let mut asked = Asked::default();
+        of_blocks.into_iter().for_each(|of_block| asked += of_block);
+        (row, asked)
+    });
+    let (rows, of_rows): (Vec<Vec<Block>>, Vec<Asked>) = rows.unzip();
+    of_rows.into_iter().for_each(|of_row| *asked += of_row);
+    rows
+}
 
+/// Samples the pixels of squares.
+struct Sampler<'g, 'a, 'v> {
+    grid: &'g Grid<'a, 'v>,
+    /// Cells along a side of a pixel.
+    cells: usize,
+}
+
+impl Sampler<'_, '_, '_> {
     /// The light of the pixels of a square that are needed, at those attitudes during the time of each row.
     fn block(
         &self,
         square: &Square,
         how: Sampled,
-        cells: usize,
         skies: &[Vec<Matrix3<f64>>; SMALLEST],
     ) -> (Block, Asked) {
         let (at, mut asked) = ([square.x, square.y], Asked::default());
@@ -90,40 +100,41 @@ impl Grid<'_, '_> {
         for (j, (row, skies)) in block.e.iter_mut().zip(skies).enumerate() {
             for (i, e) in row.iter_mut().enumerate() {
                 let at = [at[0] + i, at[1] + j];
-                if !self.is_needed(at, 1) || self.plane.limit().is_over() {
+                if !self.grid.is_needed(at, 1) || self.grid.plane.limit().is_over() {
                     continue;
                 }
-                let [x, y] = at.map(|from| from as f64 - self.rim as f64);
+                let [x, y] = at.map(|from| from as f64 - self.grid.rim as f64);
                 *e = match how {
-                    Sampled::Middle => self.at(x, y, &mut asked).unwrap_or(0.0),
-                    Sampled::All => self.mean(x, y, cells, skies, &mut asked),
+                    Sampled::Middle => self.grid.at(x, y, &mut asked).unwrap_or(0.0),
+                    Sampled::All => self.mean(x, y, skies, &mut asked),
                 } as f32;
             }
         }
-        let places = asked.lights as f64 * self.plane.place_ns();
+        let places = asked.lights as f64 * self.grid.plane.place_ns();
         let looks = places + (asked.lights + asked.smeared) as f64 * AREA_LOOK_NS;
         let edges = (asked.edges * skies[0].len()) as f64 * EDGE_NS;
-        self.plane.limit().spend(looks + edges);
+        self.grid.plane.limit().spend(looks + edges);
         (block, asked)
     }
 
     /// Attitudes during the time of a row's pixels: midpoints of even steps.
     fn skies(&self, y: f64) -> Vec<Matrix3<f64>> {
-        let [middle_s, duration_s] = self.plane.open_s(y);
-        let px = self.motion * self.plane.scale_px();
+        let [middle_s, duration_s] = self.grid.plane.open_s(y);
+        let px = self.grid.motion * self.grid.plane.scale_px();
         let count = if px < STILL_PX {
             1
         } else {
-            ((STEPS_PX * px) as usize + 2).min(most_steps(self.plane.pixels()))
+            ((STEPS_PX * px) as usize + 2).min(most_steps(self.grid.plane.detector().pixels()))
         };
         let part = |i: usize| (i as f64 + 0.5) / count as f64 - 0.5;
         (0..count)
-            .map(|i| self.plane.to_sky(middle_s + part(i) * duration_s))
+            .map(|i| self.grid.plane.to_sky(middle_s + part(i) * duration_s))
             .collect()
     }
 
     /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
-    fn mean(&self, x: f64, y: f64, cells: usize, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
+    fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
+        let cells = self.cells;
         let side = 1.0 / cells as f64;
         let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
         let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
@@ -134,28 +145,34 @@ impl Grid<'_, '_> {
     /// The mean light of a square around a place, its side in px, e- a pixel. Each side of an edge has the mean of those of four places (Gauss)
     /// that are on it, for the part of the square that it takes.
     fn mean_of(&self, at: [f64; 2], size: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
-        let Some(patch) = Patch::new(self.plane, at, size) else {
+        let Some(patch) = Patch::new(self.grid.plane, at, size) else {
             return 0.0;
         };
         let crossings = skies
             .iter()
-            .map(|sky| (sky, patch.crossing(self.radiance.edge(), sky)));
+            .map(|sky| (sky, patch.crossing(self.grid.radiance.edge(), sky)));
         let count = skies.len() as f64;
-        if self.radiance.is_hidden_inside() {
+        if self.grid.radiance.is_hidden_inside() {
             let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
                 (outside + crossing.part(1), looks + crossing.looks)
             });
             asked.edges += looks / skies.len().max(1);
             asked.lights += 1;
-            let sky = self.plane.to_sky(self.plane.open_s(at[1])[0]);
+            let sky = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
             let (middle, taken) = patch.middle;
-            return self.radiance.toward(&(sky * middle)) * taken * self.scale_e * outside / count;
+            return self.grid.radiance.toward(&(sky * middle))
+                * taken
+                * self.grid.scale_e
+                * outside
+                / count;
         }
         let (mut sum, mut looks, mut edges) = (0.0, 0, 0);
-        let middle = self.plane.to_sky(self.plane.open_s(at[1])[0]);
-        if self.is_still && patch.is_clear(self.radiance.edge(), &middle, self.motion) {
+        let middle = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
+        if self.grid.is_still
+            && patch.is_clear(self.grid.radiance.edge(), &middle, self.grid.motion)
+        {
             let places = patch.places.iter().flatten();
-            let lights = places.map(|(seen, taken)| self.light(&(middle * seen), *taken));
+            let lights = places.map(|(seen, taken)| self.grid.light(&(middle * seen), *taken));
             asked.lights += 4;
             asked.edges += 1;
             return lights.sum::<f64>() / 4.0;
@@ -165,7 +182,7 @@ impl Grid<'_, '_> {
             for (place, edge) in patch.places.iter().zip(crossing.places) {
                 if let Some((seen, taken)) = place {
                     let side = usize::from(edge > 0.0);
-                    sides[side] += self.light(&(sky * seen), *taken);
+                    sides[side] += self.grid.light(&(sky * seen), *taken);
                     counts[side] += 1.0;
                 }
             }
@@ -175,9 +192,10 @@ impl Grid<'_, '_> {
                     sum += part * sides[side] / counts[side];
                 } else if part > 0.0 {
                     // The corner that no place is in.
-                    let corner = self.plane.taken(patch.corner(&crossing, side));
-                    sum +=
-                        corner.map_or(0.0, |(seen, taken)| part * self.light(&(sky * seen), taken));
+                    let corner = self.grid.plane.taken(patch.corner(&crossing, side));
+                    sum += corner.map_or(0.0, |(seen, taken)| {
+                        part * self.grid.light(&(sky * seen), taken)
+                    });
                 }
             }
             looks += 4;

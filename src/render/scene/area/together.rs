@@ -1,9 +1,10 @@
 //! The light of all area sources of a scene together: it is drawn where it is asked for, or at once where nearly all of it will be.
 
-use super::{AreaLight, Light};
+use super::area_light::AreaLight;
+use super::light::Light;
 use crate::camera::Detector;
 use crate::kernels;
-use crate::scene::View;
+use crate::scene::view::View;
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Images lie close if they have more than the detector's pixels over this: then all pixels' light is asked for anyway.

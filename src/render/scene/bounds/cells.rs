@@ -1,8 +1,9 @@
 //! How much light the brightest pixel may hold: a bound that costs far less than drawing the sources.
 
-use super::{Lit, Source};
 use crate::camera::Detector;
 use crate::lanes;
+use crate::scene::lit::Lit;
+use crate::scene::source::Source;
 use rayon::prelude::*;
 use skyloop_base::abort::WorkLimit;
 use std::collections::VecDeque;
@@ -22,11 +23,11 @@ const BAND: usize = 16 * CELL;
 const ROWS: usize = 32;
 
 /// What a pixel's light is multiplied by, by row-major index.
-pub(super) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
+pub type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
 /// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
 /// the sum of what every light gives to its greatest pixel there.
-pub(super) fn pixels_e<'a>(
+pub fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
@@ -36,7 +37,7 @@ pub(super) fn pixels_e<'a>(
 }
 
 /// In each cell the sum of what every light gives to its greatest pixel there, e-, in parts that are to be added up.
-pub(super) fn cells_of<'a>(
+pub fn cells_of<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
@@ -63,7 +64,7 @@ pub(super) fn cells_of<'a>(
 }
 
 /// The greatest cell of each column of cells, of `parts` together.
-pub(super) fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
+pub fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let none = || vec![0.0f64; columns];
     let rows = (0..detector.height.div_ceil(CELL)).into_par_iter();
@@ -167,17 +168,12 @@ fn raise<T: Copy + PartialOrd>(most: &mut T, to: T) {
 }
 
 /// The share of a source's greatest pixel.
-pub(super) fn greatest_share(source: &Source) -> f64 {
+pub fn greatest_share(source: &Source) -> f64 {
     lanes::greatest(source.footprint.shares()).into()
 }
 
 /// Calls `each` with the cells in which the image of a source has a pixel, or one that lies no more than `beside` pixels from it; each once.
-pub(super) fn cells(
-    detector: &Detector,
-    source: &Source,
-    beside: usize,
-    mut each: impl FnMut(usize),
-) {
+pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl FnMut(usize)) {
     let columns = detector.width.div_ceil(CELL);
     let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
     let rows = source.footprint.rows(0..detector.height).filter(lit);

@@ -1,34 +1,18 @@
-//! The sky behind all else: light that is told in S10 (stars of V = 10 a square degree), as far as the Earth does not hide it.
+//! The sky behind the Earth: light in S10 (stars of V = 10 a square degree).
 
-use super::horizon::Horizon;
-use super::kinds::{Found, Kind};
-use super::{Edge, Radiance, Surroundings};
-use crate::scene::{EffectId, View, World};
+use crate::scene::{Edge, Found, Horizon, Radiance, Surroundings, View};
 use crate::sky::photometry::photon_radiance;
-use crate::sky::zodiacal::{S10_MAG, ZodiacalLight, distance_factor};
+use crate::sky::zodiacal::S10_MAG;
 use nalgebra::Vector3;
 use std::fmt;
 use std::sync::Arc;
 
-/// Zodiacal light.
-pub const ZODIACAL: Kind = Kind {
-    effect: EffectId::ZodiacalLight,
-    radiance: zodiacal,
-    unlit: EARTH_FILLS,
-};
-
-/// Stars too faint for the catalogue.
-pub const STARLIGHT: Kind = Kind {
-    effect: EffectId::Starlight,
-    radiance: starlight,
-    unlit: EARTH_FILLS,
-};
-
+/// The smallest step of the tables of both.
 const DETAIL_DEG: f64 = 5.0;
-const EARTH_FILLS: &str = "the Earth fills the field";
+pub(super) const EARTH_FILLS: &str = "the Earth fills the field";
 
 /// S10 in a direction (unit vector, ICRF).
-type Brightness = dyn Fn(&Vector3<f64>) -> f64 + Send + Sync;
+pub(super) type Brightness = dyn Fn(&Vector3<f64>) -> f64 + Send + Sync;
 
 struct Background {
     s10: Box<Brightness>,
@@ -45,8 +29,8 @@ impl fmt::Debug for Background {
     }
 }
 
-/// `brighter` times as bright as `s10` tells.
-fn behind_the_earth(
+/// Light of `brighter` times `s10`, where the Earth does not hide it.
+pub(super) fn behind_the_earth(
     view: &View,
     around: &Surroundings,
     s10: Box<Brightness>,
@@ -64,25 +48,11 @@ fn behind_the_earth(
     }))
 }
 
-fn zodiacal(world: &World, view: &View, around: &Surroundings) -> Found {
-    let sun_m = view.observer.sun_m(&world.corrections);
-    let light = ZodiacalLight::new(&sun_m);
-    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
-    behind_the_earth(view, around, s10, distance_factor(sun_m.norm()))
-}
-
-fn starlight(world: &World, view: &View, around: &Surroundings) -> Found {
-    let light = world.starlight.clone();
-    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
-    behind_the_earth(view, around, s10, 1.0)
-}
-
 impl Radiance for Background {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
         self.unit * (self.s10)(direction)
     }
 
-    /// The smallest step of the tables of both.
     fn detail(&self) -> f64 {
         DETAIL_DEG.to_radians()
     }

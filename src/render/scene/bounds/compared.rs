@@ -4,11 +4,14 @@
 //! what is so: the other image is made, and both are compared pixel by pixel. `effect::shown` says where to look closer, until bounds are
 //! no more than what is known. How much is compared is limited (`Compared::spare`), for it costs what making the images costs.
 
-use super::brightest::{CELL, cells};
-use super::change::{Change, Image};
-use super::{EffectId, EffectSet, Scene, Source};
+use super::cells::{CELL, cells};
+use super::image::{Change, Image, changes, lines_of_sight};
 use crate::camera::Detector;
 use crate::fidelity::Fidelity;
+use crate::scene::content::Scene;
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::imaging::Imaging;
+use crate::scene::source::{Candidate, Source};
 use std::ops::Range;
 
 /// So many pixels may be worked out again for an effect that is skipped, each frame;
@@ -67,69 +70,67 @@ pub struct Peak {
     pub all: [f64; 2],
 }
 
-impl Scene {
-    /// The images beside those with the effects `other`; `faint` and `change` bound what each changes by (`Scene::changes`). Where it `enters`, sources may be on the detector
-    /// that are not now.
-    pub fn compared(
-        &self,
-        other: &EffectSet,
-        enters: bool,
-        faint: impl Fn(&Source) -> Option<f64> + Sync,
-        change: impl Fn(&Image<'_>) -> Change + Sync,
-    ) -> Compared<'_> {
-        let (detector, now) = (&self.view.camera.detector, &self.simulated);
-        let columns = detector.width.div_ceil(CELL);
-        let cells = columns * detector.height.div_ceil(CELL);
-        let pixels: u64 = self.sources.iter().map(|s| s.footprint.evaluated()).sum();
-        let skipped = now.and_shapes(other) != *now;
-        let mut fidelity = self.fidelity;
-        if skipped {
-            // Short tracks are tracks.
-            fidelity.skip_px = 0.0;
-        }
-        let lights = self.changes(faint, change).into_iter();
-        let lights = lights.map(|(source, e, beside)| Light {
-            source,
-            e,
-            beside,
-            settled: false,
-        });
-        let mut compared = Compared {
-            scene: self,
-            other: *other,
-            fidelity,
-            lights: lights.collect(),
-            pairs: Vec::new(),
-            bounds: vec![0.0; cells],
-            known: vec![0.0; cells],
-            columns,
-            spare: if skipped {
-                SKIPPED
-            } else {
-                pixels / PART + MORE
-            },
-        };
-        let lights = compared.lights.iter();
-        for light in lights.take_while(|_| !self.is_cancelled()) {
-            each_cell(detector, light, |cell| compared.bounds[cell] += light.e);
-        }
-        let lights = &mut compared.lights;
-        let falling = |a: &Light<'_>, b: &Light<'_>| b.e.total_cmp(&a.e);
-        if lights.len() > GREATEST {
-            lights.select_nth_unstable_by(GREATEST, falling);
-            lights.truncate(GREATEST);
-        }
-        lights.sort_by(falling);
-        if enters {
-            for source in self.entering(other) {
-                compared.know(Pair {
-                    here: None,
-                    there: Some(source),
-                });
-            }
-        }
-        compared
+/// The images beside those with the effects `other`; `faint` and `change` bound what each changes by (`Scene::changes`). Where it `enters`, sources may be on the detector
+/// that are not now.
+pub fn compare<'a>(
+    scene: &'a Scene,
+    other: &EffectSet,
+    enters: bool,
+    faint: impl Fn(&Source) -> Option<f64> + Sync,
+    change: impl Fn(&Image<'_>) -> Change + Sync,
+) -> Compared<'a> {
+    let (detector, now) = (&scene.view.camera.detector, &scene.simulated);
+    let columns = detector.width.div_ceil(CELL);
+    let cells = columns * detector.height.div_ceil(CELL);
+    let pixels: u64 = scene.sources.iter().map(|s| s.footprint.evaluated()).sum();
+    let skipped = now.and_shapes(other) != *now;
+    let mut fidelity = scene.fidelity;
+    if skipped {
+        // Short tracks are tracks.
+        fidelity.skip_px = 0.0;
     }
+    let lights = changes(scene, faint, change).into_iter();
+    let lights = lights.map(|(source, e, beside)| Light {
+        source,
+        e,
+        beside,
+        settled: false,
+    });
+    let mut compared = Compared {
+        scene,
+        other: *other,
+        fidelity,
+        lights: lights.collect(),
+        pairs: Vec::new(),
+        bounds: vec![0.0; cells],
+        known: vec![0.0; cells],
+        columns,
+        spare: if skipped {
+            SKIPPED
+        } else {
+            pixels / PART + MORE
+        },
+    };
+    let lights = compared.lights.iter();
+    for light in lights.take_while(|_| !scene.is_cancelled()) {
+        each_cell(detector, light, |cell| compared.bounds[cell] += light.e);
+    }
+    let lights = &mut compared.lights;
+    let falling = |a: &Light<'_>, b: &Light<'_>| b.e.total_cmp(&a.e);
+    if lights.len() > GREATEST {
+        lights.select_nth_unstable_by(GREATEST, falling);
+        lights.truncate(GREATEST);
+    }
+    lights.sort_by(falling);
+    if enters {
+        for source in entering(scene, other) {
+            compared.know(Pair {
+                here: None,
+                there: Some(source),
+            });
+        }
+    }
+    compared
 }
 
 impl<'a> Compared<'a> {
@@ -171,7 +172,7 @@ impl<'a> Compared<'a> {
                 continue;
             }
             let (source, e) = (light.source, light.e);
-            let pixels = scene.pixels(source, &self.other, &self.fidelity);
+            let pixels = pixels(scene, source, &self.other, &self.fidelity);
             if pixels > self.spare {
                 break;
             }
@@ -183,7 +184,7 @@ impl<'a> Compared<'a> {
             });
             self.know(Pair {
                 here: Some(source),
-                there: scene.other_image(source, &self.other, &self.fidelity),
+                there: other_image(scene, source, &self.other, &self.fidelity),
             });
             if self.bounds[wanted] <= self.known[wanted] {
                 break;
@@ -257,44 +258,85 @@ impl Pair<'_> {
     }
 }
 
-impl Scene {
-    /// The image of a source with other effects; none if nothing of it touches the detector then.
-    fn other_image(
-        &self,
-        source: &Source,
-        other: &EffectSet,
-        fidelity: &Fidelity,
-    ) -> Option<Source> {
-        let wanted = source.body.identity();
-        let candidates = &mut self.view.candidates.iter();
-        let candidate = candidates.find(|candidate| candidate.body.identity() == wanted)?;
-        self.view.image(candidate, other, fidelity)
+/// The images that touch the detector in a scene `without` and not in this one.
+pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
+    if *without == scene.simulated {
+        return Vec::new();
     }
+    let (view, fidelity) = (&scene.view, &scene.fidelity);
+    let (optics, detector) = (&view.camera.optics, &view.camera.detector);
+    let projection = optics.projection_if(without.has(EffectId::Distortion));
+    let seen = lines_of_sight(scene);
+    let readout_px = view.longest_track_px(view.camera.readout_s()) / 2.0;
+    let margin = optics.psf.reach_px(fidelity.psf_loss) + readout_px + 1.0;
+    let comes_near = |candidate: &Candidate| {
+        let places = seen(&candidate.body).map(|seen| optics.project_by(&projection, &seen));
+        let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
+        [detector.width, detector.height]
+            .iter()
+            .enumerate()
+            .all(|(k, pixels)| {
+                let along = || places.iter().map(|at| at[k]);
+                let (low, high) = (
+                    along().fold(f64::MAX, f64::min),
+                    along().fold(f64::MIN, f64::max),
+                );
+                // Between the three it may bend.
+                let margin = margin + (high - low) / 2.0;
+                low <= *pixels as f64 + margin && high >= -margin
+            })
+    };
+    let mut there = scene
+        .sources
+        .iter()
+        .map(|source| source.body.identity())
+        .peekable();
+    let gone = view.candidates.iter().filter(|candidate| {
+        let here = there.next_if_eq(&candidate.body.identity()).is_some();
+        let shines = scene.simulated.has(candidate.body.effect());
+        !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
+    });
+    let imaging = Imaging {
+        view,
+        simulated: without,
+        fidelity,
+    };
+    gone.filter_map(|candidate| imaging.image(candidate))
+        .collect()
+}
 
-    /// How many pixels are worked out for that, about.
-    fn pixels(&self, source: &Source, other: &EffectSet, fidelity: &Fidelity) -> u64 {
-        let worked_out = source.footprint.evaluated();
-        let moves = |of: &EffectSet| of.moves_images();
-        if moves(other) {
-            // A short track has two pieces of two points.
-            return if moves(&self.simulated) {
-                worked_out
-            } else {
-                4 * worked_out
-            };
-        }
-        let drawn_px = (self.view.camera.optics.psf).drawn_px(fidelity, source.clear_e);
-        worked_out.min((2.0 * drawn_px + 1.0).powi(2) as u64)
-    }
+/// The image of a source with other effects; none if nothing of it touches the detector then.
+fn other_image(
+    scene: &Scene,
+    source: &Source,
+    other: &EffectSet,
+    fidelity: &Fidelity,
+) -> Option<Source> {
+    let wanted = source.body.identity();
+    let candidates = &mut scene.view.candidates.iter();
+    let candidate = candidates.find(|candidate| candidate.body.identity() == wanted)?;
+    let imaging = Imaging {
+        view: &scene.view,
+        simulated: other,
+        fidelity,
+    };
+    imaging.image(candidate)
+}
 
-    /// No pixel turns its light into more than so many times the charge.
-    pub fn responds(&self) -> f64 {
-        if self.simulated.has(EffectId::PixelResponse) {
-            1.0 + self.view.camera.detector.pattern.worst_response()
+/// How many pixels are worked out for that, about.
+fn pixels(scene: &Scene, source: &Source, other: &EffectSet, fidelity: &Fidelity) -> u64 {
+    let worked_out = source.footprint.evaluated();
+    let moves = |of: &EffectSet| of.moves_images();
+    if moves(other) {
+        // A short track has two pieces of two points.
+        return if moves(&scene.simulated) {
+            worked_out
         } else {
-            1.0
-        }
+            4 * worked_out
+        };
     }
+    let drawn_px = (scene.view.camera.optics.psf).drawn_px(fidelity, source.clear_e);
+    worked_out.min((2.0 * drawn_px + 1.0).powi(2) as u64)
 }
 
 /// A row of a source's image: its first column, its shares and all its electrons.

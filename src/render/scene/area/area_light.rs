@@ -1,0 +1,62 @@
+//! An area source on the pixels.
+
+use super::asked::Asked;
+use super::light::Light;
+use crate::scene::effect_set::EffectId;
+use skyloop_orbit::sgp4_batch::Level;
+use std::borrow::Cow;
+
+/// The light of an area source on the pixels.
+#[derive(Debug)]
+pub struct AreaLight {
+    /// Its effect.
+    pub effect: EffectId,
+    /// Why there is none.
+    pub dark: Option<Cow<'static, str>>,
+    /// On the pixels; none where it is too faint for any.
+    pub(super) light: Option<Light>,
+    /// The least and the most light of a pixel of each column of cells (`bounds::cells`), e-.
+    pub(super) ends: Vec<[f32; 2]>,
+    /// Electrons on all pixels.
+    pub electrons: f64,
+    /// The most in a pixel, e-.
+    pub most_e: f64,
+    /// Whether all of it is lost in noise.
+    pub is_thin: bool,
+    /// The work of rasterizing it.
+    pub asked: Asked,
+}
+
+impl AreaLight {
+    /// On the pixels; none where it is too faint for any.
+    pub fn light(&self) -> Option<&Light> {
+        self.light.as_ref()
+    }
+
+    /// On each pixel, row by row, e-; empty where it is too faint for any.
+    pub fn e(&self) -> &[f32] {
+        self.light().map(Light::e).unwrap_or_default()
+    }
+
+    /// Number of pixels that are not interpolated.
+    pub fn uneven(&self) -> usize {
+        self.light().map_or(0, Light::uneven)
+    }
+
+    /// Adds its light on the pixels from `first` (row-major index) on to `electrons`.
+    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+        if let Some(light) = &self.light {
+            light.add_to(level, first, electrons);
+        }
+    }
+
+    /// The most light of a pixel in each column of cells, e-.
+    pub fn most_of_columns(&self) -> Vec<f64> {
+        self.ends.iter().map(|[_, most]| f64::from(*most)).collect()
+    }
+
+    /// The least light of a pixel in each column of cells, e-; empty where it is too faint for any.
+    pub fn floor_e(&self) -> impl Iterator<Item = f32> {
+        self.ends.iter().map(|[least, _]| *least)
+    }
+}

@@ -1,0 +1,106 @@
+//! The grid of pixels on and around the detector on which an area source is evaluated.
+
+use super::asked::Asked;
+use super::full::Full;
+use super::motion::{AREA_LOOK_NS, mean, panels};
+use super::plane::{Plane, received};
+use super::radiance::Radiance;
+use crate::fidelity::Fidelity;
+use nalgebra::Vector3;
+
+/// Side of the grid's largest squares, px.
+pub const LARGEST: usize = 256;
+/// Side of the smallest squares, px: those that interpolation does not fill are sampled.
+pub const SMALLEST: usize = 4;
+/// How far the middle of a moving panel may be off the line between its ends, in units of what
+/// interpolation may miss. Simpson's rule then errs by far less.
+const BEND: f64 = 12.0;
+
+/// A source, the plane it falls on, and its tolerances.
+pub struct Grid<'a, 'v> {
+    pub radiance: &'a dyn Radiance,
+    pub plane: &'a Plane<'v>,
+    fidelity: &'a Fidelity,
+    /// Electrons a steradian of a pixel.
+    pub scale_e: f64,
+    /// Where this and other area light together fill pixels.
+    pub full: &'a Full,
+    /// How far the pattern moves while a pixel is open, rad.
+    pub motion: f64,
+    /// Whether light without an edge is as in the middle of that time throughout.
+    pub is_still: bool,
+    /// Columns and rows of the detector.
+    pub detector: [usize; 2],
+    /// Pixels that are needed around the detector.
+    pub margin: usize,
+    /// Columns and rows of the grid before the detector's first. A multiple of the largest square,
+    /// so that squares lie alike on the detector with any margin.
+    pub rim: usize,
+}
+
+impl<'a, 'v> Grid<'a, 'v> {
+    pub fn new(
+        radiance: &'a dyn Radiance,
+        plane: &'a Plane<'v>,
+        margin: usize,
+        full: &'a Full,
+        fidelity: &'a Fidelity,
+    ) -> Self {
+        Grid {
+            radiance,
+            plane,
+            fidelity,
+            scale_e: plane.scale_e(radiance),
+            full,
+            motion: plane.motion(),
+            is_still: panels(radiance, plane.motion() * plane.scale_px()) == 0,
+            detector: [plane.detector().width, plane.detector().height],
+            margin,
+            rim: margin.next_multiple_of(LARGEST),
+        }
+    }
+
+    /// Whether any pixel is needed of the square from a column and row of the grid on.
+    pub fn is_needed(&self, from: [usize; 2], side: usize) -> bool {
+        from.iter().zip(self.detector).all(|(from, pixels)| {
+            let needed = self.rim - self.margin..self.rim + pixels + self.margin;
+            from + side > needed.start && *from < needed.end
+        })
+    }
+
+    /// The error that interpolation may have at light `e`, e-.
+    pub fn may_miss(&self, e: f64) -> f64 {
+        self.fidelity.area_e + self.fidelity.area_part * e.abs()
+    }
+
+    /// The light of the pixel around a place, e-: the mean over its time, or that in the middle
+    /// where the pattern hardly moves. None where the plane has no direction, or the work limit is
+    /// over.
+    pub fn at(&self, x: f64, y: f64, asked: &mut Asked) -> Option<f64> {
+        if self.plane.limit().is_over() {
+            return None;
+        }
+        let (seen, taken) = self.plane.taken([x, y])?;
+        let [middle_s, duration_s] = self.plane.open_s(y);
+        let moved_px = self.motion * self.plane.scale_px();
+        let light = |part: f64| {
+            let sky = self.plane.to_sky(middle_s + (part - 0.5) * duration_s);
+            self.light(&(sky * seen), taken)
+        };
+        let bent = |value: f64| BEND * self.may_miss(value);
+        let (mean, looks) = match panels(self.radiance, moved_px) {
+            0 => (light(0.5), 1),
+            panels => mean(light, panels, bent),
+        };
+        asked.lights += 1;
+        asked.smeared += looks - 1;
+        let ns = self.plane.place_ns() + looks as f64 * AREA_LOOK_NS;
+        self.plane.limit().spend(ns);
+        Some(mean)
+    }
+
+    /// The light that a pixel which takes `taken` sr gets from a direction, e-.
+    pub fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
+        received(self.radiance, direction, taken) * self.scale_e
+    }
+}

@@ -1,0 +1,73 @@
+//! What an area source is: its effect, and how to find its light.
+
+use super::plane::{Plane, received};
+use super::radiance::{Area, Found, Radiance};
+use super::surroundings::Surroundings;
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::view::View;
+use crate::scene::world::World;
+use nalgebra::Vector3;
+use std::fmt;
+
+/// Pixels along a side of the field at which a radiance is evaluated before it is rasterized.
+const PLACES: usize = 4;
+
+/// A kind of area source.
+#[derive(Clone, Copy)]
+pub struct Kind {
+    /// Its effect.
+    pub effect: EffectId,
+    /// Finds its light.
+    pub radiance: fn(&World, &View, &Surroundings) -> Found,
+    /// Why no pixel is lit, if none is though light was found.
+    pub unlit: &'static str,
+}
+
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.effect.fmt(f)
+    }
+}
+
+/// The area sources of those `kinds` whose effect `runs`.
+pub fn areas(
+    view: &View,
+    world: &World,
+    kinds: impl Iterator<Item = Kind>,
+    runs: &EffectSet,
+) -> Vec<Area> {
+    let ideal = Plane::new(view, &EffectSet::default(), Vector3::zeros());
+    let around = Surroundings::of(view);
+    let kinds = kinds.filter(|kind| runs.has(kind.effect));
+    let areas = kinds.map(|kind| {
+        let radiance = (kind.radiance)(world, view, &around);
+        let peak_e = match &radiance {
+            Ok(radiance) => 2.0 * brightest_e(radiance.as_ref(), &ideal),
+            Err(_) => 0.0,
+        };
+        Area {
+            effect: kind.effect,
+            unlit: kind.unlit,
+            radiance,
+            peak_e,
+        }
+    });
+    areas.collect()
+}
+
+/// The light of the brightest of some pixels all over the field, e-.
+fn brightest_e(radiance: &dyn Radiance, plane: &Plane<'_>) -> f64 {
+    let [columns, rows] = plane.detector().sides();
+    let (scale_e, sky) = (plane.scale_e(radiance), plane.to_sky(0.0));
+    let part = |i: usize| i as f64 / (PLACES - 1) as f64;
+    let places = (0..PLACES * PLACES).map(|i| {
+        let at = [
+            part(i % PLACES) * (columns - 1.0),
+            part(i / PLACES) * (rows - 1.0),
+        ];
+        plane.taken(at).map_or(0.0, |(seen, taken)| {
+            received(radiance, &(sky * seen), taken) * scale_e
+        })
+    });
+    places.fold(0.0, f64::max)
+}

@@ -1,0 +1,149 @@
+//! By how much area light changes where an effect that shapes images is left out.
+
+use super::wells::{apart, greatest, hold};
+use crate::camera::Detector;
+use crate::lanes;
+use crate::scene::area::area_light::AreaLight;
+use crate::scene::area::full::Full;
+use crate::scene::area::image::lit_by;
+use crate::scene::area::plane::Plane;
+use crate::scene::area::together::Together;
+use crate::scene::charge::light_e;
+use crate::scene::content::Scene;
+use crate::scene::effect_set::EffectSet;
+use crate::scene::view::View;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
+
+/// What a slope between neighbouring pixels may be less than that between them.
+const STEEPER: f64 = 1.5;
+/// Places along a side of the detector at which it is looked what pixels take, and how much more that may change by between them.
+const PLACES: usize = 7;
+const BETWEEN: f64 = 1.1;
+/// Rows that are drawn at once.
+const BAND: usize = 16;
+
+/// The light of all area sources with the effects `other`, drawn.
+pub fn areas_with(scene: &Scene, other: &EffectSet) -> Together {
+    let view = &scene.view;
+    let full = Full::of(view, view.areas.iter(), other, &scene.fidelity);
+    let areas = view.areas.iter();
+    let areas = areas.filter(|area| other.has(area.effect));
+    let areas: Vec<AreaLight> = areas
+        .map(|area| lit_by(view, area, other, &full, &scene.fidelity))
+        .collect();
+    Together::of(&areas, view, view.camera.detector.pixels())
+}
+
+/// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
+pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
+    let others = areas_with(scene, other);
+    if scene.is_cancelled() {
+        return 0.0;
+    }
+    let [is_e, others_e] = [scene.areas_light.e(), others.e()];
+    f64::from(lanes::furthest_apart(is_e, others_e)) * scene.responds()
+}
+
+/// A bound of the change of a pixel where area light moves by `px`, by the steepest step between two pixels, e-.
+pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
+    let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
+        Some(next) => lanes::furthest_apart(rows, next),
+        None => 0.0,
+    };
+    let Detector { width, height, .. } = scene.view.camera.detector;
+    let Some(light) = scene.areas_light.light() else {
+        return 0.0;
+    };
+    let bands = (0..height.div_ceil(BAND)).into_par_iter();
+    let bands = bands.filter(|_| !scene.is_cancelled());
+    // Each with the first row of the next.
+    let slopes = bands.map_init(Vec::new, |e, band| {
+        let rows = band * BAND..(band * BAND + BAND + 1).min(height);
+        e.clear();
+        e.resize(rows.len() * width, 0.0);
+        light.add_to(Some(Level::best()), rows.start * width, e);
+        let across = e.chunks(width).map(|row| steepest(row, 1));
+        [across.fold(0.0, f32::max), steepest(e, width)]
+    });
+    let greater = |a: [f32; 2], b: [f32; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+    let [across, down] = slopes.reduce(|| [0.0; 2], greater).map(f64::from);
+    STEEPER * px * libm::hypot(across, down) * scene.responds()
+}
+
+/// About the most (e-) that a pixel's area light changes by where pixels take other parts of it with the effects `a` than with `b`, by
+/// their solid angle and by what passes. Those parts are told in what an ideal pixel takes, of which each area's peak is.
+pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
+    let of_sky = view.areas.iter().filter(|area| {
+        let radiance = area.radiance.as_ref();
+        radiance.is_ok_and(|radiance| !radiance.is_of_pixels())
+    });
+    let peak_e: f64 = of_sky.map(|area| area.peak_e).sum();
+    if peak_e == 0.0 {
+        return 0.0;
+    }
+    let planes = [&EffectSet::default(), a, b];
+    let planes = planes.map(|of| Plane::new(view, of, Vector3::zeros()));
+    let place = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
+    let [columns, rows] = view.camera.detector.sides();
+    let parts = (0..PLACES * PLACES).filter_map(|i| {
+        let at = [place(i % PLACES, columns), place(i / PLACES, rows)];
+        let taken = |plane: &Plane<'_>| Some(plane.taken(at)?.1);
+        let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(taken);
+        let apart = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
+        Some(apart / ideal.filter(|ideal| *ideal > 0.0)?)
+    });
+    BETWEEN * peak_e * parts.fold(0.0, f64::max)
+}
+
+/// A bound (e-) of the change of what area light makes of any pixel in the end with the effects `other`: where they leave out one of the
+/// scene's the light is laid anew and compared, else it moves by no more than `px`.
+pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
+    let areas = scene.areas_together();
+    if areas.light().is_none() {
+        return 0.0;
+    }
+    if scene.simulated.and_shapes(other) != scene.simulated {
+        return areas_moved_e(scene, px).min(scene.spill.most_e);
+    }
+    let detector = &scene.view.camera.detector;
+    let (width, height) = (detector.width, detector.height);
+    let others = areas_with(scene, other);
+    if scene.is_cancelled() {
+        return 0.0;
+    }
+    let [is_e, others_e] = [areas.e(), others.e()];
+    let comes_e = |pixel: usize| {
+        let comes = others_e.get(pixel).copied().unwrap_or(0.0);
+        f64::from(comes) - f64::from(is_e[pixel])
+    };
+    let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
+    let rows = (0..height).take_while(|_| !scene.is_cancelled());
+    for pixel in rows.flat_map(|row| row * width..(row + 1) * width) {
+        let comes = comes_e(pixel);
+        columns_e[pixel % width] += comes;
+        if !scene.spill.has(pixel % width) {
+            most = most.max(comes.abs());
+        }
+    }
+    let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    let most = most * scene.responds() + trail * scene.trail_part();
+    let columns = &scene.spill.columns;
+    if columns.is_empty() || scene.is_cancelled() {
+        return most;
+    }
+    most.max(greatest(scene, columns, |columns| {
+        let mut with = light_e(scene, columns, &scene.simulated);
+        let mut without = with.clone();
+        for (charge, column) in without.chunks_exact_mut(height).zip(columns) {
+            for (row, e) in charge.iter_mut().enumerate() {
+                *e = (*e + comes_e(row * width + column)).max(0.0);
+            }
+        }
+        for light in [&mut with, &mut without] {
+            hold(scene, light, columns, &scene.simulated);
+        }
+        apart(&with, &without)
+    }))
+}

@@ -1,0 +1,346 @@
+//! By how much images change where an effect that shapes them is left out: what bounds of it are made of.
+//!
+//! A source's light on any pixel changes by no more than it has there with or without the effect. Where its image is off by d, or its
+//! light is spread a little further, the steepest slope and the strongest bend of a Gaussian of width s and height N tell more:
+//!
+//! ```text
+//! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
+//! ```
+//!
+//! Spreads given as images bring their own peak, slope and kinks (`Relief`). The flank of an image that is centred r outside of the
+//! detector has the slope `N r / s^2` and the bend `N r^2 / s^4` there. Wings end at whole pixels, and what is drawn at their edge comes and
+//! goes; so do sources that touch the detector only with the effect, or only without it. What single sources change is added up where
+//! their images meet, and replaced by the truth where that is large (`compared`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
+
+use super::cells::greatest_share;
+use crate::camera::{Detector, LocalPsf, Stamp, Vignetting};
+use crate::footprint::Wings;
+use crate::scene::content::Scene;
+use crate::scene::effect_set::EffectId;
+use crate::scene::source::{Body, Source};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// The steepest slope, in heights a core, of the image of a point that stands still.
+pub const STEEPEST: f64 = 0.61;
+/// The same of a streak, in any direction at once.
+pub const STEEPEST_STREAK: f64 = 0.86;
+
+/// So many of the brightest sources tell which others are faint: all their light makes less than this part of what those change by.
+const BRIGHT: usize = 16;
+const FAINT: f64 = 0.02;
+
+/// What a bound of an image's change is made of.
+pub struct Image<'a> {
+    /// The source.
+    pub source: &'a Source,
+    /// No pixel gets more of its light, wherever it is and however it moves, e-.
+    pub still_e: f64,
+    /// Width of its core, px.
+    pub core_px: f64,
+    /// The way between its ends through its centroid, px.
+    pub length_px: f64,
+    /// Its spread at its centroid.
+    pub psf: LocalPsf<'a>,
+    /// Whether its centroid is beside the detector, and how far from it all of the image stays, px.
+    is_outside: bool,
+    outside_px: f64,
+    /// The share of its light on the pixel that it stands in the middle of.
+    middle: f64,
+    /// How far around it light is drawn, px.
+    drawn_px: f64,
+    /// The share of any pixel there, at most, of what lies further out and is laid evenly over them (`footprint`).
+    even: f64,
+}
+
+impl Image<'_> {
+    /// The height of its image as it is, e- a pixel.
+    pub fn height_e(&self) -> f64 {
+        let source = self.source;
+        // Between pixels it may be higher than in the greatest of them: what one in the middle of a pixel has more than one at a corner.
+        let over = match self.psf.relief() {
+            Some(relief) => relief.over_brightest,
+            None => self.middle / self.psf.on_pixel([0.5; 2], &mut Stamp::default()),
+        };
+        let mut height_e = source.electrons * greatest_share(source) * over;
+        if self.is_outside {
+            // Little may be seen of it: a streak of even speed has the height sqrt(2 pi) s / length; a quarter more.
+            let streak = 1.25 * 2.507 * self.core_px / self.length_px.max(f64::MIN_POSITIVE);
+            height_e = height_e.max(self.still_e * streak);
+        }
+        height_e.min(self.still_e)
+    }
+
+    /// By how much a pixel's light changes (e-) where the image, `e` electrons high, moves by `px`, its slope being `steepest` heights a
+    /// core (those of a Gaussian); at most by all of it.
+    pub fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
+        let core_px = self.core_px;
+        // Of what it is outside of, the slope of its flank at that distance.
+        let steepest = steepest.max(self.flank());
+        let steeper = (self.psf.relief()).map_or(1.0, |of| of.slope * core_px / of.peak / STEEPEST);
+        self.inside_e(e, px) * (steepest * steeper.max(1.0) * px / core_px).min(1.0)
+            + self.edge_e(px)
+    }
+
+    /// By how much a pixel's light changes (e-) where the light of an image that stands still, `e` electrons high, is spread over a way of
+    /// `length_px` with the same centre: `L^2 / 24` of the bend, and an eighth of L of the jump of the slope where cells of images end. A
+    /// fifth more, for other bends than a Gaussian's.
+    pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
+        let smooth = (length_px / self.core_px).powi(2) / 24.0;
+        let kinks = (self.psf.relief()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
+        let flank = self.flank().max(1.0).powi(2);
+        self.inside_e(e, length_px / 2.0) * (1.2 * (flank * smooth + kinks)).min(1.0)
+            + self.edge_e(length_px / 2.0)
+    }
+
+    /// The slope of a Gaussian's flank where the detector begins, in its heights there a core.
+    fn flank(&self) -> f64 {
+        if self.outside_px > 0.0 {
+            1.2 * (self.outside_px + 1.0) / self.core_px
+        } else {
+            0.0
+        }
+    }
+
+    /// What of `e` electrons of a pixel a pixel of the detector may get, where the image is moved by no more than `off_px`.
+    pub fn inside_e(&self, e: f64, off_px: f64) -> f64 {
+        let from_px = self.outside_px + 0.5 - off_px;
+        if self.outside_px == 0.0 || from_px <= 0.0 {
+            return e;
+        }
+        if self.psf.relief().is_some() {
+            return if from_px > self.drawn_px + 1.0 {
+                0.0
+            } else {
+                e
+            };
+        }
+        let mut stamp = Stamp::default();
+        let mut at = |px: f64| self.psf.on_pixel([px, 0.0], &mut stamp);
+        // Further out there may be a ring.
+        let rings = [0.0, 0.5, 1.0, 2.0].map(|further| at(from_px + further));
+        let most = rings.into_iter().fold(0.0, f64::max);
+        e * (most / at(0.0)).min(1.0)
+    }
+
+    /// Wings end at whole pixels: what comes and goes there where an image moves by `px`, e-.
+    fn edge_e(&self, px: f64) -> f64 {
+        if px == 0.0 {
+            return 0.0;
+        }
+        let comes = self.source.centroid.iter().any(|at| {
+            [-1.0, 1.0].iter().any(|side| {
+                let edge = at + side * self.drawn_px + 0.5;
+                (edge - edge.round()).abs() <= px + self.length_px / 2.0
+            })
+        });
+        let even_e = self.source.arriving_e * self.even * px.min(1.0);
+        if !comes {
+            return even_e;
+        }
+        let mut stamp = Stamp::default();
+        // There may be a ring.
+        let edges = [0.0, 0.5, 1.0];
+        let edges =
+            edges.map(|inside| self.psf.on_pixel([self.drawn_px - inside, 0.0], &mut stamp));
+        let edge = edges.into_iter().fold(0.0, f64::max);
+        self.source.arriving_e * (edge + self.even)
+    }
+
+    /// How far the centroid is from the middle of its ends (px): more than it is from where the source is in the middle of the
+    /// exposure, if it moves evenly faster and along a parabola.
+    pub fn bend_px(&self) -> f64 {
+        let Source {
+            start,
+            end,
+            centroid,
+            ..
+        } = self.source;
+        let off = [0, 1].map(|k| (start[k] + end[k]) / 2.0 - centroid[k]);
+        libm::hypot(off[0], off[1])
+    }
+}
+
+/// A change of an image: by at most `e` electrons on any pixel, up to `beside_px` from where the image is now.
+#[derive(Default)]
+pub struct Change {
+    /// e- of any pixel.
+    pub e: f64,
+    /// How far from the image it reaches, px.
+    pub beside_px: f64,
+}
+
+/// What each image that has light changes by, as `change` says of it: e- of any pixel, and how many pixels beside it. All light of what is
+/// faint beside the brightest changes by is bound enough for it, as many pixels beside it as `faint` says (none: it is not).
+pub fn changes(
+    scene: &Scene,
+    faint: impl Fn(&Source) -> Option<f64> + Sync,
+    change: impl Fn(&Image<'_>) -> Change + Sync,
+) -> Vec<(&Source, f64, usize)> {
+    let (optics, detector) = (&scene.view.camera.optics, &scene.view.camera.detector);
+    let widest = detector.width.max(detector.height) as f64;
+    let shining = (scene.sources.iter())
+        .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty());
+    // No profile of that width is higher in its middle than a Gaussian. Rows may be exposed a little longer than all together.
+    let core_px = optics.psf.core_px();
+    let middle = match optics.psf_at(optics.principal_px, 1.0).relief() {
+        None => (1.0 / (TAU * core_px * core_px)).min(1.0),
+        Some(_) => 1.0,
+    };
+    // What is laid evenly over the pixels that are drawn, nine at least, is faint on each of them.
+    let even_e = 8.0 * scene.fidelity.wing_e;
+    let all_e = |source: &Source| {
+        let e = source.arriving_e.max(source.electrons);
+        2.0 * middle * e + even_e.min(0.45 * e)
+    };
+    let mut shining: Vec<(&Source, f64)> = shining.map(|source| (source, all_e(source))).collect();
+    let beside = |px: f64| px.min(widest).ceil() as usize;
+    let bound = |stamp: &mut Stamp, source| {
+        let Change { e, beside_px } = change(&image_of(scene, source, stamp));
+        (source, e, beside(beside_px))
+    };
+    let bright = BRIGHT.min(shining.len());
+    if bright < shining.len() {
+        shining.select_nth_unstable_by(bright, |a, b| b.1.total_cmp(&a.1));
+    }
+    let (bright, others) = shining.split_at(bright);
+    let mut stamp = Stamp::default();
+    let bright = bright.iter().take_while(|_| !scene.is_cancelled());
+    let bright = bright.map(|(source, _)| bound(&mut stamp, source));
+    let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
+    // A disc outshines all points, and where it is full of light nothing of that shows.
+    let points = changes
+        .iter()
+        .filter(|(source, ..)| source.body.points() == 1);
+    let most = points.map(|(_, e, _)| *e).fold(0.0, f64::max);
+    let others = others
+        .par_iter()
+        .filter(|_| !scene.is_cancelled())
+        .map_init(Stamp::default, |stamp, (source, all_e)| {
+            match faint(source).filter(|_| *all_e <= most * FAINT) {
+                Some(px) => (*source, *all_e, beside(px)),
+                None => bound(stamp, source),
+            }
+        });
+    changes.par_extend(others);
+    changes.retain(|(_, e, _)| *e > 0.0);
+    changes
+}
+
+fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {
+    let (optics, detector) = (&scene.view.camera.optics, &scene.view.camera.detector);
+    let ratio = source.body.wavelength_ratio();
+    let psf = optics.psf_at(source.centroid, ratio);
+    let middle = match psf.relief() {
+        Some(relief) => relief.peak,
+        None => psf.on_pixel([0.0; 2], stamp),
+    };
+    let length_px = source.length_px();
+    // No width changes by a twentieth within a pixel.
+    let sharper = if length_px < 0.01 {
+        1.001
+    } else {
+        let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
+        1.0 + ends[0].max(ends[1])
+    };
+    let Wings { drawn_px, undrawn } = source.footprint.wings;
+    // Tilted it is up to twice as high along each axis.
+    let pixels = (2.0 * drawn_px + 1.0).powi(2);
+    let even = 4.0 * undrawn / pixels;
+    let outside_px = if detector.contains(source.centroid) {
+        0.0
+    } else {
+        outside_px(source, length_px, detector)
+    };
+    Image {
+        source,
+        still_e: source.arriving_e * (middle * sharper + even),
+        core_px: psf.core_px(),
+        length_px,
+        is_outside: !detector.contains(source.centroid),
+        middle,
+        psf,
+        outside_px,
+        drawn_px,
+        even,
+    }
+}
+
+/// Where a body is seen (camera axes, any length) when the exposure begins, in its middle and when it ends.
+pub fn lines_of_sight(scene: &Scene) -> impl Fn(&Body) -> [Vector3<f64>; 3] {
+    let view = &scene.view;
+    let times = [-0.5, 0.0, 0.5].map(|part| {
+        let dt_s = part * view.exposure.duration_s;
+        let turned_s = scene.simulated.only_with(EffectId::Smear, dt_s);
+        (
+            0.5 + turned_s / view.open_s.max(f64::MIN_POSITIVE),
+            view.pointing(turned_s),
+        )
+    });
+    move |body| times.map(|(part, pointing)| pointing.rotate(&body.line(part)))
+}
+
+/// How far (px) an image's rows are exposed from where the middle row is, and by which part of its time they are
+/// exposed longer or shorter: nothing where all rows are exposed together.
+pub fn rolled(scene: &Scene, image: &Image<'_>, length_px: f64) -> (f64, f64) {
+    let (camera, source) = (&scene.view.camera, image.source);
+    let half_rows = (camera.detector.height as f64 - 1.0) / 2.0;
+    let row_s = camera.readout_s() / (2.0 * half_rows).max(1.0);
+    let from_middle = [source.start, source.end, source.centroid].map(|at| at[1] - half_rows);
+    let furthest = from_middle
+        .iter()
+        .fold(0.0, |most: f64, y| most.max(y.abs()));
+    // Rows that its wings reach are exposed at other times too.
+    let rows = (furthest + 5.0 * image.core_px).min(half_rows);
+    // Of what moves unevenly the fastest part.
+    let speed = 1.2 * length_px / scene.view.exposure.duration_s;
+    (speed * rows * row_s, (speed * row_s).min(1.0))
+}
+
+/// By which part of its light a source's transmission changes where its image moves by a pixel, at most; 0 where nothing is vignetted.
+pub fn dimming_px(scene: &Scene) -> f64 {
+    let camera = &scene.view.camera;
+    let vignetting = &camera.optics.vignetting;
+    let field = camera.cone_rad(0.0).min(1.5);
+    let by_angle = match vignetting {
+        _ if !scene.simulated.has(EffectId::Vignetting) => 0.0,
+        Vignetting::None => 0.0,
+        Vignetting::Cos4 => 4.0 * libm::tan(field),
+        Vignetting::Table(table) => {
+            let slopes = table.windows(2).map(|ends| {
+                let [[from, a], [to, b]] = [ends[0], ends[1]];
+                (b - a).abs() / (to - from)
+            });
+            let [least, _] = vignetting.range(field);
+            slopes.fold(0.0, f64::max) / least.max(f64::MIN_POSITIVE)
+        }
+    };
+    // A distorting lens may show more in a pixel than its focal length says.
+    2.0 * by_angle / camera.optics.focal_px
+}
+
+/// How far (px) the line from a source's start through its centroid to its end stays outside of the detector, at least.
+fn outside_px(source: &Source, length_px: f64, detector: &Detector) -> f64 {
+    const PARTS: usize = 16;
+    let sides = [detector.width, detector.height].map(|pixels| pixels as f64 - 0.5);
+    let outside = |at: [f64; 2]| {
+        let [x, y] = [0, 1].map(|k| (-0.5 - at[k]).max(at[k] - sides[k]).max(0.0));
+        libm::hypot(x, y)
+    };
+    let between = |a: [f64; 2], b: [f64; 2]| {
+        (0..=PARTS).map(move |i| {
+            let t = i as f64 / PARTS as f64;
+            outside([0, 1].map(|k| a[k] + t * (b[k] - a[k])))
+        })
+    };
+    let Source {
+        start,
+        end,
+        centroid,
+        ..
+    } = source;
+    let all = between(*start, *centroid).chain(between(*centroid, *end));
+    let nearest = all.fold(f64::INFINITY, f64::min);
+    (nearest - length_px / (2 * PARTS) as f64).max(0.0)
+}

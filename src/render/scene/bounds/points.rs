@@ -1,0 +1,156 @@
+//! Light of stars, objects, the Moon and the planets: the change of any pixel with other images.
+
+use super::cells::CELL;
+use super::compared::{Compared, Peak, compare};
+use super::image::{Change, Image};
+use super::wells::{apart, fill};
+use crate::scene::charge::{light_e, turn};
+use crate::scene::content::Scene;
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::source::Source;
+use std::collections::BTreeMap;
+
+/// Bounds are replaced by the truth until they are no more than this times what is known.
+const ENOUGH: f64 = 1.0;
+/// What is no more than this (e-) is of no interest.
+const LEAST_E: f64 = 1e-3;
+/// How often, at most.
+const ROUNDS: usize = 500;
+
+/// A bound (e-) of the change of what pixels show where images are as with the effects `other`, `change` being a bound of each one's: as pixels
+/// respond, with the trails of frame transfer, when wells are full. Near the truth, where that is affordable (`scene::compared`). Where
+/// it `enters`, sources may be on the detector that are not now.
+pub fn changed_e(
+    scene: &Scene,
+    other: &EffectSet,
+    enters: bool,
+    faint: impl Fn(&Source) -> Option<f64> + Sync,
+    change: impl Fn(&Image<'_>) -> Change + Sync,
+) -> f64 {
+    let mut compared = compare(scene, other, enters, faint, change);
+    // Of columns that fill up, what is known to be shown of the change, and how many pixels pass the rest on.
+    let mut filled = BTreeMap::<usize, Filled>::new();
+    let mut most = 0.0;
+    let all = scene.sources.iter().map(|source| source.arriving_e);
+    let full = all.sum::<f64>() / scene.view.camera.detector.full_well_e;
+    // The bound of a cancelled frame is not used.
+    let is_on = |_: &usize| !scene.is_cancelled();
+    for _ in (0..ROUNDS).take_while(is_on) {
+        let peaks = compared.peaks();
+        let parts = peaks.iter().enumerate().map(|(column, peak)| {
+            let part = Part::of(scene, full, column, peak, filled.get(&column));
+            (column, peak, part)
+        });
+        let Some((column, peak, part)) = parts.max_by(|a, b| a.2.all().total_cmp(&b.2.all()))
+        else {
+            return 0.0;
+        };
+        most = part.all().min(scene.spill.most_e);
+        let row = if part.passes { peak.most.1 } else { peak.row };
+        let enough = part.bound <= ENOUGH * part.known + LEAST_E;
+        let replaced = if enough {
+            Vec::new()
+        } else {
+            compared.look_closer(column, row)
+        };
+        if !replaced.is_empty() {
+            for column in replaced {
+                filled.remove(&column);
+            }
+        } else if part.fills && !filled.contains_key(&column) {
+            filled.insert(column, Filled::of(scene, &compared, column));
+        } else {
+            break;
+        }
+    }
+    most
+}
+
+/// What a column of cells changes by in the end, e-.
+struct Part {
+    known: f64,
+    bound: f64,
+    /// Whether its pixels fill up.
+    fills: bool,
+    /// Whether its bound is that of full pixels.
+    passes: bool,
+}
+
+impl Part {
+    fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
+        let detector = &scene.view.camera.detector;
+        let (trails, responds) = (scene.trail_part(), scene.responds());
+        let [known, bound] = [
+            peak.known + trails * peak.all[0],
+            peak.bound * responds + trails * peak.all[1],
+        ];
+        let fills = scene.simulated.has(EffectId::FullWell)
+            && scene.fullest_e(column) + known + bound >= detector.full_well_e;
+        let spills = fills && scene.spill.along;
+        let own = Part {
+            known,
+            bound,
+            fills,
+            passes: false,
+        };
+        match filled.filter(|_| fills) {
+            None if spills => Part {
+                known: known * (1.0 + full),
+                bound: bound * (1.0 + full),
+                ..own
+            },
+            None => own,
+            Some(filled) => {
+                let most = peak.most.0;
+                let passed = if spills {
+                    (most * filled.full).min(peak.all[1])
+                } else {
+                    0.0
+                };
+                Part {
+                    known: filled.apart,
+                    bound: (most + passed) * responds + trails * peak.all[1] * (1.0 + filled.full),
+                    passes: true,
+                    ..own
+                }
+            }
+        }
+    }
+
+    fn all(&self) -> f64 {
+        self.known + self.bound
+    }
+}
+
+/// What is known of columns that fill up.
+struct Filled {
+    /// The greatest change of what a pixel holds, e-.
+    apart: f64,
+    /// How many pixels of a column are full at most.
+    full: f64,
+}
+
+impl Filled {
+    fn of(scene: &Scene, compared: &Compared<'_>, column: usize) -> Filled {
+        let detector = &scene.view.camera.detector;
+        let columns = column * CELL..((column + 1) * CELL).min(detector.width);
+        let listed: Vec<usize> = columns.clone().collect();
+        let with = light_e(scene, &listed, &scene.simulated);
+        let comes = compared.comes_e(&columns);
+        let without = with.iter().zip(&comes);
+        let without = without.map(|(e, comes)| (e + comes).max(0.0)).collect();
+        let mut full = 0.0f64;
+        let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
+            turn(scene, &mut charge, &listed, &scene.simulated);
+            for column in charge.chunks_exact_mut(detector.height) {
+                full = full.max(column.iter().sum::<f64>() / detector.full_well_e);
+                fill(column, detector);
+            }
+            charge
+        });
+        Filled {
+            apart: apart(&with, &without),
+            full,
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! What pixels show of a change: no more than they hold; and where charge spills along a column, also elsewhere.
+//!
+//! Columns that may fill up are few: what they hold with an effect and without it is worked out, pixel by pixel. Elsewhere a pixel
+//! shows its own change.
+
+use super::brightest::{areas_floor_e, least_e};
+use super::cells::CELL;
+use crate::camera::{Blooming, Detector};
+use crate::kernels::Bloom;
+use crate::scene::area::area_light::AreaLight;
+use crate::scene::charge::{expected_e, in_groups, light_e, turn};
+use crate::scene::content::Scene;
+use crate::scene::effect_set::{EffectId, EffectSet};
+use crate::scene::spill::{Spill, drawn_e, flooding_e};
+
+/// What fills up and spills in a scene whose images are formed.
+pub fn find_spill(scene: &Scene) -> Spill {
+    let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
+    let full_e = detector.full_well_e;
+    let mut events = vec![0.0; detector.width];
+    let struck = scene.struck.hits();
+    for (pixel, e) in struck.take_while(|_| !scene.is_cancelled()) {
+        events[pixel as usize % detector.width] += f64::from(e);
+    }
+    let fills = |column: &usize| drawn_e(scene.brightest_of(*column)) + events[*column] >= full_e;
+    let may = drawn_e(scene.brightest_e()) + scene.struck.most_e() >= full_e;
+    // By whole cells, so that what bounds say of other cells holds for all other columns.
+    let cells = |column: &usize| {
+        let past = (column + CELL).min(detector.width);
+        !scene.is_cancelled() && (*column..past).any(|column| fills(&column))
+    };
+    let filling = (0..if may { detector.width } else { 0 }).step_by(CELL);
+    let filling = filling
+        .filter(cells)
+        .flat_map(|column| column..(column + CELL).min(detector.width));
+    Spill {
+        // Whole electrons spill: there may be one more.
+        most_e: if simulated.has(EffectId::FullWell) {
+            full_e + 1.0
+        } else {
+            f64::INFINITY
+        },
+        columns: filling.collect(),
+        along: simulated.has(EffectId::FullWell) && detector.blooming == Blooming::Column,
+        flood: flood(scene),
+    }
+}
+
+fn flood(scene: &Scene) -> Option<EffectId> {
+    let full_e = flooding_e(&scene.view.camera.detector);
+    let floods = |area: &&AreaLight| area.most_e >= full_e && least_e(scene, area) >= full_e;
+    let areas = scene
+        .areas
+        .iter()
+        .filter(|_| scene.simulated.has(EffectId::FullWell));
+    let floods = areas.filter(floods);
+    let most = floods.max_by(|a, b| a.electrons.total_cmp(&b.electrons))?;
+    Some(most.effect)
+}
+
+/// What the pixels of a column hold of its charge (e-).
+pub fn fill(column: &mut [f64], detector: &Detector) {
+    let full = detector.full_well_e;
+    match detector.blooming {
+        Blooming::None => column.iter_mut().for_each(|e| *e = e.min(full)),
+        Blooming::Column => {
+            let mut held: Vec<f32> = column.iter().map(|e| *e as f32).collect();
+            Bloom::default().spill(&mut held, full);
+            for (e, held) in column.iter_mut().zip(held) {
+                *e = held.into();
+            }
+        }
+    }
+}
+
+/// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
+/// scene's that `parts` has too.
+pub fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
+    let mut charge = light_e(scene, columns, parts);
+    hold(scene, &mut charge, columns, parts);
+    charge
+}
+
+/// Turns the light (e-) on `columns` into the charge that their pixels hold.
+pub fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
+    turn(scene, light, columns, parts);
+    if parts.has(EffectId::FullWell) {
+        let detector = &scene.view.camera.detector;
+        let columns = light.chunks_exact_mut(detector.height);
+        columns.for_each(|column| fill(column, detector));
+    }
+}
+
+/// The greatest of what `of` says of groups of `columns`.
+pub fn greatest(
+    scene: &Scene,
+    columns: &[usize],
+    of: impl Fn(&[usize]) -> f64 + Send + Sync,
+) -> f64 {
+    let groups = in_groups(scene, columns, of);
+    groups.into_iter().fold(0.0, f64::max)
+}
+
+/// Why an effect is not needed where all pixels are full of other light.
+pub const DROWNED: &str = "all pixels are full of other light";
+
+/// Whether all pixels are full, with or without an effect, of one area's light: that itself is not left out for others'.
+pub fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
+    let without = scene.simulated.without(effect);
+    let flood = scene
+        .spill
+        .flood
+        .filter(|_| without.has(EffectId::FullWell));
+    flood.is_some_and(|area| without.has(area))
+}
+
+/// A bound (e-) of the change of what a pixel shows without an effect. `cells_e` tells one for pixels that do not fill up, for each column
+/// of the scene's cells.
+pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
+    let spill = &scene.spill;
+    let everywhere = spill.columns.len() == scene.view.camera.detector.width;
+    let cells_e = if everywhere { Vec::new() } else { cells_e() };
+    let elsewhere = cells_e
+        .iter()
+        .enumerate()
+        .filter(|(cell, _)| !spill.has(cell * CELL));
+    let most = elsewhere.map(|(_, e)| *e).fold(0.0, f64::max);
+    if spill.columns.is_empty() {
+        return most;
+    }
+    let without = scene.simulated.without(effect);
+    // Where all pixels are full either way, nothing of it shows.
+    let full_e = flooding_e(&scene.view.camera.detector);
+    let floor_e = areas_floor_e(scene, &without);
+    let drowns = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
+    let columns = spill.columns.iter().copied();
+    let columns: Vec<usize> = columns
+        .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
+        .collect();
+    most.max(greatest(scene, &columns, |columns| {
+        let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
+        apart(&with, &without)
+    }))
+}
+
+/// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.
+pub fn with_trail(
+    scene: &Scene,
+    mut cells_e: Vec<f64>,
+    trail: impl FnOnce() -> Vec<f64>,
+) -> Vec<f64> {
+    if scene.trail_part() > 0.0 {
+        let trails = of_cells(&trail());
+        let cells = cells_e.iter_mut().zip(trails);
+        cells.for_each(|(e, trail)| *e += trail);
+    }
+    cells_e
+}
+
+/// The greatest of the columns of each of the scene's cells.
+pub fn of_cells(columns: &[f64]) -> Vec<f64> {
+    let cells = columns.chunks(CELL);
+    cells
+        .map(|of| of.iter().copied().fold(0.0, f64::max))
+        .collect()
+}
+
+/// The greatest difference.
+pub fn apart(a: &[f64], b: &[f64]) -> f64 {
+    let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    apart.fold(0.0, f64::max)
+}
+
+/// What `pixels` (sorted by row-major index) expect to hold when wells are full, e-.
+pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
+    let mut held = expected_e(scene, pixels);
+    let spills = scene.simulated.has(EffectId::FullWell) && !scene.spill.columns.is_empty();
+    if !spills || scene.is_cancelled() {
+        return held;
+    }
+    let detector = &scene.view.camera.detector;
+    // The places among `pixels` of those in each column.
+    let mut places = vec![Vec::new(); detector.width];
+    let pixels_and_places = pixels.iter().zip(0u32..);
+    for (pixel, place) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {
+        places[*pixel as usize % detector.width].push(place);
+    }
+    let spilling = scene.spill.columns.iter().copied();
+    let columns: Vec<usize> = spilling
+        .filter(|column| !places[*column].is_empty())
+        .collect();
+    let filled = in_groups(scene, &columns, |columns| {
+        let charge = held_e(scene, columns, &scene.simulated);
+        let charge = charge.chunks_exact(detector.height).zip(columns);
+        let held = charge.flat_map(|(charge, column)| {
+            let here = places[*column].iter().map(|at| *at as usize);
+            here.map(|at| (at, charge[pixels[at] as usize / detector.width]))
+        });
+        held.collect::<Vec<(usize, f64)>>()
+    });
+    let filled = filled.into_iter().flatten();
+    for (at, e) in filled.take_while(|_| !scene.is_cancelled()) {
+        held[at] = e;
+    }
+    held
+}

@@ -1,0 +1,207 @@
+//! Everything that one exposure sees.
+
+use super::area::area_light::AreaLight;
+use super::area::light::Light;
+use super::area::together::Together;
+use super::bounds::cells::CELL;
+use super::effect_set::{EffectId, EffectSet};
+use super::lit::Lit;
+use super::observable::Unobservable;
+use super::source::Source;
+use super::spill::Spill;
+use super::struck::Struck;
+use super::view::View;
+use super::{signal, trail};
+use crate::camera::Event;
+use crate::fidelity::Fidelity;
+use crate::lanes;
+
+/// Everything that one exposure sees.
+#[derive(Debug)]
+pub struct Scene {
+    /// What stands before the camera.
+    pub view: View,
+    /// Which effects the frame has.
+    pub simulated: EffectSet,
+    /// The images that touch the detector, in the view's order.
+    pub sources: Vec<Source>,
+    /// The light of area sources, in the order of their effects.
+    pub areas: Vec<AreaLight>,
+    /// The light of all of them.
+    pub(super) areas_light: Together,
+    /// Bound of the light that any pixel turns into charge, for each column of cells
+    /// (`bounds::cells`), e-.
+    pub(super) peaks_e: Vec<f64>,
+    /// The same of stars alone.
+    pub(super) stars_e: Vec<f64>,
+    /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
+    /// through light.
+    pub trail_e: Vec<f64>,
+    /// The particles that cross the detector.
+    pub events: Vec<Event>,
+    /// The charge that they leave together.
+    pub struck: Struck,
+    /// How many more would cross it on average: no more are drawn than a frame has time for.
+    pub particles_left_out: f64,
+    /// What fills up and spills.
+    pub spill: Spill,
+    /// The light on columns that may fill up, e-.
+    pub(super) spilling_e: Vec<Vec<f64>>,
+    /// What its images were made to.
+    pub(super) fidelity: Fidelity,
+}
+
+impl Scene {
+    /// Whether every pixel that a source lights is full: it then has no signal-to-noise ratio.
+    pub fn fills_all(&self, source: &Source) -> bool {
+        let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
+        // A disc may find its pixels full of other light.
+        let fills = || {
+            let most = lanes::greatest(source.footprint.shares());
+            source.body.points() > 1 || source.electrons * f64::from(most) >= full_e
+        };
+        source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
+    }
+
+    /// The tolerances that it was made to.
+    pub fn fidelity(&self) -> &Fidelity {
+        &self.fidelity
+    }
+
+    /// Whether its frame is cancelled: what is computed from then on is incomplete, and must not
+    /// be used.
+    pub fn is_cancelled(&self) -> bool {
+        self.view.limit.is_cancelled()
+    }
+
+    /// Fails if its frame is cancelled.
+    pub fn unless_cancelled(self) -> Result<Scene, Unobservable> {
+        if self.is_cancelled() {
+            Err(self.abandon())
+        } else {
+            Ok(self)
+        }
+    }
+
+    /// Frees its memory on a thread of its own, and reports its frame as abandoned. Freeing 10,000
+    /// sources takes 50 ms; a thread of the pool would delay the end of the frame by that.
+    pub fn abandon(self) -> Unobservable {
+        let freed = std::thread::Builder::new().name("free".to_string());
+        // Without a thread it is freed here.
+        let _ = freed.spawn(move || drop(self));
+        Unobservable::Abandoned
+    }
+
+    /// All that lights pixels in a frame with the effects `parts`.
+    pub fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
+        let sources = self.sources.iter();
+        let sources = sources.filter(|source| parts.has(source.body.effect()));
+        let areas = self.area_lights(parts).into_iter();
+        sources.map(Lit::from).chain(areas.map(Lit::from))
+    }
+
+    /// The light of the area sources in `parts`: of all of them as one, if it has them all.
+    pub(super) fn area_lights(&self, parts: &EffectSet) -> Vec<&Light> {
+        let is_in = |area: &&AreaLight| parts.has(area.effect);
+        if self.areas.iter().all(|area| is_in(&area)) {
+            return self.areas_light.light().into_iter().collect();
+        }
+        let areas = self.areas.iter().filter(is_in);
+        areas.filter_map(AreaLight::light).collect()
+    }
+
+    /// The light of all area sources.
+    pub fn areas_together(&self) -> &Together {
+        &self.areas_light
+    }
+
+    /// Expected charge of a pixel without stars and objects, averaged over the frame, e-.
+    pub fn background_e(&self) -> f64 {
+        let areas: f64 = self.areas.iter().map(|area| area.electrons).sum();
+        self.dark_e() + self.mean_trail_e() + areas / self.view.camera.detector.pixels() as f64
+    }
+
+    /// The charge (e-) that a pixel (row-major index) expects without stars and objects: area
+    /// light, dark charge, its column's trail.
+    pub fn background_of(&self, pixel: usize) -> f64 {
+        let light = self.areas_light.of_pixel(pixel);
+        let response = if self.simulated.has(EffectId::PixelResponse) {
+            self.view.camera.detector.pattern.response_of(pixel)
+        } else {
+            1.0
+        };
+        light * response + self.unlit_of(pixel)
+    }
+
+    /// The charge (e-) that a pixel expects without light on itself: dark charge, its column's
+    /// trail.
+    pub(super) fn unlit_of(&self, pixel: usize) -> f64 {
+        let detector = &self.view.camera.detector;
+        let trail = self.trail().get(pixel % detector.width);
+        self.dark_charge_e(detector.pattern.dark_e_s_of(pixel)) + trail.copied().unwrap_or(0.0)
+    }
+
+    /// Expected dark charge of a pixel, averaged over the frame, e-.
+    pub fn dark_e(&self) -> f64 {
+        self.dark_charge_e(self.view.camera.detector.pattern.dark_mean_e_s())
+    }
+
+    /// The charge (e-) of a dark current (e-/s), if it is simulated.
+    fn dark_charge_e(&self, dark_e_s: f64) -> f64 {
+        let charge_e = dark_e_s * self.view.exposure.duration_s;
+        (self.simulated).only_with(EffectId::DarkCurrent, charge_e)
+    }
+
+    /// The columns' trails of frame transfer, if they are simulated, e-.
+    pub(super) fn trail(&self) -> &[f64] {
+        (self.simulated).only_with(EffectId::FrameTransfer, &self.trail_e[..])
+    }
+
+    /// What frame transfer adds to a pixel, averaged over the columns, e-.
+    pub(super) fn mean_trail_e(&self) -> f64 {
+        self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64
+    }
+
+    /// The share of a column's light that each of its pixels gets in frame transfer, if that is
+    /// simulated (1).
+    pub fn trail_part(&self) -> f64 {
+        (self.simulated).only_with(EffectId::FrameTransfer, trail::part(&self.view))
+    }
+
+    /// Bound of the factor by which any pixel turns its light into charge.
+    pub fn responds(&self) -> f64 {
+        if self.simulated.has(EffectId::PixelResponse) {
+            1.0 + self.view.camera.detector.pattern.worst_response()
+        } else {
+            1.0
+        }
+    }
+
+    /// Bound of the light of the stars, for each column of cells, e-.
+    pub fn stars_lit_e(&self) -> &[f64] {
+        &self.stars_e
+    }
+
+    /// Bound of the expected charge of any pixel, without particles, e-.
+    pub fn brightest_e(&self) -> f64 {
+        let light = self.peaks_e.iter().copied().fold(0.0, f64::max);
+        let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
+        light + dark + self.trail().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The same of a pixel of a column.
+    pub(super) fn brightest_of(&self, column: usize) -> f64 {
+        let pattern = &self.view.camera.detector.pattern;
+        let dark = self.dark_charge_e(pattern.dark_max_of_column(column));
+        let trail = self.trail().get(column).copied().unwrap_or(0.0);
+        self.peaks_e[column / CELL] + dark + trail
+    }
+
+    /// The same of a pixel of a column of cells.
+    pub(super) fn fullest_e(&self, column: usize) -> f64 {
+        let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
+        let trail = self.trail().iter().copied().fold(0.0, f64::max);
+        let light = self.peaks_e.get(column);
+        light.copied().unwrap_or(0.0) + dark + trail
+    }
+}

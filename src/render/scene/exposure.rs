@@ -1,0 +1,30 @@
+//! When an exposure is.
+
+use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
+
+/// An exposure's three instants.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Shutter opens.
+    pub start: Epoch,
+    /// The middle, which attitude and state hold for.
+    pub mid: Epoch,
+    /// Shutter closes.
+    pub end: Epoch,
+    /// Exposure time, s.
+    pub duration_s: f64,
+}
+
+impl Exposure {
+    /// The exposure of `duration_s` around `mid`, its ends to the nearest nanosecond; of what is no number they are the middle.
+    pub fn around(mid: Epoch, duration_s: f64) -> Exposure {
+        let half = seconds(duration_s / 2.0);
+        Exposure {
+            start: mid - half,
+            mid,
+            end: mid + half,
+            duration_s,
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The light of the Moon's disc that reaches an observer past the Earth and its shadow.
+
+use super::solar_system::Element;
+use crate::sky::Observer;
+use crate::sky::moon::{Cell, MoonDisc};
+use crate::sky::shadow::Earth;
+use nalgebra::Vector3;
+
+/// Farther (rad) than this from the anti-Sun no part of the Moon is in the Earth's shadow: penumbra and the Moon's radius reach 1.6 deg.
+const ECLIPSED: f64 = 0.03;
+
+/// The light of a disc that arrives.
+pub struct Arriving {
+    /// Of all its cells, in full sunlight, and what arrives of that.
+    pub all: f64,
+    pub light: f64,
+    /// Direction and light of the cells from which some arrives.
+    pub lit: Vec<(Vector3<f64>, f64)>,
+    /// Whether the Earth hides some.
+    pub behind: bool,
+}
+
+impl Arriving {
+    /// By so many cells on a side.
+    pub fn of(disc: &MoonDisc, count: usize, earth: &Earth, observer: &Observer) -> Arriving {
+        let [mut all, mut light] = [0.0; 2];
+        let (mut lit, mut behind) = (Vec::new(), false);
+        for Cell { direction, share } in disc.cells(count) {
+            all += share;
+            if earth.occults_direction(observer.position_m, direction) {
+                behind = true;
+                continue;
+            }
+            let arrives = share * sunlit(&direction, disc, earth, observer);
+            if arrives > 0.0 {
+                light += arrives;
+                lit.push((direction, arrives));
+            }
+        }
+        Arriving {
+            all,
+            light,
+            lit,
+            behind,
+        }
+    }
+
+    /// The centre of what arrives: unit vector.
+    pub fn centre(&self) -> Option<Vector3<f64>> {
+        let sum: Vector3<f64> = self.lit.iter().map(|(at, share)| at * *share).sum();
+        sum.try_normalize(0.0)
+    }
+
+    /// Its cells as points around a centre.
+    pub fn elements(&self, centre: &Vector3<f64>) -> Vec<Element> {
+        let element = |(at, share): &(Vector3<f64>, f64)| Element {
+            offset: at - centre,
+            share: share / self.light,
+        };
+        self.lit.iter().map(element).collect()
+    }
+}
+
+/// The part of the Sun's disc that the Moon's surface sees past the Earth, in a direction from the observer.
+pub fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+    let moon_m = observer.bodies.moon_geocentric_m;
+    let sun_m = observer.bodies.sun_apparent_m();
+    if (-moon_m).angle(&sun_m) > ECLIPSED {
+        return 1.0;
+    }
+    let across_m = (at - disc.direction * at.dot(&disc.direction)) * disc.distance_m;
+    earth.illumination(moon_m + across_m, sun_m)
+}
+
+/// The part of the Moon's light that arrives: what neither the Earth nor its shadow takes, to a hundredth.
+pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+    const SIDE: usize = 12;
+    let far = earth.limb_angle(observer.position_m, &disc.direction) > 2.0 * disc.angular_radius;
+    let eclipsed = (-observer.bodies.moon_geocentric_m).angle(&observer.bodies.sun_apparent_m());
+    if far && eclipsed > ECLIPSED {
+        return 1.0;
+    }
+    let arriving = Arriving::of(disc, SIDE, earth, observer);
+    arriving.light / f64::max(arriving.all, f64::MIN_POSITIVE)
+}

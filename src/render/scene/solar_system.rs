@@ -1,0 +1,81 @@
+//! The Sun, the Moon and the planets as an observer sees them.
+
+use super::area::radiance::Area;
+use crate::sky::apparent::parabola;
+use nalgebra::Vector3;
+
+/// The Sun as the view's observer sees it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SeenSun {
+    /// From the boresight at mid-exposure, rad.
+    pub angle: f64,
+    /// The part of its disc that the Earth does not hide, 0..1.
+    pub lit: f64,
+    /// Its irradiance in the band, all of it, ph/s/m^2.
+    pub irradiance: f64,
+    /// Whether it is nearer to the boresight than the camera's exclusion angle, and not hidden: the frame is full of its light.
+    pub excluded: bool,
+}
+
+/// A body of the solar system as the view's observer sees it.
+#[derive(Debug, Clone)]
+pub struct SeenWanderer {
+    /// Its name.
+    pub name: &'static str,
+    /// Where its light's centre appears at the start, the middle and the end of the view's time: unit vectors, ICRF.
+    pub directions: [Vector3<f64>; 3],
+    /// Where the centre of its disc appears at the middle of the view's time: unit vector, ICRF.
+    pub centre: Vector3<f64>,
+    /// V magnitude of all of it, in full sunlight.
+    pub mag: f64,
+    /// Angle Sun - body - observer at the middle of the view's time, geometric: without light time and aberration, rad.
+    pub phase: f64,
+    /// From the observer, m, geometric likewise.
+    pub range_m: f64,
+    /// Angular radius, rad. Planets are drawn as points all the same.
+    pub angular_radius: f64,
+    /// What it is cut into where it is larger than a pixel; else nothing.
+    pub elements: Vec<Element>,
+    /// Its light by direction, where it is too large for them.
+    pub area: Option<Area>,
+    /// How many points its image is made of, or would be in the same time.
+    pub points: usize,
+}
+
+/// A small part of a disc.
+#[derive(Debug, Clone, Copy)]
+pub struct Element {
+    /// From the direction of the light's centre, across it (rad).
+    pub offset: Vector3<f64>,
+    /// Its part of the light that arrives (1).
+    pub share: f64,
+}
+
+impl SeenWanderer {
+    /// Its direction (any length) at a part of the view's time, by the parabola through start, mid and end.
+    pub fn direction(&self, part: f64) -> Vector3<f64> {
+        parabola(&self.directions, part)
+    }
+
+    /// Kind of the Moon.
+    pub const MOON_KIND: &'static str = "moon";
+    /// Kind of a planet.
+    pub const PLANET_KIND: &'static str = "planet";
+
+    /// What it is: `moon` or `planet`.
+    pub fn kind(&self) -> &'static str {
+        if self.is_moon() {
+            Self::MOON_KIND
+        } else {
+            Self::PLANET_KIND
+        }
+    }
+
+    /// Whether it is the Moon.
+    pub fn is_moon(&self) -> bool {
+        self.name == MOON
+    }
+}
+
+/// The Moon's name.
+pub const MOON: &str = "Moon";

@@ -1,0 +1,187 @@
+//! Sources of light that are points or small discs: what they are, and their images.
+
+use super::area::radiance::Area;
+use super::effect_set::EffectId;
+use super::solar_system::{Element, SeenWanderer};
+use crate::attitude::angle_between;
+use crate::footprint::{Footprint, Light};
+use crate::sky::population::SeenObject;
+use crate::sky::star_field::SeenStar;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// What a source is.
+#[derive(Debug, Clone)]
+pub enum Body {
+    /// A star of the catalogue.
+    Star(SeenStar),
+    /// A resident space object.
+    Rso(Arc<SeenObject>),
+    /// The Moon or a planet.
+    Wanderer(Box<SeenWanderer>),
+}
+
+impl Body {
+    /// The effect that its kind is.
+    pub fn effect(&self) -> EffectId {
+        match self {
+            Body::Star(_) => EffectId::Stars,
+            Body::Rso(_) => EffectId::Rsos,
+            Body::Wanderer(body) if body.is_moon() => EffectId::Moon,
+            Body::Wanderer(_) => EffectId::Planets,
+        }
+    }
+
+    /// Mean wavelength of its light over the band's reference: all but stars shine by the Sun's.
+    pub fn wavelength_ratio(&self) -> f64 {
+        match self {
+            Body::Star(star) => star.wavelength_ratio,
+            Body::Rso(_) | Body::Wanderer(_) => 1.0,
+        }
+    }
+
+    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: its start, 1: its end); of stars
+    /// that at mid-exposure.
+    pub fn line(&self, part: f64) -> Vector3<f64> {
+        match self {
+            Body::Star(star) => star.direction,
+            Body::Rso(object) => object.line_m(part),
+            Body::Wanderer(body) => body.direction(part),
+        }
+    }
+
+    /// The angle (rad) that it moves through by itself in that time.
+    fn swing(&self) -> f64 {
+        match self {
+            Body::Star(_) => 0.0,
+            Body::Rso(_) | Body::Wanderer(_) => {
+                let line = |part: f64| self.line(part);
+                let [start, mid, end] = [0.0, 0.5, 1.0].map(line);
+                angle_between(&start, &mid) + angle_between(&mid, &end)
+            }
+        }
+    }
+
+    /// What tells it from all others.
+    pub fn identity(&self) -> (&'static str, usize) {
+        match self {
+            Body::Star(star) => ("star", star.index),
+            Body::Rso(object) => ("rso", object.index),
+            Body::Wanderer(body) => (body.name, 0),
+        }
+    }
+
+    /// What its disc is cut into; nothing of what is a point.
+    pub fn elements(&self) -> &[Element] {
+        match self {
+            Body::Wanderer(body) => &body.elements,
+            Body::Star(_) | Body::Rso(_) => &[],
+        }
+    }
+
+    /// Its light by direction, where it is too large for elements.
+    pub fn area(&self) -> Option<&Area> {
+        match self {
+            Body::Wanderer(body) => body.area.as_ref(),
+            Body::Star(_) | Body::Rso(_) => None,
+        }
+    }
+
+    /// How many points its image is made of, or would be in the same time.
+    pub fn points(&self) -> usize {
+        match self {
+            Body::Wanderer(body) => body.points,
+            Body::Star(_) | Body::Rso(_) => 1,
+        }
+    }
+}
+
+/// Why no light of a source arrives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hidden {
+    /// The Earth stands before it.
+    ByEarth,
+    /// The Moon stands before it.
+    ByMoon,
+    /// It is in the Earth's umbra.
+    InShadow,
+}
+
+/// A point source in the field.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// What it is.
+    pub body: Body,
+    /// Its image when its row opens (or where it comes before the camera), px.
+    pub start: [f64; 2],
+    /// Its image when its row closes (or where it goes behind the camera), px.
+    pub end: [f64; 2],
+    /// Flux-weighted centre of all its light, px.
+    pub centroid: [f64; 2],
+    /// Its share on each pixel.
+    pub footprint: Footprint,
+    /// Electrons that all the light which arrives at the aperture in the exposure would give.
+    pub arriving_e: f64,
+    /// Expected electrons of the whole exposure, on and off the detector: of the light that optics and shutter let pass.
+    pub electrons: f64,
+    /// The same, were it neither hidden nor shaded.
+    pub clear_e: f64,
+    /// Why there are none.
+    pub hidden: Option<Hidden>,
+    /// Signal-to-noise ratio on the detector.
+    pub snr: f64,
+    /// The same, were it neither hidden nor shaded: what decides whether labels list it.
+    pub clear_snr: f64,
+}
+
+impl Source {
+    /// The way (px) of its image from where it starts through its centre to where it ends.
+    pub fn length_px(&self) -> f64 {
+        let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
+        way(self.start, self.centroid) + way(self.centroid, self.end)
+    }
+}
+
+/// A point source near the field, before its image is made.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// What it is.
+    pub body: Body,
+    /// Electrons that all its light in the exposure would give, were it neither hidden nor shaded.
+    pub clear_e: f64,
+    /// The part of that light which arrives (1).
+    pub light: f64,
+    /// Why none does.
+    pub hidden: Option<Hidden>,
+    /// The angle (rad) that it moves through by itself.
+    pub(super) swing: f64,
+}
+
+impl Candidate {
+    /// A body of so much light, and the part of it that arrives.
+    pub fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
+        Candidate {
+            swing: body.swing(),
+            body,
+            clear_e,
+            light,
+            hidden,
+        }
+    }
+
+    /// How much of its light is to be spread, and of which colour: objects shine by the Sun's.
+    pub fn shine(&self) -> Light {
+        Light {
+            electrons: self.clear_e,
+            wavelength_ratio: self.body.wavelength_ratio(),
+        }
+    }
+
+    /// Electrons that its light gives.
+    pub fn electrons(&self) -> f64 {
+        match self.hidden {
+            Some(_) => 0.0,
+            None => self.clear_e * self.light,
+        }
+    }
+}
