@@ -74,7 +74,6 @@ pub struct Setup {
 pub struct Emulator {
     world: World,
     sky: Sky,
-    configured: Arc<Camera>,
     camera: Arc<Camera>,
     fidelity: Fidelity,
     seed: u64,
@@ -212,7 +211,6 @@ impl Emulator {
         Emulator {
             world,
             sky,
-            configured: camera.clone(),
             camera,
             fidelity: setup.fidelity.within_ranges(),
             seed: setup.seed,
@@ -244,11 +242,6 @@ impl Emulator {
     /// The camera's settings, to be commanded. What a camera file may not have makes frames without meaning, or [`Unobservable`], but no panic.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
-    }
-
-    /// Undoes what was commanded of the camera.
-    pub fn reset_camera(&mut self) {
-        self.camera = self.configured.clone();
     }
 
     /// Whether there are objects to see, and so a position to see them from is needed.

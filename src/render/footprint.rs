@@ -3,6 +3,8 @@
 mod drawn;
 mod streak;
 
+pub use drawn::Light;
+
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, Span};
@@ -38,25 +40,6 @@ impl Wings {
         Wings {
             drawn_px: self.drawn_px.max(other.drawn_px),
             undrawn: self.undrawn.max(other.undrawn),
-        }
-    }
-}
-
-/// What of a source decides how its light is spread.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
-    /// Electrons that it gives at most: wide wings are drawn as far as they are seen.
-    pub electrons: f64,
-    /// Mean wavelength in the band over the band's reference.
-    pub wavelength_ratio: f64,
-}
-
-impl Default for Light {
-    /// So bright that all wings are drawn, of the Sun's colour.
-    fn default() -> Self {
-        Light {
-            electrons: f64::INFINITY,
-            wavelength_ratio: 1.0,
         }
     }
 }
@@ -100,31 +83,9 @@ impl Footprint {
         }
     }
 
-    /// Spreads the track of a bright source of the Sun's colour with the camera's PSF; nothing outside of the
-    /// detector is kept.
-    pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
-        Footprint::of(
-            track,
-            camera,
-            fidelity,
-            &Light::default(),
-            Some(Level::best()),
-        )
-    }
-
-    /// [`Footprint::new`] for a source of that light, with the vector instructions of `level`; all levels give the same.
+    /// Spreads a track with the camera's PSF over the detector; empty once the work limit is over.
+    /// All vector instruction levels give the same.
     pub fn of(
-        track: &Track,
-        camera: &Camera,
-        fidelity: &Fidelity,
-        light: &Light,
-        level: Option<Level>,
-    ) -> Footprint {
-        Footprint::unless(&WorkLimit::default(), track, camera, fidelity, light, level)
-    }
-
-    /// [`Footprint::of`], of work that is limited; empty once that is over.
-    pub(crate) fn unless(
         limit: &WorkLimit,
         track: &Track,
         camera: &Camera,
@@ -386,6 +347,12 @@ mod tests {
         Track::sample(place, &course, fidelity).unwrap()
     }
 
+    fn spread(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
+        let (limit, light) = (WorkLimit::default(), Light::default());
+        let level = Some(Level::best());
+        Footprint::of(&limit, track, camera, fidelity, &light, level)
+    }
+
     fn centre(track: &Track) -> [f64; 2] {
         let light: f64 = track.samples.iter().map(|s| s.weight).sum();
         [0, 1].map(|k| {
@@ -422,7 +389,7 @@ mod tests {
                 ([200.0, 50.0], [20.5, 50.5]),
             ] {
                 let track = line(from, to, &fidelity);
-                let (sum, x, y) = moments(&Footprint::new(&track, &camera, &fidelity));
+                let (sum, x, y) = moments(&spread(&track, &camera, &fidelity));
                 let centroid = centre(&track);
                 assert!((sum - 1.0).abs() < 1e-5, "{sum}");
                 assert!((x - centroid[0]).hypot(y - centroid[1]) < 1e-4);
@@ -435,7 +402,7 @@ mod tests {
     fn the_realtime_profile_of_a_streak_stays_within_its_stated_bound_of_the_reference() {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         let image = |fidelity: &Fidelity| {
-            let footprint = Footprint::new(
+            let footprint = spread(
                 &line([50.2, 60.4], [81.9, 73.3], fidelity),
                 &camera,
                 fidelity,
@@ -463,10 +430,10 @@ mod tests {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         let fidelity = Fidelity::REALTIME;
         for at in [[-50.0, 10.0], [10.0, 1e9], [1e300, 1e300], [300.0, 300.0]] {
-            let footprint = Footprint::new(&line(at, at, &fidelity), &camera, &fidelity);
+            let footprint = spread(&line(at, at, &fidelity), &camera, &fidelity);
             assert!(footprint.shares().is_empty());
         }
-        let corner = Footprint::new(
+        let corner = spread(
             &line([-0.5, -0.5], [-0.5, -0.5], &fidelity),
             &camera,
             &fidelity,

@@ -9,19 +9,12 @@
 
 mod bloom;
 mod corners;
-
 mod dots;
-
 mod ends;
-
 mod light;
-
 mod lines;
-
 mod pack;
-
 mod real;
-
 mod search;
 
 pub use bloom::Bloom;
@@ -37,14 +30,11 @@ use dots::{body as dots_body, twin as dots_twin};
 use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
 use pack::{body as pack_body, twin as pack_twin};
-use search::search;
+use search::{BLOCK, search};
 use skyloop_base::rng::normal;
 use skyloop_base::rng::poisson::{self, SEARCHED, Switch};
 use skyloop_base::rng::{self, NoiseKey};
 use skyloop_orbit::sgp4_batch::Level;
-
-/// Pixels that a body works on at a time: they stay in the first-level cache.
-const BLOCK: usize = 256;
 
 /// Makes a function of `level` out of a body: the body compiled with that level's instructions, or with those that every
 /// processor has; without a level, of the twin that goes pixel by pixel.

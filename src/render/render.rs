@@ -106,9 +106,12 @@ fn running<'r, 'a, 's>(
     let areas = running.clone().filter(|(_, is_area)| *is_area).count();
     let is_one = areas >= 2 && areas >= lit().count();
     let mut first = Some(together);
-    let passes = running.filter_map(|(pass, is_area)| match is_one && is_area {
-        true => first.take(),
-        false => Some(pass),
+    let passes = running.filter_map(|(pass, is_area)| {
+        if is_one && is_area {
+            first.take()
+        } else {
+            Some(pass)
+        }
     });
     let count = room.iter_mut().zip(passes).fold(0, |count, (place, pass)| {
         *place = pass;

@@ -1,6 +1,6 @@
 //! The detector: pixels, noise and digits.
 
-use super::Pattern;
+use super::pattern::Pattern;
 use std::sync::Arc;
 
 /// What becomes of charge that a pixel cannot hold.

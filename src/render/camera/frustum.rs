@@ -1,6 +1,6 @@
 //! The pyramid that the directions of a camera's pixels lie in.
 
-use super::Camera;
+use super::device::Camera;
 use nalgebra::Vector3;
 
 /// One side of it: a plane through the camera.

@@ -1,7 +1,10 @@
 //! From direction to pixel: projection, aperture, transmission and point spread function as one.
 
-use super::projection::Model;
-use super::{Band, LocalPsf, Projection, Psf, Stray, Vignetting};
+use super::band::Band;
+use super::projection::{Model, Projection};
+use super::psf::{LocalPsf, Psf};
+use super::stray::Stray;
+use super::vignetting::Vignetting;
 use nalgebra::Vector3;
 
 /// The optics of a camera.
@@ -55,9 +58,10 @@ impl Optics {
 
     /// Its projection, or the ideal one if the lens is not to distort.
     pub fn projection_if(&self, distorts: bool) -> Projection {
-        match distorts {
-            true => self.projection,
-            false => self.projection.ideal(),
+        if distorts {
+            self.projection
+        } else {
+            self.projection.ideal()
         }
     }
 

@@ -17,7 +17,7 @@
 //! Phys. 60, 663: the width is short by a factor up to 2). Trapped protons of the South Atlantic Anomaly are slower, and all have
 //! the file's energy here: at 100 MeV they would leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
 
-use super::Detector;
+use super::detector::Detector;
 use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
 

@@ -87,10 +87,10 @@ fn unknown(scene: &Scene) -> String {
     ];
     let parts = parts.iter().filter(|(n, _)| *n > 0);
     let parts: Vec<String> = parts.map(|(n, what)| format!("{n} {what}")).collect();
-    match parts.is_empty() {
-        true => String::new(),
-        false => format!(" ({})", parts.join(", ")),
+    if parts.is_empty() {
+        return String::new();
     }
+    format!(" ({})", parts.join(", "))
 }
 
 #[cfg(test)]

@@ -57,9 +57,10 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let own = simulated.has(EffectId::Smear) || !simulated.has(EffectId::AberrationDrift);
     let mut other = simulated.toggled(EffectId::Smear);
     if other.has(EffectId::Smear) {
-        other = match scene.view.camera.readout_s() > 0.0 {
-            true => other.with(EffectId::RollingShutter),
-            false => other.without(EffectId::RollingShutter),
+        other = if scene.view.camera.readout_s() > 0.0 {
+            other.with(EffectId::RollingShutter)
+        } else {
+            other.without(EffectId::RollingShutter)
         };
     }
     // A still image lies on its track, but that a rolling shutter exposes its parts at other times.

@@ -1,6 +1,7 @@
 //! What is rendered where a frame would be late: coarser and coarser, whatever a run's setting is.
 
-use super::{Fidelity, KNOBS, Knob, Value};
+use super::tolerances::{Fidelity, KNOBS, Knob};
+use super::value::Value;
 use std::fmt;
 
 /// A step of coarsening. It is kept as it was asked for, not as the setting that it comes to: that depends on the run's, which a budget of time may choose.

@@ -1,10 +1,28 @@
 //! The square of pixels around a point that its light is drawn on.
 
-use super::Light;
 use crate::camera::psf::square;
 use crate::camera::{Camera, LocalPsf};
 use crate::fidelity::Fidelity;
 use std::ops::Range;
+
+/// What of a source decides how its light is spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    /// Electrons that it gives at most: wide wings are drawn as far as they are seen.
+    pub electrons: f64,
+    /// Mean wavelength in the band over the band's reference.
+    pub wavelength_ratio: f64,
+}
+
+impl Default for Light {
+    /// So bright that all wings are drawn, of the Sun's colour.
+    fn default() -> Self {
+        Light {
+            electrons: f64::INFINITY,
+            wavelength_ratio: 1.0,
+        }
+    }
+}
 
 /// How the light of a point is drawn.
 pub(super) struct Drawn<'a> {

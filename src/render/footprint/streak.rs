@@ -75,17 +75,13 @@ impl Footprint {
             return Some(Footprint::default());
         };
         let sides = [camera.detector.width as i32, camera.detector.height as i32];
-        let footprint = match fidelity.loss(light.electrons) < LITTLE {
-            false => {
-                let light =
-                    rows.laid(|sheet| kernels::lay_dots(level, single, &circle, &dots, sheet));
-                rows.cut(&light, sides)
-            }
-            true => {
-                let light = rows
-                    .laid(|sheet| kernels::lay_dots_finely(level, double, &circle, &dots, sheet));
-                rows.cut(&light, sides)
-            }
+        let footprint = if fidelity.loss(light.electrons) < LITTLE {
+            let light =
+                rows.laid(|sheet| kernels::lay_dots_finely(level, double, &circle, &dots, sheet));
+            rows.cut(&light, sides)
+        } else {
+            let light = rows.laid(|sheet| kernels::lay_dots(level, single, &circle, &dots, sheet));
+            rows.cut(&light, sides)
         };
         limit.spend(footprint.shares.len() as f64 * HELD_NS);
         Some(Footprint {

@@ -3,12 +3,10 @@
 //! In single precision, which is what footprints keep, or for light so bright that the last digits of its sum are electrons in double. Places are told from a pixel
 //! near them, so that nothing is lost far from the detector's corner.
 
-use super::Real;
-use super::lines::Lines;
+use super::lines::{Lines, SIDE};
+use super::real::Real;
 use std::ops::Range;
 
-/// Pixels of a tile's side: the most that is worked out at a time.
-pub const SIDE: usize = 16;
 /// Dots are laid together where their tiles begin no more pixels apart.
 pub const BESIDE: usize = 1;
 /// A point of a streak.

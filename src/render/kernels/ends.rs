@@ -1,7 +1,7 @@
 //! The columns of each row that are lit by points along a streak: those that their circles touch.
 
-use super::Real;
 use super::dots::{Circle, Dot};
+use super::real::Real;
 
 /// Rows whose ends are worked out side by side.
 pub const ROWS: usize = 16;

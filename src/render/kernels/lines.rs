@@ -1,8 +1,9 @@
 //! What pixels in a line collect of a point's light, by the place of the point.
 
-use super::Real;
-use super::dots::SIDE;
+use super::real::Real;
 
+/// Pixels of a tile's side: the most that is worked out at a time.
+pub const SIDE: usize = 16;
 /// Powers of the series of a share in the place of the source, from 0 on.
 const POWERS: usize = 4;
 /// Shares below are none: products of two stay far from what is too small for single precision.

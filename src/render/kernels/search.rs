@@ -3,9 +3,11 @@
 //! A search in double precision draws what the twin draws, `rng::poisson`. In single precision, with twice as many lanes and a shorter series, nearly all words draw
 //! the same: those that lie farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does not, its few are searched again.
 
-use super::BLOCK;
 use skyloop_base::rng::normal::{uniform_of, uniform_quickly};
 use skyloop_base::rng::poisson::{self, SEARCHED};
+
+/// Pixels that a kernel works on at a time: they stay in the first-level cache.
+pub(super) const BLOCK: usize = 256;
 
 /// Means that are searched side by side.
 const LANES: usize = 32;

@@ -1,6 +1,7 @@
 //! What is in a frame, as one array of the label's text.
 
-use super::{ObjectLabel, SpotLabel};
+use super::object::ObjectLabel;
+use super::spot::SpotLabel;
 use rayon::prelude::*;
 use serde_json::{Result, to_writer};
 use std::ops::{Deref, DerefMut};

@@ -1,6 +1,8 @@
 //! The JSON Schema of a label's text.
 
-use super::{Label, ObjectLabel, SpotLabel};
+use super::frame::Label;
+use super::object::ObjectLabel;
+use super::spot::SpotLabel;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, json_schema};
 

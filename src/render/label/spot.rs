@@ -1,6 +1,7 @@
 //! What is in a frame and is no light: the charge of particles, and pixels that are not as they should be.
 
-use super::{VISIBLE_SNR, e4, e6};
+use super::rounded::{e4, e6};
+use super::visible::{VISIBLE_SNR, too_faint};
 use crate::camera::Detector;
 use crate::scene::{EffectId, Scene, expected_e, struck_e};
 use schemars::JsonSchema;
@@ -307,7 +308,7 @@ fn spot(
         snr,
         in_frame: true,
         visible,
-        reason: (!visible).then(|| super::visible::too_faint("", snr)),
+        reason: (!visible).then(|| too_faint("", snr)),
         pixels,
     }
 }

@@ -1,7 +1,8 @@
 //! The text of an object in a frame: JSON, its numbers by way of integers, for a label may have thousands of objects.
 
+use super::object::{ObjectLabel, RsoLabel};
 use super::rounded::{rounded, scaled};
-use super::{ObjectLabel, RsoLabel, WandererLabel};
+use super::wanderer::WandererLabel;
 use serde::Serialize;
 use serde_json::Result;
 
@@ -84,9 +85,10 @@ impl RsoLabel {
 
 /// Degrees of a turn: what is rounded to a whole one is none.
 fn of_turn(degrees: f64) -> f64 {
-    match rounded(degrees, 9) < 360.0 {
-        true => degrees,
-        false => 0.0,
+    if rounded(degrees, 9) < 360.0 {
+        degrees
+    } else {
+        0.0
     }
 }
 

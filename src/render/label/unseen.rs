@@ -1,5 +1,6 @@
 //! Objects in the field that labels do not list as such: who, and why.
 
+use super::visible::is_listed;
 use crate::scene::{Body, Scene, World};
 use crate::sky::field::Unseen;
 use rayon::prelude::*;
@@ -29,7 +30,7 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
         .sources
         .iter()
         .filter_map(|source| match &source.body {
-            Body::Rso(object) if !super::is_listed(source, scene, label_snr) => {
+            Body::Rso(object) if !is_listed(source, scene, label_snr) => {
                 Some((object.index, Unseen::TooFaint))
             }
             _ => None,

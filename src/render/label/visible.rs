@@ -1,7 +1,14 @@
 //! Why objects and spots count as not visible.
 
-use super::VISIBLE_SNR;
 use crate::scene::{Body, Hidden, Scene, Source};
+
+/// Objects of a lower signal-to-noise ratio count as not visible.
+pub const VISIBLE_SNR: f64 = 3.0;
+
+/// Whether labels list a source as an object.
+pub fn is_listed(source: &Source, scene: &Scene, label_snr: f64) -> bool {
+    source.clear_snr >= label_snr || scene.fills_all(source)
+}
 
 /// Why an object does not count as visible, as its label says it; none where it does.
 pub fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {

@@ -1,6 +1,6 @@
 //! What a label says of the Moon and of planets alone.
 
-use super::ra_dec_deg;
+use super::coordinates::ra_dec_deg;
 use crate::scene::{EffectId, Scene, SeenWanderer, Source};
 use schemars::JsonSchema;
 

@@ -137,7 +137,7 @@ impl Imaging<'_> {
         Point {
             light,
             centre,
-            footprint: Footprint::unless(
+            footprint: Footprint::of(
                 &view.limit,
                 &track,
                 &view.camera,

@@ -162,9 +162,10 @@ impl View {
     pub fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
         // What turns unevenly turns by no more than all of it, and by little more than twice the mean.
-        let share = match seconds < self.open_s {
-            true => (2.0 * seconds / self.open_s).min(1.0),
-            false => 1.0,
+        let share = if seconds < self.open_s {
+            (2.0 * seconds / self.open_s).min(1.0)
+        } else {
+            1.0
         };
         let own = self.swing * share;
         let (scale, furthest) = self.scale_and_corner_px;

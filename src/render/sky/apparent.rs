@@ -17,7 +17,8 @@ use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::seconds;
 
-use super::bodies::{AU_M, Aberration, Bodies, LIGHT_M_S, aberrate, tt_days_since_j2000};
+use super::bodies::{Aberration, Bodies, aberrate};
+use super::constants::{AU_M, LIGHT_M_S, tt_days_since_j2000};
 
 /// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The catalogue counts TCB and this module TT:
 /// 7 s apart, 2 microarcsec of the fastest proper motion.
@@ -157,17 +158,6 @@ impl Observer {
     }
 }
 
-/// The direction in which `observer` sees a star: unit vector, axes of the ICRF.
-///
-/// Within 2 milliarcsec of independent libraries for stars without radial velocity (see the module's notes on what is left out).
-pub fn star_direction(
-    place: &StarPlace,
-    observer: &Observer,
-    corrections: &Corrections,
-) -> Vector3<f64> {
-    Sight::of(observer, corrections).of_star(&StarWay::of(place))
-}
-
 /// A star's place and way at the catalogue's epoch, ICRS: what its direction is worked out from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarWay {
@@ -218,7 +208,8 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// [`star_direction`] of a star.
+    /// The direction of a star: unit vector, axes of the ICRF. Within 2 milliarcsec of independent
+    /// libraries for stars without radial velocity (see the head of this file).
     pub fn of_star(&self, star: &StarWay) -> Vector3<f64> {
         // Uniform space motion and parallax, in units of the star's distance at the catalogue's epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
@@ -311,13 +302,12 @@ pub fn object_direction<E>(
     corrections: &Corrections,
 ) -> Result<ApparentObject, E> {
     let state = state_at(observer.epoch)?;
-    let then = match corrections.light_time {
-        true => {
-            // Never the same instant again.
-            let earlier_s = observer.light_time_s(&state.position_m).max(1e-6);
-            Some((earlier_s, state_at(observer.epoch - seconds(earlier_s))?))
-        }
-        false => None,
+    let then = if corrections.light_time {
+        // Never the same instant again.
+        let earlier_s = observer.light_time_s(&state.position_m).max(1e-6);
+        Some((earlier_s, state_at(observer.epoch - seconds(earlier_s))?))
+    } else {
+        None
     };
     Ok(apparent_object(state, then, observer, corrections))
 }

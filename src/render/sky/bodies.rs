@@ -3,22 +3,14 @@
 //! Frames: axes of the ICRF throughout. Positions are geometric (no light time) and in metres, velocities in metres a second.
 //! The series are SOFA's `epv00` and, for the Moon, [`series`](super::moon). `epv00` wants TDB; TT stands in for it, which differs by less than 2 ms, in which the Earth moves 60 m.
 
-use hifitime::{Epoch, Unit};
+pub use super::constants::{AU_M, LIGHT_M_S, SUN_RADIUS_M};
+
+use super::constants::{DAY_S, J2000_JD, tt_days_since_j2000};
+use super::moon::series;
+use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::time::utc_text;
 use thiserror::Error;
-
-use super::moon;
-
-/// Astronomical unit, m (IAU 2012 Resolution B2, exact).
-pub const AU_M: f64 = 149_597_870_700.0;
-/// Speed of light, m/s (exact).
-pub const LIGHT_M_S: f64 = 299_792_458.0;
-/// Radius of the Sun, m (IAU 2015 Resolution B3, nominal).
-pub const SUN_RADIUS_M: f64 = 695_700_000.0;
-
-pub(super) const DAY_S: f64 = 86_400.0;
-pub(super) const J2000_JD: f64 = 2_451_545.0;
 
 /// The epoch lies outside the years for which the series of the Earth's motion hold.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -56,7 +48,7 @@ impl Bodies {
         let days = tt_days_since_j2000(t);
         let (heliocentric, barycentric) =
             sofars::eph::epv00(J2000_JD, days).ok_or(EpochOutOfRange { epoch: t })?;
-        let (moon_geocentric_m, moon_geocentric_velocity_m_s) = moon::series::state(t);
+        let (moon_geocentric_m, moon_geocentric_velocity_m_s) = series::state(t);
         Ok(Self {
             earth_barycentric_m: Vector3::from(barycentric[0]) * AU_M,
             earth_barycentric_velocity_m_s: Vector3::from(barycentric[1]) * (AU_M / DAY_S),
@@ -134,9 +126,4 @@ impl Aberration {
         let seen = u * inverse_gamma + beta * (1.0 + along / (1.0 + inverse_gamma));
         seen.normalize()
     }
-}
-
-/// Days of TT since J2000.0 (2000-01-01 12:00 TT).
-pub(crate) fn tt_days_since_j2000(t: Epoch) -> f64 {
-    t.to_tt_since_j2k().to_unit(Unit::Day)
 }

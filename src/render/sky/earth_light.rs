@@ -18,7 +18,6 @@
 use super::bodies::AU_M;
 use super::shadow::{EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
-use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342 W/m^2; Kiehl & Trenberth 1997, BAMS 78,
@@ -34,7 +33,6 @@ pub struct EarthDisc {
     observer_m: Vector3<f64>,
     sun_m: Vector3<f64>,
     earth: Earth,
-    albedo: f64,
 }
 
 /// A part of the Earth's disc.
@@ -54,14 +52,7 @@ impl EarthDisc {
             observer_m,
             sun_m,
             earth,
-            albedo: EARTH_ALBEDO,
         })
-    }
-
-    /// The same with another albedo (0..1); of what is no number 0.
-    pub fn with_albedo(self, albedo: f64) -> Self {
-        let albedo = nearest(albedo, 0.0..=1.0);
-        EarthDisc { albedo, ..self }
     }
 
     /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr; 0 where the line misses the Earth or
@@ -73,7 +64,7 @@ impl EarthDisc {
         let to_sun = self.sun_m - point_m;
         let distance2 = to_sun.norm_squared();
         let cos_i = self.earth.normal(point_m).dot(&to_sun) / distance2.sqrt();
-        (self.albedo * cos_i / PI * (AU_M * AU_M / distance2)).max(0.0)
+        (EARTH_ALBEDO * cos_i / PI * (AU_M * AU_M / distance2)).max(0.0)
     }
 
     /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, see [`Earth::outline`].

@@ -11,7 +11,6 @@
 use super::apparent::Observer;
 use super::bodies::LIGHT_M_S;
 use super::photometry::{Sphere, diffuse_phase};
-use super::population::OWN_VEHICLE_M;
 use crate::camera::Side;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_orbit::StateVector;
@@ -19,6 +18,9 @@ use skyloop_orbit::cone::{Cone, FASTEST_KM_S};
 use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
 use std::f64::consts::PI;
+
+/// Nearer than this (m) an object is the observer's own vehicle.
+pub const OWN_VEHICLE_M: f64 = 1.0;
 
 /// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which neither observers nor objects exceed, rounded up.
 const WANDER: f64 = 7e-4;
@@ -216,9 +218,10 @@ impl Test<'_> {
             return Some(Ok(()));
         }
         let place_km: [f64; 3] = (state.position_m * 1e-3).into();
-        match self.cone.holds(place_km) {
-            true => self.within(&place_km, bright),
-            false => None,
+        if self.cone.holds(place_km) {
+            self.within(&place_km, bright)
+        } else {
+            None
         }
     }
 

@@ -1,15 +1,29 @@
 //! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
 
 use super::apparent::Corrections;
-use super::closer::{self, Close, Closer, Instants};
 use super::field::{Bright, Field, Found, Unseen};
-use super::population::{Population, Seen};
+use super::objects::{Objects, SeenObject};
+use super::propagate::{Close, Instants, Propagation, TASK};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
 use rayon::prelude::*;
 use skyloop_orbit::tracks::Tracks;
 use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Who is before a camera during an exposure.
+#[derive(Debug, Default)]
+pub struct Seen {
+    /// Who may be seen, in the population's order.
+    pub objects: Vec<Arc<SeenObject>>,
+    /// Who is not, by their indices, and why; in the same order.
+    pub unseen: Vec<(usize, Unseen)>,
+    /// How many have no position at this time, in the whole population.
+    pub unknown: usize,
+    /// Why, of those of whom that has not been said before.
+    pub news: Vec<OrbitError>,
+}
 
 /// The number of an object's only element set.
 const SOLE: u32 = u32::MAX;
@@ -30,8 +44,8 @@ pub struct Fleet {
 
 impl Fleet {
     /// The orbits of `population`.
-    pub fn new(population: &Population) -> Fleet {
-        let objects = population.objects();
+    pub fn new(population: &Objects) -> Fleet {
+        let objects = population.all();
         let (mut of, mut elements) = (Vec::new(), Vec::new());
         of.reserve(objects.len());
         elements.reserve(objects.len());
@@ -73,13 +87,13 @@ impl Fleet {
     /// those of whom that has not been said before.
     pub fn before(
         &mut self,
-        population: &Population,
+        population: &Objects,
         field: &Field<'_>,
     ) -> (Vec<usize>, Vec<OrbitError>) {
         let at = Instants::of(field);
         let mut tested = self.tested(population, field, &at, Orbits::Tracked);
         for &index in &self.others {
-            let object = &population.objects()[index as usize];
+            let object = &population.all()[index as usize];
             let state = object.state_with(field.shutter[1].epoch, &at.rotations[1]);
             match state.map(|state| field.may_hold(&state)) {
                 Ok(true) => tested.near.push((index, None)),
@@ -96,7 +110,7 @@ impl Fleet {
     /// What the field's test finds of the tracks.
     fn tested(
         &mut self,
-        population: &Population,
+        population: &Objects,
         field: &Field<'_>,
         at: &Instants,
         orbits: Orbits,
@@ -113,7 +127,7 @@ impl Fleet {
             let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
             let (index, number) = self.sets[set as usize];
             // Of several element sets the nearest in time counts.
-            let counts = || population.objects()[index as usize].number_at(mid) as u32;
+            let counts = || population.all()[index as usize].number_at(mid) as u32;
             if number != SOLE && number != counts() {
                 continue;
             }
@@ -129,21 +143,20 @@ impl Fleet {
     /// Why these have no position at mid-exposure, of those of whom that has not been said before.
     fn news(
         &mut self,
-        population: &Population,
+        population: &Objects,
         field: &Field<'_>,
         failed: &[(u32, u8)],
     ) -> Vec<OrbitError> {
         let new = failed.iter().filter(|(index, _)| self.told.insert(*index));
         let mid = field.shutter[1].epoch;
-        let why =
-            |(index, code): &(u32, u8)| population.objects()[*index as usize].failure(mid, *code);
+        let why = |(index, code): &(u32, u8)| population.all()[*index as usize].failure(mid, *code);
         new.map(why).collect()
     }
 
     /// Who of `population`, whose orbits these are, comes before the camera.
     pub fn look(
         &mut self,
-        population: &Population,
+        population: &Objects,
         field: &Field<'_>,
         corrections: &Corrections,
         orbits: Orbits,
@@ -156,7 +169,7 @@ impl Fleet {
             failed,
         } = self.tested(population, field, &at, orbits);
         near.extend(self.others.iter().map(|&index| (index, None)));
-        let closer = Closer {
+        let propagation = Propagation {
             population,
             field,
             test: field.test(&at.rotations[1], &self.bright),
@@ -165,8 +178,8 @@ impl Fleet {
             earth: Earth::at(mid),
             corrections,
         };
-        let looked = near.par_chunks(closer::TASK);
-        let looked: Vec<Vec<Close>> = looked.map(|near| closer.look(near)).collect();
+        let looked = near.par_chunks(TASK);
+        let looked: Vec<Vec<Close>> = looked.map(|near| propagation.look(near)).collect();
         let mut seen = Seen {
             unknown: failed.len(),
             ..Seen::default()

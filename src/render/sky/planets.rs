@@ -17,7 +17,8 @@
 use nalgebra::Vector3;
 
 use super::apparent::{Corrections, Observer};
-use super::bodies::{AU_M, DAY_S, J2000_JD, LIGHT_M_S, aberrate, tt_days_since_j2000};
+use super::bodies::aberrate;
+use super::constants::{AU_M, DAY_S, J2000_JD, LIGHT_M_S, tt_days_since_j2000};
 use super::photometry::phase_angle;
 
 /// A planet's name, its number in `plan94`, its equatorial radius (km; IAU WGCCRE 2015: Archinal et al. 2018, Table 4), and its law of brightness.

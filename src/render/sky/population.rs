@@ -1,163 +1,74 @@
-//! The resident space objects of a scene, and how an observer sees them at one exposure.
+//! The resident space objects of a scene, and which of them a camera sees.
 
-use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
-use super::field::{Bright, Field, Unseen};
+pub use super::field::OWN_VEHICLE_M;
+pub use super::fleet::Seen;
+pub use super::objects::{Look, Looks, SeenObject, Shutter};
+
+use super::apparent::Corrections;
+use super::field::Field;
 use super::fleet::Fleet;
-use super::look::{Body, Passage};
-use super::photometry::{Sphere, magnitude, phase_angle};
+use super::objects::Objects;
+use super::photometry::Sphere;
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
-use nalgebra::Vector3;
-use skyloop_orbit::elements::Elements;
 use skyloop_orbit::{Object, OrbitError};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Objects and what they reflect.
+/// Objects, and their orbits from frame to frame.
 #[derive(Debug, Default)]
 pub struct Population {
-    objects: Vec<Object>,
-    sphere: Sphere,
-    /// What is known of some, each once.
-    looks: Vec<Look>,
-    /// Which of them is an object's; [`PLAIN`] of all others.
-    look_of: Vec<u32>,
-    /// Made when first asked for.
+    objects: Objects,
+    /// Computed on first use.
     fleet: OnceLock<Mutex<Fleet>>,
-}
-
-/// What is known of objects, by their ids.
-pub type Looks = BTreeMap<String, Look>;
-
-/// What an object looks like.
-#[derive(Debug, Clone)]
-pub enum Look {
-    /// The same from all sides.
-    Sphere(Sphere),
-    /// A body with a shape and an attitude.
-    Body(Arc<Body>),
-}
-
-/// An object in the field.
-#[derive(Debug, Clone)]
-pub struct SeenObject {
-    /// Index into the population.
-    pub index: usize,
-    /// As seen at the middle of the exposure.
-    pub apparent: ApparentObject,
-    /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's start, mid
-    /// and end. They change smoothly where directions may swing.
-    pub lines_m: [Vector3<f64>; 3],
-    /// Phase angle Sun - object - observer, rad.
-    pub phase: f64,
-    /// Part of the Sun's disc that lights it, 0..1.
-    pub illumination: f64,
-    /// Whether the Earth stands before it.
-    pub occulted: bool,
-    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the exposure.
-    pub mag: f64,
-}
-
-/// The observer at an exposure's start, mid and end.
-pub type Shutter = [Observer; 3];
-
-/// The look of an object of which nothing is known: the population's sphere.
-const PLAIN: u32 = u32::MAX;
-
-/// Nearer than this (m) an object is the observer's own vehicle.
-pub const OWN_VEHICLE_M: f64 = 1.0;
-
-/// Who is before a camera during an exposure.
-#[derive(Debug, Default)]
-pub struct Seen {
-    /// Who may be seen, in the population's order.
-    pub objects: Vec<Arc<SeenObject>>,
-    /// Who is not, by their indices, and why; in the same order.
-    pub unseen: Vec<(usize, Unseen)>,
-    /// How many have no position at this time, in the whole population.
-    pub unknown: usize,
-    /// Why, of those of whom that has not been said before.
-    pub news: Vec<OrbitError>,
 }
 
 impl Population {
     /// Objects; `looks` of some, by their ids; and what stands for all others.
     pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
-        let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
-        // The ids of a map are sorted.
-        let of = |object: &Object| ids.binary_search(&object.id).map_or(PLAIN, |i| i as u32);
         Population {
-            look_of: objects.iter().map(of).collect(),
-            objects,
-            sphere,
-            looks,
+            objects: Objects::new(objects, sphere, looks),
             fleet: OnceLock::new(),
         }
     }
 
     /// The objects.
     pub fn objects(&self) -> &[Object] {
-        &self.objects
+        self.objects.all()
     }
 
-    /// Octets of memory that the objects take, names and looks included, with 16 for each piece of it.
+    /// Bytes of memory that the objects take, names and looks included, with 16 for each
+    /// allocation.
     pub fn octets(&self) -> usize {
-        const PIECE: usize = 16;
-        let text = |text: &String| PIECE + text.capacity();
-        let of = |object: &Object| {
-            let names = object.names.iter().map(text).sum::<usize>();
-            let held = PIECE + object.names.capacity() * size_of::<String>();
-            let sets = object.sets().count().saturating_sub(1) * size_of::<Elements>();
-            size_of::<Object>() + text(&object.id) + held + names + sets
-        };
-        let looks = self.looks.capacity() * size_of::<Look>();
-        let look_of = self.look_of.capacity() * size_of::<u32>();
         let fleet = self.fleet.get().and_then(|fleet| fleet.lock().ok());
-        let fleet = fleet.map_or(0, |fleet| fleet.octets());
-        self.objects.iter().map(of).sum::<usize>() + looks + look_of + fleet
+        self.objects.bytes() + fleet.map_or(0, |fleet| fleet.octets())
     }
 
-    /// Who may be in the field at some time of the exposure, by their indices in no order; and why others have no position, of those of whom that
-    /// has not been said before.
+    /// Indices of the objects that may be in the field at some time of the exposure, in no order;
+    /// and why others have no position, each object once.
     pub fn before(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
-        self.fleet().before(self, field)
+        self.fleet().before(&self.objects, field)
     }
 
-    /// The orbits, one caller at a time.
+    /// The orbits, for one caller at a time.
     fn fleet(&self) -> MutexGuard<'_, Fleet> {
-        let fleet = self.fleet.get_or_init(|| Mutex::new(Fleet::new(self)));
-        // A thread that panicked has left nothing half done: all that is kept is made anew from the time asked.
+        let fleet = (self.fleet).get_or_init(|| Mutex::new(Fleet::new(&self.objects)));
+        // A thread that panicked has left nothing half done: all state is computed anew from the
+        // time of the call.
         fleet.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes what is made when first asked for.
+    /// Computes the orbits' tracks before their first use.
     pub fn get_ready(&self) {
         drop(self.fleet());
     }
 
-    /// Who may be in the field, and what is seen of them.
+    /// The objects that may be in the field, and what is seen of them.
     pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
-        self.fleet().look(self, field, corrections, orbits)
+        (self.fleet()).look(&self.objects, field, corrections, orbits)
     }
 
-    /// What is known of the object of that index.
-    fn look_at(&self, index: usize) -> Option<&Look> {
-        let look = self.look_of.get(index)?;
-        self.looks.get(*look as usize)
-    }
-
-    /// What bounds the light of the object of that index; that of a body depends on how it is turned.
-    pub(super) fn brightest(&self, index: usize) -> Bright {
-        match self.look_at(index) {
-            None => Bright::of(&self.sphere),
-            Some(Look::Sphere(sphere)) => Bright::of(sphere),
-            Some(Look::Body(_)) => Bright::ANY,
-        }
-    }
-
-    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar SGP4; `earth` is that of mid-exposure.
-    ///
-    /// Errors: its orbit has no answer.
+    /// The object of an index as it is seen during an exposure, wherever it stands, by the scalar
+    /// SGP4; `earth` is that of mid-exposure. Fails if its orbit has no position then.
     pub fn see(
         &self,
         index: usize,
@@ -165,52 +76,6 @@ impl Population {
         shutter: &Shutter,
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
-        let object = self.objects[index].settled(shutter[1].epoch);
-        let at = |i: usize| object_direction(|t| object.state(t), &shutter[i], corrections);
-        let seen = [at(0)?, at(1)?, at(2)?];
-        Ok(self.lit(index, earth, shutter, corrections, seen))
-    }
-
-    /// The object of that index and its light, as it appears at the exposure's start, mid and end.
-    pub(super) fn lit(
-        &self,
-        index: usize,
-        earth: &Earth,
-        shutter: &Shutter,
-        corrections: &Corrections,
-        [start, apparent, end]: [ApparentObject; 3],
-    ) -> SeenObject {
-        let line = |seen: &ApparentObject| seen.direction * seen.range_m;
-        let observer_m = shutter[1].position_m;
-        let sun_m = shutter[1].bodies.sun_apparent_m();
-        let to_sun = sun_m - apparent.seen_at_m;
-        let phase = phase_angle(&to_sun, &(observer_m - apparent.seen_at_m));
-        let reflective_area = match self.look_at(index) {
-            None => self.sphere.reflective_area(phase),
-            Some(Look::Sphere(sphere)) => sphere.reflective_area(phase),
-            Some(Look::Body(body)) => body.mean_reflective_area(&Passage {
-                observers: shutter,
-                seen: [&start, &apparent, &end],
-                sun_m,
-                light_time: corrections.light_time,
-            }),
-        };
-        SeenObject {
-            index,
-            lines_m: [line(&start), line(&apparent), line(&end)],
-            phase,
-            illumination: earth.illumination(apparent.seen_at_m, sun_m),
-            occulted: earth.occults(observer_m, apparent.seen_at_m),
-            mag: magnitude(reflective_area, to_sun.norm(), apparent.range_m),
-            apparent,
-        }
-    }
-}
-
-impl SeenObject {
-    /// The apparent vector at a part of the exposure (0: start, 1: end), by the parabola through
-    /// start, mid and end; what it misses is a jerk of some 0.01 m/s^3: micrometres in a second.
-    pub fn line_m(&self, part: f64) -> Vector3<f64> {
-        parabola(&self.lines_m, part)
+        self.objects.see(index, earth, shutter, corrections)
     }
 }

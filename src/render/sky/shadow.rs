@@ -8,7 +8,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-use super::bodies::{SUN_RADIUS_M, tt_days_since_j2000};
+use super::constants::{SUN_RADIUS_M, tt_days_since_j2000};
 use crate::attitude::angle_between;
 
 /// Equatorial radius of the WGS84 ellipsoid, m.

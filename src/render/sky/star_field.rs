@@ -129,9 +129,12 @@ impl StarField {
             let term = terms.get(&star.b_v.to_bits());
             star.v_mag + term.copied().unwrap_or_default()
         };
-        let wavelength_ratio = |star: &Star| match colour {
-            true => band.wavelength_ratio(star.b_v),
-            false => 1.0,
+        let wavelength_ratio = |star: &Star| {
+            if colour {
+                band.wavelength_ratio(star.b_v)
+            } else {
+                1.0
+            }
         };
         let places = stars.par_iter().map(place);
         let ways: Vec<StarWay> = places.map(|place| StarWay::of(&place)).collect();

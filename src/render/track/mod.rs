@@ -5,17 +5,19 @@
 //! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere,
 //! and rows collect it together, a whole piece has a rule of higher order instead (`rule`).
 
+mod adaptive_sampling;
+mod course;
+mod path;
 mod rows;
 pub(crate) mod rule;
 mod sample;
-mod walk;
-mod way;
 
+pub use course::{Course, Even, Window};
 pub use rows::{Lit, Rows, Turns};
 pub use sample::{Place, Sample};
 
 use crate::fidelity::Fidelity;
-use walk::{DEPTH, LEAST_SIGMA_PX, Walk, length};
+use adaptive_sampling::{DEPTH, LEAST_SIGMA_PX, Sampler, length};
 
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,45 +28,6 @@ pub struct Track {
     pub end: [f64; 2],
     /// Points that stand for its light.
     pub samples: Vec<Sample>,
-}
-
-/// What a track is sampled for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Course {
-    /// Pieces to begin with, in which the source turns by a few degrees at most.
-    pub pieces: usize,
-    /// For a Gaussian that is the same everywhere.
-    pub even: Option<Even>,
-    /// Longest panel, px; of less than 1e-3, or of what is no number, 1e-3.
-    pub step_px: f64,
-    /// Longest track that is one panel from its start to its end, px.
-    pub panel_px: f64,
-    /// Longest track for which one point stands, px.
-    pub point_px: f64,
-    /// How far its light reaches, px.
-    pub reach_px: f64,
-    /// Where light matters.
-    pub window: Window,
-    /// When rows collect light.
-    pub rows: Rows,
-}
-
-/// What tracks are sampled for where a Gaussian spreads their light that is the same everywhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Even {
-    /// Its standard deviation, px; of less than 0.01, or of what is no number, 0.01.
-    pub sigma_px: f64,
-    /// What the brightest pixel would get if the image stood still, e-.
-    pub height_e: f64,
-}
-
-/// The part of the detector plane whose light matters: tracks are sampled finely only there.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
-    /// Least column and row, px.
-    pub low: [f64; 2],
-    /// Greatest column and row, px.
-    pub high: [f64; 2],
 }
 
 impl Track {
@@ -101,17 +64,17 @@ impl Track {
         course: &Course,
         fidelity: &Fidelity,
     ) -> Option<Track> {
-        let mut walk = Walk {
+        let mut sampler = Sampler {
             place: &place,
             course,
             length_px: 0.0,
             even: None,
         };
-        let knots = walk.knots();
+        let knots = sampler.knots();
         let seen = knots
             .iter()
             .filter_map(|(part, place)| Some((*part, (*place)?)));
-        let collects = |(part, place): &(f64, Place)| walk.collects(*part, place.at[1]);
+        let collects = |(part, place): &(f64, Place)| sampler.collects(*part, place.at[1]);
         let start = seen
             .clone()
             .find(collects)
@@ -123,7 +86,7 @@ impl Track {
         let (start, end) = (start.1.at, end.1.at);
 
         let between = knots.windows(2);
-        walk.length_px = between.map(|ends| length(&[ends[0].1, ends[1].1])).sum();
+        sampler.length_px = between.map(|ends| length(&[ends[0].1, ends[1].1])).sum();
         let track = |samples: Vec<Sample>| {
             Some(Track {
                 start,
@@ -131,22 +94,22 @@ impl Track {
                 samples,
             })
         };
-        if walk.length_px <= fidelity.skip_px
+        if sampler.length_px <= fidelity.skip_px
             && let Some(mid) = place(0.5)
         {
             return track(Track::still(mid).samples);
         }
         if course.rows.are_together()
-            && walk.length_px <= course.point_px
-            && let Some(point) = walk.point(&knots)
+            && sampler.length_px <= course.point_px
+            && let Some(point) = sampler.point(&knots)
         {
             return track(vec![point]);
         }
         let even = course.even.filter(|_| course.rows.are_together());
-        walk.even = even.map(|Even { sigma_px, height_e }| {
+        sampler.even = even.map(|Even { sigma_px, height_e }| {
             let sigma_px = sigma_px.max(LEAST_SIGMA_PX);
             // Two pieces err where they meet.
-            let error = fidelity.streak_error(walk.length_px / sigma_px, height_e) / 2.0;
+            let error = fidelity.streak_error(sampler.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
         });
         let mut samples = Vec::new();
@@ -154,13 +117,13 @@ impl Track {
             // Of a short one two pieces are one panel, if that bends little enough; and one where a piece needs no panels.
             [first, mid, last]
                 if mid.0 == (first.0 + last.0) / 2.0
-                    && (walk.length_px <= course.panel_px || walk.even.is_some()) =>
+                    && (sampler.length_px <= course.panel_px || sampler.even.is_some()) =>
             {
-                walk.piece_by(first, mid, last, DEPTH, &mut samples);
+                sampler.piece_by(first, mid, last, DEPTH, &mut samples);
             }
             _ => {
                 for ends in knots.windows(2) {
-                    walk.piece(ends[0], ends[1], DEPTH, &mut samples);
+                    sampler.piece(ends[0], ends[1], DEPTH, &mut samples);
                 }
             }
         }
@@ -168,21 +131,9 @@ impl Track {
     }
 }
 
-impl Window {
-    /// Whether a piece through `points` may come into the window, which it leaves its chords towards by at most `pad`.
-    fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
-        [0, 1].into_iter().all(|axis| {
-            let along = points.iter().map(|point| point[axis]);
-            let low = along.clone().fold(f64::MAX, f64::min);
-            let high = along.fold(f64::MIN, f64::max);
-            high + pad >= self.low[axis] && low - pad <= self.high[axis]
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::walk::distance;
+    use super::path::distance;
 
     use super::*;
 

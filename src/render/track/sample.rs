@@ -1,6 +1,6 @@
 //! The points that a track is sampled at, and which rows collect their light.
 
-use super::Lit;
+use super::rows::Lit;
 use std::ops::Range;
 
 /// Where an image is, and what light of it arrives there.

@@ -32,8 +32,11 @@ impl Filter {
                 let b = detector.pattern.dark_e_s_of(i) * camera.exposure_s;
                 let core = x.abs_diff(cx) <= 1 && y.abs_diff(cy) <= 1;
                 hot |= core && b > 2000.0;
-                blind |= core && detector.pattern.is_blind(i);
-                if detector.pattern.is_blind(i) || held >= well {
+                let pattern = &detector.pattern;
+                let lists = [pattern.dead(), pattern.stuck()];
+                let is_blind = lists.iter().any(|list| list.contains(&(i as u32)));
+                blind |= core && is_blind;
+                if is_blind || held >= well {
                     continue;
                 }
                 let read = |e: f64| e * (1.0 - share * e / well);

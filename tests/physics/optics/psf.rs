@@ -2,6 +2,7 @@
 
 use super::cameras::{load, load_in, text};
 use crate::reference::{number, rows};
+use skyloop::abort::WorkLimit;
 use skyloop::camera::psf::{Airy, FURTHEST_PX, Image, Images, Moffat, Shape, Variation};
 use skyloop::camera::{Camera, Psf, Stamp};
 use skyloop::fidelity::Fidelity;
@@ -209,7 +210,14 @@ fn drawn(camera: &Camera, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> 
         wavelength_ratio,
     };
     let track = Track::still(Place { at, light: 1.0 });
-    let footprint = Footprint::of(&track, camera, fidelity, &light, None);
+    let footprint = Footprint::of(
+        &WorkLimit::default(),
+        &track,
+        camera,
+        fidelity,
+        &light,
+        None,
+    );
     let (width, height) = (camera.detector.width, camera.detector.height);
     let mut image = vec![0.0; width * height];
     for (row, column, shares) in footprint.rows(0..height) {

@@ -4,6 +4,7 @@ use super::functions::Gives::{self, Anything, Finite, LightOrNone};
 use super::functions::{check, spoilt};
 use super::stage::camera;
 use nalgebra::Vector3;
+use skyloop::abort::WorkLimit;
 use skyloop::camera::psf::{Airy, Image, Images, Moffat, Psf, Shape as Spread, Variation};
 use skyloop::camera::{
     Band, Flux, Pattern, PatternFigures, Radiation, Shutter, Stamp, Stray, Vignetting,
@@ -122,7 +123,14 @@ fn spreads_of_no_width() {
                                 electrons,
                                 wavelength_ratio: 1.0,
                             };
-                            let footprint = Footprint::of(&track, camera, &fidelity, &source, None);
+                            let footprint = Footprint::of(
+                                &WorkLimit::default(),
+                                &track,
+                                camera,
+                                &fidelity,
+                                &source,
+                                None,
+                            );
                             let shares = footprint.shares().iter().map(|s| f64::from(*s));
                             // Of a loss that is none, and of the finest, all light is drawn.
                             let all: f64 = shares.clone().sum();
@@ -173,7 +181,14 @@ fn drawn_along(
         electrons,
         ..footprint::Light::default()
     };
-    let footprint = Footprint::of(&track, &CAMERA, &Fidelity::REALTIME, &light, None);
+    let footprint = Footprint::of(
+        &WorkLimit::default(),
+        &track,
+        &CAMERA,
+        &Fidelity::REALTIME,
+        &light,
+        None,
+    );
     footprint.shares().iter().map(|s| f64::from(*s)).collect()
 }
 

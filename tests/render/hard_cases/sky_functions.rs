@@ -11,7 +11,7 @@ use skyloop::light_curve::{Point, Span, point_from};
 use skyloop::orbit::StateVector;
 use skyloop::output::{Dot, Scatter, write_light_curve, write_scatter};
 use skyloop::scene::{Exposure, turn_at};
-use skyloop::sky::apparent::{StarPlace, star_direction};
+use skyloop::sky::apparent::{Sight, StarPlace, StarWay};
 use skyloop::sky::atmosphere::air::{Air, chapman, cross_section_m2, phase_function};
 use skyloop::sky::bodies::{AU_M, Bodies, aberrate};
 use skyloop::sky::body_attitude::BodyAttitude;
@@ -109,8 +109,6 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
             }
             let disc = EarthDisc::new(here_m(), sun_m(), earth()).unwrap();
             light.extend(spoilt(ways()[0], bad).map(|way| disc.reflectance(&way)));
-            let disc = disc.with_albedo(bad);
-            light.extend(ways().map(|way| disc.reflectance(&way)));
             light
         }),
         ("Limb", LightOrNone, |bad| {
@@ -346,7 +344,7 @@ fn directions_of_no_place() {
                     pm_ra_cosdec_rad_yr: east,
                     pm_dec_rad_yr: north,
                 };
-                star_direction(&place, &observer, &corrections);
+                Sight::of(&observer, &corrections).of_star(&StarWay::of(&place));
             }
             Vec::new()
         }),

@@ -1,5 +1,6 @@
 //! The camera file: TOML keys with units to a validated [`Camera`]. A file a table.
 
+mod angles;
 mod detector;
 mod images;
 mod optics;
@@ -10,7 +11,7 @@ mod stray;
 mod timing;
 mod vignetting;
 
-use super::Camera;
+use crate::camera::Camera;
 use detector::RawDetector;
 use optics::RawOptics;
 use radiation::RawRadiation;
@@ -20,7 +21,6 @@ use skyloop_base::load::{
     Allowed, CAMERAS, Check, ConfigError, END, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
     read_noticed, schema_of, some_table, table,
 };
-use std::ops::RangeInclusive;
 use timing::{RawMounting, RawTiming};
 
 #[derive(Deserialize, JsonSchema)]
@@ -76,13 +76,39 @@ fn printable() -> String {
     format!(r"^[^{controls}]*[^\s{controls}][^{controls}]*{END}")
 }
 
+impl Camera {
+    /// Reads `name`: a bare name of `configs/cameras/` (also embedded), or a file in `folder`.
+    pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
+        let (camera, notices) = Camera::load_noticed(name, folder)?;
+        for notice in notices {
+            tracing::warn!("{notice}");
+        }
+        Ok(camera)
+    }
+
+    /// The same, with what is allowed in the file, but hardly meant, a line each, instead of in the log.
+    pub fn load_noticed(name: &str, folder: &Folder) -> Result<(Camera, Vec<String>), ConfigError> {
+        load(name, folder)
+    }
+
+    /// The JSON Schema of camera files.
+    pub fn schema() -> schemars::Schema {
+        schema()
+    }
+
+    /// Reads the text of a camera file called `file`, which names no other files, likewise.
+    pub fn parse_noticed(file: &str, text: &str) -> Result<(Camera, Vec<String>), ConfigError> {
+        parse(file, text, &Folder::current())
+    }
+}
+
 /// The JSON Schema of camera files.
-pub fn schema() -> schemars::Schema {
+fn schema() -> schemars::Schema {
     schema_of::<RawCamera>("skyloop camera file", LIMITS)
 }
 
 /// See [`Camera::load_noticed`].
-pub fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
+fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
     let embedded = CAMERAS.contains(&name);
     // Files that the camera's names are in its own folder.
     let (found, beside) = match folder {
@@ -98,7 +124,7 @@ pub fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError>
 }
 
 /// The camera of a text; `file` is its name in messages, `folder` that of the files that it names.
-pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
+fn parse(file: &str, text: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
     read_noticed(file, text, EXAMPLE_CAMERA, LIMITS, |raw, check| {
         validate(raw, check, folder)
     })
@@ -155,45 +181,6 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
         rate_hz: timing.rate_hz,
         shutter: timing.shutter,
     })
-}
-
-/// Angles from the boresight, deg.
-const FIELD_DEG: RangeInclusive<f64> = 0.0..=180.0;
-
-/// Keys that the field of view follows from.
-const FIELD: &[&str] = &[
-    "optics.focal_length_mm",
-    "optics.principal_px",
-    "optics.projection",
-    "optics.psf",
-    "optics.vignetting",
-    "detector.pixel_um",
-    "detector.width_px",
-    "detector.height_px",
-];
-
-/// Refuses a table of angles (deg) that do not rise, or of angles and values outside of their limits.
-fn rising_angles(
-    key: &str,
-    table: &[[f64; 2]],
-    limits: &[Limit],
-    check: &Check,
-) -> Result<(), ConfigError> {
-    for (i, [deg, value]) in table.iter().enumerate() {
-        check.limit(limits, &format!("{key}[{i}][0]"), *deg)?;
-        check.limit(limits, &format!("{key}[{i}][1]"), *value)?;
-    }
-    match table.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {
-        Some(i) => {
-            let (entry, given) = (format!("{key}[{}]", i + 1), format!("{:?}", table[i + 1]));
-            let allowed = format!(
-                "at a greater angle than the point before it, {:?}",
-                table[i]
-            );
-            Err(check.refuse(&entry, given, allowed).needs(&[key]))
-        }
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]

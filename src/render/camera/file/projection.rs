@@ -1,5 +1,6 @@
 //! `[optics.projection]` of a camera file.
 
+use super::angles::FIELD;
 use crate::camera::{Detector, Model, Optics, Projection};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -164,7 +165,7 @@ impl RawProjection {
             "a map that does not fold over on the detector nor within {margin_px:.1} px of it: this one ends at \
              {end:.2} deg from the boresight, the detector {furthest:.0} px from the principal point; {remedy} (they are for coordinates in focal lengths)"
         );
-        Err(check.refuse(&key, given, allowed).needs(super::FIELD))
+        Err(check.refuse(&key, given, allowed).needs(FIELD))
     }
 
     /// Warns of coefficients that put images far from where they would be without any.

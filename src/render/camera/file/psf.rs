@@ -1,5 +1,6 @@
 //! `[optics.psf]` of a camera file.
 
+use super::angles::{FIELD_DEG, rising_angles};
 use super::images::{RawImage, grid};
 use crate::camera::psf::{Airy, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
@@ -78,7 +79,7 @@ pub const LIMITS: &[Limit] = &[
     ("optics.psf.oversampling", Number(1.0..=64.0)),
     ("optics.psf.obscuration", Number(0.0..=0.9)),
     ("optics.psf.wavelength_exponent", Number(-4.0..=4.0)),
-    ("optics.psf.width_by_field[][0]", Number(super::FIELD_DEG)),
+    ("optics.psf.width_by_field[][0]", Number(FIELD_DEG)),
     ("optics.psf.width_by_field[][1]", Number(0.1..=10.0)),
     ("optics.psf.width_by_field", Count(1..=usize::MAX)),
     ("optics.psf", Allowed::Kind("kind", KINDS)),
@@ -199,7 +200,7 @@ impl RawPsf {
         if table.is_empty() && self.width_by_field.is_some() {
             return Err(check.refuse(key, "[]", "at least one [angle, factor]"));
         }
-        super::rising_angles(key, &table, LIMITS, check)?;
+        rising_angles(key, &table, LIMITS, check)?;
         let distance = |(i, [deg, factor]): (usize, [f64; 2])| {
             let (sin, cos) = libm::sincos(deg.to_radians());
             let image = lens.projection.image(&Vector3::new(sin, 0.0, cos));

@@ -1,5 +1,6 @@
 //! `[optics.stray]` of a camera file.
 
+use super::angles::{FIELD, FIELD_DEG, rising_angles};
 use crate::camera::Stray;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -26,7 +27,7 @@ pub struct RawStray {
 /// Limits of the keys; the least of sun_exclusion_deg follows from the field of view.
 pub const LIMITS: &[Limit] = &[
     ("optics.stray.sun_exclusion_deg", Number(0.0..=180.0)),
-    ("optics.stray.pst[][0]", Number(super::FIELD_DEG)),
+    ("optics.stray.pst[][0]", Number(FIELD_DEG)),
     ("optics.stray.pst[][1]", Number(1e-12..=1.0)),
     ("optics.stray.pst", Count(1..=usize::MAX)),
 ];
@@ -52,7 +53,7 @@ impl RawStray {
             if points.is_empty() {
                 return Err(check.refuse(key, "[]", "at least one [angle, transmittance]"));
             }
-            super::rising_angles(key, &points, LIMITS, check)?;
+            rising_angles(key, &points, LIMITS, check)?;
             falling(key, &points, check)?;
             table = points;
         }
@@ -67,7 +68,7 @@ impl RawStray {
                 (least_deg * 100.0).ceil() / 100.0
             );
             let error = check.refuse(key, exclusion_deg, allowed);
-            return Err(error.needs(super::FIELD));
+            return Err(error.needs(FIELD));
         }
         let rad: Vec<[f64; 2]> = table
             .into_iter()

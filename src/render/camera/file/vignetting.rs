@@ -1,5 +1,6 @@
 //! `[optics.vignetting]` of a camera file.
 
+use super::angles::{FIELD_DEG, rising_angles};
 use crate::camera::Vignetting;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -16,7 +17,7 @@ pub struct RawVignetting {
 }
 
 pub const LIMITS: &[Limit] = &[
-    ("optics.vignetting.table[][0]", Number(super::FIELD_DEG)),
+    ("optics.vignetting.table[][0]", Number(FIELD_DEG)),
     ("optics.vignetting.table[][1]", Number(0.0..=1.0)),
     ("optics.vignetting.table", Count(1..=usize::MAX)),
     ("optics.vignetting", NotBoth(["cos4", "table"])),
@@ -40,7 +41,7 @@ impl RawVignetting {
             if table.is_empty() {
                 return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
             }
-            super::rising_angles(key, table, LIMITS, check)?;
+            rising_angles(key, table, LIMITS, check)?;
         }
         Ok(match (self.cos4, table) {
             (_, Some(table)) => {

@@ -8,7 +8,7 @@
 //! `F` is tabulated once, in units of the profile's own width, at equal steps of `u = a / (c + a)`: fine steps in
 //! the core, coarse ones in the wings, and the last node is infinity. Any width is a scale of the same table.
 
-use super::Stamp;
+use super::stamp::Stamp;
 use crate::kernels::{self, Nodes, Place};
 use skyloop_orbit::sgp4_batch::Level;
 use std::f64::consts::{FRAC_PI_2, PI};

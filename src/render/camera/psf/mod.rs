@@ -13,17 +13,18 @@ mod circular;
 mod gaussian;
 mod images;
 mod moffat;
+mod stamp;
 
 pub use airy::Airy;
 pub use images::{Flaw, Image, Images, Relief, SUM_TOLERANCE};
 pub use moffat::Moffat;
+pub use stamp::Stamp;
 
 use crate::fidelity::Fidelity;
-use crate::kernels::{Lines, Place};
+use crate::kernels::Lines;
 use circular::Quadrant;
 use gaussian::Gaussian;
 use skyloop_base::range::nearest;
-use skyloop_orbit::sgp4_batch::Level;
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
@@ -99,38 +100,6 @@ pub struct LocalPsf<'a> {
     /// Its width, in units of the shape's own.
     scale: f64,
     mix: images::Mix,
-}
-
-/// The light of a point on a rectangle of pixels; used again and again, so that nothing is allocated twice.
-#[derive(Debug)]
-pub struct Stamp {
-    /// Light on each pixel, row by row.
-    pub light: Vec<f64>,
-    /// The vector instructions that it is worked out with; all give the same.
-    level: Option<Level>,
-    across: Vec<f64>,
-    down: Vec<f64>,
-    places: Vec<Place>,
-}
-
-impl Stamp {
-    /// One that is worked out with the vector instructions of `level`.
-    pub fn of(level: Option<Level>) -> Stamp {
-        Stamp {
-            light: Vec::new(),
-            level,
-            across: Vec::new(),
-            down: Vec::new(),
-            places: Vec::new(),
-        }
-    }
-}
-
-impl Default for Stamp {
-    /// With the fastest that the processor has.
-    fn default() -> Stamp {
-        Stamp::of(Some(Level::best()))
-    }
 }
 
 impl Shape {

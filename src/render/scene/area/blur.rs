@@ -1,11 +1,13 @@
-//! The point spread function on area light: where it has edges or fine detail, each pixel gets of its neighbours' light.
+//! The point spread function on area light: at edges and fine detail each pixel gets light of its
+//! neighbours.
 //!
 //! ```text
 //! N_xy <- sum_ij K_ij N_(x-i)(y-j),   sum K = 1
 //! ```
-//!
-//! K is the spread of a point in the middle of a pixel over the pixels around it, less the pixel's own width, of the Sun's colour, at the middle of a patch of the detector. Even
-//! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
+//! K is the spread of a point in the middle of a pixel over the pixels around it, without the
+//! pixel's own width, of the Sun's colour, in the middle of a patch of the detector. Even light
+//! does not change. Wings reach as far as they matter, at most [`FURTHEST`] pixels; the light
+//! further out is distributed evenly over those.
 
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
@@ -15,14 +17,14 @@ const FURTHEST: usize = 24;
 /// Side of the patches that have one spread, px: as many as a word has bits.
 pub const PATCH: usize = u64::BITS as usize;
 
-/// Width (px) below which less of the pixel's width is taken out of a spread.
+/// Width below which less of the pixel's width is taken out of a spread, px.
 const NARROW_PX: f64 = 0.5;
-/// Pixels of a row that are added up side by side, and so looked at beyond the last.
+/// Pixels of a row that are added up together; as many are read beyond the last.
 pub const LANES: usize = 8;
 
 /// ns of a pixel whose light is blurred.
 pub const BLURRED_NS: f64 = 50.0;
-/// ns of the light that another pixel gives to it.
+/// ns of each neighbour's contribution to it.
 pub const SPREAD_NS: f64 = 0.07;
 
 /// How a camera spreads area light.
@@ -33,7 +35,7 @@ pub struct Blur<'a> {
 }
 
 impl<'a> Blur<'a> {
-    /// Of light up to `most_e` in a pixel; without edges nothing is spread.
+    /// For light up to `most_e` in a pixel. Without edges nothing is spread.
     pub fn new(camera: &'a Camera, most_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
         let loss = (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
         let reach = (camera.optics.psf.reach_px(loss).ceil() as usize).clamp(1, FURTHEST);
@@ -54,12 +56,12 @@ impl<'a> Blur<'a> {
         self.reach
     }
 
-    /// How many pixels around the detector give light to it.
+    /// Number of pixels around the detector that give light to it.
     pub fn margin(&self) -> usize {
         self.margin
     }
 
-    /// The light of a pixel of `e`, rows of so many columns, after its neighbours' is spread by a `kernel`.
+    /// The light of a pixel of `e` (row by row) after spreading by a `kernel`.
     pub fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[[f32; LANES]]) -> f32 {
         let side = 2 * self.reach + 1;
         let first = pixel - self.reach * columns - self.reach;
@@ -73,14 +75,15 @@ impl<'a> Blur<'a> {
                 }
             }
         }
-        // Where a spread is narrow, taking the pixel's width out of it takes more than there is.
+        // Taking the pixel's width out of a narrow spread may leave less than nothing.
         lanes.iter().sum::<f32>().max(0.0)
     }
 
-    /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
-    ///
-    /// A point's share S of each pixel has the pixel's width in it, and so has the light that it is laid over: it is taken out of one of them to
-    /// second order, `K = S - S'' / 24` along columns and along rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is filled up with zeros.
+    /// The spread in the patch from a column and a row on, row by row, mirrored: it is applied
+    /// where light arrives.
+    /// A point's share S of each pixel contains the pixel's width, and so does the light that it is
+    /// applied to. It is taken out to second order, `K = S - S'' / 24` along columns and along
+    /// rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is padded with zeros.
     pub fn kernel(&self, at: [usize; 2]) -> Vec<[f32; LANES]> {
         let middle = at.map(|from| from as f64 + PATCH as f64 / 2.0);
         let psf = self.camera.optics.psf_at(middle, 1.0);
@@ -93,7 +96,7 @@ impl<'a> Blur<'a> {
             &mut stamp,
         );
         let wide = (2 * reach + 1) as usize;
-        // Far narrower than a pixel it is none that second order tells.
+        // The second order does not hold for spreads far narrower than a pixel.
         let narrow = (psf.core_px() / NARROW_PX).powi(2).min(1.0);
         let narrower = |i: usize| {
             let share = |i: usize| stamp.light[i];

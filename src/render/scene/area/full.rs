@@ -1,10 +1,11 @@
-//! Where area light alone fills all pixels, whichever of its sources it comes from: what pixels get there beyond their full well is lost, and need not be told.
+//! Where area light alone, of all its sources together, fills all pixels. What pixels get there
+//! beyond their full well is lost, and need not be evaluated. The criterion:
 //!
 //! ```text
 //! responds * sum over sources of N_xy > 2 (2 full well + 100)
 //! ```
-//!
-//! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
+//! at all corners of a cell and of those around it, as far as light is spread and moves during the
+//! exposure.
 
 use super::blur::Blur;
 use super::motion::AREA_LOOK_NS;
@@ -20,15 +21,15 @@ use rayon::prelude::*;
 
 /// Side of a cell, px.
 const CELL_PX: usize = 16;
-/// And where only a whole frame is asked about, at most, and so many for the way that light moves.
+/// The same at most where the question is a whole frame, and cells along the path that light moves.
 const LARGEST_PX: usize = 256;
 const CELLS_A_WAY: usize = 32;
-/// How many times as much as fills a pixel for certain its light is at the corners.
+/// Margin of the criterion over what fills a pixel for certain.
 const SURE: f64 = 2.0;
-/// Light that must be right to a smaller part than this must be so in full pixels too: it is what others are held against.
+/// Below this tolerance (1) full pixels are evaluated too: such frames serve as references.
 const LEAST_PART: f64 = 1e-5;
 
-/// Cells of the detector, and of as many pixels around it as give light to it.
+/// Cells of the detector, and of the pixels around it that give light to it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Full {
     /// Side of a cell, px.
@@ -36,13 +37,13 @@ pub struct Full {
     /// Columns and rows of cells before the detector's first.
     before: usize,
     across: usize,
-    /// Row by row; none where nothing fills any.
+    /// Whether each is full, row by row; empty where none is.
     cells: Vec<bool>,
 }
 
 impl Full {
-    /// Those that `areas` fill in a frame with those effects. Where charge spills, or is shifted through light, what full pixels get beyond
-    /// their well shows elsewhere: then there are none.
+    /// The cells that `areas` fill in a frame with those effects. None where charge spills, or is
+    /// shifted through light: what full pixels get beyond their well then shows elsewhere.
     pub fn of<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
@@ -57,8 +58,8 @@ impl Full {
         Full::by_cells(view, areas, simulated, fidelity, |_| CELL_PX)
     }
 
-    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the further light moves. Where all are full, so are they when
-    /// charge spills or is shifted.
+    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the
+    /// further light moves. If all are full, they also are when charge spills or is shifted.
     pub fn is_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let side = |moved_px: usize| (moved_px / CELLS_A_WAY).clamp(CELL_PX, LARGEST_PX);
         let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
@@ -69,7 +70,7 @@ impl Full {
         places(last[1]).all(|y| places(last[0]).all(|x| full.has([x as i64, y as i64], 1)))
     }
 
-    /// [`Full::of`], by cells whose side (px) follows from how far light moves (px).
+    /// [`Full::of`], by cells whose side (px) is a function of how far light moves (px).
     fn by_cells<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
@@ -111,7 +112,7 @@ impl Full {
             !view.limit.is_cancelled() && sky.e(at) >= enough_e
         });
         let lit: Vec<bool> = lit.collect();
-        // How many corners are not lit before a column and above a row.
+        // Number of corners that are not lit left of a column and above a row.
         let wide = across + 2;
         let mut dark = vec![0u32; wide * (down + 2)];
         for (row, lit) in lit.chunks_exact(across + 1).enumerate() {
@@ -121,7 +122,7 @@ impl Full {
                 dark[(row + 1) * wide + column + 1] = dark[row * wide + column + 1] + here;
             }
         }
-        // A cell and as many around it, from one corner of all to the other.
+        // A cell and those around it, from one corner to the other.
         let is_full = |x: usize, y: usize| {
             let around =
                 |i: usize, all: usize| [i.saturating_sub(reach), (i + reach + 2).min(all + 1)];
@@ -144,7 +145,7 @@ impl Full {
         }
     }
 
-    /// Whether they have all pixels of a square of the detector, or around it; nothing is known of what is too far from it.
+    /// Whether all pixels of a square are full; false far outside of the detector.
     pub fn has(&self, [x, y]: [i64; 2], side: usize) -> bool {
         if self.cells.is_empty() {
             return false;
@@ -185,7 +186,7 @@ impl<'a, 'v> Sky<'a, 'v> {
         moved.fold(0.0, f64::max)
     }
 
-    /// The light of a pixel around a place in the middle of its time, e-.
+    /// The light of the pixel around a place in the middle of its exposure, e-.
     fn e(&self, at: [f64; 2]) -> f64 {
         let light = self.sources.iter().filter_map(|(area, plane, scale_e)| {
             let radiance = area.radiance.as_ref().ok()?;

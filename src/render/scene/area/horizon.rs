@@ -1,4 +1,4 @@
-//! The Earth before the sky: what it hides, and where its limb is.
+//! Where the Earth's limb is, and what it hides.
 
 use super::radiance::Edge;
 use crate::scene::view::View;
@@ -14,19 +14,20 @@ pub struct Horizon {
     distance_m: f64,
     /// Angular velocity of the direction of its centre, rad/s, ICRF.
     pub turning: Vector3<f64>,
-    /// The least and the greatest angle (rad) of the field, wherever it turns, from the limb; negative before the Earth.
+    /// The least and the greatest angle of the moving field from the limb, rad; negative inside of
+    /// it.
     reach: [f64; 2],
 }
 
 impl Horizon {
-    /// That of a view; none for an observer without an orbit, who sees no Earth.
+    /// The Earth before a view's observer; none without an orbit.
     pub fn of(view: &View) -> Option<Horizon> {
         view.vehicle.orbit?;
         let (r, v) = (view.observer.position_m, view.observer.velocity_m_s);
         let limb = Earth::at(view.exposure.mid).limb_cone(r)?;
         let turning = r.cross(&v) / r.norm_squared();
         let motion = view.turn + turning.norm() * view.open_s;
-        // What is blurred comes from beside the detector; a flattening's part of the limb's angle, too.
+        // The point spread function brings light from beside the detector.
         let cone = view.camera.cone_rad(MARGIN_PX) + motion / 2.0;
         let boresight = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let off = limb.angle(&boresight);
@@ -59,7 +60,7 @@ impl Horizon {
         self.has_limb().then_some(self)
     }
 
-    /// The angle (rad) above the limb at which what is so many m high is seen at most; pi from within.
+    /// Bound of the angle above the limb at which a height (m) is seen, rad; pi from within.
     pub fn height_of(&self, height_m: f64) -> f64 {
         let top = (EARTH_RADIUS_M + height_m) / self.distance_m;
         if top >= 1.0 {
@@ -68,19 +69,19 @@ impl Horizon {
         libm::asin(top) - libm::asin((self.least_m() / self.distance_m).min(1.0))
     }
 
-    /// What the field sees past the Earth is no lower than this, m: the inverse of [`Horizon::height_of`], for an observer so high.
+    /// The lowest height in the field beside the Earth, m: the inverse of [`Horizon::height_of`].
     pub fn lowest_m(&self) -> f64 {
         let limb = libm::asin((self.least_m() / self.distance_m).min(1.0));
         let angle = (limb + self.nearest()).clamp(0.0, FRAC_PI_2);
         self.distance_m * libm::sin(angle) - EARTH_RADIUS_M
     }
 
-    /// The least radius (m) of the Earth.
+    /// The least radius of the Earth, m.
     fn least_m(&self) -> f64 {
         EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING)
     }
 
-    /// The least angle (rad) of the field from the limb.
+    /// The least angle of the field from the limb, rad.
     pub fn nearest(&self) -> f64 {
         self.reach[0]
     }
@@ -96,7 +97,7 @@ impl Edge for Horizon {
     }
 }
 
-/// How far around the detector light comes from, px.
+/// How far from beside the detector light comes, px.
 const MARGIN_PX: f64 = 25.0;
-/// What angles from the limb of the ellipsoid may be off by, far from it, rad.
+/// Error of angles from the limb of the ellipsoid, far from it, rad.
 const SLACK: f64 = 0.006;

@@ -1,29 +1,29 @@
-//! Places of a grid at which area light is worked out first.
+//! The nodes of the grid at which area light is evaluated first.
 
 use super::asked::Asked;
 use super::grid::Grid;
 use super::lines::Square;
 use rayon::prelude::*;
 
-/// Of what lines may miss so much is left to what bends between the places.
+/// Part of the tolerance that is left to bends between the nodes.
 const SPARE: f64 = 0.5;
 
-/// The light at places half a square apart.
+/// The light at nodes half a square apart.
 pub struct Known {
     /// Side of the squares, px.
     pub side: usize,
-    /// Columns and rows of the grid before the first place.
+    /// Columns and rows of the grid before the first node.
     before: usize,
-    /// Places a row.
+    /// Nodes a row.
     across: usize,
     /// e-, row by row; none where the plane has no direction.
     e: Vec<Option<f64>>,
-    /// What was asked for it.
+    /// The work of evaluating it.
     pub asked: Asked,
 }
 
 impl Known {
-    /// That of a grid of squares of `side`.
+    /// Evaluates the nodes of a grid of squares of `side`.
     pub fn of(grid: &Grid<'_, '_>, side: usize) -> Known {
         let margin = grid.margin.next_multiple_of(side);
         let squares = |pixels: usize| (margin + pixels + grid.margin).div_ceil(side);
@@ -46,14 +46,14 @@ impl Known {
         }
     }
 
-    /// The light at the nine places of a square from a column and row on.
+    /// The light at the nine nodes of the square from a column and row on.
     pub fn nine(&self, [x, y]: [usize; 2], side: usize) -> [Option<f64>; 9] {
         let [column, row] = self.first_of([x, y]);
         let step = side / self.side;
         std::array::from_fn(|i| self.at(column + i % 3 * step, row + i / 3 * step))
     }
 
-    /// The place at a square's first column and row.
+    /// The node at a square's first column and row.
     fn first_of(&self, from: [usize; 2]) -> [usize; 2] {
         from.map(|from| 2 * (from - self.before) / self.side)
     }
@@ -63,7 +63,7 @@ impl Known {
         places.get(column).copied().flatten()
     }
 
-    /// That square, if lines between its nine places meet all that is known of it.
+    /// The square, if interpolation between its nine nodes meets all known nodes in it.
     pub fn whole(&self, [x, y]: [usize; 2], side: usize, grid: &Grid<'_, '_>) -> Option<Square> {
         if grid.radiance.edge().is_some() {
             return None;

@@ -1,5 +1,5 @@
-//! Light of area sources on the pixels: straight lines all over the detector, and runs of pixels that differ from them. Nothing is drawn before it
-//! is asked for.
+//! Area light on the pixels: interpolated light all over the detector, and runs of pixels that
+//! differ from it. Pixels are computed on demand.
 
 use super::lines::{Lines, Places};
 use super::runs::Runs;
@@ -9,7 +9,7 @@ use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::OnceLock;
 
-/// Pixels that are drawn one after the other.
+/// Pixels that are computed together.
 const FEW: usize = 32 * 1024;
 
 /// Light on each pixel.
@@ -19,12 +19,12 @@ pub struct Light {
     runs: Runs,
     places: OnceLock<Places>,
     drawn: OnceLock<Footprint>,
-    /// Of the frame that draws it.
+    /// The work limit of its frame.
     limit: WorkLimit,
 }
 
 impl Light {
-    /// That of lines, and of runs on them.
+    /// Interpolated light, and the differences from it.
     pub fn new(lines: Lines, runs: Runs) -> Light {
         Light {
             lines,
@@ -33,7 +33,7 @@ impl Light {
         }
     }
 
-    /// That of several, of the same detector; whoever draws it stops where `limit` is cancelled.
+    /// The sum of several of the same detector. Computing its pixels stops if `limit` is cancelled.
     pub fn of_all(all: &[&Light], limit: &WorkLimit) -> Option<Light> {
         let lines: Vec<&Lines> = all.iter().map(|light| &light.lines).collect();
         let lines = Lines::of_all(&lines)?;
@@ -46,7 +46,7 @@ impl Light {
         })
     }
 
-    /// How many pixels differ from lines.
+    /// Number of pixels that differ from the interpolation.
     pub fn uneven(&self) -> usize {
         self.runs.pixels()
     }
@@ -56,7 +56,7 @@ impl Light {
         self.lines.sum() + self.runs.sum()
     }
 
-    /// Adds the light on the pixels from `first` on, by row-major index, to `electrons`.
+    /// Adds the light on the pixels from `first` (row-major index) on to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         self.lines.add_to(level, first, electrons);
         self.runs.add_to(level, first, electrons);
@@ -69,11 +69,12 @@ impl Light {
         self.runs.add_to(None, first, electrons);
     }
 
-    /// Pixel by pixel, as if of one electron each had so many shares.
+    /// The light pixel by pixel, as the shares of one electron.
     pub fn footprint(&self) -> &Footprint {
         self.drawn.get_or_init(|| {
             let [width, height] = self.lines.size();
-            // On one thread: one that waits for others here could take up work that asks for the same.
+            // On one thread: a thread that waited for others here could take up work that waits for
+            // this.
             let mut e = vec![0.0; width * height];
             let parts = e.chunks_mut(FEW).enumerate();
             let parts = parts.take_while(|_| !self.limit.is_cancelled());
@@ -87,7 +88,7 @@ impl Light {
         self.footprint().shares()
     }
 
-    /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-.
+    /// The least and the most light of a pixel in each group of `columns` columns, e-.
     pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let lines = self.lines.ends_of(columns);
         if self.runs.is_empty() {
@@ -113,7 +114,8 @@ impl Light {
         uneven.map(|(ends, _)| ends).reduce(|| lines.clone(), both)
     }
 
-    /// No pixel of a cell of `side` columns and rows, a power of two, gets more than this, e-, row by row of cells.
+    /// Bound of the light of a pixel in each cell of `side` columns and rows (a power of two), e-,
+    /// row by row of cells.
     pub fn most_of_cells(&self, side: usize) -> Vec<f64> {
         let [width, height] = self.lines.size();
         let across = width.div_ceil(side);
@@ -126,7 +128,8 @@ impl Light {
         cells.into_iter().map(f64::from).collect()
     }
 
-    /// Cells of `side` columns and rows, from a row on, in which pixels differ from lines, hold what is the most in them.
+    /// Sets the cells in a row of cells whose pixels differ from the interpolation to the most in
+    /// them.
     fn look_at_uneven(&self, top: usize, side: usize, cells: &mut [f32]) {
         let [width, height] = self.lines.size();
         let rows = top..(top + side).min(height);
@@ -148,7 +151,7 @@ impl Light {
         }
     }
 
-    /// Light that is given pixel by pixel, row by row, e-.
+    /// Light given pixel by pixel, row by row, e-.
     #[cfg(test)]
     pub fn each(size: [usize; 2], e: Vec<f32>) -> Light {
         let rows = e.chunks(size[0]).enumerate();
@@ -163,9 +166,9 @@ impl Light {
     }
 }
 
-/// From the lesser to the greater of both.
+/// The range that contains both.
 fn wider(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    // Not `min` and `max`, whose care for NaN takes longer than all else.
+    // Not `min` and `max`, whose handling of NaN is slow.
     [
         if b[0] < a[0] { b[0] } else { a[0] },
         if b[1] > a[1] { b[1] } else { a[1] },

@@ -1,19 +1,20 @@
-//! Even light: straight lines between nine places of each of some squares, from which pixels get it when they are drawn.
+//! Interpolated light: squares of pixels, bilinear between nine nodes each, evaluated when drawn.
 
 use crate::kernels;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// A square of pixels whose light runs in straight lines between nine places.
+/// A square of pixels whose light is interpolated between nine nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Square {
-    /// First column and row.
+    /// First column.
     pub x: usize,
     /// First row.
     pub y: usize,
     /// Columns and rows, a power of two.
     pub side: usize,
-    /// Light at the corners, the middles of the sides and the middle, row by row, e-: the last places lie one pixel beyond the last pixels.
+    /// Light at the corners, the middles of the sides and the middle, row by row, e-. The last
+    /// nodes lie one pixel beyond the last pixels.
     pub nodes: [f32; 9],
 }
 
@@ -26,7 +27,7 @@ struct Stretch {
     rise: f32,
 }
 
-/// Which of a strip's squares a pixel is in, by squares as small as the smallest.
+/// Index of the square that a pixel is in, within its strip; on a grid of the smallest squares.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Places {
     side: usize,
@@ -34,19 +35,19 @@ pub struct Places {
     squares: Vec<u32>,
 }
 
-/// Light that is even all over the detector.
+/// Interpolated light all over the detector.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lines {
     width: usize,
     height: usize,
     /// Rows of a strip.
     side: usize,
-    /// Squares by strips of so many rows; each lies in one of them.
+    /// Squares by strips of `side` rows; each lies in one strip.
     strips: Vec<Vec<Square>>,
 }
 
 impl Square {
-    /// Its light at the three places of a line so many rows below its first, e-.
+    /// Its light at the three nodes of the line `row` rows below its first, e-.
     fn line(&self, row: usize) -> [f32; 3] {
         let half = self.side / 2;
         let above = (row / half).min(1);
@@ -55,11 +56,11 @@ impl Square {
             let (from, to) = (self.nodes[3 * above + i], self.nodes[3 * above + i + 3]);
             from + (to - from) * down
         };
-        // (An array's `map` would be a call each.)
+        // An array's `map` would be a call each.
         [at(0), at(1), at(2)]
     }
 
-    /// Its stretches of its j-th row.
+    /// The stretches of its j-th row.
     fn stretches(&self, j: usize) -> [Stretch; 2] {
         let half = self.side / 2;
         let (line, step) = (self.line(j), 1.0 / half as f32);
@@ -72,7 +73,7 @@ impl Square {
         [stretch(0), stretch(1)]
     }
 
-    /// Its light at the nine places of a square within it.
+    /// Its light at the nine nodes of a square within it.
     fn nodes_in(&self, [x, y]: [usize; 2], side: usize) -> [f32; 9] {
         if side == self.side {
             return self.nodes;
@@ -95,7 +96,8 @@ impl Square {
         nodes
     }
 
-    /// The least and the most light (e-) from one column to another, counted from its first, at the rows of its places.
+    /// The least and the most light between two columns, counted from its first, at the rows of its
+    /// nodes, e-.
     fn ends_between(&self, from: usize, to: usize) -> [f32; 2] {
         let half = self.side / 2;
         let at = |nodes: &[f32], column: usize| {
@@ -114,7 +116,8 @@ impl Square {
     }
 }
 
-/// Adds the sum of `parts` to `sum`: of each the squares that lie in that one, quarter by quarter, or one that it lies in.
+/// Adds the sum of `parts` to `sum`. Each part is one square that contains this one, or the squares
+/// in it, quarter by quarter.
 fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Square>) {
     let is_small = |part: &&[Square]| part.first().is_some_and(|square| square.side < side);
     if !parts.iter().any(is_small) {
@@ -144,8 +147,8 @@ fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Sq
 }
 
 impl Lines {
-    /// That of the squares, each of which lies in one strip of `side` rows: quarters of quarters, left before right and upper before lower ones.
-    /// Together they are the detector, or more than it.
+    /// Of squares, each of which lies in one strip of `side` rows: quarters of quarters, left
+    /// before right and upper before lower. Together they cover the detector.
     pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
         let mut strips = vec![Vec::new(); height.div_ceil(side)];
         for square in squares {
@@ -166,7 +169,8 @@ impl Lines {
         [self.width, self.height]
     }
 
-    /// Those of a detector in the middle of this one: as many columns and rows before it as some strips have.
+    /// The part for a detector that begins after `rim` columns and rows, a multiple of the strips'
+    /// height.
     pub fn within(&self, rim: usize, size: [usize; 2]) -> Lines {
         let squares = self.strips.iter().flatten();
         let inside = squares.filter_map(|square| {
@@ -177,7 +181,7 @@ impl Lines {
         Lines::new(size, self.side, inside.collect())
     }
 
-    /// The sum of several, of the same detector and strips: squares as small as the smallest of them.
+    /// The sum of several of the same detector and strips, on the smallest of their squares.
     pub fn of_all(all: &[&Lines]) -> Option<Lines> {
         let first = all.first()?;
         let mut sum = Lines {
@@ -206,7 +210,7 @@ impl Lines {
         Some(sum)
     }
 
-    /// Adds the light of the pixels from `first` on, by row-major index, to `electrons`.
+    /// Adds the light of the pixels from `first` (row-major index) on to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         let (width, past) = (self.width, first + electrons.len());
         let rows = first / width..past.div_ceil(width);
@@ -229,13 +233,13 @@ impl Lines {
         }
     }
 
-    /// Where to find a pixel's square.
+    /// The index of each pixel's square.
     pub fn places(&self) -> Places {
         let squares = || self.strips.iter().flatten();
         let side = squares().map(|square| square.side).min().unwrap_or(1);
         let [across, down] = [self.width, self.height].map(|pixels| pixels.div_ceil(side));
         let mut places = vec![u32::MAX; across * down];
-        // Sides are powers of two: there may be a million squares, and a division takes longer than all else.
+        // Sides are powers of two. There may be a million squares, and a division is slow.
         let shift = side.trailing_zeros();
         for strip in &self.strips {
             for (square, i) in strip.iter().zip(0..) {
@@ -276,7 +280,8 @@ impl Lines {
         }
     }
 
-    /// Raises each cell of `side` columns and rows, a power of two no greater than strips are high, to what no pixel there has more than, e-.
+    /// Raises each cell of `side` columns and rows to a bound of its pixels' light, e-. `side` is a
+    /// power of two, at most the strips' height.
     pub fn most_of_cells(&self, side: usize, cells: &mut [f32]) {
         let across = self.width.div_ceil(side);
         let strips = cells.par_chunks_mut(across * (self.side / side));
@@ -296,7 +301,7 @@ impl Lines {
                     raise(0, 0, square.nodes.iter().copied().fold(0.0, f32::max));
                     continue;
                 }
-                // No more than at a cell's corners: none of the nine places lies within it.
+                // The corners bound a cell: no node lies within it.
                 for j in 0..=n {
                     std::mem::swap(&mut above, &mut below);
                     let line = square.line(j * side);
@@ -347,8 +352,8 @@ impl Lines {
         sums.sum()
     }
 
-    /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-: no straight line goes beyond the
-    /// places at its ends.
+    /// The least and the most light of a pixel in each group of `columns` columns, e-: no straight
+    /// line exceeds its ends.
     pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let mut ends = vec![[f32::INFINITY, 0.0f32]; self.width.div_ceil(columns)];
         for square in self.strips.iter().flatten() {

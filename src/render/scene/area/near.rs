@@ -1,4 +1,5 @@
-//! Pixels of a patch of the detector that are worked out each for itself, and those near them, to which the point spread function brings their light.
+//! Sampled pixels of a patch of the detector, and the pixels near them that the point spread
+//! function brings their light to.
 
 use super::asked::Asked;
 use super::blur::{BLURRED_NS, Blur, LANES, PATCH, SPREAD_NS};
@@ -10,10 +11,10 @@ use rayon::prelude::*;
 use skyloop_base::abort::WorkLimit;
 use std::ops::Range;
 
-/// The pixels of a patch, row by row, those of a row as bits.
+/// The pixels of a patch: a word of bits for each row.
 type Bits = [u64; PATCH];
 
-/// Pixels of a patch on and near some blocks.
+/// Pixels of a patch on and near sampled blocks.
 pub struct Near<'a> {
     blur: &'a Blur<'a>,
     /// The patch's first column and row, of the detector.
@@ -26,7 +27,7 @@ pub struct Near<'a> {
 }
 
 impl<'a> Near<'a> {
-    /// Those of the patch that begins there.
+    /// The pixels of the patch that begins at `at`.
     pub fn new(blur: &'a Blur<'a>, at: [usize; 2], blocks: &'a [&'a Block], rim: usize) -> Self {
         let (mut on, mut near) = ([0; PATCH], [0; PATCH]);
         let margin = blur.margin() as i64;
@@ -53,13 +54,13 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// How many they are.
+    /// Number of pixels.
     pub fn count(&self) -> usize {
         let counts = self.near.iter().map(|bits| bits.count_ones() as usize);
         counts.sum()
     }
 
-    /// What they have more than lines say.
+    /// By how much their light differs from the interpolation.
     pub fn runs(&self, lines: &Lines, places: &Places) -> Vec<Run> {
         let all = self.near.iter().fold(0, |all, bits| all | bits);
         let lit = |bits: &u64| *bits != 0;
@@ -81,7 +82,7 @@ impl<'a> Near<'a> {
             let kernel = kernel.as_deref();
             let is = kernel.map_or(e[pixel], |kernel| self.blur.spread(&e, pixel, wide, kernel));
             let is_on = self.on[row] >> column & 1 == 1;
-            // Of a block, lines say nothing.
+            // In a block there is no interpolation.
             is - if is_on { 0.0 } else { e[pixel] }
         };
         let mut runs = Vec::new();
@@ -101,7 +102,8 @@ impl<'a> Near<'a> {
         runs
     }
 
-    /// The light of so many columns and rows from one of the grid on, and [`LANES`] values more, before it is spread.
+    /// The light of `wide` columns and `high` rows from one of the grid on, before it is spread,
+    /// and [`LANES`] values more.
     fn drawn(
         &self,
         lines: &Lines,
@@ -186,7 +188,7 @@ fn patches<'b>(
         .collect()
 }
 
-/// Those bits of a word; of others, none.
+/// The bits of a word in a range.
 fn bits_of(range: Range<i64>) -> u64 {
     let [from, past] = [range.start, range.end].map(|at| at.clamp(0, PATCH as i64) as u32);
     if from < past {

@@ -1,12 +1,13 @@
-//! A pixel, or a part of one, and how an edge runs across it.
+//! A pixel or a part of one, and how an edge crosses it.
 
 use super::plane::Plane;
 use super::radiance::Edge;
 use nalgebra::{Matrix3, Vector3};
 
-/// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
+/// The two nodes of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
 const GAUSS: f64 = 0.288_675_134_594_812_9;
-/// A corner lies sqrt 3 times as far from the middle as Gauss's points do, and limbs are told up to a flattening.
+/// A corner lies sqrt 3 times as far from the middle as Gauss's nodes; the rest allows for the
+/// flattening of limbs.
 const CORNER: f64 = 2.0;
 
 /// A square of the plane no larger than a pixel.
@@ -15,16 +16,16 @@ pub struct Patch {
     at: [f64; 2],
     /// Its side, px.
     size: f64,
-    /// Where its middle looks (unit vector, camera axes), and what light a pixel there takes, see [`Plane::taken`].
+    /// Direction of its middle (unit vector, camera axes) and solid angle, see [`Plane::taken`].
     pub middle: (Vector3<f64>, f64),
-    /// The same of the four places of Gauss's rule.
+    /// The same of the four nodes of Gauss's rule.
     pub places: [Option<(Vector3<f64>, f64)>; 4],
-    /// Further (rad) from the middle than this is none of it.
+    /// Bound of the distance of its points from the middle, rad.
     reach: f64,
 }
 
 impl Patch {
-    /// That of `size` around a place (px); none where the plane has no direction.
+    /// The patch of `size` px around a place (px); none where the plane has no direction.
     pub fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
         let middle = plane.taken([x, y])?;
         let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
@@ -41,7 +42,8 @@ impl Patch {
         })
     }
 
-    /// Whether an edge that moves by so much (rad) around where it is at an attitude does not cross it.
+    /// Whether an edge that moves by `motion` rad around its place at an attitude does not cross
+    /// it.
     pub fn is_clear(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>, motion: f64) -> bool {
         let clear = self.reach + motion / 2.0;
         self.places.iter().all(Option::is_some)
@@ -75,22 +77,22 @@ impl Patch {
         }
     }
 
-    /// The place (px) in its corner on that side of an edge.
+    /// A place (px) in its corner on one side of an edge.
     pub fn corner(&self, crossing: &Crossing, side: usize) -> [f64; 2] {
         let off = if side == 1 { 0.45 } else { -0.45 } * self.size;
         [0, 1].map(|k| self.at[k] + off * crossing.slope[k].signum())
     }
 }
 
-/// A straight edge across a square: signed distances (rad) from it, positive outside.
+/// A straight edge across a square: signed distances from it, rad, positive outside.
 pub struct Crossing {
     /// Of the middle.
     middle: f64,
-    /// Of the four places.
+    /// Of the four nodes.
     pub places: [f64; 4],
-    /// How they grow along columns and rows, rad from side to side.
+    /// Their slopes along columns and rows, rad a side.
     slope: [f64; 2],
-    /// How often the edge was asked for.
+    /// Number of evaluations of the edge.
     pub looks: usize,
 }
 

@@ -1,4 +1,4 @@
-//! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
+//! From a pixel to the sky: the direction of its middle and its solid angle.
 
 use super::radiance::Radiance;
 use crate::camera::{Camera, Detector, Model, Projection, Vignetting};
@@ -7,7 +7,7 @@ use crate::scene::view::View;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use skyloop_base::abort::WorkLimit;
 
-/// The detector's pixels as solid angles, with those effects that shape them.
+/// The detector's pixels as solid angles, with the effects that shape them.
 pub struct Plane<'a> {
     view: &'a View,
     projection: Projection,
@@ -19,7 +19,7 @@ pub struct Plane<'a> {
 }
 
 impl<'a> Plane<'a> {
-    /// Of a pattern that turns by itself against ICRF (rad/s).
+    /// For a pattern that turns against ICRF by `turning` rad/s.
     pub fn new(view: &'a View, simulated: &EffectSet, turning: Vector3<f64>) -> Plane<'a> {
         let optics = &view.camera.optics;
         Plane {
@@ -33,7 +33,7 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// What the work on its light may cost.
+    /// The work limit.
     pub fn limit(&self) -> &WorkLimit {
         &self.view.limit
     }
@@ -42,18 +42,18 @@ impl<'a> Plane<'a> {
         &self.view.camera
     }
 
-    /// The unit direction (camera axes) that a place of the plane (px) looks in.
+    /// The direction of a place of the plane (px): unit vector, camera axes.
     fn seen_at(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
         let optics = &self.camera().optics;
         self.projection
             .direction([0, 1].map(|k| (at[k] - optics.principal_px[k]) / optics.focal_px))
     }
 
-    /// Where a place looks (unit vector, camera axes), and the light (sr) that its pixel takes of a sky of radiance 1.
-    ///
-    /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. Anywhere, the pixel has its own solid
-    /// angle ([`Projection::solid_angle`]), and what stars lose to vignetting is lost here too; but that `cos^4` is the law of
-    /// an evenly bright scene and has the solid angle in it.
+    /// The direction of a place (unit vector, camera axes), and the light (sr) that its pixel gets
+    /// of a sky of radiance 1.
+    /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. In general
+    /// the pixel has its own solid angle ([`Projection::solid_angle`]), and vignetting applies as
+    /// to stars. `cos^4` is the law of an evenly bright scene and includes the solid angle.
     pub fn taken(&self, at: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
         let seen = self.seen_at(at)?;
         let optics = &self.camera().optics;
@@ -70,7 +70,8 @@ impl<'a> Plane<'a> {
         Some((seen, solid_angle * passes))
     }
 
-    /// ns of [`Plane::taken`]: back from the plane to a direction, where the projection is not a pinhole by Newton's method.
+    /// ns of [`Plane::taken`], which inverts the projection: other than a pinhole's by Newton's
+    /// method.
     pub fn place_ns(&self) -> f64 {
         match self.projection.model() {
             Model::Pinhole => 50.0,
@@ -78,7 +79,7 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// When a row is open around the middle of the view's time, s: its middle, and how long.
+    /// When a row is open: the middle of that time from mid-exposure, and its duration, s.
     pub fn open_s(&self, row: f64) -> [f64; 2] {
         let exposure_s = self.view.exposure.duration_s;
         let duration_s = if self.smeared { exposure_s } else { 0.0 };
@@ -93,7 +94,7 @@ impl<'a> Plane<'a> {
         ]
     }
 
-    /// From camera axes to ICRF as the pattern stood at mid-exposure, `dt_s` after it.
+    /// Camera axes to ICRF `dt_s` after mid-exposure, relative to the pattern at mid-exposure.
     pub fn to_sky(&self, dt_s: f64) -> Matrix3<f64> {
         if dt_s == 0.0 {
             return self.middle;
@@ -129,7 +130,7 @@ impl<'a> Plane<'a> {
         self.view.scale_and_corner_px.0
     }
 
-    /// How far (rad) the pattern moves over the plane while a pixel is open, at most.
+    /// How far the pattern moves while a pixel is open, at most, rad.
     pub fn motion(&self) -> f64 {
         if !self.smeared {
             return 0.0;

@@ -1,4 +1,4 @@
-//! Pixels on which light is not what straight lines say: where there is an edge, or detail as small as a few pixels.
+//! Pixels whose light differs from the interpolation: at edges and detail of a few pixels.
 
 use crate::kernels;
 use skyloop_orbit::sgp4_batch::Level;
@@ -7,33 +7,33 @@ use std::ops::Range;
 /// A part of a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// First pixel.
+    /// Row.
     pub row: usize,
-    /// Of it.
+    /// First column.
     pub column: usize,
-    /// What its pixels have more than lines say, which may be less than nothing, e-.
+    /// By how much its pixels differ from the interpolation, e-.
     pub e: Vec<f32>,
 }
 
-/// A part of a row, and where its pixels' light is.
+/// A part of a row, and the index of its first pixel's light.
 #[derive(Debug, Clone, PartialEq)]
 struct Span {
     columns: Range<u32>,
     from: u32,
 }
 
-/// Parts of rows, none of which lie upon each other.
+/// Parts of rows that do not overlap.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Runs {
     width: usize,
-    /// Where each row's begin among all, and past the last.
+    /// Index of each row's first span, and of the end.
     rows: Vec<u32>,
     spans: Vec<Span>,
     e: Vec<f32>,
 }
 
 impl Runs {
-    /// Those of a detector; where some lie upon each other, their light is added up.
+    /// Runs on a detector; where they overlap, their light is added up.
     pub fn new([width, height]: [usize; 2], mut runs: Vec<Run>) -> Runs {
         runs.sort_by_key(|run| (run.row, run.column));
         let mut all = Runs {
@@ -52,7 +52,7 @@ impl Runs {
         all
     }
 
-    /// Those of several sources together.
+    /// The sum of several.
     pub fn of_all(size: [usize; 2], all: &[&Runs]) -> Runs {
         if let [one] = all {
             return (*one).clone();
@@ -66,12 +66,12 @@ impl Runs {
         Runs::new(size, runs.collect())
     }
 
-    /// Whatever comes is of that row.
+    /// Begins a row.
     fn open(&mut self, row: usize) {
         self.rows.resize(row + 1, self.spans.len() as u32);
     }
 
-    /// Adds light to the last row, no run of which begins behind `column`.
+    /// Adds light to the last row, of which no run begins after `column`.
     fn join(&mut self, column: usize, e: &[f32]) {
         let first = self.rows.last().map_or(0, |first| *first as usize);
         let here = column as u32..(column + e.len()) as u32;
@@ -106,18 +106,18 @@ impl Runs {
         self.e.len()
     }
 
-    /// What all pixels together have more, e-.
+    /// The sum over all pixels, e-.
     pub fn sum(&self) -> f64 {
         self.e.iter().copied().map(f64::from).sum()
     }
 
-    /// Each: its first pixel, by row-major index, and what its pixels have more, e-.
+    /// Of each run its first pixel (row-major index) and its light, e-.
     pub fn iter(&self) -> impl Iterator<Item = (usize, &[f32])> {
         let rows = 0..self.rows.len().saturating_sub(1);
         rows.flat_map(|row| self.of_row(row))
     }
 
-    /// Likewise those of a row.
+    /// The runs of a row, likewise.
     pub fn of_row(&self, row: usize) -> impl Iterator<Item = (usize, &[f32])> {
         let range = match self.rows.get(row..row + 2) {
             Some([from, past]) => *from as usize..*past as usize,
@@ -129,7 +129,7 @@ impl Runs {
         })
     }
 
-    /// Adds what the pixels from `first` on have more, by row-major index, to `electrons`.
+    /// Adds the light of the pixels from `first` (row-major index) on to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         if self.is_empty() {
             return;

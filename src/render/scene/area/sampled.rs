@@ -1,4 +1,4 @@
-//! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
+//! Pixels of area light that are evaluated one by one: at edges and detail of a few pixels.
 
 use super::asked::Asked;
 use super::grid::{Grid, SMALLEST};
@@ -10,33 +10,33 @@ use super::radiance::Radiance;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-/// Squares that one thread works out at least.
+/// Least number of squares for a thread of its own.
 const FEW: usize = 8;
-/// What moves by less (px) stands still.
+/// Motion below this counts as none, px.
 const STILL_PX: f64 = 0.02;
-/// Steps of the time of a pixel for each pixel that the light moves by, and at most.
+/// Time steps for each pixel that the light moves by, and at most.
 pub const STEPS_PX: f64 = 4.0;
 const MOST_STEPS: usize = 256;
-/// A frame has no more of them than this for all its pixels, but for the least that there are of each.
+/// Most time steps of all pixels of a frame, and least of one pixel.
 const ALL_STEPS: usize = 6_000_000;
 const LEAST_STEPS: usize = 64;
-/// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
+/// Edges of this radius (px) are straight enough; more cells a side than this do not help.
 const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
 
-/// ns of the angle from an edge, at one of the steps.
+/// ns of an evaluation of the angle from an edge.
 pub const EDGE_NS: f64 = 45.0;
 
-/// How the pixels of a square get their light, each for itself.
+/// How the pixels of a square are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampled {
-    /// It is that of its middle, over its time.
+    /// The middle of the pixel, over its time.
     Middle,
-    /// It is the mean over its area and its time.
+    /// The mean over its area and its time.
     All,
 }
 
-/// A square of pixels that are worked out each for itself.
+/// A square of sampled pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
     /// First column and row of the grid.
@@ -85,7 +85,8 @@ struct Sampler<'g, 'a, 'v> {
 }
 
 impl Sampler<'_, '_, '_> {
-    /// The light of the pixels of a square that are needed, at those attitudes during the time of each row.
+    /// The light of the pixels of a square that are needed; `skies` are the attitudes during the
+    /// time of each row.
     fn block(
         &self,
         square: &Square,
@@ -117,7 +118,7 @@ impl Sampler<'_, '_, '_> {
         (block, asked)
     }
 
-    /// Attitudes during the time of a row's pixels: midpoints of even steps.
+    /// Attitudes during the time of a row's pixels, at the middles of equal steps.
     fn skies(&self, y: f64) -> Vec<Matrix3<f64>> {
         let [middle_s, duration_s] = self.grid.plane.open_s(y);
         let px = self.grid.motion * self.grid.plane.scale_px();
@@ -132,7 +133,8 @@ impl Sampler<'_, '_, '_> {
             .collect()
     }
 
-    /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
+    /// The mean light of a pixel, e-. It is divided into cells if an edge is not straight across
+    /// it.
     fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
         let cells = self.cells;
         let side = 1.0 / cells as f64;
@@ -142,8 +144,8 @@ impl Sampler<'_, '_, '_> {
         sum * side * side
     }
 
-    /// The mean light of a square around a place, its side in px, e- a pixel. Each side of an edge has the mean of those of four places (Gauss)
-    /// that are on it, for the part of the square that it takes.
+    /// The mean light of a square of `size` px around a place, e- a pixel. On each side of an edge
+    /// the mean of the Gauss nodes there stands for the part of the square that the side takes.
     fn mean_of(&self, at: [f64; 2], size: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
         let Some(patch) = Patch::new(self.grid.plane, at, size) else {
             return 0.0;
@@ -191,7 +193,7 @@ impl Sampler<'_, '_, '_> {
                 if counts[side] > 0.0 {
                     sum += part * sides[side] / counts[side];
                 } else if part > 0.0 {
-                    // The corner that no place is in.
+                    // The corner without a node.
                     let corner = self.grid.plane.taken(patch.corner(&crossing, side));
                     sum += corner.map_or(0.0, |(seen, taken)| {
                         part * self.grid.light(&(sky * seen), taken)
@@ -209,8 +211,8 @@ impl Sampler<'_, '_, '_> {
     }
 }
 
-/// Into how many cells a pixel is cut on a side, so that edges are nearly straight across each: they bow out of it by `1 / 8 r` of it
-/// where their radius is r of it.
+/// Number of cells along a side of a pixel, so that edges are nearly straight across each. An edge
+/// of a radius of r sides bends by `1 / 8 r` of a side.
 fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
     radiance.edge().map_or(1, |edge| {
         let radius_px = edge.radius() * plane.scale_px();
@@ -218,7 +220,7 @@ fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
     })
 }
 
-/// In how many steps the time of a pixel is taken at most, in a frame of so many pixels.
+/// Most time steps of a pixel in a frame of so many `pixels`.
 pub fn most_steps(pixels: usize) -> usize {
     (ALL_STEPS / pixels.max(1)).clamp(LEAST_STEPS, MOST_STEPS)
 }

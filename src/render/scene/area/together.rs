@@ -1,4 +1,5 @@
-//! The light of all area sources of a scene together: it is drawn where it is asked for, or at once where nearly all of it will be.
+//! The sum of all area light of a scene, computed on demand, or at once where nearly all pixels are
+//! needed.
 
 use super::area_light::AreaLight;
 use super::light::Light;
@@ -7,20 +8,20 @@ use crate::kernels;
 use crate::scene::view::View;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Images lie close if they have more than the detector's pixels over this: then all pixels' light is asked for anyway.
+/// All pixels are computed at once if images cover more than this part (1 / n) of the detector.
 const CLOSE: usize = 4;
 
 /// The light of several area sources.
 #[derive(Debug, Default)]
 pub struct Together {
-    /// None where no source has any.
+    /// None if no source has any.
     light: Option<Light>,
-    /// Whether it is drawn before it is asked for.
+    /// Whether all pixels are computed at once.
     is_drawn: bool,
 }
 
 impl Together {
-    /// That of `areas`, before which images have so many `pixels`.
+    /// The sum of `areas`; images have so many `pixels`.
     pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> Together {
         let Detector { width, height, .. } = view.camera.detector;
         let lights: Vec<&Light> = areas.iter().filter_map(AreaLight::light).collect();
@@ -30,7 +31,7 @@ impl Together {
         }
     }
 
-    /// Light that is given pixel by pixel, row by row, e-.
+    /// Light given pixel by pixel, row by row, e-.
     #[cfg(test)]
     pub fn each(size: [usize; 2], e: Vec<f32>) -> Together {
         Together {
@@ -44,7 +45,7 @@ impl Together {
         self.light.as_ref()
     }
 
-    /// Adds the light on the pixels from `first` on, by row-major index, to `electrons`.
+    /// Adds the light on the pixels from `first` (row-major index) on to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         match &self.light {
             Some(light) if self.is_drawn => {
@@ -69,7 +70,7 @@ impl Together {
         }
     }
 
-    /// The light on one, e-.
+    /// The light on one pixel, e-.
     pub fn of_pixel(&self, pixel: usize) -> f64 {
         let mut e = [0.0];
         self.add_to_row(pixel, &mut e);

@@ -1,4 +1,4 @@
-//! By how much area light changes where an effect that shapes images is left out.
+//! Area light: the change of any pixel without an effect that shapes images.
 
 use super::wells::{apart, greatest, hold};
 use crate::camera::Detector;
@@ -16,15 +16,16 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// What a slope between neighbouring pixels may be less than that between them.
+/// How much steeper light may be between pixels than from pixel to pixel.
 const STEEPER: f64 = 1.5;
-/// Places along a side of the detector at which it is looked what pixels take, and how much more that may change by between them.
+/// Places along a side of the detector at which solid angles are compared, and the margin for what
+/// lies between them.
 const PLACES: usize = 7;
 const BETWEEN: f64 = 1.1;
-/// Rows that are drawn at once.
+/// Rows that are computed together.
 const BAND: usize = 16;
 
-/// The light of all area sources with the effects `other`, drawn.
+/// The light of all area sources with the effects `other`.
 pub fn areas_with(scene: &Scene, other: &EffectSet) -> Together {
     let view = &scene.view;
     let full = Full::of(view, view.areas.iter(), other, &scene.fidelity);
@@ -36,7 +37,7 @@ pub fn areas_with(scene: &Scene, other: &EffectSet) -> Together {
     Together::of(&areas, view, view.camera.detector.pixels())
 }
 
-/// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
+/// The greatest error of light in full pixels, against the effects `other` without full wells, e-.
 pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
     let others = areas_with(scene, other);
     if scene.is_cancelled() {
@@ -46,7 +47,8 @@ pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
     f64::from(lanes::furthest_apart(is_e, others_e)) * scene.responds()
 }
 
-/// A bound of the change of a pixel where area light moves by `px`, by the steepest step between two pixels, e-.
+/// Bound of the change of a pixel if area light moves by `px`, from the steepest step between two
+/// pixels, e-.
 pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
         Some(next) => lanes::furthest_apart(rows, next),
@@ -58,7 +60,7 @@ pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     };
     let bands = (0..height.div_ceil(BAND)).into_par_iter();
     let bands = bands.filter(|_| !scene.is_cancelled());
-    // Each with the first row of the next.
+    // Each band includes the first row of the next.
     let slopes = bands.map_init(Vec::new, |e, band| {
         let rows = band * BAND..(band * BAND + BAND + 1).min(height);
         e.clear();
@@ -72,8 +74,9 @@ pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     STEEPER * px * libm::hypot(across, down) * scene.responds()
 }
 
-/// About the most (e-) that a pixel's area light changes by where pixels take other parts of it with the effects `a` than with `b`, by
-/// their solid angle and by what passes. Those parts are told in what an ideal pixel takes, of which each area's peak is.
+/// Estimate of the greatest change of a pixel's area light between the effects `a` and `b`, by its
+/// solid angle and transmission, e-. They are relative to an ideal pixel's, which each area's peak
+/// holds for.
 pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     let of_sky = view.areas.iter().filter(|area| {
         let radiance = area.radiance.as_ref();
@@ -97,8 +100,9 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     BETWEEN * peak_e * parts.fold(0.0, f64::max)
 }
 
-/// A bound (e-) of the change of what area light makes of any pixel in the end with the effects `other`: where they leave out one of the
-/// scene's the light is laid anew and compared, else it moves by no more than `px`.
+/// Bound of the final change of any pixel by area light with the effects `other`, e-. If they leave
+/// out one of the scene's effects, the light is rasterized again and compared; else it moves by at
+/// most `px`.
 pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
     let areas = scene.areas_together();
     if areas.light().is_none() {

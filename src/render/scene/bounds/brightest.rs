@@ -8,8 +8,8 @@ use crate::scene::lit::Lit;
 use crate::scene::source::{Body, Source};
 use crate::scene::trail::columns_e;
 
-/// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
-/// their response is skipped or not.
+/// Bound of the charge that `lights` alone give to a pixel, for each column of cells, e-, with and
+/// without pixel response.
 pub fn lit_e<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     cells::greatest_e(&scene.view.camera.detector, &light_of_cells(scene, lights))
 }
@@ -22,7 +22,7 @@ fn light_of_cells<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> V
     cells::cells_of(detector, lights, weight, &scene.view.limit)
 }
 
-/// [`lit_e`] by the stars, and by all light.
+/// [`lit_e`] of the stars, and of all light.
 pub fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
     let detector = &scene.view.camera.detector;
     let (stars, others): (Vec<&Source>, _) =
@@ -46,7 +46,7 @@ fn turns_all_alike(scene: &Scene) -> bool {
         || scene.view.camera.detector.pattern.response().is_none()
 }
 
-/// [`lit_e`] by an area's light alone.
+/// [`lit_e`] of one area source.
 pub fn area_lit_e(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     if turns_all_alike(scene) {
         area.most_of_columns()
@@ -55,7 +55,7 @@ pub fn area_lit_e(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     }
 }
 
-/// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
+/// Bound of the light of a pixel from all sources times its `weight`, for each column of cells, e-.
 pub fn lit_where(scene: &Scene, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
     let detector = &scene.view.camera.detector;
     cells::pixels_e(
@@ -66,7 +66,7 @@ pub fn lit_where(scene: &Scene, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64
     )
 }
 
-/// What each pixel of each column gets of the column's light by an area's alone while it is shifted, e-.
+/// The trail of one area source's light in each column, e- a pixel.
 pub fn trail_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     let lights = area.light().into_iter().map(Lit::from);
     let mut columns = columns_e(&scene.view, lights);
@@ -75,8 +75,8 @@ pub fn trail_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     columns
 }
 
-/// No pixel of a column gets less than this of the area light that a frame with the effects `parts` has too, e-, as much as the least
-/// response leaves of it; empty where there is none.
+/// The least charge that a pixel of each column gets from the area sources in `parts`, with the
+/// least response, e-; empty where there are none.
 pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
     let width = scene.view.camera.detector.width;
     let mut floors = Vec::new();
@@ -92,7 +92,7 @@ pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
     floors
 }
 
-/// No pixel turns less of an area's light into charge, e-.
+/// The least charge that a pixel gets from an area source, e-.
 pub fn least_e(scene: &Scene, area: &AreaLight) -> f64 {
     let least = area.floor_e().reduce(f32::min).unwrap_or(0.0);
     f64::from(least) * (2.0 - scene.responds())

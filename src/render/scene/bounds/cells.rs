@@ -1,4 +1,4 @@
-//! How much light the brightest pixel may hold: a bound that costs far less than drawing the sources.
+//! Bound of the brightest pixel, by cells of pixels; far cheaper than drawing the sources.
 
 use crate::camera::Detector;
 use crate::lanes;
@@ -9,24 +9,23 @@ use skyloop_base::abort::WorkLimit;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Side of the cells (px) in which the light of sources is added up.
+/// Side of the cells in which the light of sources is added up, px.
 pub const CELL: usize = 8;
 
-/// Parts of a scene's lights that are added up side by side, and how many lights make one.
+/// Number of parts into which a scene's lights are divided, and least number of lights of one.
 const PARTS: usize = 4;
 const FEW: usize = 256;
-/// Lights of so many pixels are shared out by bands of so many rows.
+/// Lights of so many pixels are divided into bands of so many rows.
 const WIDE: usize = 1 << 16;
 const BAND: usize = 16 * CELL;
 
-/// Rows of cells that one thread adds up at least.
+/// Least number of rows of cells for a thread of its own.
 const ROWS: usize = 32;
 
-/// What a pixel's light is multiplied by, by row-major index.
+/// The factor of a pixel's light, by row-major index.
 pub type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
-/// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
-/// the sum of what every light gives to its greatest pixel there.
+/// Bound of the light on any pixel times its `weight` (none: 1), for each column of cells, e-.
 pub fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
@@ -36,7 +35,8 @@ pub fn pixels_e<'a>(
     greatest_e(detector, &cells_of(detector, lights, weight, limit))
 }
 
-/// In each cell the sum of what every light gives to its greatest pixel there, e-, in parts that are to be added up.
+/// In each cell the sum of what every light gives to its brightest pixel there, e-, in parts that
+/// are to be added up.
 pub fn cells_of<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
@@ -46,7 +46,7 @@ pub fn cells_of<'a>(
     let lights = lights.filter(|light| light.electrons > 0.0);
     let (wide, lights): (Vec<Lit<'_>>, Vec<Lit<'_>>) =
         lights.partition(|light| light.footprint.shares().len() >= WIDE);
-    // However many threads there are, the same sums.
+    // The sums do not depend on the number of threads.
     let all = 0..detector.height;
     let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(FEW));
     let mut parts: Vec<Vec<f64>> = parts
@@ -89,7 +89,7 @@ pub fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
         })
 }
 
-/// In each cell of some rows the sum of what every light gives to its greatest pixel there, e-.
+/// In each cell of some rows the sum of what every light gives to its brightest pixel there, e-.
 fn cells_e(
     detector: &Detector,
     lights: &[Lit<'_>],
@@ -100,7 +100,7 @@ fn cells_e(
     let columns = detector.width.div_ceil(CELL);
     let top = rows.start / CELL;
     let mut cells = vec![0.0; columns * (rows.end.div_ceil(CELL) - top)];
-    // Of each column, in the rows of cells at hand; and which columns that are.
+    // The brightest pixel of each column in the current row of cells; and the range of lit columns.
     let mut greatest = vec![0.0f32; columns * CELL];
     let mut lit = (usize::MAX, 0);
     for light in lights.iter().take_while(|_| !limit.is_cancelled()) {
@@ -139,7 +139,7 @@ fn cells_e(
     cells
 }
 
-/// The greatest of a cell's columns, by halves: side by side.
+/// The greatest of a cell's columns, by halves, so that it is vectorized.
 fn greatest_of(mut columns: [f32; CELL]) -> f32 {
     let mut half = CELL / 2;
     while half > 0 {
@@ -152,7 +152,7 @@ fn greatest_of(mut columns: [f32; CELL]) -> f32 {
     columns[0]
 }
 
-/// In single precision, rounded up: a bound stays one.
+/// In single precision, rounded up: still a bound.
 fn no_less(value: f64) -> f32 {
     let single = value as f32;
     if f64::from(single) < value {
@@ -163,22 +163,23 @@ fn no_less(value: f64) -> f32 {
 }
 
 fn raise<T: Copy + PartialOrd>(most: &mut T, to: T) {
-    // Not `max`, whose care for NaN takes longer than all else.
+    // Not `max`, whose handling of NaN is slow.
     *most = if to > *most { to } else { *most };
 }
 
-/// The share of a source's greatest pixel.
+/// The share of a source's brightest pixel.
 pub fn greatest_share(source: &Source) -> f64 {
     lanes::greatest(source.footprint.shares()).into()
 }
 
-/// Calls `each` with the cells in which the image of a source has a pixel, or one that lies no more than `beside` pixels from it; each once.
+/// Calls `each` once with every cell that has a pixel of a source's image, or one within `beside`
+/// pixels of it.
 pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl FnMut(usize)) {
     let columns = detector.width.div_ceil(CELL);
     let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
     let rows = source.footprint.rows(0..detector.height).filter(lit);
     if source.length_px() < CELL as f64 {
-        // Of a spot all in a rectangle.
+        // A spot: its bounding rectangle.
         let (mut across, mut down) = ((usize::MAX, 0), (usize::MAX, 0));
         for (row, column, shares) in rows {
             across = (
@@ -198,7 +199,8 @@ pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl
         }
         return;
     }
-    // The cells' rows that it reaches, each from its least column to its greatest: of those before the row at hand, nothing is added any more.
+    // Open rows of cells, each with its least and greatest column. Rows of cells before the current
+    // row are complete.
     let (mut open, mut top) = (VecDeque::<(usize, usize)>::new(), None);
     let mut close = |row: usize, (from, to): (usize, usize)| {
         (row * columns + from..=row * columns + to).for_each(&mut each);

@@ -1,8 +1,9 @@
-//! How images differ from those with other effects: bounds for all of them, and the truth for those that matter.
-//!
-//! The light of every source is bounded first (`change`). Where these bounds add up to most, the greatest of them are replaced by
-//! what is so: the other image is made, and both are compared pixel by pixel. `effect::shown` says where to look closer, until bounds are
-//! no more than what is known. How much is compared is limited (`Compared::spare`), for it costs what making the images costs.
+//! How images differ from those with other effects: bounds for all, the true difference for those
+//! that matter.
+//! The change of every source is bounded first (`image`). Where the bounds add up to most, the
+//! greatest of them are replaced: the other image is formed, and both are compared pixel by pixel.
+//! `points` chooses the cells, until the bounds are no more than the known changes. The number of
+//! compared pixels is limited (`Compared::spare`), because forming images is expensive.
 
 use super::cells::{CELL, cells};
 use super::image::{Change, Image, changes, lines_of_sight};
@@ -14,30 +15,31 @@ use crate::scene::imaging::Imaging;
 use crate::scene::source::{Candidate, Source};
 use std::ops::Range;
 
-/// So many pixels may be worked out again for an effect that is skipped, each frame;
+/// Pixels that may be computed again for a skipped effect, each frame;
 const SKIPPED: u64 = 1_000;
-/// for one that runs, which is asked where a plan is printed, this part of the pixels of all images, and some more.
+/// for one that runs (only where a plan is printed), one part in `PART` of the pixels of all
+/// images, and `MORE`.
 const PART: u64 = 4;
 const MORE: u64 = 1_000_000;
-/// So many of the greatest bounds may be replaced.
+/// Number of the greatest bounds that may be replaced.
 const GREATEST: usize = 128;
 
-/// A bound of what one source's light changes by.
+/// The bound of the change of one source's light.
 struct Light<'a> {
     source: &'a Source,
     e: f64,
     beside: usize,
-    /// Whether the truth is known instead.
+    /// Whether the true change is known instead.
     settled: bool,
 }
 
-/// An image as it is and with the other effects.
+/// An image with the scene's effects and with the other effects.
 struct Pair<'a> {
     here: Option<&'a Source>,
     there: Option<Source>,
 }
 
-/// The images of a scene, and what is known of them with other effects.
+/// The images of a scene, and their changes with other effects.
 pub struct Compared<'a> {
     scene: &'a Scene,
     other: EffectSet,
@@ -45,20 +47,20 @@ pub struct Compared<'a> {
     /// The greatest first.
     lights: Vec<Light<'a>>,
     pairs: Vec<Pair<'a>>,
-    /// Bounds of each cell (`brightest`), e-.
+    /// Sum of the bounds in each cell (`cells`), e-.
     bounds: Vec<f64>,
-    /// What is known of each cell's pixels as they respond, e-.
+    /// Sum of the known changes in each cell, with pixel response, e-.
     known: Vec<f64>,
     /// Columns of cells.
     columns: usize,
-    /// How many pixels may still be worked out.
+    /// How many pixels may still be computed.
     spare: u64,
 }
 
-/// What the pixels of a column of cells change by, e-.
+/// The changes of the pixels of a column of cells, e-.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Peak {
-    /// The part that is known, in the cell in which it and the bound are greatest.
+    /// The known change, in the cell whose known change and bound are greatest together.
     pub known: f64,
     /// The bound of the rest there.
     pub bound: f64,
@@ -66,12 +68,12 @@ pub struct Peak {
     pub row: usize,
     /// The greatest bound in any cell of the column, and its row.
     pub most: (f64, usize),
-    /// No column of pixels changes by more altogether: what is known, and the bound of the rest.
+    /// Bounds of the change of a column of pixels: known changes, and the rest.
     pub all: [f64; 2],
 }
 
-/// The images beside those with the effects `other`; `faint` and `change` bound what each changes by (`Scene::changes`). Where it `enters`, sources may be on the detector
-/// that are not now.
+/// Compares the images with those with the effects `other`; `faint` and `change` bound the change
+/// of each ([`changes`]). If it `enters`, sources may be on the detector that are not now.
 pub fn compare<'a>(
     scene: &'a Scene,
     other: &EffectSet,
@@ -86,7 +88,7 @@ pub fn compare<'a>(
     let skipped = now.and_shapes(other) != *now;
     let mut fidelity = scene.fidelity;
     if skipped {
-        // Short tracks are tracks.
+        // Short tracks count as tracks.
         fidelity.skip_px = 0.0;
     }
     let lights = changes(scene, faint, change).into_iter();
@@ -134,7 +136,7 @@ pub fn compare<'a>(
 }
 
 impl<'a> Compared<'a> {
-    /// What each column of cells changes by.
+    /// The changes of each column of cells.
     pub fn peaks(&self) -> Vec<Peak> {
         let mut peaks = vec![Peak::default(); self.columns];
         let rows = self.known.chunks_exact(self.columns);
@@ -155,8 +157,8 @@ impl<'a> Compared<'a> {
         peaks
     }
 
-    /// Replaces the greatest bounds of those in a cell by the truth, until the rest is no more than that: tells the
-    /// columns of cells in which they were. None where none can be replaced.
+    /// Replaces the greatest bounds in a cell by true changes, until the rest is no more than
+    /// those. Returns the columns of cells that it touched; none if no bound can be replaced.
     pub fn look_closer(&mut self, column: usize, row: usize) -> Vec<usize> {
         let scene = self.scene;
         let detector = &scene.view.camera.detector;
@@ -193,7 +195,7 @@ impl<'a> Compared<'a> {
         replaced
     }
 
-    /// Adds what a pair of images differs by to what is known.
+    /// Adds the difference of a pair of images to the known changes.
     fn know(&mut self, pair: Pair<'a>) {
         let (detector, columns) = (&self.scene.view.camera.detector, self.columns);
         let response = self.scene.simulated.has(EffectId::PixelResponse);
@@ -222,7 +224,7 @@ impl<'a> Compared<'a> {
         self.pairs.push(pair);
     }
 
-    /// What is known to come to the light of each pixel of `columns` with the other effects, one column after the other, e-.
+    /// The known change of the light of each pixel of `columns`, one column after the other, e-.
     pub fn comes_e(&self, columns: &Range<usize>) -> Vec<f64> {
         let detector = &self.scene.view.camera.detector;
         let mut comes = vec![0.0; columns.len() * detector.height];
@@ -258,7 +260,7 @@ impl Pair<'_> {
     }
 }
 
-/// The images that touch the detector in a scene `without` and not in this one.
+/// The images that touch the detector with the effects `without`, and not in the scene.
 pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
     if *without == scene.simulated {
         return Vec::new();
@@ -281,7 +283,7 @@ pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
                     along().fold(f64::MAX, f64::min),
                     along().fold(f64::MIN, f64::max),
                 );
-                // Between the three it may bend.
+                // The path may bend between the three places.
                 let margin = margin + (high - low) / 2.0;
                 low <= *pixels as f64 + margin && high >= -margin
             })
@@ -305,7 +307,7 @@ pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
         .collect()
 }
 
-/// The image of a source with other effects; none if nothing of it touches the detector then.
+/// The image of a source with other effects; none if it then does not touch the detector.
 fn other_image(
     scene: &Scene,
     source: &Source,
@@ -323,7 +325,7 @@ fn other_image(
     imaging.image(candidate)
 }
 
-/// How many pixels are worked out for that, about.
+/// About how many pixels that computes.
 fn pixels(scene: &Scene, source: &Source, other: &EffectSet, fidelity: &Fidelity) -> u64 {
     let worked_out = source.footprint.evaluated();
     let moves = |of: &EffectSet| of.moves_images();
@@ -339,7 +341,7 @@ fn pixels(scene: &Scene, source: &Source, other: &EffectSet, fidelity: &Fidelity
     worked_out.min((2.0 * drawn_px + 1.0).powi(2) as u64)
 }
 
-/// A row of a source's image: its first column, its shares and all its electrons.
+/// A row of a source's image: its first column, its shares, and the electrons of the source.
 fn line(source: Option<&Source>, row: usize) -> (usize, &[f32], f64) {
     let of = source.and_then(|source| {
         let (_, first, shares) = source.footprint.rows(row..row + 1).next()?;
@@ -348,7 +350,7 @@ fn line(source: Option<&Source>, row: usize) -> (usize, &[f32], f64) {
     of.unwrap_or((0, &[], 0.0))
 }
 
-/// Calls `each` with the cells that a light's change reaches, each once.
+/// Calls `each` once with every cell that a light's change reaches.
 fn each_cell(detector: &Detector, light: &Light<'_>, each: impl FnMut(usize)) {
     cells(detector, light.source, light.beside, each);
 }

@@ -1,16 +1,16 @@
-//! By how much images change where an effect that shapes them is left out: what bounds of it are made of.
-//!
-//! A source's light on any pixel changes by no more than it has there with or without the effect. Where its image is off by d, or its
-//! light is spread a little further, the steepest slope and the strongest bend of a Gaussian of width s and height N tell more:
+//! Bounds of the change of one image without an effect that shapes it.
+//! A source's light on a pixel changes by no more than what it is there with or without the effect.
+//! If the image moves by d, or is spread a little further, the steepest slope and the strongest
+//! bend of a Gaussian of width s and height N bound the change:
 //!
 //! ```text
 //! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
 //! ```
-//!
-//! Spreads given as images bring their own peak, slope and kinks (`Relief`). The flank of an image that is centred r outside of the
-//! detector has the slope `N r / s^2` and the bend `N r^2 / s^4` there. Wings end at whole pixels, and what is drawn at their edge comes and
-//! goes; so do sources that touch the detector only with the effect, or only without it. What single sources change is added up where
-//! their images meet, and replaced by the truth where that is large (`compared`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
+//! Spreads given as images have their own peak, slope and kinks (`Relief`). An image centred r
+//! outside of the detector has the slope `N r / s^2` and the bend `N r^2 / s^4` at its edge. Wings
+//! end at whole pixels, and the light at their edge comes and goes; so do sources that touch the
+//! detector only with the effect, or only without it. `compared` adds the changes up where images
+//! overlap; `points` and `wells` apply pixel response and full wells.
 
 use super::cells::greatest_share;
 use crate::camera::{Detector, LocalPsf, Stamp, Vignetting};
@@ -27,65 +27,70 @@ pub const STEEPEST: f64 = 0.61;
 /// The same of a streak, in any direction at once.
 pub const STEEPEST_STREAK: f64 = 0.86;
 
-/// So many of the brightest sources tell which others are faint: all their light makes less than this part of what those change by.
+/// The changes of the brightest sources decide which others are faint: those whose whole light is
+/// below this part of them.
 const BRIGHT: usize = 16;
 const FAINT: f64 = 0.02;
 
-/// What a bound of an image's change is made of.
+/// Quantities that bound an image's change.
 pub struct Image<'a> {
     /// The source.
     pub source: &'a Source,
-    /// No pixel gets more of its light, wherever it is and however it moves, e-.
+    /// Bound of its light on a pixel, wherever it is and however it moves, e-.
     pub still_e: f64,
     /// Width of its core, px.
     pub core_px: f64,
-    /// The way between its ends through its centroid, px.
+    /// Length of the path between its ends through its centroid, px.
     pub length_px: f64,
     /// Its spread at its centroid.
     pub psf: LocalPsf<'a>,
-    /// Whether its centroid is beside the detector, and how far from it all of the image stays, px.
+    /// Whether its centroid is off the detector, and how far the whole path stays from it, px.
     is_outside: bool,
     outside_px: f64,
-    /// The share of its light on the pixel that it stands in the middle of.
+    /// The share of its light on the pixel that it is centred on.
     middle: f64,
-    /// How far around it light is drawn, px.
+    /// How far its light is drawn, px.
     drawn_px: f64,
-    /// The share of any pixel there, at most, of what lies further out and is laid evenly over them (`footprint`).
+    /// Bound of a pixel's share of the light further out, which is distributed evenly
+    /// (`footprint`).
     even: f64,
 }
 
 impl Image<'_> {
-    /// The height of its image as it is, e- a pixel.
+    /// The height of its image, e- a pixel.
     pub fn height_e(&self) -> f64 {
         let source = self.source;
-        // Between pixels it may be higher than in the greatest of them: what one in the middle of a pixel has more than one at a corner.
+        // Between pixels it may be higher than in the brightest: by the ratio of a source in the
+        // middle of a pixel to one at a corner.
         let over = match self.psf.relief() {
             Some(relief) => relief.over_brightest,
             None => self.middle / self.psf.on_pixel([0.5; 2], &mut Stamp::default()),
         };
         let mut height_e = source.electrons * greatest_share(source) * over;
         if self.is_outside {
-            // Little may be seen of it: a streak of even speed has the height sqrt(2 pi) s / length; a quarter more.
+            // Only a little of it may be on the detector. A streak of even speed has the height
+            // sqrt(2 pi) s / length; a quarter more.
             let streak = 1.25 * 2.507 * self.core_px / self.length_px.max(f64::MIN_POSITIVE);
             height_e = height_e.max(self.still_e * streak);
         }
         height_e.min(self.still_e)
     }
 
-    /// By how much a pixel's light changes (e-) where the image, `e` electrons high, moves by `px`, its slope being `steepest` heights a
-    /// core (those of a Gaussian); at most by all of it.
+    /// Bound of the change of a pixel's light if the image, `e` electrons high, moves by `px`, e-.
+    /// Its slope is `steepest` heights a core (a Gaussian's).
     pub fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
         let core_px = self.core_px;
-        // Of what it is outside of, the slope of its flank at that distance.
+        // If it is off the detector, the slope of its flank at that distance.
         let steepest = steepest.max(self.flank());
         let steeper = (self.psf.relief()).map_or(1.0, |of| of.slope * core_px / of.peak / STEEPEST);
         self.inside_e(e, px) * (steepest * steeper.max(1.0) * px / core_px).min(1.0)
             + self.edge_e(px)
     }
 
-    /// By how much a pixel's light changes (e-) where the light of an image that stands still, `e` electrons high, is spread over a way of
-    /// `length_px` with the same centre: `L^2 / 24` of the bend, and an eighth of L of the jump of the slope where cells of images end. A
-    /// fifth more, for other bends than a Gaussian's.
+    /// Bound of the change of a pixel's light if a still image, `e` electrons high, is spread over
+    /// a path of length L = `length_px` with the same centre, e-: `L^2 / 24` of the bend, and `L /
+    /// 8` of the jump of the slope where cells of images end. A fifth more, for other bends than a
+    /// Gaussian's.
     pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
         let smooth = (length_px / self.core_px).powi(2) / 24.0;
         let kinks = (self.psf.relief()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
@@ -94,7 +99,7 @@ impl Image<'_> {
             + self.edge_e(length_px / 2.0)
     }
 
-    /// The slope of a Gaussian's flank where the detector begins, in its heights there a core.
+    /// The slope of a Gaussian's flank at the detector's edge, in its heights there a core.
     fn flank(&self) -> f64 {
         if self.outside_px > 0.0 {
             1.2 * (self.outside_px + 1.0) / self.core_px
@@ -103,7 +108,8 @@ impl Image<'_> {
         }
     }
 
-    /// What of `e` electrons of a pixel a pixel of the detector may get, where the image is moved by no more than `off_px`.
+    /// Bound of the light of a pixel on the detector, of an image `e` electrons high that moves by
+    /// at most `off_px`, e-.
     pub fn inside_e(&self, e: f64, off_px: f64) -> f64 {
         let from_px = self.outside_px + 0.5 - off_px;
         if self.outside_px == 0.0 || from_px <= 0.0 {
@@ -124,7 +130,8 @@ impl Image<'_> {
         e * (most / at(0.0)).min(1.0)
     }
 
-    /// Wings end at whole pixels: what comes and goes there where an image moves by `px`, e-.
+    /// Wings end at whole pixels: the light that comes and goes there if an image moves by `px`,
+    /// e-.
     fn edge_e(&self, px: f64) -> f64 {
         if px == 0.0 {
             return 0.0;
@@ -148,8 +155,8 @@ impl Image<'_> {
         self.source.arriving_e * (edge + self.even)
     }
 
-    /// How far the centroid is from the middle of its ends (px): more than it is from where the source is in the middle of the
-    /// exposure, if it moves evenly faster and along a parabola.
+    /// Distance of the centroid from the middle of its ends, px. It exceeds that from the source's
+    /// place at mid-exposure, if it moves along a parabola with constant acceleration.
     pub fn bend_px(&self) -> f64 {
         let Source {
             start,
@@ -162,17 +169,18 @@ impl Image<'_> {
     }
 }
 
-/// A change of an image: by at most `e` electrons on any pixel, up to `beside_px` from where the image is now.
+/// Bound of the change of an image.
 #[derive(Default)]
 pub struct Change {
-    /// e- of any pixel.
+    /// Change of any pixel, e-.
     pub e: f64,
-    /// How far from the image it reaches, px.
+    /// How far from the present image it reaches, px.
     pub beside_px: f64,
 }
 
-/// What each image that has light changes by, as `change` says of it: e- of any pixel, and how many pixels beside it. All light of what is
-/// faint beside the brightest changes by is bound enough for it, as many pixels beside it as `faint` says (none: it is not).
+/// The bound of each lit image's change: e- of any pixel, and how many pixels beside it. `change`
+/// gives it; a source whose whole light is faint beside the brightest changes is bounded by that
+/// light, up to as many pixels beside it as `faint` gives (none: not allowed).
 pub fn changes(
     scene: &Scene,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
@@ -182,13 +190,14 @@ pub fn changes(
     let widest = detector.width.max(detector.height) as f64;
     let shining = (scene.sources.iter())
         .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty());
-    // No profile of that width is higher in its middle than a Gaussian. Rows may be exposed a little longer than all together.
+    // No profile of that width is higher in its middle than a Gaussian. With a rolling shutter rows
+    // may be exposed a little longer.
     let core_px = optics.psf.core_px();
     let middle = match optics.psf_at(optics.principal_px, 1.0).relief() {
         None => (1.0 / (TAU * core_px * core_px)).min(1.0),
         Some(_) => 1.0,
     };
-    // What is laid evenly over the pixels that are drawn, nine at least, is faint on each of them.
+    // The light distributed evenly over the drawn pixels, nine at least, is faint on each.
     let even_e = 8.0 * scene.fidelity.wing_e;
     let all_e = |source: &Source| {
         let e = source.arriving_e.max(source.electrons);
@@ -209,7 +218,7 @@ pub fn changes(
     let bright = bright.iter().take_while(|_| !scene.is_cancelled());
     let bright = bright.map(|(source, _)| bound(&mut stamp, source));
     let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
-    // A disc outshines all points, and where it is full of light nothing of that shows.
+    // A disc outshines all points, but its own changes hide in full pixels.
     let points = changes
         .iter()
         .filter(|(source, ..)| source.body.points() == 1);
@@ -237,7 +246,7 @@ fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Imag
         None => psf.on_pixel([0.0; 2], stamp),
     };
     let length_px = source.length_px();
-    // No width changes by a twentieth within a pixel.
+    // Within a pixel no width changes by a twentieth.
     let sharper = if length_px < 0.01 {
         1.001
     } else {
@@ -245,7 +254,7 @@ fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Imag
         1.0 + ends[0].max(ends[1])
     };
     let Wings { drawn_px, undrawn } = source.footprint.wings;
-    // Tilted it is up to twice as high along each axis.
+    // The distribution may be tilted: up to twice as high along each axis.
     let pixels = (2.0 * drawn_px + 1.0).powi(2);
     let even = 4.0 * undrawn / pixels;
     let outside_px = if detector.contains(source.centroid) {
@@ -267,7 +276,8 @@ fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Imag
     }
 }
 
-/// Where a body is seen (camera axes, any length) when the exposure begins, in its middle and when it ends.
+/// The line of sight to a body (camera axes, any length) at the start, middle and end of the
+/// exposure.
 pub fn lines_of_sight(scene: &Scene) -> impl Fn(&Body) -> [Vector3<f64>; 3] {
     let view = &scene.view;
     let times = [-0.5, 0.0, 0.5].map(|part| {
@@ -281,8 +291,8 @@ pub fn lines_of_sight(scene: &Scene) -> impl Fn(&Body) -> [Vector3<f64>; 3] {
     move |body| times.map(|(part, pointing)| pointing.rotate(&body.line(part)))
 }
 
-/// How far (px) an image's rows are exposed from where the middle row is, and by which part of its time they are
-/// exposed longer or shorter: nothing where all rows are exposed together.
+/// Rolling shutter: how far an image moves between the exposures of its rows and of the middle row
+/// (px), and the relative change of its exposure time (1). 0 if all rows are exposed together.
 pub fn rolled(scene: &Scene, image: &Image<'_>, length_px: f64) -> (f64, f64) {
     let (camera, source) = (&scene.view.camera, image.source);
     let half_rows = (camera.detector.height as f64 - 1.0) / 2.0;
@@ -291,14 +301,15 @@ pub fn rolled(scene: &Scene, image: &Image<'_>, length_px: f64) -> (f64, f64) {
     let furthest = from_middle
         .iter()
         .fold(0.0, |most: f64, y| most.max(y.abs()));
-    // Rows that its wings reach are exposed at other times too.
+    // Its wings reach rows that are exposed at other times.
     let rows = (furthest + 5.0 * image.core_px).min(half_rows);
-    // Of what moves unevenly the fastest part.
+    // The fastest part of uneven motion.
     let speed = 1.2 * length_px / scene.view.exposure.duration_s;
     (speed * rows * row_s, (speed * row_s).min(1.0))
 }
 
-/// By which part of its light a source's transmission changes where its image moves by a pixel, at most; 0 where nothing is vignetted.
+/// Bound of the relative change of a source's transmission if its image moves by a pixel; 0 without
+/// vignetting.
 pub fn dimming_px(scene: &Scene) -> f64 {
     let camera = &scene.view.camera;
     let vignetting = &camera.optics.vignetting;
@@ -316,11 +327,12 @@ pub fn dimming_px(scene: &Scene) -> f64 {
             slopes.fold(0.0, f64::max) / least.max(f64::MIN_POSITIVE)
         }
     };
-    // A distorting lens may show more in a pixel than its focal length says.
+    // A lens with distortion may have a larger angle a pixel than its focal length gives.
     2.0 * by_angle / camera.optics.focal_px
 }
 
-/// How far (px) the line from a source's start through its centroid to its end stays outside of the detector, at least.
+/// Least distance of the line from a source's start through its centroid to its end from the
+/// detector, px.
 fn outside_px(source: &Source, length_px: f64, detector: &Detector) -> f64 {
     const PARTS: usize = 16;
     let sides = [detector.width, detector.height].map(|pixels| pixels as f64 - 0.5);

@@ -10,16 +10,17 @@ use crate::scene::effect_set::{EffectId, EffectSet};
 use crate::scene::source::Source;
 use std::collections::BTreeMap;
 
-/// Bounds are replaced by the truth until they are no more than this times what is known.
+/// Bounds are replaced until they are no more than this times the known changes.
 const ENOUGH: f64 = 1.0;
-/// What is no more than this (e-) is of no interest.
+/// Bounds below this do not matter, e-.
 const LEAST_E: f64 = 1e-3;
-/// How often, at most.
+/// Most rounds of replacing bounds.
 const ROUNDS: usize = 500;
 
-/// A bound (e-) of the change of what pixels show where images are as with the effects `other`, `change` being a bound of each one's: as pixels
-/// respond, with the trails of frame transfer, when wells are full. Near the truth, where that is affordable (`scene::compared`). Where
-/// it `enters`, sources may be on the detector that are not now.
+/// Bound of the final change of any pixel with the effects `other`, e-: with pixel response, trails
+/// of frame transfer and full wells. `change` bounds the change of each image; where affordable the
+/// images are compared (`compared`). If it `enters`, sources may be on the detector that are not
+/// now.
 pub fn changed_e(
     scene: &Scene,
     other: &EffectSet,
@@ -28,7 +29,7 @@ pub fn changed_e(
     change: impl Fn(&Image<'_>) -> Change + Sync,
 ) -> f64 {
     let mut compared = compare(scene, other, enters, faint, change);
-    // Of columns that fill up, what is known to be shown of the change, and how many pixels pass the rest on.
+    // Of columns of cells that fill up: the known final change, and the number of full pixels.
     let mut filled = BTreeMap::<usize, Filled>::new();
     let mut most = 0.0;
     let all = scene.sources.iter().map(|source| source.arriving_e);
@@ -66,13 +67,13 @@ pub fn changed_e(
     most
 }
 
-/// What a column of cells changes by in the end, e-.
+/// The final change of a column of cells, e-.
 struct Part {
     known: f64,
     bound: f64,
     /// Whether its pixels fill up.
     fills: bool,
-    /// Whether its bound is that of full pixels.
+    /// Whether its bound is that of full pixels, which pass charge on.
     passes: bool,
 }
 
@@ -122,11 +123,11 @@ impl Part {
     }
 }
 
-/// What is known of columns that fill up.
+/// Columns that fill up, computed with both images.
 struct Filled {
-    /// The greatest change of what a pixel holds, e-.
+    /// The greatest change of a pixel's charge, e-.
     apart: f64,
-    /// How many pixels of a column are full at most.
+    /// Bound of the number of full pixels in a column.
     full: f64,
 }
 

@@ -1,7 +1,7 @@
-//! What pixels show of a change: no more than they hold; and where charge spills along a column, also elsewhere.
-//!
-//! Columns that may fill up are few: what they hold with an effect and without it is worked out, pixel by pixel. Elsewhere a pixel
-//! shows its own change.
+//! Full wells: pixels show no more of a change than they hold; where charge spills along a column,
+//! the change also shows elsewhere.
+//! Columns that may fill up are few: their charge is computed pixel by pixel, with an effect and
+//! without it. Elsewhere a pixel shows its own change.
 
 use super::brightest::{areas_floor_e, least_e};
 use super::cells::CELL;
@@ -24,7 +24,7 @@ pub fn find_spill(scene: &Scene) -> Spill {
     }
     let fills = |column: &usize| drawn_e(scene.brightest_of(*column)) + events[*column] >= full_e;
     let may = drawn_e(scene.brightest_e()) + scene.struck.most_e() >= full_e;
-    // By whole cells, so that what bounds say of other cells holds for all other columns.
+    // By whole cells, so that the bounds of other cells hold for all other columns.
     let cells = |column: &usize| {
         let past = (column + CELL).min(detector.width);
         !scene.is_cancelled() && (*column..past).any(|column| fills(&column))
@@ -58,7 +58,7 @@ fn flood(scene: &Scene) -> Option<EffectId> {
     Some(most.effect)
 }
 
-/// What the pixels of a column hold of its charge (e-).
+/// Limits the charge of a column to what its pixels hold, e-.
 pub fn fill(column: &mut [f64], detector: &Detector) {
     let full = detector.full_well_e;
     match detector.blooming {
@@ -73,15 +73,15 @@ pub fn fill(column: &mut [f64], detector: &Detector) {
     }
 }
 
-/// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
-/// scene's that `parts` has too.
+/// The charge that the pixels of `columns` hold, column by column, in a frame with the effects
+/// `parts`, e-.
 pub fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let mut charge = light_e(scene, columns, parts);
     hold(scene, &mut charge, columns, parts);
     charge
 }
 
-/// Turns the light (e-) on `columns` into the charge that their pixels hold.
+/// Turns the light on `columns` into the charge that their pixels hold, e-.
 pub fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     turn(scene, light, columns, parts);
     if parts.has(EffectId::FullWell) {
@@ -91,7 +91,7 @@ pub fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectS
     }
 }
 
-/// The greatest of what `of` says of groups of `columns`.
+/// The greatest value of `of` over groups of `columns`.
 pub fn greatest(
     scene: &Scene,
     columns: &[usize],
@@ -101,10 +101,11 @@ pub fn greatest(
     groups.into_iter().fold(0.0, f64::max)
 }
 
-/// Why an effect is not needed where all pixels are full of other light.
+/// Why an effect is not needed if all pixels are full of other light.
 pub const DROWNED: &str = "all pixels are full of other light";
 
-/// Whether all pixels are full, with or without an effect, of one area's light: that itself is not left out for others'.
+/// Whether one area source fills all pixels with or without an effect; not that source's own
+/// effect.
 pub fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
     let without = scene.simulated.without(effect);
     let flood = scene
@@ -114,8 +115,8 @@ pub fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
     flood.is_some_and(|area| without.has(area))
 }
 
-/// A bound (e-) of the change of what a pixel shows without an effect. `cells_e` tells one for pixels that do not fill up, for each column
-/// of the scene's cells.
+/// Bound of the final change of a pixel without an effect, e-. `cells_e` gives that of pixels that
+/// do not fill up, for each column of cells.
 pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
     let spill = &scene.spill;
     let everywhere = spill.columns.len() == scene.view.camera.detector.width;
@@ -129,7 +130,7 @@ pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: Effect
         return most;
     }
     let without = scene.simulated.without(effect);
-    // Where all pixels are full either way, nothing of it shows.
+    // Where all pixels are full with and without it, the change does not show.
     let full_e = flooding_e(&scene.view.camera.detector);
     let floor_e = areas_floor_e(scene, &without);
     let drowns = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
@@ -143,7 +144,7 @@ pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: Effect
     }))
 }
 
-/// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.
+/// A bound for each column of cells, plus the trail of frame transfer (a value a column), e-.
 pub fn with_trail(
     scene: &Scene,
     mut cells_e: Vec<f64>,
@@ -157,7 +158,7 @@ pub fn with_trail(
     cells_e
 }
 
-/// The greatest of the columns of each of the scene's cells.
+/// The greatest value in each column of cells.
 pub fn of_cells(columns: &[f64]) -> Vec<f64> {
     let cells = columns.chunks(CELL);
     cells
@@ -171,7 +172,7 @@ pub fn apart(a: &[f64], b: &[f64]) -> f64 {
     apart.fold(0.0, f64::max)
 }
 
-/// What `pixels` (sorted by row-major index) expect to hold when wells are full, e-.
+/// The expected charge that `pixels` (sorted row-major indices) hold, e-.
 pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let mut held = expected_e(scene, pixels);
     let spills = scene.simulated.has(EffectId::FullWell) && !scene.spill.columns.is_empty();
@@ -179,7 +180,7 @@ pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
         return held;
     }
     let detector = &scene.view.camera.detector;
-    // The places among `pixels` of those in each column.
+    // The positions in `pixels` of those in each column.
     let mut places = vec![Vec::new(); detector.width];
     let pixels_and_places = pixels.iter().zip(0u32..);
     for (pixel, place) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {

@@ -3,8 +3,8 @@
 //! What depends on the line alone (how much air it meets, how much airglow) stands in tables of one dimension, in logarithms; the
 //! Sun's part of it in rows against the Sun's height over the line's place, for some lines only: it changes slowly from one to the next.
 
-use super::Atmosphere;
 use super::air::{Density, TOP_M, phase_function};
+use super::model::Atmosphere;
 use super::sight::{Line, Sight, Step};
 use super::tables::{Row, Table, between};
 use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
@@ -262,7 +262,7 @@ impl Limb {
     /// Airglow along a line, ph/s/m^2/sr.
     fn airglow(&self, line: &Line) -> f64 {
         let atmosphere = &*self.atmosphere;
-        atmosphere.shells.along(line, self.radius, atmosphere)
+        (atmosphere.shells).along(line, self.radius, &atmosphere.air, &atmosphere.passed)
     }
 
     /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun reached it all, times 4 pi.

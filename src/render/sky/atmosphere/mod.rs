@@ -21,7 +21,9 @@
 
 pub mod air;
 pub mod airglow;
+mod curve;
 mod limb;
+mod model;
 mod shells;
 mod sight;
 mod tables;
@@ -29,129 +31,4 @@ mod tables;
 pub use air::{Air, TOP_M};
 pub use airglow::Airglow;
 pub use limb::Limb;
-
-use crate::camera::Band;
-use shells::Shells;
-
-/// The atmosphere as a band sees it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Atmosphere {
-    air: Air,
-    airglow: Airglow,
-    /// The same in shells.
-    shells: Shells,
-    /// `sum E s exp(-s N)`, ph/s: what a molecule takes from the Sun's light behind a column, at 1 au.
-    scattered: Curve,
-    /// `sum E exp(-s N) / sum E`: the part of the Sun's light that passes a column (1).
-    passed: Curve,
-}
-
-impl Atmosphere {
-    /// Of a band. Costs some milliseconds: make it once a camera.
-    pub fn of(band: &Band) -> Atmosphere {
-        let sun: Vec<[f64; 2]> = band
-            .sun_spectrum()
-            .map(|(wavelength_m, photons)| [photons, air::cross_section_m2(wavelength_m)])
-            .collect();
-        let all: f64 = sun.iter().map(|[e, _]| e).sum();
-        let curve = |weight: &dyn Fn(f64, f64) -> f64| {
-            let parts = sun.iter().map(|&[e, s]| [weight(e, s), s]);
-            Curve::new(&parts.collect::<Vec<_>>())
-        };
-        let airglow = Airglow::of(band);
-        Atmosphere {
-            air: Air::standard(),
-            shells: Shells::of(&airglow),
-            airglow,
-            scattered: curve(&|e, s| e * s),
-            passed: curve(&|e, _| e / all),
-        }
-    }
-
-    /// The airglow that the band sees.
-    pub fn airglow(&self) -> &Airglow {
-        &self.airglow
-    }
-
-    /// The optical depth of the air from the ground to space, straight up, for sunlight in the band (1).
-    pub fn optical_depth(&self) -> f64 {
-        -libm::log(self.passed.at(self.air.column(0.0, 1.0)))
-    }
-}
-
-/// `sum w exp(-s N)` of a column `N` (1/m^2) as a table: straight lines, as many in each octave, which miss 3e-5 of it where its depth is 1.
-#[derive(Debug, Clone, PartialEq)]
-struct Curve {
-    values: Vec<f64>,
-}
-
-/// The octaves of the table, 2^79 to 2^107 (6e23 to 1.6e32 1/m^2: from no optical depth to more than any line has), and lines in each, as a power of two.
-const OCTAVES: [u64; 2] = [79, 107];
-const LINES_BITS: u32 = 6;
-/// Bits of a double's fraction, and what its exponent is counted from.
-const FRACTION_BITS: u32 = f64::MANTISSA_DIGITS - 1;
-const BIAS: u64 = 1023;
-
-impl Curve {
-    /// Of the parts `[w, s]`, `s` in m^2.
-    fn new(parts: &[[f64; 2]]) -> Curve {
-        const LINES: usize = 1 << LINES_BITS;
-        let [first, last] = OCTAVES;
-        let foot = |octave: u64| f64::from_bits((octave + BIAS) << FRACTION_BITS);
-        let mut values = Vec::with_capacity((last - first) as usize * LINES + 1);
-        for octave in first..last {
-            let foot = foot(octave);
-            let mut lines = [0.0; LINES];
-            for [w, s] in parts {
-                // From one column to the next each falls by the same.
-                let fall = libm::exp(-s * foot / LINES as f64);
-                let mut part = w * libm::exp(-s * foot);
-                for line in &mut lines {
-                    *line += part;
-                    part *= fall;
-                }
-            }
-            values.extend(lines);
-        }
-        let end = parts.iter().map(|[w, s]| w * libm::exp(-s * foot(last)));
-        values.push(end.sum());
-        Curve { values }
-    }
-
-    /// Its value; beyond the table that of its end.
-    fn at(&self, column: f64) -> f64 {
-        const LEFT: u32 = FRACTION_BITS - LINES_BITS;
-        let [least, most] = OCTAVES.map(|octave| (octave + BIAS) << FRACTION_BITS);
-        let bits = column.max(0.0).to_bits().clamp(least, most) - least;
-        let (i, rest) = ((bits >> LEFT) as usize, bits & ((1 << LEFT) - 1));
-        let a = self.values.get(i).copied().unwrap_or_default();
-        let b = self.values.get(i + 1).copied().unwrap_or(a);
-        a + (b - a) * (rest as f64 / (1u64 << LEFT) as f64)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn curves_are_their_sums() {
-        // Cross-sections of air at 350 and 1100 nm, m^2 (see air), of the one twice the light.
-        let parts = [[2.0, 2.93e-30], [1.0, 2.74e-32]];
-        let curve = Curve::new(&parts);
-        for k in 0..2000 {
-            let column = libm::exp(54.0 + 20.0 * f64::from(k) / 2000.0);
-            let of = |moment: i32| -> f64 {
-                let of = |[w, s]: &[f64; 2]| w * (s * column).powi(moment) * libm::exp(-s * column);
-                parts.iter().map(of).sum()
-            };
-            // A straight line is off by h^2 / 8 of the second moment, h = 1/64; and of no depth by as much as that of the least column is.
-            let bound = of(2) / 32768.0 * 1.1 + 2e-6 * of(0);
-            let error = (curve.at(column) - of(0)).abs();
-            assert!(error <= bound + 1e-30, "{column:e}: {error:e} {bound:e}");
-        }
-        assert_eq!(curve.at(0.0), curve.at(1.0));
-        assert_eq!(curve.at(f64::INFINITY), curve.at(2e32));
-        assert_eq!(curve.at(f64::NAN), curve.at(0.0));
-    }
-}
+pub use model::Atmosphere;

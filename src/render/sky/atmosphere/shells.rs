@@ -1,7 +1,9 @@
 //! Airglow along lines of sight, by shells.
 
+use super::air::Air;
+use super::airglow::Airglow;
+use super::curve::Curve;
 use super::sight::{Line, Sight, half_chord};
-use super::{Airglow, Atmosphere};
 use crate::sky::shadow::EARTH_RADIUS_M;
 
 /// Shells of airglow, m: thin ones around the layers of the mesopause, thick ones above.
@@ -31,13 +33,13 @@ impl Shells {
 
     /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the lowest point; what lies behind is dimmed by all
     /// the air on the way.
-    pub fn along(&self, line: &Line, radius: f64, atmosphere: &Atmosphere) -> f64 {
+    pub fn along(&self, line: &Line, radius: f64, air: &Air, passed: &Curve) -> f64 {
         let before = || self.between(line.p, [0.0, radius]);
         match line.sight {
             Sight::Ground(_) | Sight::Away => before(),
             Sight::Past(altitude_m) => {
-                let grazing = atmosphere.air.column(altitude_m, 0.0);
-                let behind = atmosphere.passed.at(2.0 * grazing);
+                let grazing = air.column(altitude_m, 0.0);
+                let behind = passed.at(2.0 * grazing);
                 before() + behind * self.between(line.p, [0.0, f64::INFINITY])
             }
             Sight::Up(_) => self.between(line.p, [radius, f64::INFINITY]),

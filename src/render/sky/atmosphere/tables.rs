@@ -127,9 +127,10 @@ impl Row {
 
     /// The Sun's cosine to the line's horizontal direction, at the sine `height` of its height, that to the observer's zenith being `along`.
     pub fn across(&self, height: f64, along: f64) -> f64 {
-        match self.weights[1].abs() > 1e-9 {
-            true => (height - self.weights[0] * along) / self.weights[1],
-            false => 0.0,
+        if self.weights[1].abs() > 1e-9 {
+            (height - self.weights[0] * along) / self.weights[1]
+        } else {
+            0.0
         }
     }
 }

@@ -12,7 +12,7 @@
 //! The lit part is `g - 90 deg < u < 90 deg` at every latitude: cells in `u` and `v` meet the limb and the terminator exactly at every phase angle `g`,
 //! and Lommel and Seeliger's `mu0 / (mu0 + mu)` depends on `u` alone.
 
-use super::{MoonDisc, NEW_MOON, lommel_seeliger};
+use super::disc::{MoonDisc, NEW_MOON, lommel_seeliger};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 
-use crate::sky::bodies::{AU_M, DAY_S, J2000_JD, tt_days_since_j2000};
+use crate::sky::constants::{AU_M, DAY_S, J2000_JD, tt_days_since_j2000};
 use crate::sky::ecliptic;
 
 const ARCSEC: f64 = PI / 648_000.0;
@@ -87,7 +87,7 @@ const LATITUDE: [[f64; 3]; 13] = [
 ];
 
 /// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Costs some 5 microseconds.
-pub(in crate::sky) fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
+pub fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
     let days = tt_days_since_j2000(t);
     let [position, velocity] = sofars::eph::moon98(J2000_JD, days).map(|v| Vector3::from(v) * AU_M);
 

@@ -1,7 +1,6 @@
 //! The way of an image through a piece of its track, between places that are known.
 
-use super::Place;
-use super::walk::distance;
+use super::sample::Place;
 
 /// Furthest (px) that a way may lead past the place at which it is looked at.
 const BESIDE_PX: f64 = 1e-6;
@@ -9,19 +8,19 @@ const BESIDE_PX: f64 = 1e-6;
 const LOOK: f64 = 0.125;
 
 /// The polynomial of fourth degree through five places a quarter of the time apart, by Newton's differences: of columns, rows, light.
-pub struct Way([[f64; 5]; 3]);
+pub struct Path([[f64; 5]; 3]);
 
-impl Way {
+impl Path {
     /// Through the places `known` at start, middle and end and two more; none where it does not lead by one more within `beside` px (and
     /// such a part of its light).
     pub fn through(
         known: [Place; 3],
         place: impl Fn(f64) -> Option<Place>,
         beside: f64,
-    ) -> Option<Way> {
+    ) -> Option<Path> {
         let [start, middle, end] = known;
         let places = [start, place(0.25)?, middle, place(0.75)?, end];
-        let way = Way([0, 1, 2].map(|k| differences(places.map(|place| figures(&place)[k]))));
+        let way = Path([0, 1, 2].map(|k| differences(places.map(|place| figures(&place)[k]))));
         let (told, true_one) = (way.at(LOOK), place(LOOK)?);
         let beside = beside.min(BESIDE_PX);
         let follows = distance(told.at, true_one.at) <= beside
@@ -61,13 +60,17 @@ fn differences(values: [f64; 5]) -> [f64; 5] {
     d
 }
 
+pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    libm::hypot(b[0] - a[0], b[1] - a[1])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn way(place: impl Fn(f64) -> Option<Place>) -> Option<Way> {
+    fn way(place: impl Fn(f64) -> Option<Place>) -> Option<Path> {
         let known = [0.0, 0.5, 1.0].map(|t| place(t).unwrap());
-        Way::through(known, place, 1e-6)
+        Path::through(known, place, 1e-6)
     }
 
     #[test]

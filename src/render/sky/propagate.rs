@@ -4,7 +4,7 @@
 
 use super::apparent::{Corrections, apparent_object};
 use super::field::{Field, Test, Unseen};
-use super::population::{Population, SeenObject};
+use super::objects::{Objects, SeenObject};
 use super::shadow::Earth;
 use hifitime::{Epoch, Unit};
 use nalgebra::Matrix3;
@@ -19,8 +19,8 @@ pub const TASK: usize = 64;
 const SHORT_S: f64 = 10.0;
 
 /// All that such a look needs.
-pub struct Closer<'a> {
-    pub population: &'a Population,
+pub struct Propagation<'a> {
+    pub population: &'a Objects,
     pub field: &'a Field<'a>,
     pub test: Test<'a>,
     pub at: &'a Instants,
@@ -47,7 +47,7 @@ const EARLIER_S: f64 = 0.01;
 /// What a way in that time may differ by within an exposure, m; more is a jump.
 const JUMP_M: f64 = 0.01;
 
-impl Closer<'_> {
+impl Propagation<'_> {
     /// What is found of these.
     pub fn look(&self, near: &[Near]) -> Vec<Close> {
         let mut found = Vec::with_capacity(near.len());
@@ -92,7 +92,7 @@ impl Closer<'_> {
         let (shutter, rotations) = (self.field.shutter, &self.at.rotations);
         let failed = |(t, state): (&Epoch, &Result<StateVector, u8>)| Some((*t, state.err()?));
         if let Some((t, code)) = when.iter().zip(states).find_map(failed) {
-            let object = self.population.objects()[index as usize].settled(shutter[1].epoch);
+            let object = self.population.all()[index as usize].settled(shutter[1].epoch);
             return Some(Close::Failed(index, object.failure(t, code)));
         }
         let gcrf = |k: usize| Some((*states.get(k)?).ok()?.rotated(&rotations[k % 3]));
@@ -117,7 +117,7 @@ impl Closer<'_> {
     fn alone(&self, index: u32) -> Option<Close> {
         let (population, shutter) = (self.population, self.field.shutter);
         let mid = shutter[1].epoch;
-        let object = population.objects()[index as usize].settled(mid);
+        let object = population.all()[index as usize].settled(mid);
         let state = match object.state_with(mid, &self.at.rotations[1]) {
             Ok(state) => state,
             Err(error) => return Some(Close::Failed(index, error)),

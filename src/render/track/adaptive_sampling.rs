@@ -1,7 +1,10 @@
 //! How a track is cut: into pieces that are nearly straight and even, these into panels, and those into points.
 
-use super::way::Way;
-use super::{Course, Lit, Place, Rows, Sample, Turns, rule};
+use super::course::Course;
+use super::path::{Path, distance};
+use super::rows::{Lit, Rows, Turns};
+use super::rule;
+use super::sample::{Place, Sample};
 
 /// Points (0..1) of the two-point Gauss rule, whose weights are equal.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
@@ -25,7 +28,7 @@ const LEAST_STEP_PX: f64 = 1e-3;
 pub const LEAST_SIGMA_PX: f64 = 0.01;
 /// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
 const FAR_PX: f64 = 1e-5;
-/// Places that it takes to lay a way through a piece.
+/// Places that it takes to fit a path through a piece.
 const WAY: usize = 3;
 /// How often a piece is cut in two at most.
 pub const DEPTH: u32 = 24;
@@ -34,7 +37,7 @@ pub const DEPTH: u32 = 24;
 pub type Knot = (f64, Option<Place>);
 
 /// The sampling of one track.
-pub struct Walk<'a, F> {
+pub struct Sampler<'a, F> {
     pub place: &'a F,
     pub course: &'a Course,
     /// Of all of it.
@@ -44,7 +47,7 @@ pub struct Walk<'a, F> {
     pub even: Option<(f64, f64)>,
 }
 
-impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
+impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     fn knot(&self, part: f64) -> Knot {
         (part, (self.place)(part))
     }
@@ -128,9 +131,12 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         }
         let light = (from.light + 4.0 * middle.light + to.light) / 6.0;
         // Where there is no light, in the middle.
-        let part = |end: &Place| match light > 0.0 {
-            true => end.light / (6.0 * light),
-            false => 0.0,
+        let part = |end: &Place| {
+            if light > 0.0 {
+                end.light / (6.0 * light)
+            } else {
+                0.0
+            }
         };
         let [first, last] = [part(&from), part(&to)];
         Some(Sample {
@@ -237,15 +243,15 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         let length = distance(first, middle) + distance(middle, last);
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
-        // Few points are found as soon as a way.
+        // Few points are found as soon as a path.
         let is_short = rule::are_few(sigmas, error, WAY);
-        let way = (!is_short).then(|| Way::through(known, place, sigma_px * error));
-        let way = way.flatten();
+        let path = (!is_short).then(|| Path::through(known, place, sigma_px * error));
+        let path = path.flatten();
         let weight = (to - from) / self.course.rows.exposure;
         samples.reserve(rule::most(sigmas));
         rule::points(sigmas, error, |part, share| {
-            let at = match &way {
-                Some(way) => Some(way.at(part)),
+            let at = match &path {
+                Some(path) => Some(path.at(part)),
                 None => place(part),
             };
             if let Some(place) = at {
@@ -337,10 +343,6 @@ fn polynomial(k: usize, u: f64) -> f64 {
     let others = (0..FOUR.len()).filter(|j| *j != k);
     let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
     factors.product()
-}
-
-pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 /// Length (px) of the line through the places; nothing is added where one of two is behind the camera.

@@ -1,0 +1,128 @@
+//! The camera: optics and detector on a vehicle.
+
+use super::detector::Detector;
+use super::optics::Optics;
+use super::projection::Model;
+use super::radiation::Radiation;
+use super::shutter::Shutter;
+use crate::attitude::{Attitude, angle_between};
+
+/// A camera on its vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Name, as labels and FITS headers give it.
+    pub name: String,
+    /// Serial number, which its fixed pattern is keyed by.
+    pub serial: u64,
+    /// Body to camera.
+    pub mounting: Attitude,
+    /// Aperture, projection, transmission, band and point spread function.
+    pub optics: Optics,
+    /// Pixels, noise and digits.
+    pub detector: Detector,
+    /// Charged particles; none where the file has no such table.
+    pub radiation: Option<Radiation>,
+    /// Exposure time unless commanded otherwise, s.
+    pub exposure_s: f64,
+    /// Frames a second at the camera's own cadence, Hz.
+    pub rate_hz: f64,
+    /// How exposures begin and end.
+    pub shutter: Shutter,
+}
+
+impl Camera {
+    /// Electrons a second that a source of band magnitude 0 gives on the whole detector:
+    /// `E_zero QE tau A_app` of Clark et al. 2021, Eq. (2).
+    pub fn electrons_per_second_at_zero(&self) -> f64 {
+        self.optics.band.zero_point()
+            * self.detector.quantum_efficiency
+            * self.optics.transmission
+            * self.optics.aperture_area_m2()
+    }
+
+    /// From the first row's opening to the last row's, s.
+    pub fn readout_s(&self) -> f64 {
+        self.shutter.readout_s(self.detector.height)
+    }
+
+    /// The shortest time (s) from one exposure of `exposure_s` to the next.
+    pub fn period_s(&self, exposure_s: f64) -> f64 {
+        self.shutter.period_s(self.detector.height, exposure_s)
+    }
+
+    /// The greatest scale on the detector (px a rad), found at its corners and at the principal point, and the corners'
+    /// greatest distance from that point (px).
+    pub fn scale_and_corner_px(&self) -> (f64, f64) {
+        const STEP_PX: f64 = 0.1;
+        let optics = &self.optics;
+        let centre = optics.principal_px;
+        let (w, h) = (
+            self.detector.width as f64 - 0.5,
+            self.detector.height as f64 - 0.5,
+        );
+        let (mut scale, mut furthest) = (0.0f64, 0.0f64);
+        for place in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
+            let from = [place[0] - centre[0], place[1] - centre[1]];
+            let distance = libm::hypot(from[0], from[1]);
+            furthest = furthest.max(distance);
+            // Along the radius and across it.
+            let radius = if distance > 0.0 {
+                from.map(|px| px / distance)
+            } else {
+                [1.0, 0.0]
+            };
+            for step in [radius, [-radius[1], radius[0]]] {
+                let moved = [0, 1].map(|i| place[i] + STEP_PX * step[i]);
+                let angle = angle_between(&optics.direction(place), &optics.direction(moved));
+                scale = scale.max(STEP_PX / angle);
+            }
+        }
+        (scale, furthest)
+    }
+
+    /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
+    pub fn cone_rad(&self, margin_px: f64) -> f64 {
+        match self.optics.projection.model() {
+            Model::Pinhole => self.pinhole_cone_rad(margin_px),
+            // Distortion may be left out.
+            Model::BrownConrady { .. } => {
+                let ideal = self.pinhole_cone_rad(margin_px);
+                self.distorted_cone_rad(margin_px).max(ideal)
+            }
+            Model::Fisheye { .. } => {
+                let (_, furthest) = self.scale_and_corner_px();
+                let ideal = (furthest + margin_px) / self.optics.focal_px;
+                let most = std::f64::consts::PI;
+                self.distorted_cone_rad(margin_px).max(ideal).min(most)
+            }
+        }
+    }
+
+    fn pinhole_cone_rad(&self, margin_px: f64) -> f64 {
+        let (w, h) = (
+            self.detector.width as f64 - 0.5,
+            self.detector.height as f64 - 0.5,
+        );
+        [[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]
+            .into_iter()
+            .map(|[x, y]| {
+                let (dx, dy) = (
+                    x - self.optics.principal_px[0],
+                    y - self.optics.principal_px[1],
+                );
+                libm::atan((libm::hypot(dx, dy) + margin_px) / self.optics.focal_px)
+            })
+            .fold(0.0, f64::max)
+    }
+
+    fn distorted_cone_rad(&self, margin_px: f64) -> f64 {
+        let optics = &self.optics;
+        let angle = |pixel: [f64; 2]| {
+            let direction = optics.direction(pixel);
+            libm::atan2(libm::hypot(direction.x, direction.y), direction.z)
+        };
+        let widest = self.detector.edge(margin_px).map(angle).fold(0.0, f64::max);
+        // Tangential distortion has its widest angle between the points, some thousandth of a side's further.
+        (1.01 * widest).min(std::f64::consts::PI)
+    }
+}

@@ -1,0 +1,22 @@
+//! Which effects a run allows.
+
+/// What a run wants of the effects, whatever its scenes call for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice {
+    /// Whether effects that draw random numbers run.
+    pub noise: bool,
+    /// Names of the effects that are switched off.
+    pub off: Vec<&'static str>,
+    /// Whether effects run that a scene does not call for.
+    pub all: bool,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Choice {
+            noise: true,
+            off: Vec::new(),
+            all: false,
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! The label of one frame.
+
+use super::coordinates::km;
+use super::fidelity::FidelityLabel;
+use super::object::{ObjectLabel, object};
+use super::objects::{OCTETS, Objects};
+use super::rounded::{e4, e6, some_bound, some_e4, some_short};
+use super::visible::is_listed;
+use super::{empty, spot, unseen};
+use crate::attitude::degrees_of_turn;
+use crate::camera::Camera;
+use crate::effect::{Verdict, name_of};
+use crate::plan::{Plan, Step};
+use crate::scene::{EffectId, Scene, Source, World, flooded_by};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
+use skyloop_orbit::StateVector;
+use skyloop_orbit::time::utc_text;
+use std::collections::BTreeMap;
+
+/// Objects of which one thread makes the labels at least.
+const TASK: usize = 64;
+/// And of which labels are made before it is asked whether the frame is cancelled: some 10 ms.
+const PART: usize = 1024;
+
+/// The label of one frame. Its text is [`Label::to_json`]; as serde has it, it lacks its objects.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Label {
+    /// Number of the frame in its run, from 0.
+    pub frame: u32,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Name of the camera.
+    pub camera: String,
+    /// Columns of the frame.
+    pub columns: usize,
+    /// Rows of the frame.
+    pub rows: usize,
+    /// UTC.
+    pub epoch_start: String,
+    /// UTC; what attitude, state, ranges and positions hold for.
+    pub epoch_mid: String,
+    /// UTC.
+    pub epoch_end: String,
+    /// Exposure time.
+    pub exposure_s: f64,
+    /// `[x, y, z, w]`.
+    pub q_icrf_to_body: [f64; 4],
+    /// `[x, y, z, w]`.
+    pub q_body_to_camera: [f64; 4],
+    /// Body axes.
+    pub rates_rad_s: [f64; 3],
+    /// Position (km) and velocity (km/s) of the observer, GCRF.
+    pub state_gcrf_km: [f64; 6],
+    /// Row by row.
+    pub r_icrf_to_camera: [[f64; 3]; 3],
+    /// Right ascension of the boresight, the camera's +Z at mid-exposure: geometric (without aberration), ICRF, from 0 to below 360.
+    pub ra_deg: f64,
+    /// Declination of the boresight.
+    pub dec_deg: f64,
+    /// Position angle of up in the image (the camera's -Y) at the boresight, from north through east, from 0 to below 360.
+    pub roll_deg: f64,
+    /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
+    #[serde(serialize_with = "e4")]
+    pub background_e_px: f64,
+    /// The Sun from the boresight at mid-exposure.
+    #[serde(serialize_with = "e6")]
+    pub sun_deg: f64,
+    /// Whether the Sun is within its exclusion angle and not behind the Earth: the frame saturates.
+    pub sun_excluded: bool,
+    /// The effect that adds the most charge, where every pixel is full without a star or an object in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flooded_by: Option<&'static str>,
+    /// Why there are no objects; none where there are some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_objects: Option<String>,
+    /// By which tolerances it was rendered.
+    pub fidelity: FidelityLabel,
+    /// What was done because a frame would have been late.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overrun: Option<&'static str>,
+    /// What was simulated and what was not, and why, in physical order.
+    pub effects: Vec<EffectLabel>,
+    /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`](super::MOST_SPOTS), or they have more pixels than [`MOST_SPOT_PIXELS`](super::MOST_SPOT_PIXELS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spots_left_out: Option<usize>,
+    /// The greatest signal-to-noise ratio among those.
+    #[serde(serialize_with = "some_e4", skip_serializing_if = "Option::is_none")]
+    pub spots_left_out_snr: Option<f64>,
+    /// Particles that would have crossed the detector, on average, beyond the most that are drawn.
+    #[serde(serialize_with = "some_short", skip_serializing_if = "Option::is_none")]
+    pub particles_left_out: Option<f64>,
+    /// Objects in the field that are not among `objects`, by why: their ids.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub unseen: BTreeMap<&'static str, Vec<String>>,
+    /// How many there are, by why.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub unseen_counts: BTreeMap<&'static str, usize>,
+    /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`](super::MOST_UNSEEN).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unseen_left_out: Option<usize>,
+    /// What is in the frame; in the text it is the last.
+    #[serde(skip)]
+    pub objects: Objects,
+}
+
+/// The plan's verdict on one effect.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct EffectLabel {
+    /// Its name.
+    pub effect: &'static str,
+    /// Whether it ran.
+    pub run: bool,
+    /// Why, or why not.
+    pub why: String,
+    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random; null where it
+    /// ran or is switched off.
+    #[serde(serialize_with = "some_bound")]
+    pub error_e: Option<f64>,
+    /// px that an image or the end of its track is off without it, at most; null where it ran or is switched off.
+    #[serde(serialize_with = "some_bound")]
+    pub error_px: Option<f64>,
+    /// What it is expected to take, ms on one core; null where it did not run.
+    #[serde(serialize_with = "some_short")]
+    pub price_ms: Option<f64>,
+}
+
+impl EffectLabel {
+    /// The verdict of one of a plan's steps.
+    pub fn new(plan: &Plan<'_>, step: &Step<'_>) -> EffectLabel {
+        let (why, error, price_ms) = match &step.verdict {
+            Verdict::Off { why } => (*why, None, None),
+            Verdict::Skip { why } => (&**why, plan.error(step), None),
+            Verdict::Run {
+                because, price_ms, ..
+            } => (&**because, None, Some(*price_ms)),
+        };
+        EffectLabel {
+            effect: step.effect.name,
+            run: price_ms.is_some(),
+            why: why.to_string(),
+            error_e: error.map(|error| error.e),
+            error_px: error.map(|error| error.px),
+            price_ms,
+        }
+    }
+}
+
+impl Label {
+    /// The label of `scene`, listing objects whose signal-to-noise ratio, were they neither hidden nor
+    /// shaded, is at least `label_snr`.
+    pub fn new(frame: u32, scene: &Scene, plan: &Plan<'_>, world: &World, label_snr: f64) -> Label {
+        Label::new_in(Vec::new(), frame, scene, plan, world, label_snr)
+    }
+
+    /// Likewise, in the memory of an earlier label's objects.
+    pub fn new_in(
+        memory: Vec<ObjectLabel>,
+        frame: u32,
+        scene: &Scene,
+        plan: &Plan<'_>,
+        world: &World,
+        label_snr: f64,
+    ) -> Label {
+        let view = &scene.view;
+        let Camera { name, mounting, .. } = view.camera.as_ref();
+        let (vehicle, exposure) = (&view.vehicle, &view.exposure);
+        let centre = StateVector {
+            position_m: Vector3::zeros(),
+            velocity_m_s: Vector3::zeros(),
+        };
+        let state = vehicle.orbit.as_ref().unwrap_or(&centre);
+        let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
+        let pointing = view.pointing(0.0);
+        let matrix = pointing.matrix();
+        let [ra, dec, roll] = pointing.ra_dec_roll();
+        let flooded_by = flooded_by(scene).map(name_of);
+        let spots = spot::spots(scene, label_snr);
+        let beyond = scene.particles_left_out;
+        let unseen = unseen::listed(scene, world, label_snr);
+        // Of those whose number is known each label is made in its place.
+        let sources = scene.sources.iter();
+        let sources: Vec<&Source> = sources
+            .filter(|source| is_listed(source, scene, label_snr))
+            .collect();
+        let mut objects = memory;
+        objects.clear();
+        objects.reserve(sources.len());
+        let steps = &plan.steps;
+        let (effects, ()) = rayon::join(
+            || {
+                steps
+                    .iter()
+                    .map(|step| EffectLabel::new(plan, step))
+                    .collect()
+            },
+            || {
+                // The label of a cancelled frame is not used.
+                let parts = sources.chunks(PART);
+                for part in parts.take_while(|_| !view.limit.is_cancelled()) {
+                    let part = part.par_iter().with_min_len(TASK);
+                    objects.par_extend(part.map(|source| object(source, scene, world)));
+                }
+            },
+        );
+        Label {
+            frame,
+            seed: view.key.seed,
+            camera: name.clone(),
+            columns: view.camera.detector.width,
+            rows: view.camera.detector.height,
+            epoch_start: utc_text(exposure.start),
+            epoch_mid: utc_text(exposure.mid),
+            epoch_end: utc_text(exposure.end),
+            exposure_s: exposure.duration_s,
+            q_icrf_to_body: vehicle.attitude.xyzw(),
+            q_body_to_camera: mounting.xyzw(),
+            rates_rad_s: vehicle.rates.into(),
+            state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
+            r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
+            ra_deg: degrees_of_turn(ra),
+            dec_deg: dec.to_degrees(),
+            roll_deg: degrees_of_turn(roll),
+            background_e_px: scene.background_e(),
+            sun_deg: view.sun.angle.to_degrees(),
+            sun_excluded: view.sun.excluded && scene.simulated.has(EffectId::Sunlight),
+            flooded_by,
+            no_objects: objects
+                .is_empty()
+                .then(|| empty::why_no_objects(scene, label_snr, flooded_by)),
+            fidelity: scene.fidelity().into(),
+            overrun: None,
+            effects,
+            spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
+            spots_left_out_snr: spots.left_out_snr,
+            particles_left_out: (beyond > 0.0).then_some(beyond),
+            unseen: unseen.ids,
+            unseen_counts: unseen.counts,
+            unseen_left_out: (unseen.left_out > 0).then_some(unseen.left_out),
+            objects: Objects {
+                sources: objects,
+                spots: spots.listed,
+            },
+        }
+    }
+
+    /// The text that travels on the wire; `labels.jsonl` adds the frame's files to it.
+    pub fn to_json(&self) -> String {
+        self.to_json_in(String::new())
+    }
+
+    /// Likewise, in the memory of an earlier text.
+    pub fn to_json_in(&self, memory: String) -> String {
+        let mut text = memory.into_bytes();
+        text.clear();
+        text.reserve(4096 + OCTETS * self.objects.len());
+        let text = match self.write(&mut text) {
+            Ok(()) => String::from_utf8(text).map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        };
+        text.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+    }
+
+    fn write(&self, text: &mut Vec<u8>) -> serde_json::Result<()> {
+        serde_json::to_writer(&mut *text, self)?;
+        // Objects follow all other members.
+        text.pop();
+        text.extend_from_slice(b",\"objects\":");
+        self.objects.write(text)?;
+        text.push(b'}');
+        Ok(())
+    }
+}

@@ -1,0 +1,170 @@
+//! Resident space objects, what they reflect, and how an observer sees one.
+
+use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
+use super::field::Bright;
+use super::look::{Body, Passage};
+use super::photometry::{Sphere, magnitude, phase_angle};
+use super::shadow::Earth;
+use nalgebra::Vector3;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::{Object, OrbitError};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Objects and what they reflect.
+#[derive(Debug, Default)]
+pub struct Objects {
+    all: Vec<Object>,
+    sphere: Sphere,
+    /// What is known of some, each once.
+    looks: Vec<Look>,
+    /// Which of them is an object's; [`PLAIN`] of all others.
+    look_of: Vec<u32>,
+}
+
+/// What is known of objects, by their ids.
+pub type Looks = BTreeMap<String, Look>;
+
+/// What an object looks like.
+#[derive(Debug, Clone)]
+pub enum Look {
+    /// The same from all sides.
+    Sphere(Sphere),
+    /// A body with a shape and an attitude.
+    Body(Arc<Body>),
+}
+
+/// An object in the field.
+#[derive(Debug, Clone)]
+pub struct SeenObject {
+    /// Index into the population.
+    pub index: usize,
+    /// As seen at the middle of the exposure.
+    pub apparent: ApparentObject,
+    /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's start, mid
+    /// and end. They change smoothly where directions may swing.
+    pub lines_m: [Vector3<f64>; 3],
+    /// Phase angle Sun - object - observer, rad.
+    pub phase: f64,
+    /// Part of the Sun's disc that lights it, 0..1.
+    pub illumination: f64,
+    /// Whether the Earth stands before it.
+    pub occulted: bool,
+    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the exposure.
+    pub mag: f64,
+}
+
+/// The observer at an exposure's start, mid and end.
+pub type Shutter = [Observer; 3];
+
+/// The look of an object of which nothing is known: the population's sphere.
+const PLAIN: u32 = u32::MAX;
+
+impl Objects {
+    /// Objects; `looks` of some, by their ids; and what stands for all others.
+    pub fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
+        let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
+        // The ids of a map are sorted.
+        let of = |object: &Object| ids.binary_search(&object.id).map_or(PLAIN, |i| i as u32);
+        Objects {
+            look_of: all.iter().map(of).collect(),
+            all,
+            sphere,
+            looks,
+        }
+    }
+
+    /// The objects.
+    pub fn all(&self) -> &[Object] {
+        &self.all
+    }
+
+    /// Bytes of memory that they take, names and looks included, with 16 for each allocation.
+    pub fn bytes(&self) -> usize {
+        const PIECE: usize = 16;
+        let text = |text: &String| PIECE + text.capacity();
+        let of = |object: &Object| {
+            let names = object.names.iter().map(text).sum::<usize>();
+            let held = PIECE + object.names.capacity() * size_of::<String>();
+            let sets = object.sets().count().saturating_sub(1) * size_of::<Elements>();
+            size_of::<Object>() + text(&object.id) + held + names + sets
+        };
+        let looks = self.looks.capacity() * size_of::<Look>();
+        let look_of = self.look_of.capacity() * size_of::<u32>();
+        self.all.iter().map(of).sum::<usize>() + looks + look_of
+    }
+
+    /// What is known of the object of that index.
+    fn look_at(&self, index: usize) -> Option<&Look> {
+        let look = self.look_of.get(index)?;
+        self.looks.get(*look as usize)
+    }
+
+    /// What bounds the light of the object of that index; that of a body depends on how it is turned.
+    pub fn brightest(&self, index: usize) -> Bright {
+        match self.look_at(index) {
+            None => Bright::of(&self.sphere),
+            Some(Look::Sphere(sphere)) => Bright::of(sphere),
+            Some(Look::Body(_)) => Bright::ANY,
+        }
+    }
+
+    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar SGP4; `earth` is that of mid-exposure.
+    ///
+    /// Errors: its orbit has no answer.
+    pub fn see(
+        &self,
+        index: usize,
+        earth: &Earth,
+        shutter: &Shutter,
+        corrections: &Corrections,
+    ) -> Result<SeenObject, OrbitError> {
+        let object = self.all[index].settled(shutter[1].epoch);
+        let at = |i: usize| object_direction(|t| object.state(t), &shutter[i], corrections);
+        let seen = [at(0)?, at(1)?, at(2)?];
+        Ok(self.lit(index, earth, shutter, corrections, seen))
+    }
+
+    /// The object of that index and its light, as it appears at the exposure's start, mid and end.
+    pub fn lit(
+        &self,
+        index: usize,
+        earth: &Earth,
+        shutter: &Shutter,
+        corrections: &Corrections,
+        [start, apparent, end]: [ApparentObject; 3],
+    ) -> SeenObject {
+        let line = |seen: &ApparentObject| seen.direction * seen.range_m;
+        let observer_m = shutter[1].position_m;
+        let sun_m = shutter[1].bodies.sun_apparent_m();
+        let to_sun = sun_m - apparent.seen_at_m;
+        let phase = phase_angle(&to_sun, &(observer_m - apparent.seen_at_m));
+        let reflective_area = match self.look_at(index) {
+            None => self.sphere.reflective_area(phase),
+            Some(Look::Sphere(sphere)) => sphere.reflective_area(phase),
+            Some(Look::Body(body)) => body.mean_reflective_area(&Passage {
+                observers: shutter,
+                seen: [&start, &apparent, &end],
+                sun_m,
+                light_time: corrections.light_time,
+            }),
+        };
+        SeenObject {
+            index,
+            lines_m: [line(&start), line(&apparent), line(&end)],
+            phase,
+            illumination: earth.illumination(apparent.seen_at_m, sun_m),
+            occulted: earth.occults(observer_m, apparent.seen_at_m),
+            mag: magnitude(reflective_area, to_sun.norm(), apparent.range_m),
+            apparent,
+        }
+    }
+}
+
+impl SeenObject {
+    /// The apparent vector at a part of the exposure (0: start, 1: end), by the parabola through
+    /// start, mid and end; what it misses is a jerk of some 0.01 m/s^3: micrometres in a second.
+    pub fn line_m(&self, part: f64) -> Vector3<f64> {
+        parabola(&self.lines_m, part)
+    }
+}
