@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A flag that one thread sets and the threads that make a frame read: between the stages of a scene, images, squares of area light, labels and bands of
-/// rows. What is made after it was set is incomplete and is not used.
+/// A flag that one thread sets and the threads that make a frame read: between the stages of a
+/// scene, images, squares of area light, labels and bands of rows. What is made after it was set is
+/// incomplete and is not used.
 #[derive(Debug, Clone, Default)]
 pub struct Abort(Arc<AtomicBool>);
 
@@ -20,9 +21,10 @@ impl Abort {
     }
 }
 
-/// How much work a frame may cost, and how much it has cost so far, by the times that the operations take on one core. Only what can grow without bound is
-/// counted: images, tracks, area light that moves, particles. The sum is the same whatever the machine and the number of threads: so is whether it
-/// exceeds the limit.
+/// How much work a frame may cost, and how much it has cost so far, by the times that the
+/// operations take on one core. Only what can grow without bound is counted: images, tracks, area
+/// light that moves, particles. The sum is the same whatever the machine and the number of threads:
+/// so is whether it exceeds the limit.
 #[derive(Debug, Clone, Default)]
 pub struct WorkLimit {
     abort: Abort,

@@ -1,8 +1,10 @@
-//! Numbers brought into the range that they are meant for, where a caller of the library may give any.
+//! Numbers brought into the range that they are meant for, where a caller of the library may give
+//! any.
 
 use std::ops::RangeInclusive;
 
-/// The number of `range` that is nearest to `value`; the least where that is no number, which a clamp would let pass.
+/// The number of `range` that is nearest to `value`; the least where that is no number, which a
+/// clamp would let pass.
 #[inline]
 pub fn nearest(value: f64, range: RangeInclusive<f64>) -> f64 {
     let (least, most) = range.into_inner();

@@ -20,7 +20,8 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::{StateVector, two_body};
 use thiserror::Error;
 
-/// How far from 1 the norm of a given quaternion may lie: within, it is normalised; beyond, refused.
+/// How far from 1 the norm of a given quaternion may lie: within, it is normalised; beyond,
+/// refused.
 pub use skyloop_protocols::command::UNIT_TOLERANCE as NORM_TOLERANCE;
 
 /// What is wrong with a given attitude or state.
@@ -77,8 +78,9 @@ impl Attitude {
         Ok(Attitude(UnitQuaternion::new_normalize(raw)))
     }
 
-    /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad, ICRF. `roll` (rad) is the position
-    /// angle of what is up in the image (-Y): from north through east. An angle that is no number or infinite is taken for 0.
+    /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad,
+    /// ICRF. `roll` (rad) is the position angle of what is up in the image (-Y): from north through
+    /// east. An angle that is no number or infinite is taken for 0.
     pub fn towards(ra: f64, dec: f64, roll: f64) -> Attitude {
         let [(sin_ra, cos_ra), (sin_dec, cos_dec), (sin_roll, cos_roll)] =
             [ra, dec, roll].map(|angle| libm::sincos(if angle.is_finite() { angle } else { 0.0 }));
@@ -91,10 +93,12 @@ impl Attitude {
         Attitude(UnitQuaternion::from_rotation_matrix(&rotation))
     }
 
-    /// Right ascension, declination and roll (rad) of a camera of this attitude: what [`Attitude::towards`] takes. They are geometric, without
-    /// aberration. At a pole, where the right ascension is any, the roll belongs to the one that is given.
+    /// Right ascension, declination and roll (rad) of a camera of this attitude: what
+    /// [`Attitude::towards`] takes. They are geometric, without aberration. At a pole, where the
+    /// right ascension is any, the roll belongs to the one that is given.
     ///
-    /// The rows of the rotation matrix are the camera's axes X, Y, Z in the ICRF; with up = -Y, east = (-sin ra, cos ra, 0), north = Z x east:
+    /// The rows of the rotation matrix are the camera's axes X, Y, Z in the ICRF; with up = -Y,
+    /// east = (-sin ra, cos ra, 0), north = Z x east:
     ///
     /// ```text
     /// ra = atan2(Zy, Zx),   dec = atan2(Zz, hypot(Zx, Zy)),   roll = atan2(up.east, up.north)
@@ -150,13 +154,15 @@ impl Attitude {
     }
 }
 
-/// The angle (rad) between two vectors of any length, by its tangent: as precise near 0 and near pi as between, where an arc cosine loses half of its
-/// digits. 0 where one of them is zero, no number where one has a component that is none.
+/// The angle (rad) between two vectors of any length, by its tangent: as precise near 0 and near pi
+/// as between, where an arc cosine loses half of its digits. 0 where one of them is zero, no number
+/// where one has a component that is none.
 pub fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
 }
 
-/// An angle (rad) in degrees, from 0 to below 360: the remainder alone makes 360 of what is a last digit below 0.
+/// An angle (rad) in degrees, from 0 to below 360: the remainder alone makes 360 of what is a last
+/// digit below 0.
 pub fn degrees_of_turn(angle: f64) -> f64 {
     let degrees = angle.to_degrees().rem_euclid(360.0);
     if degrees < 360.0 { degrees } else { 0.0 }
@@ -179,8 +185,8 @@ pub struct VehicleState {
 
 /// Body rates beyond this (rad/s; 100 turns a second) are refused.
 const MAX_RATE: f64 = 628.4;
-/// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is 6,356,752 m. What is given in files is
-/// held to the ellipsoid itself (`flight`).
+/// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is
+/// 6,356,752 m. What is given in files is held to the ellipsoid itself (`flight`).
 pub const MIN_POSITION: f64 = 6_356_000.0;
 /// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
 pub const MAX_POSITION: f64 = 4e9;
@@ -250,11 +256,13 @@ impl VehicleState {
     }
 }
 
-/// The vehicle at `epoch` between two messages, each carried there as [`VehicleState::at`] does, the nearer one counting more: at either message
-/// it is that message, attitude, rates, position and velocity, and nothing jumps in between. With rates that tell how the body turned it is exact.
-/// What it says of itself besides (`sequence`) is the earlier one's.
+/// The vehicle at `epoch` between two messages, each carried there as [`VehicleState::at`] does,
+/// the nearer one counting more: at either message it is that message, attitude, rates, position
+/// and velocity, and nothing jumps in between. With rates that tell how the body turned it is
+/// exact. What it says of itself besides (`sequence`) is the earlier one's.
 ///
-/// The weight is Hermite's `s = u^2 (3 - 2 u)`, `u` the share of the time between them that has passed: its slope is 0 at both ends.
+/// The weight is Hermite's `s = u^2 (3 - 2 u)`, `u` the share of the time between them that has
+/// passed: its slope is 0 at both ends.
 pub fn between(before: &VehicleState, after: &VehicleState, epoch: Epoch) -> VehicleState {
     let whole_s = (after.epoch - before.epoch).to_unit(Unit::Second);
     let passed_s = (epoch - before.epoch).to_unit(Unit::Second);
@@ -281,7 +289,8 @@ pub fn between(before: &VehicleState, after: &VehicleState, epoch: Epoch) -> Veh
     }
 }
 
-/// The constant body rates (rad/s) that take one attitude to another in `dt_s`: the shorter way. `q(t) = exp(-w t / 2) q(0)`, convention 4.
+/// The constant body rates (rad/s) that take one attitude to another in `dt_s`: the shorter way.
+/// `q(t) = exp(-w t / 2) q(0)`, convention 4.
 pub fn rates_between(before: &Attitude, after: &Attitude, dt_s: f64) -> Vector3<f64> {
     let turn = after.0 * before.0.inverse();
     let rates = -turn.scaled_axis() / dt_s;
@@ -374,7 +383,8 @@ mod tests {
         let at =
             |ra: f64, dec: f64| Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
         assert!((camera.rotate(&at(ra, dec)) - Vector3::z()).norm() < 1e-15);
-        // X-Val: by hand: seen from inside, with north up (-Y), east is left (-X); up turned by 30 deg to the east has north to the right of it.
+        // X-Val: by hand: seen from inside, with north up (-Y), east is left (-X); up turned by 30
+        // deg to the east has north to the right of it.
         let step = 1e-6;
         let north = camera.rotate(&at(ra, dec + step)) / step;
         let east = camera.rotate(&at(ra + step / dec.cos(), dec)) / step;

@@ -6,16 +6,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Does `work` on a thread of the pool, while another stays awake to share it, and of more some; when it is done they have finished what else
-/// they began.
+/// Does `work` on a thread of the pool, while another stays awake to share it, and of more some;
+/// when it is done they have finished what else they began.
 ///
-/// A frame has a dozen parts that are shared out, with others between them. A thread that goes to sleep in between takes up to a millisecond
-/// to wake: of a frame of 200,000 objects every 0.1 s all threads but one would sleep through most.
+/// A frame has a dozen parts that are shared out, with others between them. A thread that goes to
+/// sleep in between takes up to a millisecond to wake: of a frame of 200,000 objects every 0.1 s
+/// all threads but one would sleep through most.
 pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     let done = AtomicBool::new(false);
     rayon::scope(|scope| {
-        // These tasks lie before any that the work hands out, and other threads take the first before the later: whoever waits for a part of
-        // the work, which another thread has taken, does not come upon one of them, and so does not wait for himself.
+        // These tasks lie before any that the work hands out, and other threads take the first
+        // before the later: whoever waits for a part of the work, which another thread has taken,
+        // does not come upon one of them, and so does not wait for himself.
         for _ in 1..rayon::current_num_threads() {
             scope.spawn(|_| stay(&done));
         }
@@ -25,15 +27,17 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     })
 }
 
-/// Does `work` on this thread of the pool, of those from 0 on, while others share it or, where it is done `alone`, do nothing; nothing if there is none of that number.
-/// One at a time: alone it waits for all threads.
+/// Does `work` on this thread of the pool, of those from 0 on, while others share it or, where it
+/// is done `alone`, do nothing; nothing if there is none of that number. One at a time: alone it
+/// waits for all threads.
 pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
     let threads = rayon::current_num_threads();
     if leader >= threads {
         return None;
     }
     let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
-    // Whoever comes later could take up a part of the work first, and then wait in the midst of it for its end.
+    // Whoever comes later could take up a part of the work first, and then wait in the midst of it
+    // for its end.
     let all_here = Barrier::new(threads);
     let led = rayon::broadcast(|thread| {
         if alone {
@@ -52,7 +56,8 @@ pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Se
     led.into_iter().flatten().next()
 }
 
-/// Without work for so long a thread goes to sleep after all: longer than between two parts of most frames.
+/// Without work for so long a thread goes to sleep after all: longer than between two parts of most
+/// frames.
 const PATIENCE: Duration = Duration::from_micros(500);
 
 /// Takes its share until it is done.
@@ -83,7 +88,8 @@ mod tests {
     use super::*;
     use rayon::prelude::*;
 
-    /// Parts within parts, in pools of several sizes, side by side with other work in the same pool.
+    /// Parts within parts, in pools of several sizes, side by side with other work in the same
+    /// pool.
     #[test]
     fn the_work_is_done_however_many_share_it() {
         let sum = || -> u64 {

@@ -27,11 +27,13 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Room for a label's text, octets, as much as most ever have: it does not move to other memory where more is in view. What is not touched is not resident.
+/// Room for a label's text, octets, as much as most ever have: it does not move to other memory
+/// where more is in view. What is not touched is not resident.
 const LABEL: usize = 2 << 20;
 
-/// How many times the limit a frame's work is estimated to be where it is refused before it begins. Else it is counted as it is done: of edges that do not
-/// cross the field, or are full of light, prices are some 12 times too high.
+/// How many times the limit a frame's work is estimated to be where it is refused before it begins.
+/// Else it is counted as it is done: of edges that do not cross the field, or are full of light,
+/// prices are some 12 times too high.
 const SURELY: f64 = 40.0;
 
 /// Threads that are warmed up, of many the first few.
@@ -82,13 +84,15 @@ pub struct Emulator {
     pub choice: Choice,
     /// Whether shots keep the expected electrons and the charge.
     pub keep_expected: bool,
-    /// The vector instructions that pixels are worked out with; none: one by one, pass by pass. All give the same.
+    /// The vector instructions that pixels are worked out with; none: one by one, pass by pass. All
+    /// give the same.
     pub level: Option<Level>,
     /// Memory of earlier frames.
     memory: Memory,
     /// And of an earlier label, its objects and its text.
     label: (Vec<ObjectLabel>, String),
-    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much for smaller frames; none: anything.
+    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much
+    /// for smaller frames; none: anything.
     pub work_limit_s: Option<f64>,
     /// Cancels the frame that is made, from another thread.
     pub abort: Abort,
@@ -160,7 +164,8 @@ pub trait Witness: Sync {
     /// The label is done.
     fn labelled(&self, _: Opening) {}
 
-    /// Rows are done: the first pixel, row-major, and the digits from there on. Not called where nothing is done before all is.
+    /// Rows are done: the first pixel, row-major, and the digits from there on. Not called where
+    /// nothing is done before all is.
     fn developed(&self, _first: usize, _digits: &[u16]) {}
 }
 
@@ -239,7 +244,8 @@ impl Emulator {
         self.camera.clone()
     }
 
-    /// The camera's settings, to be commanded. What a camera file may not have makes frames without meaning, or [`Unobservable`], but no panic.
+    /// The camera's settings, to be commanded. What a camera file may not have makes frames without
+    /// meaning, or [`Unobservable`], but no panic.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
     }
@@ -264,16 +270,16 @@ impl Emulator {
         self.next_frame
     }
 
-    /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were made of the
-    /// same attitude message before; 0 gives the same noise again.
+    /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were
+    /// made of the same attitude message before; 0 gives the same noise again.
     ///
     /// Fails only where [`Emulator::scene`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
         self.shoot_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`. Fails with [`Unobservable::Abandoned`] once
-    /// [`Emulator::abort`] is set.
+    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`. Fails
+    /// with [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
     pub fn shoot_before(
         &mut self,
         witness: &dyn Witness,
@@ -284,7 +290,8 @@ impl Emulator {
         // What the log says of it is said on another thread.
         let span = tracing::Span::current();
         let made = crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)));
-        // A frame that is abandoned has a number, too: those of later frames do not depend on how far it came.
+        // A frame that is abandoned has a number, too: those of later frames do not depend on how
+        // far it came.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
         }
@@ -313,7 +320,8 @@ impl Emulator {
         let (objects, mut text) = std::mem::take(&mut self.label);
         text.clear();
         text.reserve(LABEL);
-        // The label first, by all threads: a frame's header tells how long it is, so that no packet leaves before. Then bands leave while others are rendered.
+        // The label first, by all threads: a frame's header tells how long it is, so that no packet
+        // leaves before. Then bands leave while others are rendered.
         let world = &self.world;
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
         label.overrun = self.overrun;
@@ -352,9 +360,10 @@ impl Emulator {
         })
     }
 
-    /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of these each takes the
-    /// lead, the first few, with the others and alone: who does later, and who has the time to help, is chance, and the memory for that is there then. With the others
-    /// first: the orbits get ready in the first.
+    /// Makes frames that nobody sees, so that the first one that counts finds what others find:
+    /// orbits between whose knots it lies, memory, threads. Of these each takes the lead, the first
+    /// few, with the others and alone: who does later, and who has the time to help, is chance, and
+    /// the memory for that is there then. With the others first: the orbits get ready in the first.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
@@ -386,8 +395,8 @@ impl Emulator {
         self.memory.recycle(frame);
     }
 
-    /// The ages of element sets, where most are of another time: told once, and asked again after each day of the scene's
-    /// time.
+    /// The ages of element sets, where most are of another time: told once, and asked again after
+    /// each day of the scene's time.
     fn old(&mut self, at: Epoch) -> Option<Ages> {
         let (asked, told) = self.ages;
         let is_near = |asked: Epoch| (asked - at).abs() < Unit::Day * 1;
@@ -399,10 +408,12 @@ impl Emulator {
         ages
     }
 
-    /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice` allows.
+    /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice`
+    /// allows.
     ///
-    /// Fails only where [`build_view`] does, and where the work exceeds [`Emulator::work_limit_s`]. Where area light fills every pixel, a frame that would exceed it
-    /// is made as if nothing moved.
+    /// Fails only where [`build_view`] does, and where the work exceeds [`Emulator::work_limit_s`].
+    /// Where area light fills every pixel, a frame that would exceed it is made as if nothing
+    /// moved.
     pub fn scene(
         &self,
         camera: &Arc<Camera>,
@@ -443,7 +454,8 @@ impl Emulator {
             if view.still_in_flood || view.limit.is_cancelled() {
                 return Err(too_much);
             }
-            // Where light fills every pixel nobody sees what moves, but in the expected electrons of a frame without noise.
+            // Where light fills every pixel nobody sees what moves, but in the expected electrons
+            // of a frame without noise.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
             if !choice.noise || !is_flooded(&view, &allowed(choice), fidelity) {
@@ -453,7 +465,8 @@ impl Emulator {
         }
     }
 
-    /// What a frame may cost, s on one core. Fails where the search for the objects in the field costs more.
+    /// What a frame may cost, s on one core. Fails where the search for the objects in the field
+    /// costs more.
     fn limit_s(&self, camera: &Camera) -> Result<Option<f64>, Unobservable> {
         let Some(limit_s) = self.work_limit_s else {
             return Ok(None);
@@ -471,7 +484,8 @@ impl Emulator {
         })
     }
 
-    /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.
+    /// What is too faint for an image: what is lost in read noise and in the steps of the
+    /// converter, but nothing that labels are to list.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
         let read_e = allowed(choice).only_with(EffectId::ReadNoise, camera.detector.read_noise_e);
         Faint {
@@ -487,7 +501,8 @@ impl Emulator {
         &self.fidelity
     }
 
-    /// Renders by other tolerances from the next frame on, each brought into its range ([`Fidelity::within_ranges`]).
+    /// Renders by other tolerances from the next frame on, each brought into its range
+    /// ([`Fidelity::within_ranges`]).
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
     }

@@ -44,10 +44,12 @@ impl Wings {
     }
 }
 
-/// Light (e-) that counts for nothing: its shares are near what is too small for single precision, where processors are slow.
+/// Light (e-) that counts for nothing: its shares are near what is too small for single precision,
+/// where processors are slow.
 const LEAST_E: f64 = 1e-20;
 
-/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
+/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds,
+/// memory that is new.
 pub const PIXEL_NS: f64 = 9.0;
 /// The same of large footprints, which caches do not hold, and drawn.
 pub const HELD_NS: f64 = 10.0;
@@ -56,7 +58,8 @@ pub const DOT_NS: f64 = 25.0;
 /// ns of each pixel around it.
 pub const LAID_NS: f64 = 0.3;
 
-/// The spans of rows that are `reached` from a column up to another, one after another on a detector so wide, and how many pixels they have.
+/// The spans of rows that are `reached` from a column up to another, one after another on a
+/// detector so wide, and how many pixels they have.
 fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
     let mut total = 0;
     let spans = reached.iter().map(|&(from, past)| {
@@ -196,7 +199,8 @@ impl Footprint {
         }
     }
 
-    /// That of a source that lights the whole detector, the shares of each pixel being given, row by row.
+    /// That of a source that lights the whole detector, the shares of each pixel being given, row
+    /// by row.
     pub fn whole(width: usize, shares: Vec<f32>) -> Footprint {
         let spans = (0..shares.len() / width.max(1)).map(|row| Span {
             column: 0,
@@ -212,7 +216,8 @@ impl Footprint {
         }
     }
 
-    /// That of several points together, each with its part of the light; nothing of use once `limit` is over.
+    /// That of several points together, each with its part of the light; nothing of use once
+    /// `limit` is over.
     pub fn sum(parts: &[(f64, Footprint)], limit: &WorkLimit) -> Footprint {
         let lit = || parts.iter().filter(|(_, part)| !part.shares.is_empty());
         let first_row = lit().map(|(_, part)| part.first_row).min().unwrap_or(0);

@@ -1,9 +1,11 @@
-//! The loops that a frame's time goes into, each compiled once more for the vector instructions that a processor may have.
+//! The loops that a frame's time goes into, each compiled once more for the vector instructions
+//! that a processor may have.
 //!
-//! The bodies are plain Rust over blocks of pixels that a compiler turns into vectors. Products that are added are fused where the code says so,
-//! on every processor (in a function call where it cannot), and no other function of the platform is called: all levels give the same
-//! bits. Each body's twin is the same work pixel by pixel (`rng::word`, `rng::normal`, `rng::poisson`, [`Converter::digit`]); tests compare
-//! them.
+//! The bodies are plain Rust over blocks of pixels that a compiler turns into vectors. Products
+//! that are added are fused where the code says so, on every processor (in a function call where it
+//! cannot), and no other function of the platform is called: all levels give the same bits. Each
+//! body's twin is the same work pixel by pixel (`rng::word`, `rng::normal`, `rng::poisson`,
+//! [`Converter::digit`]); tests compare them.
 
 #![allow(unsafe_code)]
 
@@ -36,8 +38,8 @@ use skyloop_base::rng::poisson::{self, SEARCHED, Switch};
 use skyloop_base::rng::{self, NoiseKey};
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Makes a function of `level` out of a body: the body compiled with that level's instructions, or with those that every
-/// processor has; without a level, of the twin that goes pixel by pixel.
+/// Makes a function of `level` out of a body: the body compiled with that level's instructions, or
+/// with those that every processor has; without a level, of the twin that goes pixel by pixel.
 macro_rules! kernel {
     ($(#[$doc:meta])* $name:ident = $body:ident, $twin:ident ($($arg:ident: $type:ty),*)) => {
         $(#[$doc])*
@@ -79,7 +81,8 @@ macro_rules! kernel {
 }
 
 kernel! {
-    /// Draws pixels' electrons from their means: those from pixel `first` on, each with the word that is its own (`rng::word`).
+    /// Draws pixels' electrons from their means: those from pixel `first` on, each with the word
+    /// that is its own (`rng::word`).
     shot_noise = shot_body, shot_twin (key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32])
 }
 
@@ -99,7 +102,8 @@ kernel! {
 }
 
 kernel! {
-    /// Adds light that runs in a straight line to pixels, `from + rise i` to that which is the i-th; the first at hand is that of `first`.
+    /// Adds light that runs in a straight line to pixels, `from + rise i` to that which is the
+    /// i-th; the first at hand is that of `first`.
     ramp = ramp_body, ramp_twin (from: f32, rise: f32, first: u32, electrons: &mut [f32])
 }
 
@@ -129,14 +133,14 @@ kernel! {
 }
 
 kernel! {
-    /// Adds light of so many `electrons` (e-) to the pixels of a band of rows, so `wide`: of `spans`, row by row from the band's row `first` on, each with its
-    /// part of the `shares` (1).
+    /// Adds light of so many `electrons` (e-) to the pixels of a band of rows, so `wide`: of
+    /// `spans`, row by row from the band's row `first` on, each with its part of the `shares` (1).
     add_light = light_body, light_twin (electrons: f32, spans: &[Span], shares: &[f32], first: usize, wide: usize, pixels: &mut [f32])
 }
 
 kernel! {
-    /// Adds the terms of the square of a signal-to-noise ratio: of pixels that hold their `shares` (1) of so many `electrons` (e-) and `background` (e-), as many
-    /// of one as of the other.
+    /// Adds the terms of the square of a signal-to-noise ratio: of pixels that hold their `shares`
+    /// (1) of so many `electrons` (e-) and `background` (e-), as many of one as of the other.
     add_signal = signal_body, signal_twin (reading: &Reading, electrons: f64, shares: &[f32], background: &[f32], sum: &mut f64)
 }
 
@@ -233,8 +237,9 @@ fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
     }
 }
 
-/// The normal draws of words: all as if they were near the middle, then those that are not, of one group in 35. Step by step over all of a
-/// block: a processor looks too few operations ahead to work on several pixels whose whole draws stand one after another.
+/// The normal draws of words: all as if they were near the middle, then those that are not, of one
+/// group in 35. Step by step over all of a block: a processor looks too few operations ahead to
+/// work on several pixels whose whole draws stand one after another.
 #[inline(always)]
 fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
     for i in 0..BLOCK {

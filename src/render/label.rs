@@ -1,4 +1,5 @@
-//! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
+//! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the
+//! README.
 
 mod coordinates;
 mod empty;

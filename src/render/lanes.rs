@@ -1,4 +1,5 @@
-//! Greatest values of many pixels, in lanes that a processor works out side by side: the same on every one.
+//! Greatest values of many pixels, in lanes that a processor works out side by side: the same on
+//! every one.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! The plan of one frame: every effect's verdict on the scene, in physical order.
+//! The plan of one frame: the decision about every effect, in physical order.
 
 use crate::effect::{Cost, EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
 use crate::fidelity::{Choice, Fidelity};
@@ -6,29 +6,29 @@ use crate::scene::{EffectSet, Scene, View, two_figures};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// One effect's verdict.
+/// The decision about one effect.
 pub struct Step<'s> {
     /// The effect.
     pub effect: &'static Effect,
-    /// What it answered.
+    /// The decision.
     pub verdict: Verdict<'s>,
-    /// What leaving it out costs by its answer: of an effect that shapes images, before they were made.
+    /// Error bound by its assessment; of an effect that shapes images, before they were formed.
     asked: Cost<'s>,
-    /// What it changes of all that is drawn, e-.
+    /// Change of the drawn electrons without it, e-.
     drawn_e: f64,
 }
 
-/// What a frame is rendered by.
+/// What a frame is rendered with.
 pub struct Plan<'s> {
     /// One step an effect, in the order of [`EFFECTS`].
     pub steps: Vec<Step<'s>>,
-    /// In place of those of area sources, where all of them run.
+    /// The pass for all area sources together, if all of them run.
     pub together: Pass<'s>,
     scene: &'s Scene,
 }
 
-/// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
-/// are switched off. (What they leave out where they are not needed lies within the tolerances.)
+/// The effects of this view's frame: those that shape images if they are needed, and all others
+/// unless they are switched off.
 pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> EffectSet {
     simulated_at(view, fidelity, choice).0
 }
@@ -40,7 +40,7 @@ pub fn allowed(choice: &Choice) -> EffectSet {
     allowed.fold(EffectSet::default(), |set, effect| set.with(effect.id))
 }
 
-/// [`simulated`], and what those that shape images are expected to take, ms on one core.
+/// [`simulated`], and the estimated time of those that shape images, ms on one core.
 pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
     let mut price_ms = 0.0;
     let mut simulated = EffectSet::default();
@@ -64,7 +64,7 @@ pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (Effec
     (simulated, price_ms)
 }
 
-/// Why an effect is not asked; none if it is.
+/// Why an effect is switched off, if it is.
 fn switched_off(effect: &Effect, choice: &Choice) -> Option<&'static str> {
     if choice.off.contains(&effect.name) {
         Some("it is switched off")
@@ -75,7 +75,7 @@ fn switched_off(effect: &Effect, choice: &Choice) -> Option<&'static str> {
     }
 }
 
-/// Why an effect with that need does not run; none if it does.
+/// Why an effect with that assessment does not run, if it does not.
 fn refusal(need: &Need<'_>, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'static, str>> {
     if choice.all || !need.is_within(fidelity) {
         return None;
@@ -87,7 +87,7 @@ fn refusal(need: &Need<'_>, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<
     })
 }
 
-/// What leaving out `effect`, which answered `asked`, costs, now that the images are made.
+/// The error bound without `effect`, assessed as `asked`, now that the images are formed.
 fn changed(effect: &Effect, scene: &Scene, asked: Loss) -> Loss {
     match &effect.judge {
         Judge::Images(_, change) if asked != Loss::default() => change(scene, &asked),
@@ -96,7 +96,7 @@ fn changed(effect: &Effect, scene: &Scene, asked: Loss) -> Loss {
 }
 
 impl<'s> Plan<'s> {
-    /// Asks every effect.
+    /// Assesses every effect.
     pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
         let step = |effect: &'static Effect| {
             if let Some(why) = switched_off(effect, choice) {
@@ -140,21 +140,22 @@ impl<'s> Plan<'s> {
                 let areas = scene.areas_together();
                 areas.add_to(tile.level, tile.first, tile.electrons);
             })),
-            // One by one: what the next takes is not known.
+            // One by one: their times differ.
             steps: EFFECTS.par_iter().with_max_len(1).map(step).collect(),
             scene,
         }
     }
 
-    /// What leaving out the effect of one of the plan's steps costs at most; none of those that are switched off, for what they would do
-    /// is not in the scene. Worked out when asked for: no pixel waits for it, labels tell it of what is skipped, and of what runs, where it may
-    /// take as long as making the images, no frame needs it.
+    /// Error bound without the effect of a step; none if it is switched off, because its result is
+    /// not in the scene. Computed on demand: labels give it for skipped effects. For effects that
+    /// run it may take as long as forming the images, and no frame needs it.
     pub fn error(&self, step: &Step<'_>) -> Option<Loss> {
         let is_off = matches!(step.verdict, Verdict::Off { .. });
         (!is_off).then(|| changed(step.effect, self.scene, *step.asked))
     }
 
-    /// What electrons of the scene call for an effect that runs though no pixel's expectation needs it, e-; none of all others.
+    /// The drawn electrons that need an effect which no pixel's expectation needs, e-; none
+    /// otherwise.
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
         let fidelity = self.scene.fidelity();
         let runs = matches!(step.verdict, Verdict::Run { .. });
@@ -162,7 +163,7 @@ impl<'s> Plan<'s> {
             .then_some(step.drawn_e)
     }
 
-    /// Logs what runs and what does not, and why.
+    /// Logs which effects run, and why.
     pub fn log(&self) {
         for step in &self.steps {
             let (effect, verdict) = (step.effect, &step.verdict);

@@ -1,8 +1,10 @@
-//! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot fail.
+//! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot
+//! fail.
 //!
-//! A band's charge stays in a core's second-level cache from the first light to the digits, and passes that work on single pixels go
-//! over it together, run by run, each in the first-level cache. Only a pass that needs the whole frame, or a caller who wants to
-//! keep the charge, has it written out. A frame in the memory of one of its shape asks for none.
+//! A band's charge stays in a core's second-level cache from the first light to the digits, and
+//! passes that work on single pixels go over it together, run by run, each in the first-level
+//! cache. Only a pass that needs the whole frame, or a caller who wants to keep the charge, has it
+//! written out. A frame in the memory of one of its shape asks for none.
 
 use crate::effect::{EFFECTS, Pass, Stage, Verdict};
 use crate::frame::{Charge, Frame, Memory, Tile};
@@ -24,10 +26,12 @@ thread_local! {
     static CHARGE: Cell<Vec<f32>> = const { Cell::new(Vec::new()) };
 }
 
-/// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass over the whole frame, on one thread. Pixels
-/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too. The frame
-/// is made in `memory`, which keeps what the frame is not given. `done` sees the digits of each band and its first pixel, on the thread that
-/// made it, from the top row on but for what several threads have under way; where nothing is done before all is, it sees nothing.
+/// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass
+/// over the whole frame, on one thread. Pixels depend neither on that nor on bands, runs and the
+/// number of threads. `keep` keeps the expected electrons and the charge too. The frame is made in
+/// `memory`, which keeps what the frame is not given. `done` sees the digits of each band and its
+/// first pixel, on the thread that made it, from the top row on but for what several threads have
+/// under way; where nothing is done before all is, it sees nothing.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
@@ -79,7 +83,8 @@ pub fn render(
     frame
 }
 
-/// Makes it as long as the frame has pixels; a cancelled frame's stays shorter. A page of new memory takes 1 us, those of a large frame 100 ms.
+/// Makes it as long as the frame has pixels; a cancelled frame's stays shorter. A page of new
+/// memory takes 1 us, those of a large frame 100 ms.
 fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     const PIECE: usize = 1 << 20;
     let pixels = scene.view.camera.detector.pixels();
@@ -130,7 +135,8 @@ fn bands(
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
-    // Each thread takes the next band from the top: what is done is a whole upper part of the frame, which can leave.
+    // Each thread takes the next band from the top: what is done is a whole upper part of the
+    // frame, which can leave.
     let left = Mutex::new(digits.chunks_mut(band).enumerate());
     let next = || {
         let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);

@@ -9,10 +9,12 @@ pub const SUN_MAGNITUDE: f64 = -26.73;
 const H_C: f64 = 6.626_070_15e-34 * 299_792_458.0;
 /// Second radiation constant `h c / k`, m K.
 const C2: f64 = 1.438_776_877e-2;
-/// The Sun's B-V (Ramirez et al. 2012): a star of this colour has the Sun's band magnitude less its V.
+/// The Sun's B-V (Ramirez et al. 2012): a star of this colour has the Sun's band magnitude less its
+/// V.
 const SUN_B_V: f64 = 0.653;
 
-/// Response to photons against wavelength, normalised to a peak of 1 (quantum efficiency and transmission are apart).
+/// Response to photons against wavelength, normalised to a peak of 1 (quantum efficiency and
+/// transmission are apart).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
     name: String,
@@ -27,11 +29,13 @@ pub struct Band {
     mean_wavelengths: Vec<f64>,
 }
 
-/// B-V that black bodies stand for (see [`temperature`]), and the steps in which mean wavelengths are tabulated.
+/// B-V that black bodies stand for (see [`temperature`]), and the steps in which mean wavelengths
+/// are tabulated.
 const B_V: [f64; 2] = [-0.4, 2.0];
 const B_V_STEPS: usize = 48;
 
-/// Where the Sun's spectrum is known, and a little more, since nanometres do not come out even; and the width of the narrowest band, m.
+/// Where the Sun's spectrum is known, and a little more, since nanometres do not come out even; and
+/// the width of the narrowest band, m.
 const SPECTRUM_M: [f64; 2] = [299.9e-9, 1200.1e-9];
 const NARROWEST_M: f64 = 1e-12;
 
@@ -40,7 +44,8 @@ const V: &[f64] = &[
     0.000, 0.030, 0.163, 0.458, 0.780, 0.967, 1.000, 0.973, 0.898, 0.792, 0.684, 0.574, 0.461,
     0.359, 0.270, 0.197, 0.135, 0.081, 0.045, 0.025, 0.017, 0.013, 0.009, 0.000,
 ];
-/// A front-illuminated silicon sensor behind glass, 350 to 1050 nm each 50 nm: a typical shape, assumed.
+/// A front-illuminated silicon sensor behind glass, 350 to 1050 nm each 50 nm: a typical shape,
+/// assumed.
 const SILICON: &[f64] = &[
     0.00, 0.30, 0.60, 0.80, 0.93, 1.00, 0.98, 0.92, 0.83, 0.70, 0.55, 0.40, 0.25, 0.10, 0.00,
 ];
@@ -49,7 +54,8 @@ impl Band {
     /// Bands with a name.
     pub const NAMES: [&str; 2] = ["v", "silicon"];
 
-    /// Full response between two wavelengths (m), of which what lies outside of 300 to 1200 nm counts for nothing; at least a picometre.
+    /// Full response between two wavelengths (m), of which what lies outside of 300 to 1200 nm
+    /// counts for nothing; at least a picometre.
     pub fn top_hat(from_m: f64, to_m: f64) -> Band {
         let [first_m, last_m] = SPECTRUM_M;
         let from_m = nearest(from_m, first_m..=last_m - NARROWEST_M);
@@ -68,7 +74,8 @@ impl Band {
                 name.into(),
                 470e-9,
                 700e-9,
-                // Per photon: the table weighs energy, and a photon of wavelength w carries hc/w. Its peak is at 530 nm.
+                // Per photon: the table weighs energy, and a photon of wavelength w carries hc/w.
+                // Its peak is at 530 nm.
                 |m| table(V, 470.0, 10.0)(m) * 530e-9 / m,
             )),
             "silicon" => Some(Band::sampled(
@@ -111,8 +118,8 @@ impl Band {
         &self.name
     }
 
-    /// `E_zero` of Clark et al. 2021, Eq. (1): photon irradiance of magnitude 0, ph/s/m^2, from the solar
-    /// spectrum over the band and the Sun's magnitude: `E_sun 10^(0.4 m_sun)`.
+    /// `E_zero` of Clark et al. 2021, Eq. (1): photon irradiance of magnitude 0, ph/s/m^2, from the
+    /// solar spectrum over the band and the Sun's magnitude: `E_sun 10^(0.4 m_sun)`.
     pub fn zero_point(&self) -> f64 {
         self.zero_point
     }
@@ -122,13 +129,15 @@ impl Band {
         self.sun_spectrum().map(|(_, photons)| photons).sum()
     }
 
-    /// The parts of [`Band::sun_irradiance`]: wavelength (m) and photon irradiance (ph/s/m^2) of each step of the band.
+    /// The parts of [`Band::sun_irradiance`]: wavelength (m) and photon irradiance (ph/s/m^2) of
+    /// each step of the band.
     pub fn sun_spectrum(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let photons = |(w, r): &(f64, f64)| (*w, r * solar_irradiance(*w) * w / H_C * self.step_m);
         self.samples.iter().map(photons)
     }
 
-    /// The response to a photon of a wavelength (m), 0..1: that of the step in which it lies, 0 outside the band.
+    /// The response to a photon of a wavelength (m), 0..1: that of the step in which it lies, 0
+    /// outside the band.
     pub fn response(&self, wavelength_m: f64) -> f64 {
         let from_m = self
             .samples
@@ -140,7 +149,8 @@ impl Band {
     }
 
     /// Band magnitude minus V of a star of colour B-V, relative to the Sun: black bodies at the
-    /// colour's temperature. Error against real spectra a few 0.01 mag for B to K stars, more for M.
+    /// colour's temperature. Error against real spectra a few 0.01 mag for B to K stars, more for
+    /// M.
     pub fn colour_term(&self, b_v: f64, v_band: &Band) -> f64 {
         let t = temperature(b_v);
         let in_band = self.black_body_photons(t) / self.sun_photons;
@@ -148,8 +158,9 @@ impl Band {
         -2.5 / LN_10 * libm::log(in_band / in_v)
     }
 
-    /// Mean wavelength of the photons that a star of colour B-V gives in the band, over that of a star of the Sun's
-    /// colour, the band's reference. Straight lines between steps of 0.05 mag err by less than 1e-4.
+    /// Mean wavelength of the photons that a star of colour B-V gives in the band, over that of a
+    /// star of the Sun's colour, the band's reference. Straight lines between steps of 0.05 mag err
+    /// by less than 1e-4.
     pub fn wavelength_ratio(&self, b_v: f64) -> f64 {
         let at = |b_v: f64| {
             let part = (b_v.clamp(B_V[0], B_V[1]) - B_V[0]) / (B_V[1] - B_V[0]);
@@ -168,7 +179,8 @@ impl Band {
         self.mean_wavelength_m(temperature(SUN_B_V))
     }
 
-    /// Wavelength in units of the reference, and the photons there (any unit) of a star of the Sun's colour.
+    /// Wavelength in units of the reference, and the photons there (any unit) of a star of the
+    /// Sun's colour.
     pub fn spectrum(&self) -> Vec<(f64, f64)> {
         let (reference, t) = (self.reference_m(), temperature(SUN_B_V));
         let part = |(w, r): &(f64, f64)| (w / reference, r * planck(*w, t));
@@ -185,14 +197,16 @@ impl Band {
         moment / photons
     }
 
-    /// Photon rate of a black body in the band, arbitrary unit: `sum R lambda^-4 / (exp(c2 / lambda T) - 1)`.
+    /// Photon rate of a black body in the band, arbitrary unit:
+    /// `sum R lambda^-4 / (exp(c2 / lambda T) - 1)`.
     fn black_body_photons(&self, t: f64) -> f64 {
         let photons = |(w, r): &(f64, f64)| r / (w * 1e6).powi(4) / libm::expm1(C2 / (w * t));
         self.samples.iter().map(photons).sum::<f64>() * self.step_m
     }
 }
 
-/// Photons of a black body at a wavelength (m), arbitrary unit; on every platform the same, for they shape pixels.
+/// Photons of a black body at a wavelength (m), arbitrary unit; on every platform the same, for
+/// they shape pixels.
 fn planck(w: f64, t: f64) -> f64 {
     let um = w * 1e6;
     1.0 / (um * um * um * um) / libm::expm1(C2 / (w * t))
@@ -237,9 +251,10 @@ mod tests {
 
     #[test]
     fn the_zero_point_of_v_is_the_published_one() {
-        // X-Val: Bessell, Castelli & Plez 1998 (A&A 333, 231), Table A2: V = 0 is 3.631e-9 erg/s/cm^2/A, which
-        // through the response to photons is 8.652e9 ph/s/m^2. On that scale the Sun has -26.76 (Willmer 2018,
-        // ApJS 236, 47), here the paper's -26.73. Weighted by energy it would be 3.8 % more.
+        // X-Val: Bessell, Castelli & Plez 1998 (A&A 333, 231), Table A2: V = 0 is 3.631e-9
+        // erg/s/cm^2/A, which through the response to photons is 8.652e9 ph/s/m^2. On that scale
+        // the Sun has -26.76 (Willmer 2018, ApJS 236, 47), here the paper's -26.73. Weighted by
+        // energy it would be 3.8 % more.
         let published = 8.652e9 * 10f64.powf(0.4 * (26.76 - 26.73));
         let zero = Band::named("v").unwrap().zero_point();
         assert!((zero / published - 1.0).abs() < 0.01, "{zero:e}");
@@ -252,7 +267,8 @@ mod tests {
         assert!(
             (zero(650.0, 1100.0) / (zero(650.0, 800.0) + zero(800.0, 1100.0)) - 1.0).abs() < 1e-4
         );
-        // X-Val: the same table's 0.5 nm original integrated over 650-1100 nm: 1.90980e21 ph/s/m^2 from the Sun.
+        // X-Val: the same table's 0.5 nm original integrated over 650-1100 nm: 1.90980e21 ph/s/m^2
+        // from the Sun.
         let sun = zero(650.0, 1100.0) / 10f64.powf(0.4 * SUN_MAGNITUDE);
         assert!((sun / 1.90980e21 - 1.0).abs() < 1e-3);
     }
@@ -270,7 +286,8 @@ mod tests {
     fn red_stars_have_longer_wavelengths_and_the_suns_colour_is_the_reference() {
         let nir = Band::top_hat(650e-9, 1100e-9);
         assert!((nir.wavelength_ratio(SUN_B_V) - 1.0).abs() < 1e-15);
-        // X-Val: numpy 2.4.6, 200,001 points of Planck's law in photons at 5767.48 K (B-V 0.653): 857.72 nm over 650-1100 nm.
+        // X-Val: numpy 2.4.6, 200,001 points of Planck's law in photons at 5767.48 K (B-V 0.653):
+        // 857.72 nm over 650-1100 nm.
         assert!((nir.reference_m() * 1e9 - 857.72).abs() < 0.05);
         let [blue, red] = nir.wavelength_ratios();
         assert!(blue < 0.99 && red > 1.02, "{blue} {red}");

@@ -51,10 +51,11 @@ impl Detector {
         self.width * self.height
     }
 
-    /// How much faster dark current flows `warmer_k` above its reference, where it doubles every `doubling_k`:
-    /// `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)`: the law near one temperature of `T^1.5 exp(-E_gap / 2 k T)` (Janesick
-    /// 2001, ch. 7), which doubles in 8 K at 20 deg C and in 6 K at -20. Where diffusion from the bulk prevails, warm, it
-    /// is `exp(-E_gap / k T)`, twice as fast (Widenhorn et al. 2002, Proc. SPIE 4669, 193).
+    /// How much faster dark current flows `warmer_k` above its reference, where it doubles every
+    /// `doubling_k`: `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)`: the law near one
+    /// temperature of `T^1.5 exp(-E_gap / 2 k T)` (Janesick 2001, ch. 7), which doubles in 8 K at
+    /// 20 deg C and in 6 K at -20. Where diffusion from the bulk prevails, warm, it is
+    /// `exp(-E_gap / k T)`, twice as fast (Widenhorn et al. 2002, Proc. SPIE 4669, 193).
     pub fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
         libm::exp2(warmer_k / doubling_k)
     }
@@ -64,9 +65,10 @@ impl Detector {
         self.pattern.dark_mean_e_s() * exposure_s
     }
 
-    /// The charge that is read where `e` (e-) is held: `e (1 - a e / full well)`, with `a` missing at full well. The first
-    /// term beyond the linear one of a source follower whose gain falls with its signal (Janesick 2007, Photon Transfer, ch. 7).
-    /// It rises all the way to full well for `a` up to 1/2; beyond the well it goes on with the slope of a line.
+    /// The charge that is read where `e` (e-) is held: `e (1 - a e / full well)`, with `a` missing
+    /// at full well. The first term beyond the linear one of a source follower whose gain falls
+    /// with its signal (Janesick 2007, Photon Transfer, ch. 7). It rises all the way to full well
+    /// for `a` up to 1/2; beyond the well it goes on with the slope of a line.
     pub fn response_e(&self, e: f64) -> f64 {
         e * (1.0 - self.nonlinearity * (e / self.full_well_e).clamp(0.0, 1.0))
     }
@@ -92,7 +94,8 @@ impl Detector {
         (u32::from(u16::MAX) >> (16 - u32::from(self.bits.min(16)))) as u16
     }
 
-    /// The digital number at which a pixel saturates: its full well, or full scale where that comes first.
+    /// The digital number at which a pixel saturates: its full well, or full scale where that comes
+    /// first.
     pub fn saturation_dn(&self) -> u16 {
         let full_well = self.response_e(self.full_well_e) / self.gain_e_per_dn + self.offset_dn;
         (full_well.round() as u16).min(self.max_dn())
@@ -103,7 +106,8 @@ impl Detector {
         self.gain_e_per_dn * self.gain_e_per_dn / 12.0
     }
 
-    /// The edge of the detector, every pixel included, widened by `margin_px`: points (px) some sixteenth of a side apart.
+    /// The edge of the detector, every pixel included, widened by `margin_px`: points (px) some
+    /// sixteenth of a side apart.
     pub fn edge(&self, margin_px: f64) -> impl Iterator<Item = [f64; 2]> {
         const PARTS: usize = 16;
         let low = -0.5 - margin_px;

@@ -50,8 +50,8 @@ impl Camera {
         self.shutter.period_s(self.detector.height, exposure_s)
     }
 
-    /// The greatest scale on the detector (px a rad), found at its corners and at the principal point, and the corners'
-    /// greatest distance from that point (px).
+    /// The greatest scale on the detector (px a rad), found at its corners and at the principal
+    /// point, and the corners' greatest distance from that point (px).
     pub fn scale_and_corner_px(&self) -> (f64, f64) {
         const STEP_PX: f64 = 0.1;
         let optics = &self.optics;
@@ -122,7 +122,8 @@ impl Camera {
             libm::atan2(libm::hypot(direction.x, direction.y), direction.z)
         };
         let widest = self.detector.edge(margin_px).map(angle).fold(0.0, f64::max);
-        // Tangential distortion has its widest angle between the points, some thousandth of a side's further.
+        // Tangential distortion has its widest angle between the points, some thousandth of a
+        // side's further.
         (1.01 * widest).min(std::f64::consts::PI)
     }
 }

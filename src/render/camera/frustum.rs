@@ -16,8 +16,8 @@ pub struct Side {
 const WIDEST: f64 = 0.17;
 
 impl Camera {
-    /// The planes (camera axes) within which every pixel, widened by `margin_px`, lies, distortion left out or not; none of a field that
-    /// is too wide for them.
+    /// The planes (camera axes) within which every pixel, widened by `margin_px`, lies, distortion
+    /// left out or not; none of a field that is too wide for them.
     pub fn sides(&self, margin_px: f64) -> Vec<Side> {
         let optics = &self.optics;
         let ideal = optics.projection.ideal();

@@ -65,7 +65,8 @@ impl Optics {
         }
     }
 
-    /// [`Optics::project`] by another projection, such as the ideal one: `x = cx + f x'`, `y = cy + f y'`.
+    /// [`Optics::project`] by another projection, such as the ideal one: `x = cx + f x'`,
+    /// `y = cy + f y'`.
     pub fn project_by(
         &self,
         projection: &Projection,
@@ -83,8 +84,8 @@ impl Optics {
         Some([cx + self.focal_px * x, cy + self.focal_px * y])
     }
 
-    /// The unit direction in camera axes of a pixel: the inverse of [`Optics::project`]. Beyond the projection's end,
-    /// that of the last place before it, on the way out from the principal point.
+    /// The unit direction in camera axes of a pixel: the inverse of [`Optics::project`]. Beyond the
+    /// projection's end, that of the last place before it, on the way out from the principal point.
     pub fn direction(&self, pixel: [f64; 2]) -> Vector3<f64> {
         if let Some(direction) = self.seen_at(pixel) {
             return direction;

@@ -1,6 +1,7 @@
 //! The fixed pattern of a detector: what its maker left in every pixel, the same in every frame.
 //!
-//! Keyed by the camera's serial number alone: neither by the run's seed nor by threads or platform. Per pixel:
+//! Keyed by the camera's serial number alone: neither by the run's seed nor by threads or platform.
+//! Per pixel:
 //!
 //! ```text
 //! response  g = max(0, 1 + prnu N(0, 1))                            mean 1, EMVA Standard 1288 release 4.0, PRNU
@@ -8,9 +9,9 @@
 //! excess      = -hot ln U with probability hot_fraction, else 0     exponential, mean `hot`
 //! ```
 //!
-//! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068, 606805);
-//! the excess that displacement damage adds to a pixel is taken as exponential (assumed, after the tails of irradiated sensors:
-//! Virmontois et al. 2010, IEEE TNS 57, 3101).
+//! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068,
+//! 606805); the excess that displacement damage adds to a pixel is taken as exponential (assumed,
+//! after the tails of irradiated sensors: Virmontois et al. 2010, IEEE TNS 57, 3101).
 
 use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
@@ -182,7 +183,8 @@ impl Pattern {
         self.worst_response
     }
 
-    /// Dark current of every pixel, row-major, hot pixels included, e-/s; none where it is the same everywhere.
+    /// Dark current of every pixel, row-major, hot pixels included, e-/s; none where it is the same
+    /// everywhere.
     pub fn dark_e_s(&self) -> Option<&[f32]> {
         (!self.dark_e_s.is_empty()).then_some(&self.dark_e_s)
     }

@@ -1,14 +1,15 @@
 //! From direction to the detector plane, in units of the focal length, and back.
 //!
-//! Pinhole: `(x, y) = (X, Y) / Z`.
-//! Brown-Conrady (Brown 1966, Photogrammetric Engineering 32, 444), in OpenCV's form, with `r^2 = x^2 + y^2`:
+//! Pinhole: `(x, y) = (X, Y) / Z`. Brown-Conrady (Brown 1966, Photogrammetric Engineering 32, 444),
+//! in OpenCV's form, with `r^2 = x^2 + y^2`:
 //! `x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)`,
-//! `y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y`.
-//! Fisheye, equidistant (Kannala & Brandt 2006, PAMI 28, 1335), in OpenCV's form, with `t` the angle from the boresight:
+//! `y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y`. Fisheye, equidistant
+//! (Kannala & Brandt 2006, PAMI 28, 1335), in OpenCV's form, with `t` the angle from the boresight:
 //! `r' = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`, along the azimuth of the direction.
 //!
-//! Polynomials turn around somewhere. There the model ends: what lies further out has no image, and no pixel beyond
-//! the image of that fold has a direction. Backwards by Newton's method, to 1e-13 of the focal length.
+//! Polynomials turn around somewhere. There the model ends: what lies further out has no image, and
+//! no pixel beyond the image of that fold has a direction. Backwards by Newton's method, to 1e-13
+//! of the focal length.
 
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -17,7 +18,8 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     model: Model,
-    /// The model holds below this: tangent of the angle from the boresight (Brown-Conrady), or the angle (fisheye, rad).
+    /// The model holds below this: tangent of the angle from the boresight (Brown-Conrady), or the
+    /// angle (fisheye, rad).
     end: f64,
 }
 
@@ -40,7 +42,8 @@ pub enum Model {
     },
 }
 
-/// Directions nearer than this to the plane of the aperture (sine of the angle) have no image behind a pinhole.
+/// Directions nearer than this to the plane of the aperture (sine of the angle) have no image
+/// behind a pinhole.
 const GRAZING: f64 = 1e-6;
 /// Steps of Newton's method: from the fold's neighbourhood some twenty, else five.
 const MOST_STEPS: usize = 60;
@@ -101,7 +104,8 @@ impl Projection {
         }
     }
 
-    /// Where the image of a direction (any length, camera axes) falls, in focal lengths from the principal point; none of what is no direction.
+    /// Where the image of a direction (any length, camera axes) falls, in focal lengths from the
+    /// principal point; none of what is no direction.
     pub fn image(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let [x, y, z] = [direction.x, direction.y, direction.z];
         if let Model::Fisheye { k } = &self.model {
@@ -128,8 +132,9 @@ impl Projection {
         }
     }
 
-    /// The solid angle (sr) that a square of one focal length's side takes in a direction (unit vector, camera axes), were it as large
-    /// everywhere: `cos^3` of a pinhole, less by as much as distortion spreads images; `sin(a) / (r dr/da)` of a fisheye.
+    /// The solid angle (sr) that a square of one focal length's side takes in a direction (unit
+    /// vector, camera axes), were it as large everywhere: `cos^3` of a pinhole, less by as much as
+    /// distortion spreads images; `sin(a) / (r dr/da)` of a fisheye.
     pub fn solid_angle(&self, direction: &Vector3<f64>) -> f64 {
         let z = direction.z;
         match &self.model {
@@ -150,8 +155,8 @@ impl Projection {
         }
     }
 
-    /// The unit direction (camera axes) whose image falls at `at`, in focal lengths from the principal point: the
-    /// inverse of [`Projection::image`]. None beyond the model's end.
+    /// The unit direction (camera axes) whose image falls at `at`, in focal lengths from the
+    /// principal point: the inverse of [`Projection::image`]. None beyond the model's end.
     pub fn direction(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
         match &self.model {
             Model::Pinhole => Vector3::new(at[0], at[1], 1.0)
@@ -188,7 +193,8 @@ fn even(k: &[f64], s: f64) -> (f64, f64) {
     (1.0 + s * value, value + s * slope)
 }
 
-/// The image of a pinhole's point by Brown and Conrady, and its derivatives `[dx'/dx, dx'/dy = dy'/dx, dy'/dy]`.
+/// The image of a pinhole's point by Brown and Conrady, and its derivatives
+/// `[dx'/dx, dx'/dy = dy'/dx, dy'/dy]`.
 fn distorted(k: &[f64; 3], [p1, p2]: &[f64; 2], [x, y]: [f64; 2]) -> ([f64; 2], [f64; 3]) {
     let s = x * x + y * y;
     let (radial, slope) = even(k, s);
@@ -204,11 +210,13 @@ fn distorted(k: &[f64; 3], [p1, p2]: &[f64; 2], [x, y]: [f64; 2]) -> ([f64; 2], 
     (image, derivatives)
 }
 
-/// The greatest radius within which Brown and Conrady's map folds nowhere, up to 10,000 (89.99 deg).
+/// The greatest radius within which Brown and Conrady's map folds nowhere, up to 10,000 (89.99
+/// deg).
 ///
-/// Its matrix of derivatives is symmetric and starts as the unit matrix: as long as both of its eigenvalues are above 0, the map is
-/// the gradient of a convex function, and no two points have one image. Radii grow by a part of themselves: coefficients of narrow fields are
-/// large, and fold them at small ones.
+/// Its matrix of derivatives is symmetric and starts as the unit matrix: as long as both of its
+/// eigenvalues are above 0, the map is the gradient of a convex function, and no two points have
+/// one image. Radii grow by a part of themselves: coefficients of narrow fields are large, and fold
+/// them at small ones.
 fn first_fold(k: &[f64; 3], p: &[f64; 2]) -> f64 {
     const FURTHEST: f64 = 1e4;
     const NEAREST: f64 = 1e-8;

@@ -1,7 +1,9 @@
-//! Charged particles through the sensitive layer: straight tracks that leave charge in every pixel that they cross.
+//! Charged particles through the sensitive layer: straight tracks that leave charge in every pixel
+//! that they cross.
 //!
-//! The charge of a track of length x is drawn from Moyal's form of Landau's distribution (Moyal 1955, Phil. Mag. 46, 263)
-//! about the most probable loss (Particle Data Group, Review of Particle Physics 2022, Eqs. 34.7, 34.12):
+//! The charge of a track of length x is drawn from Moyal's form of Landau's distribution (Moyal
+//! 1955, Phil. Mag. 46, 263) about the most probable loss (Particle Data Group, Review of Particle
+//! Physics 2022, Eqs. 34.7, 34.12):
 //!
 //! ```text
 //! loss  = loss_p + xi M,   M = -ln N(0, 1)^2
@@ -10,12 +12,14 @@
 //! charge = loss / 3.65 eV                            (Janesick 2001, Scientific Charge-Coupled Devices)
 //! ```
 //!
-//! Validity: singly charged particles from some 50 MeV a nucleon up, which lose little of their energy. 534 +- 117 MeV, the
-//! typical energy at the Hubble's imagers (Miles et al. 2021, ApJ 918, 86), gives 75 e- per um of 10 um as the most probable
-//! and 86 on average. By Bethe's formula (Eq. 34.5) the average is 139: the rest goes to rare fast electrons, most of which leave
-//! so thin a layer; Moyal's tail has none. Layers below 50 um scatter more than Landau's theory says (Bichsel 1988, Rev. Mod.
-//! Phys. 60, 663: the width is short by a factor up to 2). Trapped protons of the South Atlantic Anomaly are slower, and all have
-//! the file's energy here: at 100 MeV they would leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
+//! Validity: singly charged particles from some 50 MeV a nucleon up, which lose little of their
+//! energy. 534 +- 117 MeV, the typical energy at the Hubble's imagers (Miles et al. 2021, ApJ 918,
+//! 86), gives 75 e- per um of 10 um as the most probable and 86 on average. By Bethe's formula (Eq.
+//! 34.5) the average is 139: the rest goes to rare fast electrons, most of which leave so thin a
+//! layer; Moyal's tail has none. Layers below 50 um scatter more than Landau's theory says (Bichsel
+//! 1988, Rev. Mod. Phys. 60, 663: the width is short by a factor up to 2). Trapped protons of the
+//! South Atlantic Anomaly are slower, and all have the file's energy here: at 100 MeV they would
+//! leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
 
 use super::detector::Detector;
 use skyloop_base::range::nearest;
@@ -23,7 +27,8 @@ use skyloop_base::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
 pub const MOST_EVENTS: f64 = 1e5;
-/// Most pixels at which the charge of one exposure's particles may be expected to be worked out: some seconds.
+/// Most pixels at which the charge of one exposure's particles may be expected to be worked out:
+/// some seconds.
 pub const MOST_WORK: f64 = 1e8;
 /// Most pixels at which the charge of one particle may be expected to be worked out.
 pub const MOST_WORK_AN_EVENT: f64 = 1e6;
@@ -72,13 +77,15 @@ impl Event {
 }
 
 impl Radiation {
-    /// Particles expected in an exposure of `exposure_s` at `flux` (1/cm^2/s): `flux area (exposure + readout)`.
+    /// Particles expected in an exposure of `exposure_s` at `flux` (1/cm^2/s):
+    /// `flux area (exposure + readout)`.
     pub fn expected_events(&self, detector: &Detector, flux: f64, exposure_s: f64) -> f64 {
         let pitch_cm = detector.pitch_m * 100.0;
         flux * detector.pixels() as f64 * pitch_cm * pitch_cm * (exposure_s + self.readout_s)
     }
 
-    /// Pixels at which the charge of one particle is worked out, on average: its track is `pi / 2 thickness` long in the plane.
+    /// Pixels at which the charge of one particle is worked out, on average: its track is
+    /// `pi / 2 thickness` long in the plane.
     pub fn work_an_event(&self, detector: &Detector) -> f64 {
         let [track, sigma] =
             [self.thickness_um, self.diffusion_um].map(|um| um * 1e-6 / detector.pitch_m);
@@ -96,8 +103,9 @@ impl Radiation {
         MOST_EVENTS.min(MOST_WORK / self.work_an_event(detector))
     }
 
-    /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own index. No more
-    /// are drawn than [`Radiation::most_events`]: the anomaly reaches that in exposures of hours.
+    /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own
+    /// index. No more are drawn than [`Radiation::most_events`]: the anomaly reaches that in
+    /// exposures of hours.
     pub fn events(&self, detector: &Detector, expected: f64, key: NoiseKey) -> Vec<Event> {
         self.each_event(detector, expected, key).collect()
     }
@@ -115,7 +123,8 @@ impl Radiation {
         events.filter(|event| !event.pixels.is_empty())
     }
 
-    /// One particle of an isotropic flux. Through a plane its direction has the density `2 cos(theta)`.
+    /// One particle of an isotropic flux. Through a plane its direction has the density
+    /// `2 cos(theta)`.
     fn event(&self, detector: &Detector, key: NoiseKey, index: u32) -> Event {
         let mut stream = PixelStream::new(key, STREAM, index);
         let (w, h) = (detector.width as f64, detector.height as f64);
@@ -159,7 +168,8 @@ impl Radiation {
 
     /// Most probable loss and xi of a track of `length_um` in silicon, eV.
     fn loss_ev(&self, length_um: f64) -> (f64, f64) {
-        // MeV: masses of proton and electron (CODATA 2018). Silicon: Particle Data Group, Atomic and Nuclear Properties.
+        // MeV: masses of proton and electron (CODATA 2018). Silicon: Particle Data Group, Atomic
+        // and Nuclear Properties.
         const PROTON: f64 = 938.272;
         const ELECTRON_EV: f64 = 0.510_999e6;
         const EXCITATION_EV: f64 = 173.0;
@@ -174,7 +184,8 @@ impl Radiation {
         (most_probable.max(0.0), xi)
     }
 
-    /// The share of a track's charge in the pixels from its first end to its last, px from the corner.
+    /// The share of a track's charge in the pixels from its first end to its last, px from the
+    /// corner.
     fn shares(&self, detector: &Detector, [a, b]: [[f64; 2]; 2]) -> Vec<(u32, f64)> {
         let sigma = self.diffusion_um * 1e-6 / detector.pitch_m;
         let mut shares: Vec<(u32, f64)> = Vec::new();
@@ -203,14 +214,15 @@ impl Radiation {
     }
 }
 
-/// How far the points of a track stand apart whose charge diffuses by `sigma` (px): a quarter of that, but no closer than a
-/// twentieth of a pixel.
+/// How far the points of a track stand apart whose charge diffuses by `sigma` (px): a quarter of
+/// that, but no closer than a twentieth of a pixel.
 fn step_px(sigma: f64) -> f64 {
     0.25 * sigma.max(0.2)
 }
 
-/// Sternheimer's density effect at `x = log10(beta gamma)`, in silicon: the constants of Sternheimer, Berger and Seltzer 1984 (Atomic
-/// Data and Nuclear Data Tables 30, 261), scaled to 2.329 g/cm^3 as the Particle Data Group's table of muons in silicon has them.
+/// Sternheimer's density effect at `x = log10(beta gamma)`, in silicon: the constants of
+/// Sternheimer, Berger and Seltzer 1984 (Atomic Data and Nuclear Data Tables 30, 261), scaled to
+/// 2.329 g/cm^3 as the Particle Data Group's table of muons in silicon has them.
 fn density_effect(x: f64) -> f64 {
     const LN_100: f64 = 4.605_170_186;
     if x < 0.2015 {
@@ -221,7 +233,8 @@ fn density_effect(x: f64) -> f64 {
     }
 }
 
-/// The pixels on the line from `a` to `b` (px from the corner), with the part of its length in each.
+/// The pixels on the line from `a` to `b` (px from the corner), with the part of its length in
+/// each.
 fn crossed(detector: &Detector, a: [f64; 2], b: [f64; 2], mut each: impl FnMut(u32, f64)) {
     let d = [b[0] - a[0], b[1] - a[1]];
     let mut cuts = vec![0.0, 1.0];
@@ -241,7 +254,8 @@ fn crossed(detector: &Detector, a: [f64; 2], b: [f64; 2], mut each: impl FnMut(u
     }
 }
 
-/// A point's charge after diffusion: a Gaussian over the pixels within five sigma. What leaves the detector is lost.
+/// A point's charge after diffusion: a Gaussian over the pixels within five sigma. What leaves the
+/// detector is lost.
 fn diffused(detector: &Detector, at: [f64; 2], sigma: f64, mut each: impl FnMut(u32, f64)) {
     let reach = 5.0 * sigma;
     let below =
@@ -265,7 +279,8 @@ fn pixel_at(detector: &Detector, [x, y]: [f64; 2]) -> u32 {
     (row * detector.width + column) as u32
 }
 
-/// `charge` in whole electrons over the shares: what each rounds away is carried to the next, so that the sum is kept.
+/// `charge` in whole electrons over the shares: what each rounds away is carried to the next, so
+/// that the sum is kept.
 fn whole_electrons(shares: &[(u32, f64)], charge: f64) -> Vec<(u32, u32)> {
     let (mut sum, mut given) = (0.0, 0.0);
     let mut pixels = Vec::with_capacity(shares.len());
@@ -311,11 +326,12 @@ mod tests {
     #[test]
     fn the_loss_is_that_of_the_particle_data_group() {
         let (loss, xi) = PLAIN.loss_ev(10.0);
-        // By hand from Eq. 34.12: gamma 1.5691, beta^2 0.5938; 9.063 + 0.551 + 0.2 - 0.594 - 0.081 = 9.139 times 300.2 eV.
+        // By hand from Eq. 34.12: gamma 1.5691, beta^2 0.5938; 9.063 + 0.551 + 0.2 - 0.594 - 0.081
+        // = 9.139 times 300.2 eV.
         assert!((xi - 300.1).abs() < 0.5, "{xi}");
         assert!((loss / 2743.5 - 1.0).abs() < 0.001, "{loss}");
-        // X-Val: PDG Eq. 34.13, where the density effect is complete: xi (ln(2 m c^2 xi / (31.05 eV)^2) + 0.200), 84.2 keV in
-        // 300 um; at the minimum it is some 7 % less.
+        // X-Val: PDG Eq. 34.13, where the density effect is complete: xi (ln(2 m c^2 xi / (31.05
+        // eV)^2) + 0.200), 84.2 keV in 300 um; at the minimum it is some 7 % less.
         let fast = Radiation {
             energy_mev: 1e6,
             ..PLAIN
@@ -341,7 +357,8 @@ mod tests {
     fn a_track_gives_each_pixel_the_length_that_it_has_there() {
         let detector = detector();
         let mut parts = Vec::new();
-        // From (0.5, 0.25) to (2.5, 1.25): it leaves column 0 a quarter, column 1 three quarters of the way, row 0 also there.
+        // From (0.5, 0.25) to (2.5, 1.25): it leaves column 0 a quarter, column 1 three quarters of
+        // the way, row 0 also there.
         crossed(&detector, [0.5, 0.25], [2.5, 1.25], |pixel, part| {
             if part > 0.0 {
                 parts.push((pixel, part));
@@ -383,7 +400,8 @@ mod tests {
         assert!(events.iter().any(|event| event.pixels.len() > 1));
     }
 
-    /// Over 10^4 frames: the number within Poisson's error, and mean length and directions those of an isotropic flux.
+    /// Over 10^4 frames: the number within Poisson's error, and mean length and directions those of
+    /// an isotropic flux.
     #[test]
     fn the_rate_is_the_one_configured() {
         let detector = detector();
@@ -407,9 +425,10 @@ mod tests {
         let variance = squares / 1e4 - (events / 1e4).powi(2);
         let error = ((2.0 * expected * expected + expected) / 1e4).sqrt();
         assert!((variance - expected).abs() < 4.0 * error, "{variance}");
-        // Isotropic: over the density 2 cos, 1 / cos has the mean 2 and ln(1 / cos) / cos too. With a = 9.139 of the most probable
-        // loss of 10 um (see above) and Moyal's mean, the charge is (2 a + 2 + 2 * 1.270) / (2 a + 2 ln 2) = 1.160 of that of 20 um.
-        // A flux like a beam's would give 0.53, one of density 3 cos^2 0.83.
+        // Isotropic: over the density 2 cos, 1 / cos has the mean 2 and ln(1 / cos) / cos too. With
+        // a = 9.139 of the most probable loss of 10 um (see above) and Moyal's mean, the charge is
+        // (2 a + 2 + 2 * 1.270) / (2 a + 2 ln 2) = 1.160 of that of 20 um. A flux like a beam's
+        // would give 0.53, one of density 3 cos^2 0.83.
         let mean = charge / events / PLAIN.charge_e(20.0, 1.0);
         assert!((mean / 1.160 - 1.0).abs() < 0.05, "{mean}");
     }

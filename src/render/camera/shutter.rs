@@ -12,7 +12,8 @@ pub enum Shutter {
         /// From one row to the next, s.
         row_s: f64,
     },
-    /// All rows together without a shutter: the image is shifted row by row below a cover, and collects light on the way.
+    /// All rows together without a shutter: the image is shifted row by row below a cover, and
+    /// collects light on the way.
     FrameTransfer {
         /// Shift of one row, s.
         row_s: f64,
@@ -41,8 +42,9 @@ impl Shutter {
         }
     }
 
-    /// The shortest time (s) from one exposure of `exposure_s` to the next: exposures do not overlap, one frame's rows
-    /// are read before the next one's, and images are not shifted while they are exposed.
+    /// The shortest time (s) from one exposure of `exposure_s` to the next: exposures do not
+    /// overlap, one frame's rows are read before the next one's, and images are not shifted while
+    /// they are exposed.
     pub fn period_s(&self, rows: usize, exposure_s: f64) -> f64 {
         match self {
             Shutter::Global => exposure_s,

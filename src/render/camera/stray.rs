@@ -1,14 +1,16 @@
 //! Light from outside of the image that the optics and the baffle scatter onto the detector.
 //!
-//! The point-source transmittance (PST) is the irradiance on the detector over that on the aperture, by the angle of the source from the
-//! boresight; the optics' transmission is in it. Scattered light is spread over the detector as a veil:
+//! The point-source transmittance (PST) is the irradiance on the detector over that on the
+//! aperture, by the angle of the source from the boresight; the optics' transmission is in it.
+//! Scattered light is spread over the detector as a veil:
 //!
 //! ```text
 //! veil = E PST(angle) A_pixel QE     [e-/s]
 //! ```
 //!
-//! (Breault 1995, Handbook of Optics, ch. 38, defines it so.) Between the points of its table the logarithm of the PST goes along monotone
-//! cubics (Fritsch & Carlson 1980, SIAM J. Numer. Anal. 17, 238), smooth and without overshoot; before and beyond them it is constant.
+//! (Breault 1995, Handbook of Optics, ch. 38, defines it so.) Between the points of its table the
+//! logarithm of the PST goes along monotone cubics (Fritsch & Carlson 1980, SIAM J. Numer. Anal.
+//! 17, 238), smooth and without overshoot; before and beyond them it is constant.
 
 /// What the optics scatter, and how near the Sun may come.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -20,7 +22,8 @@ pub struct Stray {
 }
 
 impl Stray {
-    /// From angles (rad, rising) and the PST (over 0, at most 1) at each; without any there is no stray light.
+    /// From angles (rad, rising) and the PST (over 0, at most 1) at each; without any there is no
+    /// stray light.
     pub fn new(table: &[[f64; 2]], sun_exclusion: f64) -> Stray {
         let mut points: Vec<[f64; 3]> = table
             .iter()
@@ -30,8 +33,8 @@ impl Stray {
             .windows(2)
             .map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
             .collect();
-        // Flat at the ends, where the table is continued by constants, and where the chords turn; else their harmonic mean, which is
-        // within the region of Fritsch & Carlson.
+        // Flat at the ends, where the table is continued by constants, and where the chords turn;
+        // else their harmonic mean, which is within the region of Fritsch & Carlson.
         for (point, pair) in points.iter_mut().skip(1).zip(chords.windows(2)) {
             if pair[0] * pair[1] > 0.0 {
                 point[2] = 2.0 * pair[0] * pair[1] / (pair[0] + pair[1]);
@@ -70,8 +73,9 @@ impl Stray {
         libm::exp(log)
     }
 
-    /// The veil (e-/s a pixel) of a source that gives `irradiance` (ph/s/m^2 in the band) on the aperture, `angle` (rad) from the boresight,
-    /// on pixels of `pitch_m` with `quantum_efficiency`.
+    /// The veil (e-/s a pixel) of a source that gives `irradiance` (ph/s/m^2 in the band) on the
+    /// aperture, `angle` (rad) from the boresight, on pixels of `pitch_m` with
+    /// `quantum_efficiency`.
     pub fn veil_e_s(
         &self,
         irradiance: f64,

@@ -1,9 +1,11 @@
 //! How much of the light passes off the boresight.
 //!
-//! Either the fourth power of the cosine of the field angle (the natural fall-off of a thin lens: the projected pupil, the
-//! projected pixel, and the square of the distance; Born & Wolf, Principles of Optics, 4.8.3), or a table of transmission
-//! against angle, straight lines between its points and constant beyond them. The fourth power is the law of an evenly bright
-//! scene and is assumed for points: of a star's whole light a thin lens takes the cosine alone, which a table can say.
+//! Either the fourth power of the cosine of the field angle (the natural fall-off of a thin lens:
+//! the projected pupil, the projected pixel, and the square of the distance; Born & Wolf,
+//! Principles of Optics, 4.8.3), or a table of transmission against angle, straight lines between
+//! its points and constant beyond them. The fourth power is the law of an evenly bright scene and
+//! is assumed for points: of a star's whole light a thin lens takes the cosine alone, which a table
+//! can say.
 
 use nalgebra::Vector3;
 
@@ -48,8 +50,8 @@ impl Vignetting {
         }
     }
 
-    /// By which part of itself the transmission changes across a disc of so many rad radius around a direction (camera axes), outwards from the
-    /// boresight.
+    /// By which part of itself the transmission changes across a disc of so many rad radius around
+    /// a direction (camera axes), outwards from the boresight.
     pub fn change_across(&self, direction: &Vector3<f64>, radius: f64) -> f64 {
         let across = libm::hypot(direction.x, direction.y);
         let angle = libm::atan2(across, direction.z);
@@ -79,7 +81,8 @@ impl Vignetting {
     }
 }
 
-/// Straight lines through the points of a table, constant beyond its ends; `table` rises in its first column.
+/// Straight lines through the points of a table, constant beyond its ends; `table` rises in its
+/// first column.
 pub(super) fn linear(table: &[[f64; 2]], at: f64) -> f64 {
     let next = table.partition_point(|[x, _]| *x < at);
     match (

@@ -1,6 +1,7 @@
-//! What the effects of area sources have in common: their light is in the scene, laid on the pixels (`scene::area`), and is added here.
+//! What the effects of area sources share: their light is rasterized in the scene (`scene::area`),
+//! and added here.
 //!
-//! Clark et al. 2021, Eqs. (3) to (5), the exponent of Eq. (3) mended to -0.4 m:
+//! Clark et al. 2021, Eqs. (3) to (5), the exponent of Eq. (3) corrected to -0.4 m:
 //!
 //! ```text
 //! L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2,   E = L IFOV^2,   N_xy = E QE tau A_app t_int
@@ -13,7 +14,8 @@ use super::{Cost, Loss, Need, Pass};
 use crate::scene::bounds::{DROWNED, area_lit_e, is_drowned, shown_e, trail_of, with_trail};
 use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, EffectId, SPREAD_NS, Scene};
 
-/// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
+/// ns of a pixel that is sampled or blurred, added to other areas' light and drawn; and of one that
+/// is interpolated.
 const PIXEL_NS: f64 = 3.3;
 const EVEN_NS: f64 = 0.7;
 
@@ -21,7 +23,8 @@ fn asked_ns(asked: &Asked, light_ns: f64) -> f64 {
     asked.lights as f64 * light_ns + asked.edges as f64 * EDGE_NS + asked.spreads as f64 * SPREAD_NS
 }
 
-/// The answer of an area source: `says` gives the reason, `ns` is what asking for its radiance takes.
+/// The assessment of an area source: `says` gives the reason, `ns` is the time of an evaluation of
+/// its radiance.
 pub(super) fn judge<'s>(
     scene: &'s Scene,
     effect: EffectId,
@@ -44,7 +47,7 @@ pub(super) fn judge<'s>(
     let need = if is_drowned(scene, effect) {
         Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
-        // Too thin to be laid on pixels.
+        // Too faint to be rasterized.
         Need::new(says(area), Loss::of_pixel(area.most_e), 0.0)
     } else {
         let cells_e = || with_trail(scene, area_lit_e(scene, area), || trail_of(scene, area));

@@ -65,7 +65,7 @@ impl Radiance for Background {
         self.horizon.as_ref()?.as_edge()
     }
 
-    /// Its edge's: in what it hides little changes.
+    /// That of its edge: what it hides hardly changes.
     fn turning(&self) -> Vector3<f64> {
         match self.horizon {
             Some(horizon) if horizon.has_limb() => horizon.turning,

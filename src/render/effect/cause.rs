@@ -1,13 +1,13 @@
-//! Why a scene calls for an effect, or for none, in words and figures: what several effects say alike.
+//! Texts that several effects share: why a scene needs an effect, or not.
 
 use crate::scene::{EffectId, Hidden, MOON, Scene, Source};
 use crate::sky::field::Unseen;
 
-/// Why nothing moves in a frame that costs too much.
+/// Why nothing moves in a frame over its work limit.
 pub(super) const STILL_IN_FLOOD: &str =
     "all pixels are full of other light, and motion would cost more than the limit of work";
 
-/// A figure of a text: three digits.
+/// A number with three significant digits.
 pub fn digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_string(),
@@ -37,7 +37,7 @@ pub(super) fn no_light(scene: &Scene) -> String {
     format!("no light: {stars}; {}", part(EffectId::Rsos, "object"))
 }
 
-/// Why none of the sources of a kind lights a pixel; `what` is one of them.
+/// Why no source of a kind lights a pixel; `what` names one.
 pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     let is = |source: &&Source| source.body.effect() == kind;
     let here: Vec<&Source> = scene.sources.iter().filter(is).collect();
@@ -77,7 +77,7 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     format!("{all} in the field: {reason}")
 }
 
-/// What is to be said of objects that have no image, though they may be before the camera.
+/// The objects without an image that may be before the camera.
 fn unknown(scene: &Scene) -> String {
     let unseen = |why: Unseen| scene.view.unseen.iter().filter(|one| one.1 == why).count();
     let parts = [

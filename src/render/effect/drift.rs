@@ -4,12 +4,15 @@
 //! du = (dv - (dv . u) u) / c
 //! ```
 //!
-//! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.40) in the change
-//! of velocity dv since mid-exposure. In a low orbit dv grows by some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in
-//! their own tracks. Validity: dv runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006 m/s^2, is left out.
+//! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd
+//! ed., 2013, Eq. 7.40) in the change of velocity dv since mid-exposure. In a low orbit dv grows by
+//! some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in their own tracks. Validity: dv
+//! runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006 m/s^2, is
+//! left out.
 //!
-//! Without it a star is off by d at the ends of the exposure, but hardly on average: its light changes by the second moment, with a for half
-//! of its track without drift and b for the mean of the parabola; of a streak by its slope:
+//! Without it a star is off by d at the ends of the exposure, but hardly on average: its light
+//! changes by the second moment, with a for half of its track without drift and b for the mean of
+//! the parabola; of a streak by its slope:
 //!
 //! ```text
 //! dN <= min(N_0 (0.61 b / s + (a d + d^2 / 2) / (3 s^2)), 0.86 N d / s),   b = |d_start + d_end| / 6
@@ -58,7 +61,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     let furthest = changes.map(bound).fold(0.0, f64::max);
     let px = furthest * view.scale_and_corner_px.0;
     let because = format!("stars move by up to {px:.2e} px from mid-exposure to its ends");
-    // Images that would stand still otherwise become tracks of two panels.
+    // Images that would stand still become tracks of two panels.
     let price_ms = work(view, 0.0, fidelity).moving_ms;
     Need::new(because, Loss { e: 0.0, px }, price_ms)
 }
@@ -82,18 +85,18 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (view, d) = (&scene.view, loss.px);
     let [start, end] = &view.velocity_change_m_s;
     let scale = view.scale_and_corner_px.0;
-    // Rows that are exposed early or late see the stars off by their part of the way.
+    // A rolling shutter's rows see the stars at other parts of the path.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;
     let other = scene.simulated.toggled(EffectId::AberrationDrift);
-    // Whatever is there without it touches the detector with it.
+    // Any image without it touches the detector with it.
     let beside = |_: &Source| Some(d + 1.0);
     let e = changed_e(scene, &other, false, beside, |image| {
         let Body::Star(_) = image.source.body else {
             return Change::default();
         };
         let a = image.length_px / 2.0;
-        // The length of a still track whose light is spread as far.
+        // The length of a straight track of the same second moment.
         let way = (8.0 * (a * d + d * d / 2.0)).sqrt();
         let off = image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, way);
         let streak = image.moved_e(image.height_e(), STEEPEST_STREAK, d);

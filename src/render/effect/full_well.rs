@@ -1,13 +1,15 @@
-//! Full well: a pixel holds no more charge than this. What is too much is lost, as to an anti-blooming drain, or spills
-//! along its column (`bloom`).
+//! Full well: a pixel holds no more charge than this. What is too much is lost, as to an
+//! anti-blooming drain, or spills along its column (`bloom`).
 //!
 //! ```text
 //! N_xy <- min(N_xy, full well)
 //! ```
 //!
-//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a hard limit, the same for all pixels, of 1 to 1e9 e-; real
-//! wells differ by some per cent, and bend before they are full (`nonlinearity` has a bend of its own). No charge is left over for the next
-//! frame. Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is worked through once.
+//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a hard limit, the same
+//! for all pixels, of 1 to 1e9 e-; real wells differ by some per cent, and bend before they are
+//! full (`nonlinearity` has a bend of its own). No charge is left over for the next frame. Price: a
+//! comparison a pixel; where charge spills, each column that has an overfull pixel is worked
+//! through once.
 
 use super::cause::digits;
 use super::{Cost, Effect, Need, Pass};
@@ -20,11 +22,11 @@ use skyloop_base::abort::WorkLimit;
 use std::cell::Cell;
 
 thread_local! {
-    /// What columns spill in, kept from frame to frame.
+    /// Buffers for spilling, reused from frame to frame.
     static ROOM: Cell<Room> = Cell::default();
 }
 
-/// What columns spill in.
+/// Buffers for spilling columns.
 #[derive(Default)]
 struct Room {
     /// Of each column, whether it has an overfull pixel.
@@ -89,7 +91,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     (need, pass)
 }
 
-/// How many columns have a pixel that noise is likely to bring over its well: one after another spills.
+/// Number of columns with a pixel that noise is likely to bring over its well.
 fn spilt(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
@@ -101,7 +103,8 @@ fn spilt(scene: &Scene) -> usize {
     groups.into_iter().sum()
 }
 
-/// Spills every column with an overfull pixel, unless the frame is cancelled. Returns the charge that left at the columns' ends, e-.
+/// Spills every column with an overfull pixel, until the frame is cancelled. Returns the charge
+/// that left at the columns' ends, e-.
 fn spill(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f64 {
     let mut room = ROOM.take();
     let Room {

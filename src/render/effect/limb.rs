@@ -1,14 +1,18 @@
-//! The Earth's limb: air that scatters sunlight by day and in twilight, and shines by itself at night.
+//! The Earth's limb: air that scatters sunlight by day and in twilight, and shines by itself at
+//! night.
 //!
 //! ```text
 //! L = (1 / 4 pi) integral of (E_sun s n P + e) dl
 //! ```
 //!
-//! along the line of sight, above the limb and before the ground: molecules n of cross-section s, phase function P, as far as the Sun reaches them and they are seen,
-//! and the emission e of airglow in layers, in the camera's band (`sky::atmosphere`, where the whole equation stands). Reference: Chandrasekhar 1960 for the scattering;
-//! US Standard Atmosphere 1976; published brightness and heights of airglow (`sky::atmosphere::airglow`). Validity: 350 to 1100 nm, clear air, no ozone, no
-//! aurora; by day 3 to 25 % too faint from 10 to 80 km; turned as the Earth's centre moves. Price: a look at the frame's tables for each place that is asked for, four for each
-//! pixel where it is finer than the grid, and the passes over the pixels.
+//! along the line of sight, above the limb and before the ground: molecules n of cross-section s,
+//! phase function P, as far as the Sun reaches them and they are seen, and the emission e of
+//! airglow in layers, in the camera's band (`sky::atmosphere`, where the whole equation stands).
+//! Reference: Chandrasekhar 1960 for the scattering; US Standard Atmosphere 1976; published
+//! brightness and heights of airglow (`sky::atmosphere::airglow`). Validity: 350 to 1100 nm, clear
+//! air, no ozone, no aurora; by day 3 to 25 % too faint from 10 to 80 km; turned as the Earth's
+//! centre moves. Price: a look at the frame's tables for each place that is asked for, four for
+//! each pixel where it is finer than the grid, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};
@@ -30,8 +34,9 @@ pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
     "no air in the field is lit, and none shines in the band",
 );
 
-/// Of air above so many m, how many m hide nothing from places at both ends: above the mesopause's layers of airglow there are the red lines
-/// alone, 40 km high; above their peak all light falls off evenly, and three scale heights tell how.
+/// Above the first height (m), detail is no smaller than the second (m). Above the mesopause's
+/// airglow there are only the red lines, 40 km high; above their peak all light falls off smoothly
+/// over three scale heights.
 const PLAIN: [[f64; 2]; 2] = [[245e3, 120e3], [130e3, 40e3]];
 
 #[derive(Debug)]
@@ -59,7 +64,8 @@ impl Radiance for Air {
         self.horizon.as_edge()
     }
 
-    /// As large as it is seen of the lowest air in the field, which is the furthest away; of an observer within, nothing is known.
+    /// The angular size in the lowest air in the field, which is the furthest away; unknown from
+    /// within.
     fn detail(&self) -> f64 {
         let lowest_m = self.horizon.lowest_m();
         let plain = PLAIN.iter().find(|[from_m, _]| lowest_m > *from_m);

@@ -1,4 +1,5 @@
-//! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
+//! The effects, from light to digital numbers. A new one is a file here, a row in [`EFFECTS`] and
+//! an [`EffectId`].
 
 mod area;
 mod background;
@@ -68,39 +69,39 @@ pub const EFFECTS: &[Effect] = &[
     stuck::STUCK_PIXELS,
 ];
 
-/// Something between the sky and the digits.
+/// An effect between the sky and the digital numbers.
 pub struct Effect {
     /// Its row in [`EFFECTS`].
     pub id: EffectId,
     /// Name, as plans and labels give it.
     pub name: &'static str,
-    /// Where it stands in the chain.
+    /// Its stage in the chain.
     pub stage: Stage,
     /// Whether it draws random numbers.
     pub random: bool,
-    /// What a scene needs of it.
+    /// How it is assessed.
     pub judge: Judge,
     /// How to find its light before the camera, of an area source.
     pub area: Option<Kind>,
 }
 
 impl Effect {
-    /// One that shapes images.
+    /// An effect that shapes images.
     const fn images(id: EffectId, name: &'static str, judge: ImageJudge, change: Change) -> Effect {
         Effect::of(id, name, Stage::Images, Judge::Images(judge, change))
     }
 
-    /// One that adds or takes expected electrons.
+    /// An effect that adds or removes expected electrons.
     const fn light(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
         Effect::of(id, name, Stage::Light, Judge::Pixels(judge))
     }
 
-    /// One that works on electrons as they are drawn.
+    /// An effect on drawn electrons.
     const fn charge(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
         Effect::of(id, name, Stage::Charge, Judge::Pixels(judge))
     }
 
-    /// One that makes digits, or changes them.
+    /// An effect that makes or changes digital numbers.
     const fn digits(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
         Effect::of(id, name, Stage::Digits, Judge::Pixels(judge))
     }
@@ -131,18 +132,19 @@ impl Effect {
         self
     }
 
-    /// The same, drawing random numbers.
+    /// The same, with random numbers.
     const fn random(mut self) -> Effect {
         self.random = true;
         self
     }
 
-    /// Whether it moves images, and is judged by that: what it does to pixels follows from it.
+    /// Whether it moves images; its effect on pixels follows from that.
     pub fn moves_images(&self) -> bool {
         self.stage == Stage::Images && self.id != EffectId::Vignetting
     }
 
-    /// Whether what it draws is in the scene before it runs. Its error is then that of the frame at hand, and no rms.
+    /// Whether its random numbers are drawn with the scene. Its error is then that of this frame,
+    /// not an rms.
     pub fn is_foreseen(&self) -> bool {
         self.id == EffectId::Radiation
     }
@@ -158,22 +160,23 @@ pub fn name_of(effect: EffectId) -> &'static str {
     EFFECTS[effect as usize].name
 }
 
-/// How an effect is asked.
+/// How an effect is assessed.
 pub enum Judge {
-    /// It shapes the images of sources, and is asked before they are made, with what shapes them already; what it changes is
-    /// told when they are.
+    /// It shapes the images of sources. Assessed before they are formed, with the effects that
+    /// shape them already; its change is bounded when they are.
     Images(ImageJudge, Change),
     /// It works on pixels.
     Pixels(PixelJudge),
 }
 
-/// What a view needs of an effect that shapes images, beside those that shape them already.
+/// The assessment of an effect that shapes images, given those that shape them already.
 pub type ImageJudge = fn(&View, &EffectSet, &Fidelity) -> Need<'static>;
 
-/// What a scene needs of an effect that works on pixels, and what it does to them.
+/// The assessment of an effect on pixels, and its pass over them.
 pub type PixelJudge = for<'s> fn(&'s Scene, &Fidelity) -> (Need<'s>, Pass<'s>);
 
-/// A bound of what leaving an effect out changes in the end, by the images as they are made and what the effect answered before.
+/// A bound of the final change without an effect, from the formed images and its earlier
+/// assessment.
 pub type Change = fn(&Scene, &Loss) -> Loss;
 
 /// The chain's stages, in order.
@@ -181,37 +184,37 @@ pub type Change = fn(&Scene, &Loss) -> Loss;
 pub enum Stage {
     /// Shapes the images of sources.
     Images,
-    /// Adds or takes expected electrons.
+    /// Adds or removes expected electrons.
     Light,
     /// Turns expected electrons into drawn ones, moves or clips them.
     Charge,
-    /// Turns electrons into digits, or changes digits.
+    /// Turns electrons into digital numbers, or changes those.
     Digits,
 }
 
-/// What a scene needs of an effect.
+/// The assessment of an effect.
 pub struct Need<'s> {
-    /// What in the scene calls for it, or why nothing does.
+    /// What in the scene needs it, or why nothing does.
     pub because: Cow<'static, str>,
-    /// What leaving it out would cost at most.
+    /// Bound of the error without it.
     pub error: Cost<'s>,
-    /// What leaving it out may change of what noise and particles draw, in one pixel or of all electrons together, beside the
-    /// expectation of a pixel that `error` speaks of, e-. It runs where either is beyond the tolerance.
+    /// Change without it in the drawn electrons of one pixel, or of all together, beyond the
+    /// expectation of a pixel in `error`, e-. It runs if either exceeds the tolerance.
     pub drawn_e: f64,
-    /// What it is expected to take, ms on one core.
+    /// Estimated time, ms on one core.
     pub price_ms: f64,
 }
 
-/// What leaving an effect out costs: told, or worked out for the first that asks. Nobody does in a frame if `drawn_e` decides.
+/// An error bound: known, or computed on first use. Not computed in a frame if `drawn_e` decides.
 pub enum Cost<'s> {
-    /// It is known.
+    /// Known.
     Told(Loss),
-    /// It is not, yet.
+    /// Computed on first use.
     Owed(LazyLock<Loss, Box<dyn FnOnce() -> Loss + Send + 's>>),
 }
 
 impl<'s> Cost<'s> {
-    /// That of a pixel (e-), which `e` works out.
+    /// The bound for a pixel (e-) that `e` computes.
     fn of(e: impl FnOnce() -> f64 + Send + 's) -> Cost<'s> {
         Cost::Owed(LazyLock::new(Box::new(|| Loss::of_pixel(e()))))
     }
@@ -234,19 +237,20 @@ impl Deref for Cost<'_> {
     }
 }
 
-/// What leaving an effect out costs: a bound of what is different in the end, after all that comes later in the chain, such as
-/// full wells that hold no more or spill. Of effects that change digits, in electrons of digits.
+/// Bound of the final error without an effect, after all later effects in the chain, such as full
+/// wells. For effects on digital numbers, in electrons of those.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Loss {
-    /// e- of the pixel that it changes most: of its expectation without particles, or rms where the effect is random.
+    /// Greatest change of a pixel, e-: of its expectation without particles, or rms if the effect
+    /// is random.
     pub e: f64,
-    /// px that it moves the centroid of an image by, or the end of its track.
+    /// Greatest change of an image's centroid or of an end of its track, px.
     pub px: f64,
 }
 
 /// What an effect does where it runs.
 pub enum Pass<'s> {
-    /// Nothing more: it has shaped the images.
+    /// Nothing: it has shaped the images.
     Images,
     /// Works on each pixel, or run of pixels, by itself.
     Pixels(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
@@ -263,9 +267,9 @@ impl Pass<'_> {
     }
 }
 
-/// An effect's answer to a scene.
+/// The decision about an effect.
 pub enum Verdict<'s> {
-    /// It is not asked.
+    /// It is switched off.
     Off {
         /// Why not.
         why: &'static str,
@@ -287,7 +291,7 @@ pub enum Verdict<'s> {
 }
 
 impl<'s> Need<'s> {
-    /// Leaving it out costs `error`, and changes nothing else of what is drawn; running it takes `price_ms`.
+    /// An error bound without it, no further change of drawn electrons, and its estimated time.
     fn new(
         because: impl Into<Cow<'static, str>>,
         error: impl Into<Cost<'s>>,
@@ -301,12 +305,12 @@ impl<'s> Need<'s> {
         }
     }
 
-    /// Nothing calls for the effect: without it, nothing changes.
+    /// The effect is not needed: nothing changes without it.
     pub fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
         Need::new(why, Loss::default(), 0.0)
     }
 
-    /// Leaving it out changes a pixel by at most `e` electrons; running it takes `ns` a pixel.
+    /// It changes a pixel by at most `e` electrons, and takes `ns` a pixel.
     fn of_pixels(
         scene: &Scene,
         because: impl Into<Cow<'static, str>>,
@@ -317,7 +321,7 @@ impl<'s> Need<'s> {
         Need::new(because, Loss::of_pixel(e), pixels * ns * 1e-6)
     }
 
-    /// The same, for any scene.
+    /// The same without a borrow of the scene.
     pub fn told<'t>(self) -> Need<'t> {
         Need {
             drawn_e: self.drawn_e,
@@ -325,9 +329,9 @@ impl<'s> Need<'s> {
         }
     }
 
-    /// Whether leaving it out lies within the tolerances.
+    /// Whether the error without it is within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
-        // (The error last: it may not be known yet.)
+        // The error last: it may not be computed yet.
         self.drawn_e <= fidelity.skip_e && self.error.is_within(fidelity)
     }
 
@@ -338,12 +342,12 @@ impl<'s> Need<'s> {
 }
 
 impl Loss {
-    /// That of a pixel (e-); no image moves.
+    /// The bound for a pixel (e-); no image moves.
     fn of_pixel(e: f64) -> Loss {
         Loss { e, px: 0.0 }
     }
 
-    /// Whether it lies within the tolerances.
+    /// Whether it is within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
         self.px <= fidelity.skip_px && self.e <= fidelity.skip_e
     }

@@ -1,11 +1,12 @@
 //! Point sources: stars and resident space objects.
 //!
 //! Clark et al. 2021, Eqs. (2), (11) without the division by the gain (see `readout`):
-//! `N_xy = E_obj QE tau A_app t_int PSF(x, y, x_obj, y_obj)`. The PSF is integrated over each pixel, along the
-//! true track of the exposure.
+//! `N_xy = E_obj QE tau A_app t_int PSF(x, y, x_obj, y_obj)`. The PSF is integrated over each
+//! pixel, along the true track of the exposure.
 //!
-//! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
-//! for each place that the image comes by (`scene::work`), and a sum a pixel.
+//! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up.
+//! Price: the pixels of each image, worked out once for each place that the image comes by
+//! (`scene::work`), and a sum a pixel.
 
 use super::cause::{counted, digits, none_lit};
 use super::{Cost, Effect, Need, Pass};
@@ -19,7 +20,7 @@ pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", judge_stars);
 pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", judge_rsos);
 
 fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
-    // Worked out with the light of all.
+    // Computed with the light of all.
     let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
     judge(scene, fidelity, (EffectId::Stars, "star"), own_e)
 }
@@ -34,7 +35,7 @@ pub(super) fn sources_lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
     lit_e(scene, sources.iter().copied().map(Lit::from))
 }
 
-/// The answer of sources of a kind, whose light alone is bound by `own_e`; `what` is one of them.
+/// The assessment of sources of a kind; `own_e` bounds their light alone, `what` names one.
 pub(super) fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
@@ -53,14 +54,14 @@ pub(super) fn judge<'s>(
         if is_drowned(scene, effect) {
             Need::none(format!("{because}: {DROWNED}"))
         } else {
-            // Their own light, and their part of its column's trail.
+            // Their own light, and their part of the column's trail.
             let all = drawn.clone();
             let cells_e = move || with_trail(scene, own_e(&all), || scene.trail_e.clone());
-            // Those that are hidden have images too: labels say what they would be worth.
+            // Hidden sources have images too: labels give their signal in full light.
             let made = scene.sources.iter().filter(|s| s.body.effect() == effect);
             let error = Cost::of(move || shown_e(scene, cells_e, effect));
             Need {
-                // Thinly spread light comes in whole electrons too.
+                // Thinly spread light also comes in whole electrons.
                 drawn_e: drawn.iter().map(|source| source.electrons).sum(),
                 ..Need::new(because, error, still_ms(scene, made, fidelity))
             }

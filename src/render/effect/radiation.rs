@@ -4,9 +4,11 @@
 //! N_xy <- N_xy + sum over events of the charge left in the pixel
 //! ```
 //!
-//! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has their equations and
-//! sources, `sky::radiation` their number by orbit. Their charge comes after shot noise, which it does not follow: its scatter is that of
-//! the energy loss. Reference: there. Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels of the events.
+//! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has
+//! their equations and sources, `sky::radiation` their number by orbit. Their charge comes after
+//! shot noise, which it does not follow: its scatter is that of the energy loss. Reference: there.
+//! Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels
+//! of the events.
 
 use super::cause::{counted, digits};
 use super::{Effect, Loss, Need, Pass};
@@ -40,7 +42,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     (need, pass)
 }
 
-/// How many particles are expected, and by what.
+/// The expected number of particles, and its source.
 fn rate(scene: &Scene) -> String {
     let (view, camera) = (&scene.view, &scene.view.camera);
     let Some(radiation) = &camera.radiation else {
@@ -62,14 +64,15 @@ fn rate(scene: &Scene) -> String {
     format!("{expected} expected at {flux} /cm^2/s{by}")
 }
 
-/// A bound (e-) of what a pixel shows of all hits: its own, and in columns that may spill those of the full pixels beside it too.
+/// Bound of the charge that a pixel shows of all hits, e-: its own, and in spilling columns what
+/// full neighbours pass on.
 fn passed_on(scene: &Scene) -> f64 {
     let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
     let most = scene.struck.most_e().min(spill.most_e);
     if !spill.spills() {
         return most;
     }
-    // Of each column, what all of its pixels get, and the one that gets most.
+    // For each column the charge of all its pixels, and of the one that gets most.
     let mut struck = vec![[0.0f64; 2]; detector.width];
     let hits = scene.struck.hits();
     for (pixel, e) in hits.take_while(|_| !scene.is_cancelled()) {

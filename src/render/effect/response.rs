@@ -4,8 +4,9 @@
 //! N_xy <- g_xy N_xy,   g = 1 + prnu N(0, 1), clipped at 0
 //! ```
 //!
-//! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the camera's (`camera::pattern`). Validity: a
-//! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
+//! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the
+//! camera's (`camera::pattern`). Validity: a response that does not depend on wavelength, and no
+//! pattern of rows and columns. Price: a product a pixel.
 
 use super::cause::{digits, no_light};
 use super::{Effect, Need, Pass};

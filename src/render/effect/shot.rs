@@ -1,11 +1,13 @@
-//! Shot noise: the electrons of a pixel are a Poisson draw of their expectation (light and dark charge).
+//! Shot noise: the electrons of a pixel are a Poisson draw of their expectation (light and dark
+//! charge).
 //!
 //! ```text
 //! N_xy <- Poisson(N_xy)
 //! ```
 //!
-//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are Poisson's within the tolerance
-//! `poisson_tv` (`rng::poisson`). Validity: one electron a photon, so no gain before the charge is read. Price: a draw a pixel, by search at small means, else by
+//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are
+//! Poisson's within the tolerance `poisson_tv` (`rng::poisson`). Validity: one electron a photon,
+//! so no gain before the charge is read. Price: a draw a pixel, by search at small means, else by
 //! an expansion.
 
 use super::cause::{digits, no_light};
@@ -45,8 +47,9 @@ fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     (need, pass)
 }
 
-/// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that of all draws of its column
-/// (Efron and Stein 1981, Annals of Statistics 9, 586), of which it shows a part each.
+/// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that
+/// of all draws of its column (Efron and Stein 1981, Annals of Statistics 9, 586), of which it
+/// shows a part each.
 fn spilt_e(scene: &Scene) -> f64 {
     if !scene.spill.spills() {
         return 0.0;
@@ -60,10 +63,11 @@ fn spilt_e(scene: &Scene) -> f64 {
     })
 }
 
-/// Pixels that are looked at for the price.
+/// Pixels sampled for the estimate of time.
 const LOOKED_AT: usize = 256;
 
-/// What drawing takes, ms: by the means of some pixels, at a step that is no multiple of the columns.
+/// Estimated time of drawing, ms, from the means of some pixels, at a step that is no multiple of
+/// the columns.
 fn price_ms(scene: &Scene) -> f64 {
     let pixels = scene.view.camera.detector.pixels();
     let step = (pixels / LOOKED_AT) | 1;
@@ -73,10 +77,10 @@ fn price_ms(scene: &Scene) -> f64 {
     pixels as f64 * ns.sum::<f64>() / count * 1e-6
 }
 
-/// Means below this are searched from 0 on.
+/// Below this mean draws are searched from 0 on.
 const SEARCHED: f64 = 12.0;
 
-/// ns of a draw: each step of the search is taken by all lanes until the last is done.
+/// ns of a draw: all lanes take each step of the search until the last is done.
 fn draw_ns(mean: f64) -> f64 {
     match mean {
         0.0 => 0.1,

@@ -1,13 +1,16 @@
 //! Smear: images move while the shutter is open, by the body's rates and by motion along orbits.
 //!
-//! A source's light is spread over its true track, `N_xy = N int PSF(x - x(t), y - y(t)) dt / t_int`: the same time on
-//! equal parts of the exposure, so a slow part of the track is brighter (see `track`). Without it each image stands
-//! still at the middle of the exposure; its ends are then half the track's length L off, and a pixel's light by at
-//! most `min(1, L^2 / (24 s^2) + 0.61 b / s)` of the still image's greatest, for a PSF of width s (second order of the integral) and a
-//! centroid that is b off; with a rolling shutter also by what that makes of the motion.
+//! A source's light is spread over its true track,
+//! `N_xy = N int PSF(x - x(t), y - y(t)) dt / t_int`: the same time on equal parts of the exposure,
+//! so a slow part of the track is brighter (see `track`). Without it each image stands still at the
+//! middle of the exposure; its ends are then half the track's length L off, and a pixel's light by
+//! at most `min(1, L^2 / (24 s^2) + 0.61 b / s)` of the still image's greatest, for a PSF of width
+//! s (second order of the integral) and a centroid that is b off; with a rolling shutter also by
+//! what that makes of the motion.
 //!
-//! Reference: the integral above, held against direct integration. Validity: body rates are constant during the exposure; an object's
-//! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
+//! Reference: the integral above, held against direct integration. Validity: body rates are
+//! constant during the exposure; an object's own track is a parabola. Price: the pixels of an image
+//! once more for each step of half a PSF's width along its track.
 
 use super::cause::{STILL_IN_FLOOD, digits};
 use super::{Effect, Loss, Need};
@@ -24,7 +27,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     }
     let length_px = view.longest_track_px(view.exposure.duration_s);
     let swing_px = view.areas_swing_px(view.exposure.duration_s);
-    // What stands still does so for a rolling shutter too, whose rows see it elsewhere.
+    // Without smear images also stand still for a rolling shutter.
     let rolled_px = match view.camera.readout_s() {
         0.0 => 0.0,
         readout_s => view.longest_track_px(readout_s) / 2.0,
@@ -33,7 +36,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
         return Need::none("the body's rates are 0, and no object moves across the field");
     }
     let moving_ms = |seconds: f64| work(view, seconds, fidelity).moving_ms;
-    // Tracks that short are points.
+    // Tracks below the tolerance are points.
     let price_ms = if length_px <= fidelity.skip_px {
         0.0
     } else if simulated.has(EffectId::AberrationDrift) {
@@ -44,7 +47,8 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     let most_px = digits(length_px.max(swing_px));
     let because = format!("images move by up to {most_px} px");
     let error = Loss {
-        // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is below 0.7 of a pixel's.
+        // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is
+        // below 0.7 of a pixel's.
         e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
         px: length_px / 2.0 + rolled_px,
     };
@@ -53,7 +57,7 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let simulated = &scene.simulated;
-    // Without smear, images have the ends of their true tracks, unless they drift.
+    // Without smear images have the ends of their true tracks, unless they drift.
     let own = simulated.has(EffectId::Smear) || !simulated.has(EffectId::AberrationDrift);
     let mut other = simulated.toggled(EffectId::Smear);
     if other.has(EffectId::Smear) {

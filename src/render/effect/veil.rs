@@ -1,13 +1,16 @@
-//! Veils: light of the Sun, the Moon (moonglow) and the day side of the Earth (earthshine) that the optics scatter over the field.
+//! Veils: light of the Sun, the Moon (moonglow) and the day side of the Earth (earthshine) that the
+//! optics scatter over the field.
 //!
 //! ```text
 //! N_xy = E PST(angle) A_pixel QE t_int
 //! ```
 //!
-//! with the irradiance E on the aperture and the point-source transmittance at the angle from the boresight (`camera::stray`); of the Earth the sum over
-//! patches of its lit disc. The Sun is never in the image: inside of its exclusion angle it fills all pixels. Reference: Breault 1995 (Handbook of Optics, ch. 38). Validity: the same
-//! on all pixels, which is what a point-source transmittance speaks of; no ghosts, no glare around bright stars; at mid-exposure's attitude; the air's light
-//! counts as that of the ground below it. Price: the passes over the pixels.
+//! with the irradiance E on the aperture and the point-source transmittance at the angle from the
+//! boresight (`camera::stray`); of the Earth the sum over patches of its lit disc. The Sun is never
+//! in the image: inside of its exclusion angle it fills all pixels. Reference: Breault 1995
+//! (Handbook of Optics, ch. 38). Validity: the same on all pixels, which is what a point-source
+//! transmittance speaks of; no ghosts, no glare around bright stars; at mid-exposure's attitude;
+//! the air's light counts as that of the ground below it. Price: the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};
@@ -22,7 +25,7 @@ use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// ns of a look at light that is the same everywhere.
+/// ns of an evaluation of light that is the same everywhere.
 const LOOK_NS: f64 = 45.0;
 
 /// Sunlight.
@@ -62,7 +65,7 @@ fn sun(scene: &Scene, area: &AreaLight) -> String {
 const NOTHING: &str = "nothing of it is scattered onto the detector";
 const NO_TABLE: &str = "the optics scatter no light (optics.stray.pst)";
 
-/// Into how many patches the Earth's disc is cut: 1 % of its veil.
+/// Number of patches of the Earth's disc, for 1 % of its veil.
 const PATCHES: usize = 100;
 /// By how much the Sun overfills a pixel.
 const OVER: f64 = 4.0;
@@ -87,11 +90,12 @@ impl Radiance for Veil {
     }
 }
 
-/// That of a source of so many ph/s/m^2 on the aperture, `angle` (rad) from the boresight, e-/s.
+/// The veil of a source of `irradiance` (ph/s/m^2) on the aperture, `angle` (rad) from the
+/// boresight, e-/s.
 fn scattered(view: &View, irradiance: f64, angle: f64) -> f64 {
     let (stray, detector) = (&view.camera.optics.stray, &view.camera.detector);
     if view.camera.optics.transmission == 0.0 {
-        // The point-source transmittance has it in it, but for what lets nothing pass.
+        // The point-source transmittance includes the transmission, except if nothing passes.
         return 0.0;
     }
     stray.veil_e_s(

@@ -4,10 +4,13 @@
 //! N <- N V(angle),   V = cos^4(angle), or a table
 //! ```
 //!
-//! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and what is assumed. Each sample of a
-//! track has the transmission of its own field angle, so that centroids and electrons are those of the light that passes. Validity: the spread of one image is dimmed as
-//! its middle is. Without it a source's light errs by what its own angle takes, and the centroid of a track of length L, whose light is
-//! between V_min and V_max, by the covariance of place and transmission over their mean, which Grüss 1935 (Mathematische Zeitschrift 39, 215) bounds:
+//! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and what
+//! is assumed. Each sample of a track has the transmission of its own field angle, so that
+//! centroids and electrons are those of the light that passes. Validity: the spread of one image is
+//! dimmed as its middle is. Without it a source's light errs by what its own angle takes, and the
+//! centroid of a track of length L, whose light is between V_min and V_max, by the covariance of
+//! place and transmission over their mean, which Grüss 1935 (Mathematische Zeitschrift 39, 215)
+//! bounds:
 //!
 //! ```text
 //! d = int V (x - <x>) dt / int V dt <= L (V_max - V_min) / (4 V_min)     (a third of it where V is linear and the speed even)
@@ -47,9 +50,10 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     Need::new(because, Loss { e, px }, looks(view, fidelity) * ns * 1e-6)
 }
 
-/// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass at most. The fourth power of the cosine has the
-/// pixel's solid angle in it, and of area light stands for that: without it pixels take their own again, from which a lens with distortion
-/// is further off than what passes tells.
+/// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass
+/// at most. The fourth power of the cosine has the pixel's solid angle in it, and of area light
+/// stands for that: without it pixels take their own again, from which a lens with distortion is
+/// further off than what passes tells.
 fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     if view.camera.optics.vignetting != Vignetting::Cos4 {
         return view.areas_peak_e() * part;
@@ -61,7 +65,7 @@ fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     areas_taken_e(view, &without.with(EffectId::Vignetting), &without)
 }
 
-/// Why it takes no light.
+/// Why it removes no light.
 fn why_none(view: &View, simulated: &EffectSet) -> &'static str {
     if !simulated.has(EffectId::Stars) && !simulated.has(EffectId::Rsos) {
         "stars and objects are switched off"
@@ -76,7 +80,7 @@ fn why_none(view: &View, simulated: &EffectSet) -> &'static str {
     }
 }
 
-/// How often sources are looked at.
+/// Number of evaluations of sources.
 fn looks(view: &View, fidelity: &Fidelity) -> f64 {
     let tracks = |seconds: f64| view.longest_track_px(seconds) > fidelity.skip_px;
     let (exposure_s, readout_s) = (view.exposure.duration_s, view.camera.readout_s());
@@ -112,12 +116,13 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let [least, most] = if moves { passes(source) } else { [1.0, 1.0] };
         // A tenth more, for what a track passes between.
         let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
-        // Of a disc of radius R across which the logarithm of the light changes by c, R c / 8; of a part of it, up to twice that.
+        // Of a disc of radius R across which the logarithm of the light changes by c, R c / 8; of a
+        // part of it, up to twice that.
         let [_, seen, _] = seen(&source.body);
         let across = vignetting.change_across(&seen, radius(source));
         source.length_px() * part.min(1.0) + radius(source) * scale * (across / 4.0).min(1.0)
     });
-    // The same images are there without it.
+    // Without it there are the same images.
     let other = simulated.toggled(EffectId::Vignetting);
     let e = changed_e(
         scene,

@@ -4,7 +4,8 @@ use super::tolerances::{Fidelity, KNOBS, Knob};
 use super::value::Value;
 use std::fmt;
 
-/// A step of coarsening. It is kept as it was asked for, not as the setting that it comes to: that depends on the run's, which a budget of time may choose.
+/// A step of coarsening. It is kept as it was asked for, not as the setting that it comes to: that
+/// depends on the run's, which a budget of time may choose.
 #[derive(Debug, Clone, Copy)]
 pub enum Coarser {
     /// Every knob to where the preset of this name has it.
@@ -14,7 +15,8 @@ pub enum Coarser {
 }
 
 impl Coarser {
-    /// What stands `before` with each knob of the step where the step has it, or where it was if that is coarser: nothing is made finer.
+    /// What stands `before` with each knob of the step where the step has it, or where it was if
+    /// that is coarser: nothing is made finer.
     pub fn than(&self, before: &Fidelity) -> Fidelity {
         let mut after = *before;
         let mut raise = |knob: &Knob, value: Value| {

@@ -5,7 +5,8 @@ use super::value::{Setting, Value};
 /// How the orbits of objects are worked out. The frames are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Orbits {
-    /// From frame to frame who may be in the field is told from positions between knots, within centimetres; who is, by SGP4.
+    /// From frame to frame who may be in the field is told from positions between knots, within
+    /// centimetres; who is, by SGP4.
     #[default]
     Tracked,
     /// Everybody by SGP4, in lanes.

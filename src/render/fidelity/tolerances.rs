@@ -15,7 +15,8 @@ pub struct Knob {
     pub unit: &'static str,
     /// What it bounds.
     pub bounds: &'static str,
-    /// The greatest error by a value, in that unit or as `bounds` has it; 0 of methods that change nothing.
+    /// The greatest error by a value, in that unit or as `bounds` has it; 0 of methods that change
+    /// nothing.
     pub bound: fn(f64) -> f64,
     /// What it may be.
     pub allowed: Allowed,
@@ -33,7 +34,8 @@ impl Knob {
         KNOBS.iter().find(|knob| knob.name == name)
     }
 
-    /// Whether a frame by the one value is coarser or faster than by the other: a greater tolerance, or a method that stands before.
+    /// Whether a frame by the one value is coarser or faster than by the other: a greater
+    /// tolerance, or a method that stands before.
     pub fn is_coarser(&self, one: Value, other: Value) -> bool {
         match (one, other, self.allowed) {
             (Value::Number(one), Value::Number(other), _) => one > other,
@@ -98,53 +100,65 @@ fn profile(step: f64) -> f64 {
     1.4 * step.powi(4) / 4320.0
 }
 
-/// A bound of area light that is accepted where lines across nine places miss twice the value (`scene::area`). Of an even bend they then miss that between two neighbours. Of a kink of slope
-/// D at d from one of them, h apart, the test sees `D d / 2`, and lines miss `D d (h - d) / h`: up to four times the value, and across and down twice that.
+/// A bound of area light that is accepted where lines across nine places miss twice the value
+/// (`scene::area`). Of an even bend they then miss that between two neighbours. Of a kink of slope
+/// D at d from one of them, h apart, the test sees `D d / 2`, and lines miss `D d (h - d) / h`: up
+/// to four times the value, and across and down twice that.
 fn at_kinks(value: f64) -> f64 {
     8.0 * value
 }
 
-// Name and type, unit, what it may be, its values in `fast`, `realtime` and `reference`, whether frames show it, the error that a value stands for,
-// of what.
+// Name and type, unit, what it may be, its values in `fast`, `realtime` and `reference`, whether
+// frames show it, the error that a value stands for, of what.
 knobs! {
     /// Share of a point source's light that may fall outside its stamp (1).
     psf_loss: f64, "1", Numbers([1e-12, 0.01]), [1e-4, 1e-6, 1e-12], true, itself,
         "share of a source's light that is lost outside its stamp";
-    /// So much of its light (e-) may fall outside in any case where its wings are narrow, up to a ten thousandth.
+    /// So much of its light (e-) may fall outside in any case where its wings are narrow, up to a
+    /// ten thousandth.
     loss_e: f64, "e-", Numbers([0.0, 1e3]), [0.05, 1e-3, 0.0], true, itself,
         "light of a source that is lost outside its stamp in any case, up to a ten thousandth of it";
-    /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest of their light is laid
-    /// evenly over the pixels that are drawn, and brings each less than twice as much.
+    /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest
+    /// of their light is laid evenly over the pixels that are drawn, and brings each less than
+    /// twice as much.
     wing_e: f64, "e-", Numbers([1e-3, 1e3]), [0.2, 0.02, 1e-3], true, |wing_e| 2.0 * wing_e,
         "what a pixel's light of a source's wide wings is off by, e-: twice the value";
-    /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the source's light. A panel is
-    /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
-    /// ends: 2e-5 at 0.5. Of a Gaussian that is the same everywhere fewer points tell as much (`track::rule`). Light and centroid are kept whatever
-    /// the step.
+    /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the
+    /// source's light. A panel is integrated by two Gauss points, so the profile errs by at most
+    /// `step^4 / 4320 * 1.4` of the streak's height, at its ends: 2e-5 at 0.5. Of a Gaussian that
+    /// is the same everywhere fewer points tell as much (`track::rule`). Light and centroid are
+    /// kept whatever the step.
     track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, profile,
         "what a streak's profile is off by, as a part of its height: step^4 / 3086";
-    /// Panels are longer, up to one sigma, and short tracks are points, where the profile still errs by no more than this (e-).
+    /// Panels are longer, up to one sigma, and short tracks are points, where the profile still
+    /// errs by no more than this (e-).
     track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
         "a pixel's light of a streak whose panels are longer, or which is drawn as a point";
-    /// Area light runs in straight lines between places at which it is worked out where its bend makes that err by no more than this (e-) and
+    /// Area light runs in straight lines between places at which it is worked out where its bend
+    /// makes that err by no more than this (e-) and
     area_e: f64, "e-", Numbers([1e-4, 1e3]), [0.2, 0.02, 1e-3], true, at_kinks,
         "a pixel's area light that is drawn between places, beside area_part: itself where light bends evenly, up to 8 times as much at kinks and in thin layers";
     /// this part of it (1).
     area_part: f64, "1", Numbers([1e-7, 0.1]), [5e-3, 5e-4, 1e-6], true, at_kinks,
         "a part of that light, likewise";
-    /// Draws of shot noise are within this total-variation distance of Poisson's (1), up to 2^20 e- a pixel.
+    /// Draws of shot noise are within this total-variation distance of Poisson's (1), up to 2^20 e-
+    /// a pixel.
     poisson_tv: f64, "1", Numbers([1e-6, 0.01]), [5e-4, 1e-4, 1e-6], true, itself,
         "total-variation distance of draws of shot noise from Poisson's distribution, up to 10^6 e- a pixel";
-    /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
+    /// An effect without which no pixel's expected electrons change by more than this (e-) is
+    /// skipped.
     skip_e: f64, "e-", Numbers([0.0, 1e6]), [0.5, 0.05, 0.0], true, itself,
         "a pixel's expected electrons that an effect which is skipped would change";
-    /// Light of an area that brings no pixel more than that is skipped where all of it has no more than this signal-to-noise ratio (1).
+    /// Light of an area that brings no pixel more than that is skipped where all of it has no more
+    /// than this signal-to-noise ratio (1).
     skip_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.05, 0.0], true, itself,
         "signal-to-noise ratio of all of an area's light that is skipped, and of an object that has no image";
-    /// A star has no image where its light has no more than this signal-to-noise ratio (1), were there no noise but that of reading; nor do labels list it.
+    /// A star has no image where its light has no more than this signal-to-noise ratio (1), were
+    /// there no noise but that of reading; nor do labels list it.
     star_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.0, 0.0], true, itself,
         "signal-to-noise ratio, were reading the only noise, of a star that has no image; those that labels list have one";
-    /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
+    /// An effect without which no image moves by more than this (px) is skipped; so is a source's
+    /// own motion.
     skip_px: f64, "px", Numbers([0.0, 1.0]), [0.01, 1e-3, 0.0], true, itself,
         "what an image, or an end of its track, is off by";
     /// How the orbits of objects are worked out.
@@ -153,7 +167,8 @@ knobs! {
 }
 
 impl Fidelity {
-    /// The share (1) of the light of a source of so many `electrons` that may fall outside its stamp, where its wings are narrow.
+    /// The share (1) of the light of a source of so many `electrons` that may fall outside its
+    /// stamp, where its wings are narrow.
     pub fn loss(&self, electrons: f64) -> f64 {
         const MOST: f64 = 1e-4;
         if self.loss_e > 0.0 {
@@ -163,17 +178,18 @@ impl Fidelity {
         }
     }
 
-    /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-) at most:
-    /// `step^4 / 4320 * 1.4 height_e = track_e`.
+    /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-)
+    /// at most: `step^4 / 4320 * 1.4 height_e = track_e`.
     pub fn step_sigma(&self, height_e: f64) -> f64 {
         let step = (self.track_e * 4320.0 / (1.4 * height_e)).sqrt().sqrt();
         step.max(self.track_step_sigma)
             .min(LONGEST_STEP_SIGMA.max(self.track_step_sigma))
     }
 
-    /// What a Gaussian may collect too much or too little along a track of `length` sigmas, in parts of what it collects of one without ends, for a source
-    /// whose pixels would get `height_e` (e-) at most if it stood still. Of a streak they get `q / (1 + q^2)^(1/2)` of the former at least, and
-    /// `1 / q` of the latter at most:
+    /// What a Gaussian may collect too much or too little along a track of `length` sigmas, in
+    /// parts of what it collects of one without ends, for a source whose pixels would get
+    /// `height_e` (e-) at most if it stood still. Of a streak they get `q / (1 + q^2)^(1/2)` of the
+    /// former at least, and `1 / q` of the latter at most:
     ///
     /// ```text
     /// error = max(step^4 / 3086 q / (1 + q^2)^(1/2), track_e / height_e q),   q = length / (2 pi)^(1/2)
@@ -186,15 +202,16 @@ impl Fidelity {
         part.max((self.track_e / height_e * q).min(MOST))
     }
 
-    /// Length of a track, in units of the PSF's sigma, for which one point stands: its profile, curved by `height_e / sigma^2` at most, errs
-    /// by `step^2 / 24 height_e = track_e`.
+    /// Length of a track, in units of the PSF's sigma, for which one point stands: its profile,
+    /// curved by `height_e / sigma^2` at most, errs by `step^2 / 24 height_e = track_e`.
     pub fn point_sigma(&self, height_e: f64) -> f64 {
         (self.track_e * 24.0 / height_e)
             .sqrt()
             .min(LONGEST_STEP_SIGMA)
     }
 
-    /// The preset that it is nearest to, by the number of knobs that differ, and those; of knobs that frames show.
+    /// The preset that it is nearest to, by the number of knobs that differ, and those; of knobs
+    /// that frames show.
     pub fn told(&self) -> (&'static str, Vec<(&'static str, Value)>) {
         let differing = |preset: &Fidelity| -> Vec<(&'static str, Value)> {
             let knobs = KNOBS.iter();
@@ -209,7 +226,8 @@ impl Fidelity {
         all.min_by_key(|(_, knobs)| knobs.len()).unwrap_or_default()
     }
 
-    /// With every tolerance brought into the range of its [`Knob`]; what is no number becomes the least.
+    /// With every tolerance brought into the range of its [`Knob`]; what is no number becomes the
+    /// least.
     pub fn within_ranges(mut self) -> Fidelity {
         for knob in KNOBS {
             if let (Numbers([least, most]), Value::Number(given)) =

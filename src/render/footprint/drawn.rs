@@ -46,7 +46,8 @@ impl Drawn<'_> {
         Drawn { psf, square, reach }
     }
 
-    /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be centred on `at`.
+    /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be
+    /// centred on `at`.
     pub fn rest_around(&self, at: [f64; 2], rest: f64, light: &[f64]) -> [f64; 2] {
         let [columns, rows] = &self.square;
         let mut moments = [0.0; 2];
@@ -64,8 +65,9 @@ impl Drawn<'_> {
         [0, 1].map(|axis| at[axis] - moments[axis] / rest)
     }
 
-    /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their centre is at `centre`, as far
-    /// as none is below 0: `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
+    /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their
+    /// centre is at `centre`, as far as none is below 0:
+    /// `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
     pub fn even(&self, axis: usize, centre: [f64; 2]) -> impl Fn(i64) -> f64 {
         let Range { start, end } = self.square[axis];
         let (n, middle) = ((end - start) as f64, (start + end - 1) as f64 / 2.0);

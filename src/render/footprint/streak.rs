@@ -1,4 +1,5 @@
-//! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of it are laid on pixels by a kernel.
+//! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of
+//! it are laid on pixels by a kernel.
 
 use super::{DOT_NS, Footprint, HELD_NS, LAID_NS, Light, Wings};
 use crate::camera::Camera;
@@ -10,13 +11,15 @@ use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are copied at a time.
 const LANES: usize = 8;
-/// Where no more than this share of the light may be lost it is added up in double precision: sums of single ones are off by up to 3e-8.
+/// Where no more than this share of the light may be lost it is added up in double precision: sums
+/// of single ones are off by up to 3e-8.
 const LITTLE: f64 = 3e-7;
 
 /// Rows of a sheet, the first of which is a row of the plane.
 struct Rows {
     first: i32,
-    /// The columns that are lit, from the first up to the other, from the row before the first on; none where the first is the greater.
+    /// The columns that are lit, from the first up to the other, from the row before the first on;
+    /// none where the first is the greater.
     low: Vec<i32>,
     past: Vec<i32>,
     /// Where the pixel of column 0 is, or would be.
@@ -26,7 +29,8 @@ struct Rows {
 }
 
 impl Footprint {
-    /// That of a track of several points whose light all rows collect; none of other tracks and spreads.
+    /// That of a track of several points whose light all rows collect; none of other tracks and
+    /// spreads.
     pub(super) fn streak(
         limit: &WorkLimit,
         track: &Track,
@@ -110,8 +114,9 @@ impl Rows {
             past: &mut past[1..=count],
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
-        // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch; tiles of dots that are laid together
-        // begin before their own.
+        // From where a row's tile begins, its circle is no further, nor is that of a row beside
+        // which its circle does not touch; tiles of dots that are laid together begin before their
+        // own.
         let before = circle.radius.ceil() as i32 + 1 + BESIDE as i32;
         let wide = circle.wide() as i32 + 1;
         let mut pixels = 0;
@@ -176,7 +181,8 @@ impl Rows {
         spans.drain(..dark);
         let from = from + dark;
         let first_row = self.first + from as i32;
-        // Pixels are copied so many at a time, those beyond a row's last too: the next row takes their place.
+        // Pixels are copied so many at a time, those beyond a row's last too: the next row takes
+        // their place.
         let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
         // What is empty has no place on the sheet.
         let places = spans.iter().zip(&self.origins[from..]);
@@ -240,7 +246,8 @@ mod tests {
 
     #[test]
     fn rows_without_light_lie_between_those_that_have_some() {
-        // X-Val: the detector ends at 255.5: of the middle point's circle only a part is on it, and rows beside that lie beyond; others are of no point.
+        // X-Val: the detector ends at 255.5: of the middle point's circle only a part is on it, and
+        // rows beside that lie beyond; others are of no point.
         for beside in [254.0, 256.0, 257.0, 258.5, 259.4] {
             let points = [[128.0, 10.0], [beside, 40.0], [60.2, 70.0]];
             let pixels = image(&points);

@@ -1,18 +1,20 @@
-//! Charge beyond the full well spills along its column: what a pixel cannot hold goes half up and half down, and on from
-//! there, until it finds room or leaves at the column's ends.
+//! Charge beyond the full well spills along its column: what a pixel cannot hold goes half up and
+//! half down, and on from there, until it finds room or leaves at the column's ends.
 //!
-//! This is the divisible sandpile in one dimension (Levine and Peres 2009, Potential Analysis 30, 1): its end does not depend
-//! on the order of the spilling. With the surplus `s = charge - well` of each pixel and a curve of second difference
-//! `gamma'' = 2 s`, the charge that spilled over is the height of the curve's concave hull above it, and
+//! This is the divisible sandpile in one dimension (Levine and Peres 2009, Potential Analysis 30,
+//! 1): its end does not depend on the order of the spilling. With the surplus `s = charge - well`
+//! of each pixel and a curve of second difference `gamma'' = 2 s`, the charge that spilled over is
+//! the height of the curve's concave hull above it, and
 //!
 //! ```text
 //! flow from pixel i to i + 1 = (gamma[i + 1] - gamma[i] - slope of the hull there) / 2
 //! ```
 //!
-//! Of a column of whole electrons whole electrons move, so that it keeps its charge exactly; a pixel may hold one more than the well. Of an
-//! expectation the parts move too.
-//! Validity: a CCD without anti-blooming drains, whose channel stops hold better than its gates (Janesick 2001, Scientific
-//! Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear in the column's pixels.
+//! Of a column of whole electrons whole electrons move, so that it keeps its charge exactly; a
+//! pixel may hold one more than the well. Of an expectation the parts move too. Validity: a CCD
+//! without anti-blooming drains, whose channel stops hold better than its gates (Janesick 2001,
+//! Scientific Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear
+//! in the column's pixels.
 
 /// What one column is worked out in, kept from column to column.
 #[derive(Default)]
@@ -26,14 +28,16 @@ pub struct Bloom {
 }
 
 impl Bloom {
-    /// Spills what `column` (e-) holds above `well` (e-). Returns what left at the first and at the last pixel, e-.
+    /// Spills what `column` (e-) holds above `well` (e-). Returns what left at the first and at the
+    /// last pixel, e-.
     pub fn spill(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
         if !column.iter().any(|e| f64::from(*e) > well) {
             return [0.0; 2];
         }
         self.build(column, well);
         let whole = column.iter().all(|e| e.fract() == 0.0);
-        // Across each edge of the hull one slope holds: flow into place i from the one before, by pixels from 0.
+        // Across each edge of the hull one slope holds: flow into place i from the one before, by
+        // pixels from 0.
         let (mut flow_in, mut ends) = (0.0, [0.0; 2]);
         let mut into = 0;
         for corner in self.hull.windows(2) {

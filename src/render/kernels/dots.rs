@@ -1,7 +1,8 @@
 //! Light of points along a streak, spread by a PSF that is a product of one line a coordinate.
 //!
-//! In single precision, which is what footprints keep, or for light so bright that the last digits of its sum are electrons in double. Places are told from a pixel
-//! near them, so that nothing is lost far from the detector's corner.
+//! In single precision, which is what footprints keep, or for light so bright that the last digits
+//! of its sum are electrons in double. Places are told from a pixel near them, so that nothing is
+//! lost far from the detector's corner.
 
 use super::lines::{Lines, SIDE};
 use super::real::Real;
@@ -29,7 +30,8 @@ pub struct Circle {
     pub side: usize,
 }
 
-/// Where light is laid: rows of pixels one after another, each with room for all tiles that begin in it.
+/// Where light is laid: rows of pixels one after another, each with room for all tiles that begin
+/// in it.
 #[derive(Debug)]
 pub struct Sheet<'a, T> {
     /// The first row.
@@ -73,7 +75,8 @@ impl Dot {
     }
 }
 
-/// Dots whose light is laid together: in tiles of the same pixels, each of which is read and written once.
+/// Dots whose light is laid together: in tiles of the same pixels, each of which is read and
+/// written once.
 struct Group<'a> {
     dots: &'a [Dot],
     /// The first column and row of their tiles.
@@ -83,7 +86,8 @@ struct Group<'a> {
 }
 
 impl<'a> Group<'a> {
-    /// The first of some dots, and the next one too where a tile of `L` columns and no more rows takes both; none of no dots.
+    /// The first of some dots, and the next one too where a tile of `L` columns and no more rows
+    /// takes both; none of no dots.
     #[inline(always)]
     fn of<T: Real, const L: usize>(
         lines: &Lines<T>,
@@ -263,13 +267,15 @@ mod tests {
     use crate::kernels::{lay_dots, lay_dots_finely};
     use skyloop_orbit::sgp4_batch::Level;
 
-    /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room for tiles.
+    /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room
+    /// for tiles.
     const WIDE: i32 = 128;
     const HIGH: i32 = 90;
     /// Where pixel 0 is.
     const FIRST: i32 = -16;
 
-    /// Shares that are polynomials of the place: a parabola of 41 pixels, the sums of which are known.
+    /// Shares that are polynomials of the place: a parabola of 41 pixels, the sums of which are
+    /// known.
     fn parabolas<T: Real>() -> Lines<T> {
         // (1 - (j + 1/2 - f)^2 / 400) / 40 around f.
         Lines::new(7, 20, |j, f| {

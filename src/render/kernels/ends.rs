@@ -8,7 +8,8 @@ pub const ROWS: usize = 16;
 /// Nothing reaches so far, px.
 const BEYOND_PX: f32 = 1e6;
 
-/// The columns of each row that the dots' circles touch, from `low` up to `past`; where they touch none, `low` is the greater. There are rows for [`ROWS`] at a time.
+/// The columns of each row that the dots' circles touch, from `low` up to `past`; where they touch
+/// none, `low` is the greater. There are rows for [`ROWS`] at a time.
 #[derive(Debug)]
 pub struct Ends<'a> {
     /// The first row.
@@ -45,8 +46,8 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     }
 }
 
-/// The columns that the circle of a dot touches in a row whose middle is `away` (px) from it: from the first up to the other; where it touches none, the
-/// first is far beyond.
+/// The columns that the circle of a dot touches in a row whose middle is `away` (px) from it: from
+/// the first up to the other; where it touches none, the first is far beyond.
 ///
 /// ```text
 /// x -+ (r^2 - d^2)^(1/2),   d = max(|away| - 1/2, 0)

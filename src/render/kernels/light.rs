@@ -76,7 +76,8 @@ impl Single {
         }
     }
 
-    /// What a pixel that holds a share of the light, s, beside `b` (e-) adds to the square of the ratio:
+    /// What a pixel that holds a share of the light, s, beside `b` (e-) adds to the square of the
+    /// ratio:
     ///
     /// ```text
     /// (c(s + b) - c(b))^2 / (c'(s + b)^2 (s + b) + floor),   c(e) = e (1 - bend p(e)),   p(e) = min(e / full, 1)

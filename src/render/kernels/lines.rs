@@ -9,7 +9,8 @@ const POWERS: usize = 4;
 /// Shares below are none: products of two stay far from what is too small for single precision.
 const LEAST: f64 = 1e-15;
 
-/// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
+/// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a
+/// series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines<T> {
     /// Nodes a pixel.
@@ -25,8 +26,9 @@ pub struct Lines<T> {
 }
 
 impl<T: Real> Lines<T> {
-    /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a pixel so many pixels from the source's own and a
-    /// source so far (0..1, px) above that one's lower edge, Taylor's series of its share in that place.
+    /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a
+    /// pixel so many pixels from the source's own and a source so far (0..1, px) above that one's
+    /// lower edge, Taylor's series of its share in that place.
     pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines<T> {
         let pixels = 2 * reach + 1;
         let stride = pixels + SIDE;
@@ -57,7 +59,8 @@ impl<T: Real> Lines<T> {
         f64::from(self.reach) - 1.0
     }
 
-    /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from the middle of pixel 0.
+    /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from
+    /// the middle of pixel 0.
     #[inline(always)]
     pub fn shares<const L: usize>(&self, off: f64, first: i32) -> [T; L] {
         let off = T::of(off);

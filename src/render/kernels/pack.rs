@@ -4,7 +4,8 @@
 const PIXELS: usize = 8;
 const OCTETS: usize = 12;
 
-/// Packs pixels of 12 bits, first bit first (`AAAAAAAA AAAABBBB BBBBBBBB`), an odd last one into two octets: four pixels are one number of 48 bits.
+/// Packs pixels of 12 bits, first bit first (`AAAAAAAA AAAABBBB BBBBBBBB`), an odd last one into
+/// two octets: four pixels are one number of 48 bits.
 #[inline(always)]
 pub fn body(pixels: &[u16], octets: &mut [u8]) {
     let (blocks, rest) = pixels.as_chunks::<PIXELS>();

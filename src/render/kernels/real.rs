@@ -18,8 +18,8 @@ pub trait Real:
     fn single(self) -> f32;
     /// `self a + b`, rounded once.
     fn fused(self, a: Self, b: Self) -> Self;
-    /// The whole number nearest to one of less than 2^22: the last digits of a sum with 1.5 times a great power of two, without the calls and jumps that
-    /// `round` and `as` take.
+    /// The whole number nearest to one of less than 2^22: the last digits of a sum with 1.5 times a
+    /// great power of two, without the calls and jumps that `round` and `as` take.
     fn nearest(self) -> (i32, Self);
 }
 

@@ -1,7 +1,10 @@
-//! Poisson draws of small means, side by side: a step of the search is taken by all of a few pixels, until the last of them is done.
+//! Poisson draws of small means, side by side: a step of the search is taken by all of a few
+//! pixels, until the last of them is done.
 //!
-//! A search in double precision draws what the twin draws, `rng::poisson`. In single precision, with twice as many lanes and a shorter series, nearly all words draw
-//! the same: those that lie farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does not, its few are searched again.
+//! A search in double precision draws what the twin draws, `rng::poisson`. In single precision,
+//! with twice as many lanes and a shorter series, nearly all words draw the same: those that lie
+//! farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does
+//! not, its few are searched again.
 
 use skyloop_base::rng::normal::{uniform_of, uniform_quickly};
 use skyloop_base::rng::poisson::{self, SEARCHED};
@@ -24,7 +27,8 @@ pub(super) fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f3
     }
 }
 
-/// The draws in single precision, for as many steps as the last of them takes; whether they are sure.
+/// The draws in single precision, for as many steps as the last of them takes; whether they are
+/// sure.
 #[inline(always)]
 fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; LANES]) -> bool {
     let [mut mean, mut probability, mut left] = [[0.0; LANES]; 3];
@@ -34,7 +38,8 @@ fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; 
         probability[i] = poisson::none_quickly(mean[i]);
         left[i] = uniform_quickly(words[i]);
     }
-    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit is set. A sum that is checked is not made side by side.
+    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit
+    // is set. A sum that is checked is not made side by side.
     let (mut k, mut beyond) = (0, [0_u32; LANES]);
     for two in poisson::INVERSE_QUICKLY.as_chunks::<2>().0 {
         for inverse in two {
@@ -96,7 +101,8 @@ mod tests {
     use super::*;
     use skyloop_base::rng::poisson::Switch;
 
-    /// Words on both sides of each step of the distribution, from next to it to far beyond where single precision is sure, and at the ends of all words.
+    /// Words on both sides of each step of the distribution, from next to it to far beyond where
+    /// single precision is sure, and at the ends of all words.
     fn words(mean: f32) -> Vec<u32> {
         let mut words = vec![0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX];
         let (mean, all) = (f64::from(mean), 4_294_967_296.0);

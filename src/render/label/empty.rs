@@ -2,7 +2,8 @@
 
 use crate::scene::{Scene, full_part};
 
-/// The reason, for `label_snr` as the least signal-to-noise ratio of listed objects and `flooded_by` as in the label.
+/// The reason, for `label_snr` as the least signal-to-noise ratio of listed objects and
+/// `flooded_by` as in the label.
 pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
     if let Some(light) = flooded_by {
         return format!("every pixel is full: {light}");

@@ -12,8 +12,8 @@ pub(super) const OCTETS: usize = 1024;
 /// Objects whose texts one thread makes at least.
 const TASK: usize = 64;
 
-/// What is in a frame: sources of light, and beside them, in the same array of the text, what is none. As a list it is
-/// that of the sources.
+/// What is in a frame: sources of light, and beside them, in the same array of the text, what is
+/// none. As a list it is that of the sources.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Objects {
     /// The stars and RSOs in the frame or with light on the detector.
@@ -53,7 +53,8 @@ impl<'a> IntoIterator for &'a Objects {
 }
 
 impl Objects {
-    /// Appends them to a text, as an array of JSON. They are most of a label: where there are threads for it, their texts are made side by side.
+    /// Appends them to a text, as an array of JSON. They are most of a label: where there are
+    /// threads for it, their texts are made side by side.
     pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
         text.push(b'[');
         let empty = text.len();

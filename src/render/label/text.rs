@@ -1,4 +1,5 @@
-//! The text of an object in a frame: JSON, its numbers by way of integers, for a label may have thousands of objects.
+//! The text of an object in a frame: JSON, its numbers by way of integers, for a label may have
+//! thousands of objects.
 
 use super::object::{ObjectLabel, RsoLabel};
 use super::rounded::{rounded, scaled};
@@ -117,10 +118,12 @@ impl Members<'_> {
     }
 }
 
-/// Appends `value`, [`rounded`] to so many decimals (9 at most), as [`serde_json`] writes it: the fewest digits that give it back.
+/// Appends `value`, [`rounded`] to so many decimals (9 at most), as [`serde_json`] writes it: the
+/// fewest digits that give it back.
 ///
-/// Whole units of the last decimal, of 15 digits or fewer, are such digits once their last zeros are dropped: no two numbers of 15 digits have the same
-/// nearest double. Those of more digits, and what is so small that it has an exponent, is left to that crate.
+/// Whole units of the last decimal, of 15 digits or fewer, are such digits once their last zeros
+/// are dropped: no two numbers of 15 digits have the same nearest double. Those of more digits, and
+/// what is so small that it has an exponent, is left to that crate.
 fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
     // Below, units have 15 digits at most, of which no more than [`EIGHT`] are whole.
     let most = 10u64.pow(15.min(8 + DECIMALS));
@@ -163,8 +166,9 @@ fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
 /// Numbers of up to eight digits are below.
 const EIGHT: u64 = 100_000_000;
 
-/// The eight digits of a number below [`EIGHT`], an octet each, the first the lowest: halved three times, all halves side by side. Quotients are products with
-/// 1 / 100 and 1 / 10, rounded up in so many bits that none is off.
+/// The eight digits of a number below [`EIGHT`], an octet each, the first the lowest: halved three
+/// times, all halves side by side. Quotients are products with 1 / 100 and 1 / 10, rounded up in so
+/// many bits that none is off.
 fn digits(number: u64) -> u64 {
     let fours = (number / 10_000) | ((number % 10_000) << 32);
     let hundreds = ((fours * 5_243) >> 19) & 0x7f_0000_007f;
@@ -201,7 +205,8 @@ mod tests {
                 check::<9>(value);
             }
         };
-        // Zero, both signs; halves of the last decimal; where exponents begin and end; where units are of 15 and of 16 digits; the least and greatest.
+        // Zero, both signs; halves of the last decimal; where exponents begin and end; where units
+        // are of 15 and of 16 digits; the least and greatest.
         let values =
             "0.0 0.5 1.0 100.0 0.30000000000000004 0.00005 0.00015 0.1234565 2.5e-7 1e-5 9e-6
             9.9994e-6 9.9999e-6 9.9999999e-6 1.00001e-5 1e-9 5e-10 4.999e-10 359.9999999996
@@ -210,7 +215,8 @@ mod tests {
         for value in values.split_whitespace() {
             check_all(value.parse().unwrap());
         }
-        // Of all sizes, and all lengths: a Weyl sequence, and products of it rounded to few decimals.
+        // Of all sizes, and all lengths: a Weyl sequence, and products of it rounded to few
+        // decimals.
         for i in 0..300_000u32 {
             let part = f64::from(i.wrapping_mul(2_654_435_769)) / f64::from(u32::MAX);
             let size = libm::exp10(f64::from(i % 29) - 11.0);

@@ -42,8 +42,8 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
     bounded(&unseen, MOST_UNSEEN, |index| objects[index].id.clone())
 }
 
-/// At most `most` of those that are not seen. Where there are more, each reason has an equal part of the list, and what one does not need
-/// goes to the others.
+/// At most `most` of those that are not seen. Where there are more, each reason has an equal part
+/// of the list, and what one does not need goes to the others.
 fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String + Sync) -> Listed {
     let mut by_reason: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, why) in unseen {

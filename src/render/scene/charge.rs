@@ -17,7 +17,8 @@ const COLUMNS_TOGETHER: usize = 1 << 18;
 /// Few columns are computed in this many groups.
 const GROUPS: usize = 8;
 
-/// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge; in none once the frame is cancelled.
+/// The expected charge of `pixels` (sorted row-major indices): light and dark charge, e-. Empty
+/// once the frame is cancelled.
 pub fn expected_e(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let groups = pixels
         .par_chunks(TOGETHER)
@@ -62,7 +63,8 @@ fn expected_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     charge
 }
 
-/// The charge (e-) that particles leave in `pixels`, sorted by row-major index; no more of them once the frame is cancelled.
+/// The charge of particles in `pixels` (sorted row-major indices), e-. Ends once the frame is
+/// cancelled.
 pub fn struck_e(scene: &Scene, pixels: &[u32]) -> impl Iterator<Item = f64> {
     let mut hits = scene.struck.hits().peekable();
     let pixels = pixels.iter().take_while(|_| !scene.is_cancelled());
@@ -73,15 +75,16 @@ pub fn struck_e(scene: &Scene, pixels: &[u32]) -> impl Iterator<Item = f64> {
     })
 }
 
-/// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
-/// this one that `parts` has too: light and dark charge, before wells fill.
+/// The expected charge of `columns` (sorted), one column after the other, in a frame with the
+/// effects `parts`, e-: light and dark charge, without full wells.
 pub fn columns_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let mut charge = light_e(scene, columns, parts);
     turn(scene, &mut charge, columns, parts);
     charge
 }
 
-/// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
+/// The light on `columns` (sorted), one column after the other, in a frame with the effects
+/// `parts`, e-.
 pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let spilling = &scene.spill.columns;
     let places = columns
@@ -91,7 +94,7 @@ pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> 
         let sources = sources_if(scene, |source| parts.has(source.body.effect()));
         return light_of(scene, columns, &sources, &scene.area_lights(parts));
     };
-    // Asked for again and again, with this and that left out: all was worked out once, and what is left out is taken away.
+    // The whole was computed once; the effects that are left out are subtracted.
     let all = &scene.spilling_e;
     let height = scene.view.camera.detector.height;
     let column = |place: usize| all.get(place).into_iter().flatten().copied();
@@ -101,7 +104,7 @@ pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> 
     let areas = area_lights_without(scene, parts);
     if !sources.is_empty() || !areas.is_empty() {
         let less = light_of(scene, columns, &sources, &areas);
-        // (Rounding leaves no less than nothing.)
+        // Rounding must not leave less than nothing.
         let both = light.iter_mut().zip(less);
         both.for_each(|(e, less)| *e = (*e - less).max(0.0));
     }
@@ -125,7 +128,7 @@ fn sources_if(scene: &Scene, is_asked: impl Fn(&Source) -> bool) -> Vec<Lit<'_>>
     sources.map(Lit::from).collect()
 }
 
-/// The light (e-) of `sources` and of `areas` on `columns`, sorted, one column after the other.
+/// The light of `sources` and `areas` on `columns` (sorted), one column after the other, e-.
 fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Light]) -> Vec<f64> {
     let Detector { width, height, .. } = scene.view.camera.detector;
     let mut light = vec![0.0; columns.len() * height];
@@ -154,8 +157,8 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
     light
 }
 
-/// Turns the light (e-) on `columns` into charge: as pixels respond, with dark charge and the trails of frame transfer, as far as
-/// `parts` has them.
+/// Turns the light on `columns` into charge, e-: pixel response, dark charge and trails of frame
+/// transfer, as far as `parts` has them.
 pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     let detector = &scene.view.camera.detector;
     let trail = trail::part(&scene.view);
@@ -180,7 +183,8 @@ pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectS
     });
 }
 
-/// What `work` makes of groups of `columns`, side by side; once the frame is cancelled, of some of them.
+/// The results of `work` on groups of `columns`, in parallel; incomplete once the frame is
+/// cancelled.
 pub fn in_groups<T: Send>(
     scene: &Scene,
     columns: &[usize],

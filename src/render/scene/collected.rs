@@ -1,4 +1,4 @@
-//! What a camera collects of the light of a track: vignetting and shutter take their part.
+//! The part of a track's light that the camera collects: vignetting and shutter take the rest.
 
 use crate::camera::psf::square;
 use crate::camera::{Camera, Stamp};
@@ -9,22 +9,23 @@ use crate::track::{Lit, Sample, Track};
 /// The light of a track that is collected, on the unbounded plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Collected {
-    /// In units of the light that arrives at the aperture in one exposure (1).
+    /// In units of the light that arrives at the aperture in the exposure (1).
     pub light: f64,
-    /// Its centre, px: where its pixels have it, for images of a point may be off their middle.
+    /// Its centre on the pixels, px: the image of a point may be off its place.
     pub centre: [f64; 2],
 }
 
 impl Collected {
-    /// Adds up the samples; where rows open and close one after the other, by the light that each row gets.
+    /// Adds up the samples; with a rolling shutter by the light of each row.
     ///
-    /// With w the samples' weights and f the part of the light around (x, y) that falls on open rows r,
+    /// With w the samples' weights and f the part of the light around (x, y) that falls on open
+    /// rows r,
     ///
     /// ```text
     /// light = sum w f,   centre = sum w (x f, y f + sum_open (r - y) s_r - f sum_all (r - y) s_r) / light
     /// ```
-    ///
-    /// s_r being a row's share; the last term takes away what pixels do to the centre of an image that is all lit.
+    /// with the share s_r of a row. The last term removes the effect of pixels on the centre of a
+    /// fully lit image.
     pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, shine: &Light) -> Collected {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         let mut stamp = Stamp::default();
@@ -33,7 +34,7 @@ impl Collected {
             let (part, shift) = open(sample, camera, fidelity, shine, &mut stamp);
             let [x, y] = camera.optics.lit(sample.at);
             light += weight * part;
-            // Relative to the start, so that digits survive far from the origin.
+            // Relative to the start, for precision far from the origin.
             moments[0] += weight * part * (x - track.start[0]);
             moments[1] += weight * (part * (y - track.start[1]) + shift);
         }
@@ -42,7 +43,7 @@ impl Collected {
     }
 }
 
-/// The part of a sample's light that falls on open rows, and how far that moves its first moment (px).
+/// The part of a sample's light on open rows, and the shift of its first moment, px.
 fn open(
     sample: &Sample,
     camera: &Camera,

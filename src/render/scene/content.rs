@@ -34,8 +34,8 @@ pub struct Scene {
     pub(super) peaks_e: Vec<f64>,
     /// The same of stars alone.
     pub(super) stars_e: Vec<f64>,
-    /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
-    /// through light.
+    /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge
+    /// is not shifted through light.
     pub trail_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,

@@ -1,4 +1,5 @@
-//! The Moon's disc where it is too large for points: light by direction, laid on the pixels as that of areas.
+//! The Moon's disc if it is too large for points: light by direction, rasterized as area sources
+//! are.
 
 use super::area::radiance::{Area, Edge, Radiance};
 use super::effect_set::EffectId;
@@ -11,14 +12,14 @@ use std::sync::Arc;
 
 const UNLIT: &str = "no lit part of the Moon is in the field";
 
-/// The disc before one observer.
+/// The disc as one observer sees it.
 #[derive(Debug)]
 pub struct LargeDisc {
-    /// Where it is, and how its light lies on it.
+    /// Its place and its brightness by direction.
     pub disc: MoonDisc,
-    /// Who sees it.
+    /// The observer.
     pub observer: Observer,
-    /// What may hide it and take its sunlight.
+    /// The Earth, which may hide it and take its sunlight.
     pub earth: Earth,
     /// Whether the Earth hides some of it.
     pub behind: bool,
@@ -29,7 +30,7 @@ pub struct LargeDisc {
 }
 
 impl LargeDisc {
-    /// With twice the light of its brightest pixel, e-.
+    /// The area source; `peak_e` is twice the light of its brightest pixel, e-.
     pub fn area(self, peak_e: f64) -> Area {
         Area {
             effect: EffectId::Moon,

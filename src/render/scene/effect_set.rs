@@ -1,7 +1,7 @@
-//! Which effects a frame has, as far as images, backgrounds and signal-to-noise ratios depend on them.
+//! The identities of effects, and sets of them.
 
 /// An effect, by its row in `effect::EFFECTS`.
-#[allow(missing_docs, reason = "told of in the files of `effect`")]
+#[allow(missing_docs, reason = "documented in the files of `effect`")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EffectId {
     Distortion,
@@ -33,7 +33,8 @@ pub enum EffectId {
     StuckPixels,
 }
 
-/// The effects of one frame. None of them gives still images of an ideal camera, and nothing in them.
+/// The effects of one frame. The empty set gives still images of an ideal camera, and nothing in
+/// them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectSet {
     /// A bit an effect.
@@ -43,9 +44,9 @@ pub struct EffectSet {
 }
 
 impl EffectSet {
-    /// Those that shape images.
+    /// The effects that shape images.
     const SHAPES: EffectSet = EffectSet::between(EffectId::Distortion, EffectId::Vignetting);
-    /// Those that are light.
+    /// The effects that add light.
     pub const LIGHTS: EffectSet = EffectSet::between(EffectId::Stars, EffectId::Earthshine);
 
     /// The effects from one row to another, both included.
@@ -57,12 +58,12 @@ impl EffectSet {
         }
     }
 
-    /// Whether an effect is among them.
+    /// Whether it has an effect.
     pub const fn has(&self, effect: EffectId) -> bool {
         self.bits >> effect as u32 & 1 == 1
     }
 
-    /// `value` if it has an effect, else what stands for nothing.
+    /// `value` if it has an effect, else the default.
     pub fn only_with<T: Default>(&self, effect: EffectId, value: T) -> T {
         if self.has(effect) {
             value
@@ -89,7 +90,7 @@ impl EffectSet {
         self
     }
 
-    /// Those alone that are light; noise is not drawn.
+    /// Its effects that add light; without noise.
     pub const fn lights(&self) -> EffectSet {
         EffectSet {
             bits: self.bits & EffectSet::LIGHTS.bits,
@@ -97,7 +98,7 @@ impl EffectSet {
         }
     }
 
-    /// With those of the other's effects that shape images.
+    /// With the other's effects that shape images.
     pub const fn and_shapes(mut self, other: &EffectSet) -> EffectSet {
         self.bits |= other.bits & EffectSet::SHAPES.bits;
         self

@@ -8,7 +8,7 @@ use skyloop_orbit::time::seconds;
 pub struct Exposure {
     /// Shutter opens.
     pub start: Epoch,
-    /// The middle, which attitude and state hold for.
+    /// The middle, for which attitude and state hold.
     pub mid: Epoch,
     /// Shutter closes.
     pub end: Epoch,
@@ -17,7 +17,8 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// The exposure of `duration_s` around `mid`, its ends to the nearest nanosecond; of what is no number they are the middle.
+    /// The exposure of `duration_s` around `mid`, its ends to the nearest nanosecond. If
+    /// `duration_s` is not a number, they equal the middle.
     pub fn around(mid: Epoch, duration_s: f64) -> Exposure {
         let half = seconds(duration_s / 2.0);
         Exposure {

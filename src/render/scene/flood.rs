@@ -5,7 +5,7 @@ use super::effect_set::EffectId;
 use super::signal;
 use rayon::prelude::*;
 
-/// The effect that adds the most charge, where every pixel is full without a star or an object in it; none where a pixel is not full.
+/// The effect that adds the most charge, if every pixel is full without stars and objects.
 pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
     if let Some(area) = scene.spill.flood {
         return Some(area);
@@ -26,7 +26,7 @@ pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
     most.map(|(effect, _)| effect)
 }
 
-/// The part of the pixels (1) that are full in expectation without a star or an object in them.
+/// The part of the pixels that are full in expectation without stars and objects (1).
 pub fn full_part(scene: &Scene) -> f64 {
     let detector = &scene.view.camera.detector;
     let full_e = signal::full_e(detector, &scene.simulated);
@@ -47,7 +47,7 @@ pub fn full_part(scene: &Scene) -> f64 {
     full.sum::<usize>() as f64 / detector.pixels() as f64
 }
 
-/// The expected charge of a pixel in which area sources leave `light_e`, and stars and objects nothing, e-.
+/// The expected charge of a pixel with area light `light_e`, and without stars and objects, e-.
 fn without_sources_e(scene: &Scene, pixel: usize, light_e: f64) -> f64 {
     let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
     let mut e = light_e;

@@ -31,19 +31,19 @@ pub const LOOK_NS: f64 = 90.0;
 pub const POINT_NS: f64 = 800.0;
 pub const ROW_NS: f64 = 70.0;
 
-/// ns of a sample on a track that is already known.
+/// ns of a sample on a track that is already interpolated.
 const TRACK_NS: f64 = 30.0;
 
-/// The image of one point, or of what is made of points.
+/// The image of a point, or of a disc.
 struct Point {
-    /// What is collected of its light (1).
+    /// The part of its light that is collected (1).
     light: f64,
     /// Its centre, px.
     centre: [f64; 2],
     footprint: Footprint,
 }
 
-/// Pixels of the elements of a disc that are held at once, where it stands still.
+/// Pixels of the elements of a still disc that are held at once.
 const PIXELS: f64 = 1e8;
 
 /// How images are formed: the view, the effects that shape them, the tolerances.
@@ -91,11 +91,11 @@ impl Imaging<'_> {
         let arriving_e = candidate.electrons();
         let electrons = arriving_e * light;
         Some(Source {
-            // For its columns' background all images must be there first.
+            // Ratios follow when all images are there: they depend on the columns' background.
             snr: 0.0,
             clear_snr: 0.0,
             body: candidate.body.clone(),
-            // Labels tell where the light is.
+            // Labels give the place of the light.
             start: camera.optics.lit(start),
             end: camera.optics.lit(end),
             centroid: centre,
@@ -107,14 +107,14 @@ impl Imaging<'_> {
         })
     }
 
-    /// The light of a point that runs along a track.
+    /// The light of a point that moves along a track.
     fn point(&self, mut track: Track, candidate: &Candidate) -> Point {
         let Imaging {
             view,
             simulated,
             fidelity,
         } = *self;
-        // Where nothing takes of the light, not even the last digit of a sum does.
+        // Where nothing takes light, rounding of a sum must not either.
         let whole =
             !simulated.has(EffectId::RollingShutter) && !simulated.has(EffectId::Vignetting);
         let sample_ns = match self.even(candidate) {
@@ -148,7 +148,7 @@ impl Imaging<'_> {
         }
     }
 
-    /// What sampling a track takes, so many ns a sample, and what rows collect of it, ns.
+    /// Time of sampling a track, at `sample_ns` a sample, and of the rows' parts, ns.
     fn track_ns(&self, track: &Track, sample_ns: f64, candidate: &Candidate) -> f64 {
         let (psf, detector) = (&self.view.camera.optics.psf, &self.view.camera.detector);
         let reach_px = psf.drawn_px(self.fidelity, candidate.shine().electrons);
@@ -157,7 +157,7 @@ impl Imaging<'_> {
         track.samples.len() as f64 * sample_ns + cut * (POINT_NS + rows * ROW_NS)
     }
 
-    /// The light of a disc that is cut into elements.
+    /// The light of a disc of elements.
     fn disc(&self, elements: &[Element], candidate: &Candidate) -> Point {
         let view = self.view;
         // The part that is not drawn would show, of so much light.
@@ -167,7 +167,7 @@ impl Imaging<'_> {
             ..*self.fidelity
         };
         let imaging = Imaging { fidelity, ..*self };
-        // Some at a time: with wide wings each may cover the whole detector.
+        // A few at a time: with wide wings each may cover the whole detector.
         let psf = &view.camera.optics.psf;
         let side_px = 2.0 * psf.drawn_px(fidelity, candidate.shine().electrons) + 1.0;
         let pixels = side_px.powi(2).min(view.camera.detector.pixels() as f64);
@@ -220,7 +220,8 @@ impl Imaging<'_> {
         }
     }
 
-    /// The path of its image while its rows are open, with the light that arrives along it; of what is `off` (any length) it.
+    /// The path of the image while its rows are open, with the light along it; of a point at an
+    /// offset `off` from the source (any length).
     fn track(&self, candidate: &Candidate, off: &Vector3<f64>) -> Option<Track> {
         let Imaging {
             view,
@@ -288,8 +289,8 @@ impl Imaging<'_> {
         Track::sample(at, &course, fidelity)
     }
 
-    /// The Gaussian that its light is spread by, if it is one that is the same everywhere; none where the light that passes breaks on the way, which
-    /// a rule for what is smooth does not see.
+    /// The Gaussian spread of its light, if it is the same everywhere. None where the transmission
+    /// may have kinks along the path, which the rule for smooth functions misses.
     pub fn even(&self, candidate: &Candidate) -> Option<Even> {
         let optics = &self.view.camera.optics;
         let breaks = self.simulated.has(EffectId::Vignetting)
@@ -299,19 +300,20 @@ impl Imaging<'_> {
         Some(Even { sigma_px, height_e })
     }
 
-    /// How long (px) panels of the candidate's track may be, how long the track for one panel to be all of it, and how long for one point to stand for it.
+    /// Greatest length (px) of a panel of the track, of a track of one panel, and of a track of one
+    /// point.
     pub fn steps_px(&self, candidate: &Candidate) -> [f64; 3] {
         let (core_px, height_e) = self.height(candidate);
         let (psf, fidelity) = (&self.view.camera.optics.psf, self.fidelity);
         let step_px = core_px * fidelity.step_sigma(height_e);
         match psf.at([0.0; 2], 1.0).relief() {
             None => [step_px, step_px, core_px * fidelity.point_sigma(height_e)],
-            // Images have kinks, which no rule of few points tells.
+            // Images have kinks, which a rule of few points misses.
             Some(_) => [step_px, 0.0, 0.0],
         }
     }
 
-    /// The width (px) of the candidate's image, and its height (e-) in the middle.
+    /// The width (px) and the height (e-) of the candidate's image.
     fn height(&self, candidate: &Candidate) -> (f64, f64) {
         let core_px = self.view.camera.optics.psf.core_px();
         // No profile of that width is higher in its middle than a Gaussian.

@@ -1,7 +1,7 @@
 //! The scene: everything that one exposure sees, computed once and only read afterwards.
 //!
-//! First the [`View`], what stands before the camera ([`build_view`], [`add_areas`]); then, with the
-//! effects that the frame has ([`EffectSet`]), the image of every source on the detector: the
+//! First the [`View`], what stands before the camera ([`build_view`], [`add_areas`]); then, with
+//! the effects that the frame has ([`EffectSet`]), the image of every source on the detector: the
 //! [`Scene`] ([`build_scene`]). [`bounds`] says what it would lose without an effect.
 
 mod area;

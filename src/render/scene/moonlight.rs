@@ -6,22 +6,23 @@ use crate::sky::moon::{Cell, MoonDisc};
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
-/// Farther (rad) than this from the anti-Sun no part of the Moon is in the Earth's shadow: penumbra and the Moon's radius reach 1.6 deg.
+/// Beyond this angle from the anti-Sun (rad) no part of the Moon is in the Earth's shadow: penumbra
+/// and the Moon's radius reach 1.6 deg.
 const ECLIPSED: f64 = 0.03;
 
 /// The light of a disc that arrives.
 pub struct Arriving {
-    /// Of all its cells, in full sunlight, and what arrives of that.
+    /// The light of all its cells in full sunlight, and the part that arrives.
     pub all: f64,
     pub light: f64,
-    /// Direction and light of the cells from which some arrives.
+    /// Direction and light of the cells whose light arrives.
     pub lit: Vec<(Vector3<f64>, f64)>,
-    /// Whether the Earth hides some.
+    /// Whether the Earth hides some cells.
     pub behind: bool,
 }
 
 impl Arriving {
-    /// By so many cells on a side.
+    /// With `count` cells on a side.
     pub fn of(disc: &MoonDisc, count: usize, earth: &Earth, observer: &Observer) -> Arriving {
         let [mut all, mut light] = [0.0; 2];
         let (mut lit, mut behind) = (Vec::new(), false);
@@ -45,7 +46,7 @@ impl Arriving {
         }
     }
 
-    /// The centre of what arrives: unit vector.
+    /// The centre of the light that arrives: unit vector.
     pub fn centre(&self) -> Option<Vector3<f64>> {
         let sum: Vector3<f64> = self.lit.iter().map(|(at, share)| at * *share).sum();
         sum.try_normalize(0.0)
@@ -61,7 +62,8 @@ impl Arriving {
     }
 }
 
-/// The part of the Sun's disc that the Moon's surface sees past the Earth, in a direction from the observer.
+/// The part of the Sun's disc that the Moon's surface sees past the Earth; `at` is the surface's
+/// direction from the observer.
 pub fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
     let moon_m = observer.bodies.moon_geocentric_m;
     let sun_m = observer.bodies.sun_apparent_m();
@@ -72,7 +74,7 @@ pub fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Obse
     earth.illumination(moon_m + across_m, sun_m)
 }
 
-/// The part of the Moon's light that arrives: what neither the Earth nor its shadow takes, to a hundredth.
+/// The part of the Moon's light that neither the Earth nor its shadow takes, to a hundredth.
 pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
     const SIDE: usize = 12;
     let far = earth.limb_angle(observer.position_m, &disc.direction) > 2.0 * disc.angular_radius;

@@ -1,4 +1,4 @@
-//! What can be shown: the epochs, turns, exposures and places of observers that there are frames of.
+//! The epochs, turns, exposures and observers that can be shown.
 
 use super::exposure::Exposure;
 use crate::attitude::{AttitudeError, VehicleState, check_orbit};
@@ -11,8 +11,8 @@ use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use thiserror::Error;
 
-/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
-/// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
+/// Greatest turn of the body in one exposure, rad: a streak then crosses most fields. Time grows
+/// with the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
 pub const MAX_TURN: f64 = 1.0;
 
 /// Why there is no scene.
@@ -39,7 +39,7 @@ pub enum Unobservable {
         /// The exposure time, s.
         exposure_s: f64,
     },
-    /// The state, carried on by its orbit, has left the range of observers.
+    /// The state, propagated along its orbit, is out of range.
     #[error("state carried on to {}: {source}", utc_text(*epoch))]
     State {
         /// An instant of the exposure.
@@ -47,7 +47,7 @@ pub enum Unobservable {
         /// What is wrong with it there.
         source: AttitudeError,
     },
-    /// The frame was cancelled while it was made.
+    /// The frame was cancelled.
     #[error("the frame was abandoned before it was complete")]
     Abandoned,
     /// The frame costs too much.
@@ -88,7 +88,7 @@ pub(crate) fn two_figures(value: f64) -> String {
     format!("{rounded}")
 }
 
-/// Refuses a geocentric place (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's at that epoch.
+/// Refuses a geocentric position (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's.
 pub fn above_the_moon(
     position_m: &Vector3<f64>,
     moon_m: &Vector3<f64>,
@@ -101,7 +101,8 @@ pub fn above_the_moon(
     Ok(())
 }
 
-/// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
+/// The turn of a body with these rates (rad/s) in `exposure_s`, rad; an error if it cannot be
+/// shown.
 pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
     if !(exposure_s.is_finite() && exposure_s >= 0.0) {
         return Err(Unobservable::Exposure { exposure_s });
@@ -117,7 +118,8 @@ pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable
     Ok(turn)
 }
 
-/// The observer at start, mid and end of an exposure. The bodies are asked for at mid, and move on in straight lines from there.
+/// The observer at start, mid and end of an exposure. Sun and Moon are computed at mid, and move in
+/// straight lines.
 pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
     let centre = StateVector {
         position_m: Vector3::zeros(),

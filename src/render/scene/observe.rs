@@ -36,8 +36,8 @@ const FEW: usize = 128;
 /// Number of the Moon and the planets.
 const MOON_AND_PLANETS: usize = 8;
 
-/// What `camera` on `vehicle` has before it during `exposure`, without area sources ([`add_areas`]).
-/// Stars and objects that are too `faint`, even in full light, are left out.
+/// What `camera` on `vehicle` has before it during `exposure`, without area sources
+/// ([`add_areas`]). Stars and objects that are too `faint`, even in full light, are left out.
 ///
 /// Fails if the exposure time is not one, the epoch lies outside the ephemerides, the body turns
 /// further than [`MAX_TURN`](super::MAX_TURN), or the observer's state, carried through the
@@ -137,7 +137,7 @@ fn find_candidates(
     let (seen, (stars, the_moon)) = rayon::join(objects, others);
     let earth = Earth::at(view.exposure.mid);
     view.sides = field.still_sides();
-    // All in their places, and with room for those that follow.
+    // All at once, with room for those that follow.
     let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + MOON_AND_PLANETS);
     let stars = stars.into_par_iter().with_min_len(FEW);
     candidates.par_extend(stars.map(|star| seen_star(view, star, &earth, &shutter[1])));
@@ -232,9 +232,10 @@ fn rso(view: &View, object: Arc<SeenObject>) -> Candidate {
     Candidate::new(Body::Rso(object), clear_e, light, hidden)
 }
 
-/// The light (e-) of an exposure that has a signal-to-noise ratio of 1 at most, where every pixel has noise of `floor_e`: N electrons have
-/// `N (sum s^2)^(1/2) / floor` at most, as pixels respond. An image that runs along with the rows' readout has l times the light, for as long as that
-/// takes; but no pixel is open for longer than the exposure, or has more of it than the peak p: `sum s^2 <= p l`.
+/// Bound of the light whose signal-to-noise ratio is 1, if every pixel has noise of `floor_e`, e-.
+/// N electrons have at most `N (sum s^2)^(1/2) / floor`, times the response. An image that moves
+/// along with the readout has up to l times the light; but no pixel is open for longer than the
+/// exposure, or has a greater share than the peak p: `sum s^2 <= p l`.
 fn noise_e(view: &View, floor_e: f64) -> f64 {
     let response = 1.0 + view.camera.detector.pattern.worst_response();
     let longest = if view.exposure.duration_s > 0.0 {
@@ -247,8 +248,9 @@ fn noise_e(view: &View, floor_e: f64) -> f64 {
     floor_e / (squares.sqrt() * response)
 }
 
-/// The distance (m) from which 1 m^2/sr of reflective area is too faint. Eqs. (2), (9), (11), with E_sun those of the Sun's own light:
-/// `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
+/// The distance from which 1 m^2/sr of reflective area is too faint, m. Clark et al. 2021, Eqs.
+/// (2), (9), (11), with E_sun of the Sun's light: `N = E_sun A (au / d_sun d)^2`. Nothing is nearer
+/// to the Sun than 0.98 au.
 fn reach_m(view: &View, faint: &Faint) -> f64 {
     const NEAREST: f64 = 0.98;
     let faintest_e = faint.snr * noise_e(view, faint.floor_e);

@@ -13,19 +13,20 @@ use crate::sky::planets::{Planet, seen_by};
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
-/// A resolved disc is cut into squares of this side, in widths of the core of what a point is spread over: Gaussians that are a width apart ripple by
-/// less than 1e-8.
+/// Side of the squares of a resolved disc, in widths of the core of the point spread function:
+/// Gaussians a width apart ripple by less than 1e-8.
 const ELEMENT: f64 = 1.0;
-/// No square is wider than this, px.
+/// Greatest side, px.
 const WIDEST_PX: f64 = 0.7;
-/// Cells on a side, at least, from which the centre of the light and what the Earth takes are summed: they do not depend on the camera.
+/// Least number of cells on a side for the centre of the light and what the Earth takes: these do
+/// not depend on the camera.
 const LEAST_CELLS: f64 = 24.0;
-/// A disc that asks for more squares than this on a side is laid on the pixels as areas are.
+/// A disc of more squares on a side than this is rasterized as area sources are.
 const MOST_ELEMENTS: f64 = 600.0;
-/// Points that take as long as laying a disc on no pixels, and pixels for each further one.
+/// Points that take as long as rasterizing a disc on no pixels, and pixels for each further one.
 const AREA_POINTS: usize = 10_000;
 const PIXELS_A_POINT: usize = 42;
-/// Range (m) and phase angle (rad) of a body, `body_m` from the observer.
+/// Range (m) and phase angle (rad) of a body at `body_m` from the observer.
 fn geometric(observer: &Observer, body_m: &Vector3<f64>) -> (f64, f64) {
     let to_sun = observer.bodies.sun_geocentric_m - observer.position_m - body_m;
     let phase = phase_angle(&to_sun.normalize(), &-body_m.normalize());
@@ -73,7 +74,7 @@ pub fn the_moon(
             irradiance: photon_irradiance(view.camera.optics.band.zero_point(), mag),
             turning: directions[0].cross(&directions[2]) / view.open_s.max(f64::MIN_POSITIVE),
         };
-        // That of the brightest square, on as much of a pixel as it is.
+        // The light of the brightest square, scaled to a pixel.
         let shares = arriving.lit.iter().map(|(_, share)| *share);
         let brightest = shares.fold(0.0, f64::max);
         let square_px = 2.0 * disc.angular_radius * view.scale_and_corner_px.0 / count;
@@ -146,7 +147,7 @@ pub fn planets(
     candidates.collect()
 }
 
-/// How many squares on a side a disc asks for; 1 of one smaller than a pixel.
+/// Number of squares on a side of a disc; 1 if it is smaller than a pixel.
 fn squares(view: &View, disc: &MoonDisc) -> f64 {
     let side_px = 2.0 * disc.angular_radius * view.scale_and_corner_px.0;
     if side_px <= 1.0 {

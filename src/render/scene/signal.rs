@@ -1,12 +1,12 @@
-//! What a source's light is worth: its signal-to-noise ratio on the detector as it is simulated.
+//! The signal-to-noise ratio of a source on the simulated detector.
 //!
 //! ```text
 //! snr^2 = sum S^2 / V    over the pixels: the best that any weighting of them can reach
 //! S = c(s + b) - c(b),   V = c'(s + b)^2 (s + b) + read^2 + gain^2 / 12
 //! ```
-//!
-//! with the light s and the background b (area light, dark charge and what transfer adds to the column, e-) of the pixel as it responds, and the curve c of its amplifier. Pixels that show nothing
-//! of the light count for nothing: dead, stuck, or full in expectation.
+//! with the light s and the background b (area light, dark charge, trail of frame transfer, e-) of
+//! the pixel with its response, and the curve c of its amplifier. Pixels that are dead, stuck or
+//! full in expectation do not count.
 
 use super::area::together::Together;
 use super::effect_set::{EffectId, EffectSet};
@@ -20,7 +20,7 @@ use skyloop_orbit::sgp4_batch::Level;
 pub(super) struct Noise<'a> {
     detector: &'a Detector,
     simulated: &'a EffectSet,
-    /// What transfer adds to each column, if anything, e-.
+    /// The trail of each column, if any, e-.
     trail_e: &'a [f64],
     areas: &'a Together,
     exposure_s: f64,
@@ -28,16 +28,16 @@ pub(super) struct Noise<'a> {
     level: Option<Level>,
 }
 
-/// What the pixels of a footprint hold; used again and again, so that nothing is allocated twice.
+/// Buffers for the pixels of a footprint, reused.
 #[derive(Debug, Default)]
 pub(super) struct Held {
-    /// Shares of its light as they respond (1), where they are not all alike.
+    /// Shares of its light with pixel response (1), where that differs.
     shares: Vec<f32>,
-    /// What they hold beside it, e-.
+    /// Background, e-.
     background: Vec<f32>,
 }
 
-/// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
+/// Charge beyond which a pixel shows no more: its full well, or the converter's range, e-.
 pub(super) fn full_e(detector: &Detector, simulated: &EffectSet) -> f64 {
     let well = if simulated.has(EffectId::FullWell) {
         detector.full_well_e
@@ -47,7 +47,7 @@ pub(super) fn full_e(detector: &Detector, simulated: &EffectSet) -> f64 {
     well.min(detector.converter_reach_e())
 }
 
-/// How a detector reads charge.
+/// How the detector reads charge.
 fn reading(detector: &Detector, simulated: &EffectSet) -> Reading {
     let read = simulated.only_with(EffectId::ReadNoise, detector.read_noise_e);
     Reading {
@@ -78,7 +78,7 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// The pixels from `first` on that show nothing of their light: dead ones, stuck ones.
+    /// The dead and the stuck pixels from `first` on.
     fn blind(&self, first: usize) -> [&'a [u32]; 2] {
         let pattern = &self.detector.pattern;
         let lists = [
@@ -115,18 +115,18 @@ impl<'a> Noise<'a> {
         libm::sqrt(sum)
     }
 
-    /// How each pixel responds, 1 being the mean; none where all respond alike.
+    /// The response of each pixel, 1 on average; none where all respond alike.
     fn response(&self) -> Option<&'a [f32]> {
         let response = self.detector.pattern.response();
         response.filter(|_| self.simulated.has(EffectId::PixelResponse))
     }
 
-    /// What the pixels of a footprint hold beside its light, as they respond, e-.
+    /// The background of the pixels of a footprint, with their response, e-.
     fn beside(&self, footprint: &Footprint, background: &mut Vec<f32>) {
         let (detector, pattern) = (self.detector, &self.detector.pattern);
         background.clear();
         background.resize(footprint.shares().len(), 0.0);
-        // What there is none of is not looked for in any row.
+        // Without area light no row is visited.
         if self.areas.light().is_some() {
             self.row_by_row(footprint, background, |pixel, here| {
                 self.areas.add_to_row(pixel, here);
@@ -162,7 +162,8 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// Calls `each` with the first pixel of each row of a footprint, by row-major index, and what is kept of that row's pixels.
+    /// Calls `each` with the first pixel (row-major index) of each row of a footprint, and its part
+    /// of `kept`.
     fn row_by_row(
         &self,
         footprint: &Footprint,
@@ -177,7 +178,7 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// A footprint's shares as its pixels respond; whether they differ from what they are.
+    /// A footprint's shares with pixel response; false if they are unchanged.
     fn respond(&self, footprint: &Footprint, shares: &mut Vec<f32>) -> bool {
         let detector = self.detector;
         let (response, mut blind) = (
@@ -199,7 +200,7 @@ impl<'a> Noise<'a> {
                     *share *= response;
                 }
             }
-            // Pixels come in order: a list is gone through once.
+            // Pixels come in order: each list is traversed once.
             for list in &mut blind {
                 while let Some((pixel, rest)) = list.split_first()
                     && (*pixel as usize) < first + here.len()

@@ -13,7 +13,8 @@ pub struct SeenSun {
     pub lit: f64,
     /// Its irradiance in the band, all of it, ph/s/m^2.
     pub irradiance: f64,
-    /// Whether it is nearer to the boresight than the camera's exclusion angle, and not hidden: the frame is full of its light.
+    /// Whether it is within the camera's exclusion angle, and not hidden: the frame is full of its
+    /// light.
     pub excluded: bool,
 }
 
@@ -22,37 +23,40 @@ pub struct SeenSun {
 pub struct SeenWanderer {
     /// Its name.
     pub name: &'static str,
-    /// Where its light's centre appears at the start, the middle and the end of the view's time: unit vectors, ICRF.
+    /// Apparent directions of its light's centre at the start, middle and end of the view's time:
+    /// unit vectors, ICRF.
     pub directions: [Vector3<f64>; 3],
-    /// Where the centre of its disc appears at the middle of the view's time: unit vector, ICRF.
+    /// Apparent direction of its disc's centre at the middle of the view's time: unit vector, ICRF.
     pub centre: Vector3<f64>,
     /// V magnitude of all of it, in full sunlight.
     pub mag: f64,
-    /// Angle Sun - body - observer at the middle of the view's time, geometric: without light time and aberration, rad.
+    /// Angle Sun - body - observer at the middle of the view's time, geometric (without light time
+    /// and aberration), rad.
     pub phase: f64,
     /// From the observer, m, geometric likewise.
     pub range_m: f64,
     /// Angular radius, rad. Planets are drawn as points all the same.
     pub angular_radius: f64,
-    /// What it is cut into where it is larger than a pixel; else nothing.
+    /// Its elements, if it is larger than a pixel.
     pub elements: Vec<Element>,
-    /// Its light by direction, where it is too large for them.
+    /// Its light by direction, if it is too large for elements.
     pub area: Option<Area>,
-    /// How many points its image is made of, or would be in the same time.
+    /// Number of points of its image, or that would take as long.
     pub points: usize,
 }
 
 /// A small part of a disc.
 #[derive(Debug, Clone, Copy)]
 pub struct Element {
-    /// From the direction of the light's centre, across it (rad).
+    /// Offset from the direction of the light's centre, across it, rad.
     pub offset: Vector3<f64>,
-    /// Its part of the light that arrives (1).
+    /// Its share of the light that arrives (1).
     pub share: f64,
 }
 
 impl SeenWanderer {
-    /// Its direction (any length) at a part of the view's time, by the parabola through start, mid and end.
+    /// Its direction (any length) at a part of the view's time, on the parabola through start, mid
+    /// and end.
     pub fn direction(&self, part: f64) -> Vector3<f64> {
         parabola(&self.directions, part)
     }

@@ -22,7 +22,7 @@ pub enum Body {
 }
 
 impl Body {
-    /// The effect that its kind is.
+    /// The effect that draws it.
     pub fn effect(&self) -> EffectId {
         match self {
             Body::Star(_) => EffectId::Stars,
@@ -32,7 +32,7 @@ impl Body {
         }
     }
 
-    /// Mean wavelength of its light over the band's reference: all but stars shine by the Sun's.
+    /// Mean wavelength of its light over the band's reference: all but stars reflect the Sun's.
     pub fn wavelength_ratio(&self) -> f64 {
         match self {
             Body::Star(star) => star.wavelength_ratio,
@@ -40,8 +40,8 @@ impl Body {
         }
     }
 
-    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: its start, 1: its end); of stars
-    /// that at mid-exposure.
+    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: start, 1: end);
+    /// of stars at mid-exposure.
     pub fn line(&self, part: f64) -> Vector3<f64> {
         match self {
             Body::Star(star) => star.direction,
@@ -50,7 +50,7 @@ impl Body {
         }
     }
 
-    /// The angle (rad) that it moves through by itself in that time.
+    /// The angle of its own motion in that time, rad.
     fn swing(&self) -> f64 {
         match self {
             Body::Star(_) => 0.0,
@@ -62,7 +62,7 @@ impl Body {
         }
     }
 
-    /// What tells it from all others.
+    /// A unique key.
     pub fn identity(&self) -> (&'static str, usize) {
         match self {
             Body::Star(star) => ("star", star.index),
@@ -71,7 +71,7 @@ impl Body {
         }
     }
 
-    /// What its disc is cut into; nothing of what is a point.
+    /// The elements of its disc; none of a point.
     pub fn elements(&self) -> &[Element] {
         match self {
             Body::Wanderer(body) => &body.elements,
@@ -79,7 +79,7 @@ impl Body {
         }
     }
 
-    /// Its light by direction, where it is too large for elements.
+    /// Its light by direction, if it is too large for elements.
     pub fn area(&self) -> Option<&Area> {
         match self {
             Body::Wanderer(body) => body.area.as_ref(),
@@ -87,7 +87,7 @@ impl Body {
         }
     }
 
-    /// How many points its image is made of, or would be in the same time.
+    /// Number of points of its image, or that would take as long.
     pub fn points(&self) -> usize {
         match self {
             Body::Wanderer(body) => body.points,
@@ -112,53 +112,54 @@ pub enum Hidden {
 pub struct Source {
     /// What it is.
     pub body: Body,
-    /// Its image when its row opens (or where it comes before the camera), px.
+    /// Its image when its row opens (or where it enters the camera's half space), px.
     pub start: [f64; 2],
-    /// Its image when its row closes (or where it goes behind the camera), px.
+    /// Its image when its row closes (or where it leaves the camera's half space), px.
     pub end: [f64; 2],
     /// Flux-weighted centre of all its light, px.
     pub centroid: [f64; 2],
     /// Its share on each pixel.
     pub footprint: Footprint,
-    /// Electrons that all the light which arrives at the aperture in the exposure would give.
+    /// Electrons of all light that arrives at the aperture in the exposure.
     pub arriving_e: f64,
-    /// Expected electrons of the whole exposure, on and off the detector: of the light that optics and shutter let pass.
+    /// Expected electrons of the exposure, on and off the detector: of the light that passes optics
+    /// and shutter.
     pub electrons: f64,
-    /// The same, were it neither hidden nor shaded.
+    /// The same if it were neither hidden nor shaded.
     pub clear_e: f64,
     /// Why there are none.
     pub hidden: Option<Hidden>,
     /// Signal-to-noise ratio on the detector.
     pub snr: f64,
-    /// The same, were it neither hidden nor shaded: what decides whether labels list it.
+    /// The same if it were neither hidden nor shaded: decides whether labels list it.
     pub clear_snr: f64,
 }
 
 impl Source {
-    /// The way (px) of its image from where it starts through its centre to where it ends.
+    /// Length of its path from start through centroid to end, px.
     pub fn length_px(&self) -> f64 {
         let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
     }
 }
 
-/// A point source near the field, before its image is made.
+/// A source near the field, before its image is formed.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     /// What it is.
     pub body: Body,
-    /// Electrons that all its light in the exposure would give, were it neither hidden nor shaded.
+    /// Electrons of all its light in the exposure, if it were neither hidden nor shaded.
     pub clear_e: f64,
     /// The part of that light which arrives (1).
     pub light: f64,
     /// Why none does.
     pub hidden: Option<Hidden>,
-    /// The angle (rad) that it moves through by itself.
+    /// The angle of its own motion, rad.
     pub(super) swing: f64,
 }
 
 impl Candidate {
-    /// A body of so much light, and the part of it that arrives.
+    /// A body with its light, and the part that arrives.
     pub fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
         Candidate {
             swing: body.swing(),
@@ -169,7 +170,7 @@ impl Candidate {
         }
     }
 
-    /// How much of its light is to be spread, and of which colour: objects shine by the Sun's.
+    /// The amount and the colour of its light.
     pub fn shine(&self) -> Light {
         Light {
             electrons: self.clear_e,
@@ -177,7 +178,7 @@ impl Candidate {
         }
     }
 
-    /// Electrons that its light gives.
+    /// Electrons of its light that arrives.
     pub fn electrons(&self) -> f64 {
         match self.hidden {
             Some(_) => 0.0,

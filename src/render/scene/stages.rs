@@ -23,7 +23,7 @@ use crate::fidelity::Fidelity;
 use crate::sky::radiation;
 use rayon::prelude::*;
 
-/// What follows the images, each from what those before it have found.
+/// What follows the images, each stage from the results of those before.
 const STAGES: [fn(&mut Scene); 5] = [
     add_areas_up,
     find_snr,
@@ -93,7 +93,8 @@ fn find_snr(scene: &mut Scene) {
     });
 }
 
-/// Draws the particles of this exposure, and counts those that are left out. Without an orbit the observer counts as far outside the Earth's field.
+/// Draws the particles of this exposure, and counts those beyond the most that are drawn. Without
+/// an orbit the observer is assumed far outside the Earth's field.
 fn draw_particles(scene: &mut Scene) {
     let Scene {
         view, simulated, ..
@@ -143,9 +144,9 @@ fn images(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Vec<Source
         let shines = simulated.has(candidate.body.effect());
         shines.then(|| imaging.image(candidate))?
     });
-    // In their places first: a source is large to be moved from one growing list to another.
+    // Collected in place first: moving large sources between growing lists is slow.
     let images: Vec<Option<Source>> = images.collect();
-    // Those that there are close up where they lie: `flatten` would copy them into a second list.
+    // Compacted in place: `flatten` would copy them into a second list.
     #[expect(clippy::filter_map_identity)]
     let sources = images.into_iter().filter_map(|image| image);
     sources.collect()

@@ -8,16 +8,17 @@ use std::ops::Range;
 /// The pixels that particles hit, row by row.
 #[derive(Debug)]
 pub struct Struck {
-    /// Of the detector.
+    /// Columns of the detector.
     width: usize,
-    /// `(row-major index, e-)` of each pixel that is hit, in order, for each row of the detector; no rows without particles.
+    /// `(row-major index, e-)` of each hit pixel, in order, by rows of the detector; no rows
+    /// without particles.
     rows: Vec<Vec<(u32, u32)>>,
     /// The most charge in one pixel, e-.
     most_e: u32,
 }
 
 impl Struck {
-    /// By `events`; incomplete once the limit's frame is cancelled.
+    /// The pixels hit by `events`; incomplete once the frame is cancelled.
     pub fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
         let some = usize::from(!events.is_empty());
         let mut rows = vec![Vec::new(); some * detector.height];
@@ -40,18 +41,18 @@ impl Struck {
         f64::from(self.most_e)
     }
 
-    /// `(row-major index, e-)` of each pixel that is hit, in order.
+    /// `(row-major index, e-)` of each hit pixel, in order.
     pub fn hits(&self) -> impl Iterator<Item = (u32, u32)> {
         self.rows.iter().flatten().copied()
     }
 
-    /// Those among `pixels`.
+    /// The hit pixels among `pixels`.
     pub fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
         let rows = pixels.start / self.width..pixels.end.div_ceil(self.width);
         let rows = self.rows.get(rows).into_iter().flatten();
         let here = rows.flat_map(move |hits| {
             let place = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
-            // (Of a cancelled frame they may be out of order.)
+            // Hits of a cancelled frame may be out of order.
             hits.get(place(pixels.start)..place(pixels.end))
         });
         here.flatten().copied()

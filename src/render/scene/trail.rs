@@ -1,18 +1,19 @@
-//! The trail of frame transfer: light that the charge of a column collects while it is shifted below its cover.
+//! The trail of frame transfer: light that a column's charge collects while it is shifted below its
+//! cover.
 //!
 //! ```text
 //! N_xy <- N_xy + (t_row / t_int) sum_y' N_xy'
 //! ```
-//!
-//! Before the exposure, at the last frame's transfer, the charge of a pixel came past all rows on one side of it; after
-//! the exposure it goes past all on the other side. Together it passes every row of its column once, each for t_row, which
-//! ever way it goes. The scene is taken to stand still for it: a row's light comes at the rate that it has on average over the exposure.
+//! At the last frame's transfer a pixel's charge passed all rows on one side of it; after the
+//! exposure it passes all rows on the other side. Together it passes every row of its column once,
+//! each for t_row. The scene is assumed to stand still: a row's light has its mean rate over the
+//! exposure.
 
 use super::lit::Lit;
 use super::view::View;
 use crate::camera::Shutter;
 
-/// What each pixel of a column gets, e-, one value a column; empty where no charge is shifted through light.
+/// The trail of each pixel of a column, e-, one value a column; empty without frame transfer.
 pub fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
@@ -23,7 +24,7 @@ pub fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f6
     columns
 }
 
-/// What each pixel of a column gets of the column's light (1).
+/// The share of a column's light that each of its pixels gets (1).
 pub fn part(view: &View) -> f64 {
     match view.camera.shutter {
         Shutter::FrameTransfer { row_s } => row_s / view.exposure.duration_s,

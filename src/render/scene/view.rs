@@ -28,28 +28,29 @@ use std::sync::Arc;
 pub struct View {
     /// When.
     pub exposure: Exposure,
-    /// From the first row's opening to the last row's closing, around the middle of the exposure, s.
+    /// Time from the first row's opening to the last row's closing, around mid-exposure, s.
     pub open_s: f64,
-    /// How far the body turns in that time, rad.
+    /// How far the body turns in `open_s`, rad.
     pub turn: f64,
-    /// How much the observer's velocity, as far as it aberrates, differs at the start and at the end of that time from
-    /// that at mid-exposure, m/s.
+    /// The observer's velocity at the start and the end of `open_s`, less that at mid-exposure,
+    /// m/s; zero without aberration.
     pub velocity_change_m_s: [Vector3<f64>; 2],
-    /// The vehicle in the middle of the exposure.
+    /// The vehicle at mid-exposure.
     pub vehicle: VehicleState,
-    /// The camera, with what was commanded of it.
+    /// The camera with its commanded settings.
     pub camera: Arc<Camera>,
     /// Its [`Camera::scale_and_corner_px`].
     pub scale_and_corner_px: (f64, f64),
-    /// What all noise is keyed by.
+    /// The key of all noise.
     pub key: NoiseKey,
-    /// The vector instructions that streaks are drawn with; none: pixel by pixel. All give the same.
+    /// The vector instructions for streaks; none: pixel by pixel. All give the same.
     pub level: Option<Level>,
-    /// What the work on the frame may cost: once it is over, sources have no image.
+    /// The frame's work limit: once it is over, sources have no image.
     pub limit: WorkLimit,
-    /// Whether every pixel is full of light whatever moves, and the frame would cost too much: then nothing moves.
+    /// Whether every pixel is full of light with or without motion, and the frame would cost too
+    /// much: then nothing moves.
     pub still_in_flood: bool,
-    /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
+    /// The observer at mid-exposure; without an orbit at the Earth's centre.
     pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's, planets, the Moon.
     pub candidates: Vec<Candidate>,
@@ -59,45 +60,47 @@ pub struct View {
     pub sun: SeenSun,
     /// Area sources, in the order of their effects.
     pub areas: Vec<Area>,
-    /// How many objects the scene has, before the camera or not.
+    /// Number of objects in the scene, before the camera or not.
     pub objects: usize,
-    /// Objects before the camera that need no image, by their indices, and why.
+    /// Objects before the camera without an image, by their indices, and why.
     pub unseen: Vec<(usize, Unseen)>,
-    /// Objects whose orbit has no answer at this time.
+    /// Objects whose orbit has no position at this time.
     pub unknown: Unknown,
     /// The greatest swing of a candidate, rad.
     pub(super) swing: f64,
-    /// Where the camera points when tracks ask for it most, by the time from mid-exposure, s.
+    /// Precomputed pointings, by the time from mid-exposure, s.
     pub(super) pointings: Vec<(f64, Attitude)>,
-    /// What stars stand between whose image may touch the detector: normals, and the least products with them.
+    /// Planes around the field of stars whose image may touch the detector: normals, and the least
+    /// products with them.
     pub(super) sides: Vec<(Vector3<f64>, f64)>,
-    /// Where light matters that is lost up to that share of a source's (1).
+    /// The window of light for a loss of that share of a source (1).
     pub(super) window: (f64, Window),
 }
 
-/// What is too faint for an image.
+/// Limits below which a source is too faint for an image. The noise is `floor_e` in each pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faint {
-    /// What has no more than this signal-to-noise ratio (1),
+    /// Of objects, the signal-to-noise ratio (1).
     pub snr: f64,
-    /// or than this where none of its light arrives, and it is in full light that the ratio is meant,
+    /// Of objects without light that arrives: the same in full light.
     pub unlit_snr: f64,
-    /// and of stars what has less than this,
+    /// Of stars, the same.
     pub star_snr: f64,
-    /// in noise that every pixel has, whatever it shows, e-.
+    /// Noise that every pixel has, whatever it shows, e-.
     pub floor_e: f64,
 }
 
-/// Objects whose orbit has no answer.
+/// Objects whose orbit has no position.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Unknown {
     /// How many.
     pub count: usize,
-    /// Why, of those of whom that has not been said before.
+    /// Why, for each object once.
     pub news: Vec<OrbitError>,
 }
 
-/// ns of an object in the search for those in the field, of one that is there, and of one there that is seen: three places and its light, bounds and label.
+/// ns of an object in the search of the field; of one in the field; and of one that is seen: three
+/// places, its light, bounds and label.
 pub const OBJECT_NS: f64 = 700.0;
 const IN_FIELD_NS: f64 = 300.0;
 const SEEN_NS: f64 = 5000.0;
@@ -110,7 +113,7 @@ impl View {
         self.objects as f64 * OBJECT_NS + self.unseen.len() as f64 * IN_FIELD_NS + seen * SEEN_NS
     }
 
-    /// That it costs more than the limit (s on one core).
+    /// The error that it exceeds the work limit (s on one core).
     pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
         Unobservable::TooMuchWork {
             sources: self.candidates.len(),
@@ -120,14 +123,15 @@ impl View {
         }
     }
 
-    /// Whether the image of a candidate may touch the detector, as far as its direction tells.
+    /// Whether the image of a candidate may touch the detector, by its direction.
     pub(super) fn may_hold(&self, candidate: &Candidate) -> bool {
         let (mut sides, optics) = (self.sides.iter(), &self.camera.optics);
         match &candidate.body {
             Body::Star(star) => sides.all(|(inward, least)| star.direction.dot(inward) >= *least),
             Body::Rso(_) => true,
             Body::Wanderer(body) => {
-                // Its disc, whose light is centred beside the middle, and wings that are drawn further than those of stars.
+                // The disc, whose light is not centred on it, and wings that are drawn further than
+                // those of stars.
                 let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
                 let reach = 2.0 * body.angular_radius + candidate.swing + wings;
                 sides.all(|(inward, least)| {
@@ -149,19 +153,20 @@ impl View {
             .then(&self.camera.mounting)
     }
 
-    /// By how much aberration moves a star (rad, ICRF axes) from its direction at mid-exposure, at a part of the view's
-    /// time (0: its start, 1: its end). First order in v / c: `du = (dv - (dv . u) u) / c`; dv runs through start, mid and end.
+    /// The displacement of a star by the change of aberration since mid-exposure (rad, ICRF axes),
+    /// at a part of the view's time (0: start, 1: end). First order in v / c: `du = (dv - (dv . u)
+    /// u) / c`; dv is a parabola through start, mid and end.
     pub fn aberration_drift(&self, star: &Vector3<f64>, part: f64) -> Vector3<f64> {
         let [start, end] = &self.velocity_change_m_s;
         let dv = start * ((2.0 * part - 1.0) * (part - 1.0)) + end * (part * (2.0 * part - 1.0));
         (dv - star * dv.dot(star)) / LIGHT_M_S
     }
 
-    /// A bound (px) of the way of an image on the detector in `seconds` of the view's time: a turn across the boresight
-    /// moves images by the scale of the plane, one about it by their distance from it.
+    /// Bound of the path of an image on the detector in `seconds`, px: a turn across the boresight
+    /// moves images by the plate scale, one about it by their distance from it.
     pub fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
-        // What turns unevenly turns by no more than all of it, and by little more than twice the mean.
+        // Uneven motion is at most the whole, and little more than twice the mean.
         let share = if seconds < self.open_s {
             (2.0 * seconds / self.open_s).min(1.0)
         } else {
@@ -172,8 +177,8 @@ impl View {
         (libm::hypot(turn.x, turn.y) + own) * scale + turn.z.abs() * furthest
     }
 
-    /// A bound (e-) of the pixel that the most light falls on, of each source that part which `part` says of its direction
-    /// (camera axes): twice that of the brightest source, for what stands beside it.
+    /// Bound of the brightest pixel's light, of which `part` of the direction (camera axes) counts,
+    /// e-: twice that of the brightest source, for its neighbours.
     pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let camera = &self.camera;
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
@@ -195,19 +200,19 @@ impl View {
         2.0 * most * share
     }
 
-    /// How far (px) the edges of area light move by themselves in `seconds`, at most.
+    /// Bound of the own motion of area light's edges in `seconds`, px.
     pub fn areas_swing_px(&self, seconds: f64) -> f64 {
         let swings = self.areas.iter().map(|area| area.swing());
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
-    /// How far (px) images and the edges of area light move in the exposure, at most.
+    /// Bound of the motion of images and of area light's edges in the exposure, px.
     pub fn longest_path_px(&self) -> f64 {
         let seconds = self.exposure.duration_s;
         self.longest_track_px(seconds) + self.areas_swing_px(seconds)
     }
 
-    /// About the most area light of a pixel, e-.
+    /// Estimate of the most area light of a pixel, e-.
     pub fn areas_peak_e(&self) -> f64 {
         self.areas.iter().map(|area| area.peak_e).sum()
     }
@@ -227,7 +232,7 @@ impl View {
         photon_irradiance(per_second, band_mag) * self.exposure.duration_s
     }
 
-    /// What stands before a direction at infinity.
+    /// What occults a direction at infinity.
     pub fn hidden(
         &self,
         direction: &Vector3<f64>,

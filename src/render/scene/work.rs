@@ -12,38 +12,39 @@ use crate::fidelity::Fidelity;
 use crate::footprint::{DOT_NS, LAID_NS, PIXEL_NS as FOOTPRINT_NS};
 use crate::track::rule;
 
-/// Places of a track that are looked at.
+/// Places of a track that are evaluated.
 const PLACES: usize = 5;
-/// Sources that are looked at, beside all that are much brighter than the mean; the others are taken to be like them.
+/// Sources that are evaluated, beside all that are much brighter than the mean; they stand for the
+/// others.
 const SOURCES: usize = 64;
 /// How much brighter those are.
 const BRIGHT: f64 = 4.0;
 
-/// ns of a source whose image stands still, beside its pixels.
+/// ns of a source with a still image, without its pixels.
 const SOURCE_NS: f64 = 500.0;
-/// The same of a point of a disc, whose light is added to that of others.
+/// The same of a point of a disc, which is added to others.
 const ADDED_NS: f64 = 1.0;
-/// ns of a pixel of a footprint when it is drawn.
+/// ns of drawing a pixel of a footprint.
 const DRAWN_NS: f64 = 1.0;
 /// The work of moving images.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
-    /// Looks at sources on their ways.
+    /// Evaluations of sources along their paths.
     pub looks: f64,
-    /// What moving them takes, rows together, ms.
+    /// Time with all rows together, ms.
     pub moving_ms: f64,
-    /// What telling rows apart takes, ms.
+    /// Further time with a rolling shutter, ms.
     pub rolling_ms: f64,
-    /// Looks for that.
+    /// Evaluations for a rolling shutter.
     pub rolling_looks: f64,
 }
 
-/// How often sources are looked at for images that stand still.
+/// Number of evaluations of sources for still images.
 pub fn still_looks(view: &View) -> f64 {
     3.0 * view.candidates.len() as f64
 }
 
-/// The work of moving images over `seconds`.
+/// The work of images that move for `seconds`.
 pub fn work(view: &View, seconds: f64, fidelity: &Fidelity) -> Work {
     let imaging = Imaging {
         view,
@@ -68,7 +69,7 @@ pub fn work(view: &View, seconds: f64, fidelity: &Fidelity) -> Work {
     work
 }
 
-/// Adds that of so many sources like `candidate`.
+/// Adds that of `share` sources like `candidate`.
 fn add_work(
     imaging: &Imaging<'_>,
     candidate: &Candidate,
@@ -131,7 +132,7 @@ fn add_work(
     let moving_ns = points_ns + moving_looks * LOOK_NS + way * side * FOOTPRINT_NS;
     work.moving_ms += share * moving_ns * 1e-6;
 
-    // The rows of an image open during some of its panels, two at least, and close during as many.
+    // The rows of an image open during some of its panels, at least two, and close during as many.
     let panels = panels.max(2.0);
     let rows = rows + down;
     let opening_s = rows * camera.readout_s() / detector.height as f64;
@@ -139,20 +140,21 @@ fn add_work(
     let looks = 2.0 * panels + 2.0 * cut + CROSSING;
     work.rolling_looks += share * looks;
     let rolling_ns = cut * (2.0 * stamp_ns + 4.0 * (POINT_NS + rows * ROW_NS)) + looks * LOOK_NS;
-    // Where rows collect one after the other, panels stand for streaks of Gaussians too.
+    // With a rolling shutter, streaks of Gaussians are drawn by panels too.
     let rolling_ns = rolling_ns + points * stamp_ns - points_ns;
     work.rolling_ms += share * rolling_ns * 1e-6;
 }
 
-/// What smearing area light takes, about, ms: edges are taken to run once across the field.
+/// Estimated time of smearing area light, ms: edges are assumed to cross the field once.
 pub fn areas_smear_ms(view: &View) -> f64 {
-    // What an edge crosses, and what is near it: of what moves by less than a pixel only the first is looked at again.
+    // Pixels that an edge crosses, and those near it; of motion below a pixel only the former.
     const EDGE_PX: f64 = 1.5;
     const LIMB_PX: f64 = 8.0;
     const STEP_NS: f64 = 200.0;
-    // Places a pixel at which even light is looked at.
+    // Evaluations of even light, a pixel.
     const PLACES: f64 = 0.01;
-    // Looks at each pixel of light with details below FEW_PX, for each look that its panels begin with.
+    // Evaluations of each pixel of light with detail below FEW_PX, for each of its panels' first
+    // ones.
     const HALVED: f64 = 6.0;
     const FEW_PX: f64 = 32.0;
     let edged = view.areas.iter().filter(|area| area.has_edges());
@@ -172,7 +174,7 @@ pub fn areas_smear_ms(view: &View) -> f64 {
     (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6
 }
 
-/// What the still images of `sources` take, and drawing them as they are, ms.
+/// Time of the still images of `sources`, and of drawing them as they are, ms.
 pub fn still_ms<'a>(
     scene: &Scene,
     sources: impl Iterator<Item = &'a Source>,
@@ -183,7 +185,7 @@ pub fn still_ms<'a>(
     let sides = view.camera.detector.sides();
     let still = sources.map(|source| {
         let drawn = source.footprint.shares().len() as f64;
-        // A disc is made of points, each with a part of its pixels.
+        // A disc consists of points, each with a part of its pixels.
         let points = source.body.points() as f64;
         let side = if moves || points > 1.0 {
             let reach = 2.0 * drawn_px(view, source.centroid, source.clear_e, fidelity) + 1.0;
@@ -193,14 +195,14 @@ pub fn still_ms<'a>(
             drawn.sqrt()
         };
         let kept_ns = if points > 1.0 { ADDED_NS } else { FOOTPRINT_NS };
-        // Some of its kind stand near the field and are looked at in vain.
+        // Some of its kind are near the field, and evaluated without an image.
         points * (SOURCE_NS + 5.0 * LOOK_NS + psf.stamp_ns(side) + side * side * kept_ns)
             + drawn * DRAWN_NS
     });
     still.sum::<f64>() * 1e-6
 }
 
-/// How far the light of a source at `at` (px) is drawn.
+/// How far the light of a source at `at` (px) is drawn, px.
 fn drawn_px(view: &View, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> f64 {
     let psf = view.camera.optics.psf_at(at, 1.0);
     psf.drawn_px(fidelity, electrons)

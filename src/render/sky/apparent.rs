@@ -1,16 +1,18 @@
 //! In which direction an observer sees stars, objects in orbit, the Sun, the Moon and the Earth.
 //!
-//! All directions are unit vectors along the axes of the ICRF, *proper*: as measured by the moving observer, aberration included.
+//! All directions are unit vectors along the axes of the ICRF, *proper*: as measured by the moving
+//! observer, aberration included.
 //!
 //! - Stars: space motion since J1991.25, parallax, deflection by the Sun, aberration; barycentric throughout.
 //! - Objects in Earth orbit: light time and aberration, geocentric throughout. The Earth's own motion carries observer, object and
 //!   light alike, so the velocity which aberrates is the observer's against the Earth, never against the barycentre; mixing the two
 //!   would cost 20.5 arcsec.
 //!
-//! Left out for stars, with what that costs: deflection by Jupiter (17 milliarcsec at its limb, 1 at 15 limbs' distance) and by the
-//! Earth (0.6 milliarcsec at its limb), and the change of proper motion by radial velocity, which the catalogue does not give. That
-//! last one is 1.2 milliarcsec/yr^2 for Barnard's star (2.8 arcsec by 2060) and 0.15 for Groombridge 1830, and below 0.02
-//! arcsec by 2060 for all but some tens of nearby stars.
+//! Left out for stars, with what that costs: deflection by Jupiter (17 milliarcsec at its limb, 1
+//! at 15 limbs' distance) and by the Earth (0.6 milliarcsec at its limb), and the change of proper
+//! motion by radial velocity, which the catalogue does not give. That last one is 1.2
+//! milliarcsec/yr^2 for Barnard's star (2.8 arcsec by 2060) and 0.15 for Groombridge 1830, and
+//! below 0.02 arcsec by 2060 for all but some tens of nearby stars.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -20,19 +22,21 @@ use skyloop_orbit::time::seconds;
 use super::bodies::{Aberration, Bodies, aberrate};
 use super::constants::{AU_M, LIGHT_M_S, tt_days_since_j2000};
 
-/// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The catalogue counts TCB and this module TT:
-/// 7 s apart, 2 microarcsec of the fastest proper motion.
+/// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The
+/// catalogue counts TCB and this module TT: 7 s apart, 2 microarcsec of the fastest proper motion.
 const CATALOGUE_EPOCH_DAYS: f64 = 2_448_349.062_5 - 2_451_545.0;
 const DAYS_PER_YEAR: f64 = 365.25;
 /// Twice the Sun's gravitational parameter over c^2, m: its Schwarzschild radius.
 /// GM = 1.327 124 4e20 m^3/s^2 (IAU 2015 Resolution B3).
 const SUN_SCHWARZSCHILD_M: f64 = 2.0 * 1.327_124_4e20 / (LIGHT_M_S * LIGHT_M_S);
-/// Smallest `1 - cos(elongation)` for which deflection grows on: 4.9 arcmin at 1 au, well behind the Sun's disc (16 arcmin).
+/// Smallest `1 - cos(elongation)` for which deflection grows on: 4.9 arcmin at 1 au, well behind
+/// the Sun's disc (16 arcmin).
 const DEFLECTION_FLOOR: f64 = 1e-6;
 /// Light time converges by a factor v/c, below 1e-4, a step.
 const LIGHT_TIME_STEPS: usize = 3;
 
-/// Lagrange's parabola through what is at the start, in the middle and at the end of a time, at a part of it (0: start, 1: end).
+/// Lagrange's parabola through what is at the start, in the middle and at the end of a time, at a
+/// part of it (0: start, 1: end).
 pub fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
     a * ((2.0 * part - 1.0) * (part - 1.0))
         + b * (4.0 * part * (1.0 - part))
@@ -63,7 +67,8 @@ pub struct Corrections {
     pub parallax: bool,
     /// Deflection of light by the Sun (stars).
     pub deflection: bool,
-    /// Aberration by the observer's velocity: barycentric for stars, geocentric for objects in orbit.
+    /// Aberration by the observer's velocity: barycentric for stars, geocentric for objects in
+    /// orbit.
     pub aberration: bool,
     /// Light time (objects in orbit).
     pub light_time: bool,
@@ -116,14 +121,15 @@ impl Observer {
         self.bodies.earth_barycentric_velocity_m_s + self.velocity_m_s
     }
 
-    /// To where the observer sees the Sun's centre: apparent direction times distance, m. The Sun moves 13 m/s, so that its light time
-    /// (0.01 arcsec) is left out.
+    /// To where the observer sees the Sun's centre: apparent direction times distance, m. The Sun
+    /// moves 13 m/s, so that its light time (0.01 arcsec) is left out.
     pub fn sun_m(&self, corrections: &Corrections) -> Vector3<f64> {
         let line = self.bodies.sun_geocentric_m - self.position_m;
         self.seen(line, self.barycentric_velocity_m_s(), corrections)
     }
 
-    /// To where the observer sees the Moon's centre, likewise; light time and aberration are geocentric, as for objects in orbit.
+    /// To where the observer sees the Moon's centre, likewise; light time and aberration are
+    /// geocentric, as for objects in orbit.
     pub fn moon_m(&self, corrections: &Corrections) -> Vector3<f64> {
         let mut line = self.bodies.moon_geocentric_m - self.position_m;
         if corrections.light_time {
@@ -170,7 +176,8 @@ pub struct StarWay {
 }
 
 impl StarWay {
-    /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east and north.
+    /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east
+    /// and north.
     pub fn of(place: &StarPlace) -> StarWay {
         let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
         let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
@@ -211,7 +218,8 @@ impl<'a> Sight<'a> {
     /// The direction of a star: unit vector, axes of the ICRF. Within 2 milliarcsec of independent
     /// libraries for stars without radial velocity (see the head of this file).
     pub fn of_star(&self, star: &StarWay) -> Vector3<f64> {
-        // Uniform space motion and parallax, in units of the star's distance at the catalogue's epoch (SOFA pmpx, without radial velocity):
+        // Uniform space motion and parallax, in units of the star's distance at the catalogue's
+        // epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
         // The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
         let mut u = star.direction;
@@ -249,8 +257,9 @@ pub fn catalogue_direction(place: &StarPlace) -> Vector3<f64> {
 /// u' = u + (2 GM / c^2 r) (e - (u . e) u) / (1 + u . e)
 /// ```
 ///
-/// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.63, for a source at infinity): 1.75 arcsec at the limb. Behind the Sun's
-/// disc the divisor is held above a floor, so that the result stays finite and continuous.
+/// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.63, for a source at
+/// infinity): 1.75 arcsec at the limb. Behind the Sun's disc the divisor is held above a floor, so
+/// that the result stays finite and continuous.
 #[derive(Debug)]
 struct Deflection {
     /// From the Sun: e and 2 GM / c^2 r.
@@ -280,7 +289,8 @@ impl Deflection {
 /// An object in Earth orbit as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApparentObject {
-    /// Where the object appears: unit vector, axes of the ICRF. Zero when the object is at the observer's own place.
+    /// Where the object appears: unit vector, axes of the ICRF. Zero when the object is at the
+    /// observer's own place.
     pub direction: Vector3<f64>,
     /// Distance at the observer's epoch, geometric, m.
     pub range_m: f64,
@@ -288,14 +298,17 @@ pub struct ApparentObject {
     pub range_rate_m_s: f64,
     /// The object's geometric state at the observer's epoch, GCRF.
     pub state: StateVector,
-    /// Where the object was when the light left it, GCRF, m: the place that decides illumination, phase and occultation.
+    /// Where the object was when the light left it, GCRF, m: the place that decides illumination,
+    /// phase and occultation.
     pub seen_at_m: Vector3<f64>,
 }
 
-/// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at any epoch is `state_at`.
+/// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at
+/// any epoch is `state_at`.
 ///
-/// The object is asked for at the observer's epoch and a light time earlier. Its errors are passed on. Within 5
-/// milliarcsec of a fully barycentric reckoning: the second order of the Earth's velocity over c.
+/// The object is asked for at the observer's epoch and a light time earlier. Its errors are passed
+/// on. Within 5 milliarcsec of a fully barycentric reckoning: the second order of the Earth's
+/// velocity over c.
 pub fn object_direction<E>(
     state_at: impl Fn(Epoch) -> Result<StateVector, E>,
     observer: &Observer,
@@ -312,8 +325,8 @@ pub fn object_direction<E>(
     Ok(apparent_object(state, then, observer, corrections))
 }
 
-/// The same of an object whose state is known at the observer's epoch, and `then`, by so much earlier (s), where the light's leaving is within a
-/// second; without that, light takes no time.
+/// The same of an object whose state is known at the observer's epoch, and `then`, by so much
+/// earlier (s), where the light's leaving is within a second; without that, light takes no time.
 pub fn apparent_object(
     state: StateVector,
     then: Option<(f64, StateVector)>,
@@ -328,11 +341,12 @@ pub fn apparent_object(
         0.0
     };
 
-    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration, on the parabola through the places at t and t - d, bent by what velocity
-    // changed:
+    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration, on the parabola through the
+    // places at t and t - d, bent by what velocity changed:
     //     r(t - tau) = r(t) + (r(t - d) - r(t)) tau / d + a tau (tau - d) / 2,   a = (v(t) - v(t - d)) / d
-    // SGP4's velocity is not the derivative of its positions; what it is off by goes with the difference. A jerk j, 0.01 m/s^3 or less, adds
-    // j tau (tau - d) (tau + d) / 6: micrometres from 40,000 km.
+    // SGP4's velocity is not the derivative of its positions; what it is off by goes with the
+    // difference. A jerk j, 0.01 m/s^3 or less, adds j tau (tau - d) (tau + d) / 6: micrometres
+    // from 40,000 km.
     let mut seen_at_m = state.position_m;
     if let Some((earlier_s, then)) = then {
         let way = (then.position_m - state.position_m) / earlier_s;

@@ -1,14 +1,16 @@
 //! A smooth function through the values of a table.
 //!
-//! Bicubic Hermite polynomials: each cell's has value, both slopes and their cross derivative at its four corners, so that the whole is
-//! smooth (C1) and meets the table. The slopes at a place are those of the parabola through it and its two neighbours.
+//! Bicubic Hermite polynomials: each cell's has value, both slopes and their cross derivative at
+//! its four corners, so that the whole is smooth (C1) and meets the table. The slopes at a place
+//! are those of the parabola through it and its two neighbours.
 
 /// Values over the grid of `x` and `y`.
 #[derive(Debug, Clone)]
 pub(super) struct Bicubic {
     x: Axis,
     y: Axis,
-    /// The polynomial of each cell, `y` runs fastest: by powers of the part of the cell along `x`, in each by powers of that along `y`.
+    /// The polynomial of each cell, `y` runs fastest: by powers of the part of the cell along `x`,
+    /// in each by powers of that along `y`.
     cells: Vec<[[f64; 4]; 4]>,
 }
 
@@ -20,13 +22,15 @@ struct Axis {
     per_width: Vec<f64>,
     /// Over the width of the narrowest.
     per_bucket: f64,
-    /// The interval in which each bucket, as wide as the narrowest, begins: one place at most lies in a bucket.
+    /// The interval in which each bucket, as wide as the narrowest, begins: one place at most lies
+    /// in a bucket.
     buckets: Vec<usize>,
 }
 
 impl Bicubic {
-    /// Through `value(i, j)` at `x[i]`, `y[j]`, two places or more on each side, growing. Flat at the first and last `x` and at the
-    /// first `y`; at the last `y` the slope and its derivative by x are `last(x)`.
+    /// Through `value(i, j)` at `x[i]`, `y[j]`, two places or more on each side, growing. Flat at
+    /// the first and last `x` and at the first `y`; at the last `y` the slope and its derivative by
+    /// x are `last(x)`.
     pub(super) fn new(
         x: Vec<f64>,
         y: Vec<f64>,
@@ -125,7 +129,8 @@ fn hermite([a, b, a_t, b_t]: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// The polynomial of a cell of a `size` along x and y from the nodes at its corners, of which the second is the next along y.
+/// The polynomial of a cell of a `size` along x and y from the nodes at its corners, of which the
+/// second is the next along y.
 fn powers([width, height]: [f64; 2], corners: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     // By powers of y at both ends along x: the value, and the slope along x.
     let side = |a: [f64; 4], b: [f64; 4]| {

@@ -1,7 +1,9 @@
 //! Where the Earth, the Sun and the Moon are.
 //!
-//! Frames: axes of the ICRF throughout. Positions are geometric (no light time) and in metres, velocities in metres a second.
-//! The series are SOFA's `epv00` and, for the Moon, [`series`](super::moon). `epv00` wants TDB; TT stands in for it, which differs by less than 2 ms, in which the Earth moves 60 m.
+//! Frames: axes of the ICRF throughout. Positions are geometric (no light time) and in metres,
+//! velocities in metres a second. The series are SOFA's `epv00` and, for the Moon,
+//! [`series`](super::moon). `epv00` wants TDB; TT stands in for it, which differs by less than 2
+//! ms, in which the Earth moves 60 m.
 
 pub use super::constants::{AU_M, LIGHT_M_S, SUN_RADIUS_M};
 
@@ -25,9 +27,10 @@ pub struct EpochOutOfRange {
 
 /// The Earth, the Sun and the Moon at one instant.
 ///
-/// Errors over 1991 to 2060 against JPL DE440: Earth against Sun 12 km (0.017 arcsec in the Sun's direction), velocity 4 mm/s (3
-/// microarcsec of aberration). The barycentre is 125 km from DE440's, which counts the Kuiper belt in: 1 microarcsec at 1 arcsec
-/// of parallax. The Moon: 7.9 arcsec (rms 1.6) in direction, 13 km in distance.
+/// Errors over 1991 to 2060 against JPL DE440: Earth against Sun 12 km (0.017 arcsec in the Sun's
+/// direction), velocity 4 mm/s (3 microarcsec of aberration). The barycentre is 125 km from
+/// DE440's, which counts the Kuiper belt in: 1 microarcsec at 1 arcsec of parallax. The Moon: 7.9
+/// arcsec (rms 1.6) in direction, 13 km in distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bodies {
     /// Solar-system barycentre to the Earth's centre, m.
@@ -58,8 +61,8 @@ impl Bodies {
         })
     }
 
-    /// `dt_s` seconds later, in straight lines. Over 5 minutes the Sun is 4 km off and the Moon 0.2 km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec
-    /// from the Earth's centre.
+    /// `dt_s` seconds later, in straight lines. Over 5 minutes the Sun is 4 km off and the Moon 0.2
+    /// km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec from the Earth's centre.
     pub fn after(&self, dt_s: f64) -> Self {
         // The Sun's own way is 13 m/s.
         let way_m = self.earth_barycentric_velocity_m_s * dt_s;
@@ -71,11 +74,12 @@ impl Bodies {
         }
     }
 
-    /// Earth's centre to the place in the sky from which sunlight arrives near the Earth, m: the geometric Sun aberrated by the
-    /// Earth's velocity, some 20.5 arcsec from it.
+    /// Earth's centre to the place in the sky from which sunlight arrives near the Earth, m: the
+    /// geometric Sun aberrated by the Earth's velocity, some 20.5 arcsec from it.
     ///
-    /// This is the Sun to use with geocentric positions for shadows and phase angles: seen from the Earth, light runs along
-    /// straight lines only in the frame that moves with the Earth. (The Sun itself moves 13 m/s: its light time adds 0.01 arcsec.)
+    /// This is the Sun to use with geocentric positions for shadows and phase angles: seen from the
+    /// Earth, light runs along straight lines only in the frame that moves with the Earth. (The Sun
+    /// itself moves 13 m/s: its light time adds 0.01 arcsec.)
     pub fn sun_apparent_m(&self) -> Vector3<f64> {
         let distance = self.sun_geocentric_m.norm();
         aberrate(
@@ -85,8 +89,8 @@ impl Bodies {
     }
 }
 
-/// The direction in which an observer who moves at `velocity` (m/s) sees light whose source a resting observer sees along the
-/// unit vector `u`. Unit vector.
+/// The direction in which an observer who moves at `velocity` (m/s) sees light whose source a
+/// resting observer sees along the unit vector `u`. Unit vector.
 pub fn aberrate(u: Vector3<f64>, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
     Aberration::by(velocity_m_s).of(u)
 }

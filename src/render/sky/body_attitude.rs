@@ -10,10 +10,11 @@ use skyloop_orbit::StateVector;
 pub enum BodyAttitude {
     /// At rest among the stars: ICRF to body.
     Inertial(Attitude),
-    /// Turning with its orbit: from the axes of the orbit (+Z to the Earth's centre, +X towards the velocity as far as it is across that,
-    /// +Y against the orbit's normal) to the body.
+    /// Turning with its orbit: from the axes of the orbit (+Z to the Earth's centre, +X towards the
+    /// velocity as far as it is across that, +Y against the orbit's normal) to the body.
     Nadir(Attitude),
-    /// Turning at constant rates in body axes: about a fixed direction, whichever axis of the body that is.
+    /// Turning at constant rates in body axes: about a fixed direction, whichever axis of the body
+    /// that is.
     Spin {
         /// When it is turned as `attitude` says.
         epoch: Epoch,
@@ -25,7 +26,8 @@ pub enum BodyAttitude {
 }
 
 impl BodyAttitude {
-    /// ICRF to body: the rotation matrix `R` of `v_body = R v_icrf`, at `epoch`, for an object whose geocentric state (GCRF) is `state` then.
+    /// ICRF to body: the rotation matrix `R` of `v_body = R v_icrf`, at `epoch`, for an object
+    /// whose geocentric state (GCRF) is `state` then.
     pub fn matrix(&self, epoch: Epoch, state: &StateVector) -> Matrix3<f64> {
         match self {
             BodyAttitude::Inertial(attitude) => attitude.matrix(),
@@ -52,7 +54,8 @@ impl BodyAttitude {
     }
 }
 
-/// GCRF to the axes of the orbit. A state without an orbital plane, which nothing in orbit has, gets some +X; at the Earth's centre, some +Z.
+/// GCRF to the axes of the orbit. A state without an orbital plane, which nothing in orbit has,
+/// gets some +X; at the Earth's centre, some +Z.
 fn orbit_axes(state: &StateVector) -> Matrix3<f64> {
     let up = state.position_m.try_normalize(1e-6);
     let z = -up.unwrap_or_else(Vector3::z);
@@ -93,7 +96,8 @@ mod tests {
         assert!((r * -Vector3::z() - Vector3::y()).norm() < 1e-15);
         assert!((r.determinant() - 1.0).abs() < 1e-15);
         assert!((body.rate(&state()) - 7500.0 / 7e6).abs() < 1e-12);
-        // A body turned by a quarter about +Z against those axes: its +X is what was +Y (conventions: v_body = R v).
+        // A body turned by a quarter about +Z against those axes: its +X is what was +Y
+        // (conventions: v_body = R v).
         let quarter = Attitude::from_xyzw([0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2]).unwrap();
         let r = BodyAttitude::Nadir(quarter).matrix(epoch(0.0), &state());
         assert!((r * -Vector3::z() - Vector3::x()).norm() < 1e-12);
@@ -131,7 +135,8 @@ mod tests {
             attitude: Attitude::identity(),
             rates: Vector3::new(0.0, 0.0, FRAC_PI_2),
         };
-        // After a second the body has turned from +X to +Y: what lies along +Y of ICRF lies along +X of the body.
+        // After a second the body has turned from +X to +Y: what lies along +Y of ICRF lies along
+        // +X of the body.
         let r = spin.matrix(epoch(1.0), &state());
         assert!((r * Vector3::y() - Vector3::x()).norm() < 1e-12);
         let whole = spin.matrix(epoch(-4.0), &state());

@@ -1,8 +1,9 @@
 //! The embedded star catalogue: Hipparcos-2 to Hp 9 and the whole Bright Star Catalogue.
 //!
-//! `cargo run --example build_catalog` builds it from `hip2.dat` (van Leeuwen 2007) and the Bright Star
-//! Catalogue (Hoffleit and Warren 1991), and its `--check` compares. It holds 78,367 entries: 78,340 of Hipparcos (Hp <= 9, or
-//! fainter with an HR number) and 27 of the Bright Star Catalogue alone. What the two sources say is reconciled so:
+//! `cargo run --example build_catalog` builds it from `hip2.dat` (van Leeuwen 2007) and the Bright
+//! Star Catalogue (Hoffleit and Warren 1991), and its `--check` compares. It holds 78,367 entries:
+//! 78,340 of Hipparcos (Hp <= 9, or fainter with an HR number) and 27 of the Bright Star Catalogue
+//! alone. What the two sources say is reconciled so:
 //!
 //! - **Names.** All 9,096 HR are found. 8,998 are matched one to one, at J2000 and within 20 arcsec (median 1.3, the
 //!   right ascension of the bright stars being given to 5.4 arcsec). 71 more stand within 25 arcsec of a matched
@@ -25,10 +26,11 @@
 //!   from V-I by the medians of well measured stars (943); 93 entries without any colour take the median star's, 0.55.
 //! - Negative parallaxes (1,319, noise) are 0.
 //!
-//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and one record of 25 octets an entry: HIP u24, HR u16, right
-//! ascension u32 and declination i32 in 2^-32 of a turn (0.30 mas), parallax u16 in 0.0125 mas, proper motion in right
-//! ascension (times cos Dec) and declination i24 in 0.01 mas/yr, V and B-V i16 in 0.001 mag. `names.tsv` gives, for each
-//! HR that has a name or belongs to another HR's entry: HR, HR of the entry, names separated by semicolons.
+//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and one record of 25 octets an entry: HIP
+//! u24, HR u16, right ascension u32 and declination i32 in 2^-32 of a turn (0.30 mas), parallax u16
+//! in 0.0125 mas, proper motion in right ascension (times cos Dec) and declination i24 in 0.01
+//! mas/yr, V and B-V i16 in 0.001 mag. `names.tsv` gives, for each HR that has a name or belongs to
+//! another HR's entry: HR, HR of the entry, names separated by semicolons.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -112,7 +114,8 @@ impl Catalog {
             0 => ("HR", u32::from(star.hr)),
             hip => ("HIP", hip),
         };
-        // Digit by digit, from the last on, and into as much room as the longest takes: frames have thousands.
+        // Digit by digit, from the last on, and into as much room as the longest takes: frames have
+        // thousands.
         let (mut digits, mut first, mut rest) = ([b'0'; 10], 10, number);
         while rest > 0 || first == digits.len() {
             first -= 1;
@@ -126,8 +129,9 @@ impl Catalog {
         id
     }
 
-    /// All HR numbers, the principal one first, then Bayer and Flamsteed designations and the proper name:
-    /// `HR 4057`, `HR 4058`, `gamma1 Leo`, `41 Leo`, `Algieba`, `gamma2 Leo`. Empty without an HR.
+    /// All HR numbers, the principal one first, then Bayer and Flamsteed designations and the
+    /// proper name: `HR 4057`, `HR 4058`, `gamma1 Leo`, `41 Leo`, `Algieba`, `gamma2 Leo`. Empty
+    /// without an HR.
     pub fn names(&self, star: &Star) -> Vec<String> {
         match (star.hr, self.names.get(&star.hr)) {
             (0, _) => Vec::new(),

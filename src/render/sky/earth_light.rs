@@ -1,18 +1,20 @@
 //! The Earth's disc: sunlight from its day side.
 //!
-//! Each piece of the WGS84 ellipsoid reflects as a Lambert surface does. Its radiance over the Sun's irradiance at 1 au is, whatever the
-//! band,
+//! Each piece of the WGS84 ellipsoid reflects as a Lambert surface does. Its radiance over the
+//! Sun's irradiance at 1 au is, whatever the band,
 //!
 //! ```text
 //! L / E_sun = A cos(i) / pi * (1 au / d)^2     [1/sr]
 //! ```
 //!
-//! with `A` the albedo, `i` the angle between the ellipsoid's normal and the Sun, `d` the Sun's distance: Lambert's law, of which the
-//! paper's Eq. (7) is the sum over a sphere. The night side is dark. A radiance is Eq. (3) of Clark et al. 2021,
+//! with `A` the albedo, `i` the angle between the ellipsoid's normal and the Sun, `d` the Sun's
+//! distance: Lambert's law, of which the paper's Eq. (7) is the sum over a sphere. The night side
+//! is dark. A radiance is Eq. (3) of Clark et al. 2021,
 //! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`, of the magnitude m a square arcsecond that it has.
 //!
-//! Not modelled: clouds, oceans and continents (real albedos run from 0.05 to 0.9; this is their mean), the Sun's glint on water, the
-//! brightening of the real disc toward full phase, twilight by the Sun's own half degree. Light scattered above the ground is
+//! Not modelled: clouds, oceans and continents (real albedos run from 0.05 to 0.9; this is their
+//! mean), the Sun's glint on water, the brightening of the real disc toward full phase, twilight by
+//! the Sun's own half degree. Light scattered above the ground is
 //! [`atmosphere`](super::atmosphere)'s.
 
 use super::bodies::AU_M;
@@ -20,8 +22,8 @@ use super::shadow::{EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342 W/m^2; Kiehl & Trenberth 1997, BAMS 78,
-/// 197) to 0.29 by later budgets.
+/// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342
+/// W/m^2; Kiehl & Trenberth 1997, BAMS 78, 197) to 0.29 by later budgets.
 pub const EARTH_ALBEDO: f64 = 0.3;
 
 /// Golden angle, rad: turns between neighbours of a spiral that never fall into line.
@@ -45,8 +47,9 @@ pub struct Patch {
 }
 
 impl EarthDisc {
-    /// The Earth from `observer_m`, lit from `sun_m` ([`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m)); both GCRF, m.
-    /// None for an observer inside the Earth, such as the fictitious one at its centre.
+    /// The Earth from `observer_m`, lit from `sun_m`
+    /// ([`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m)); both GCRF, m. None for
+    /// an observer inside the Earth, such as the fictitious one at its centre.
     pub fn new(observer_m: Vector3<f64>, sun_m: Vector3<f64>, earth: Earth) -> Option<Self> {
         (!earth.contains(observer_m)).then_some(EarthDisc {
             observer_m,
@@ -55,8 +58,9 @@ impl EarthDisc {
         })
     }
 
-    /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr; 0 where the line misses the Earth or
-    /// ends on its night side, and of places and directions that are no numbers.
+    /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr;
+    /// 0 where the line misses the Earth or ends on its night side, and of places and directions
+    /// that are no numbers.
     pub fn reflectance(&self, direction: &Vector3<f64>) -> f64 {
         let Some(point_m) = self.earth.meets(self.observer_m, *direction) else {
             return 0.0;
@@ -67,13 +71,14 @@ impl EarthDisc {
         (EARTH_ALBEDO * cos_i / PI * (AU_M * AU_M / distance2)).max(0.0)
     }
 
-    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, see [`Earth::outline`].
+    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre,
+    /// see [`Earth::outline`].
     pub fn edge(&self) -> [f64; 2] {
         self.earth.outline(self.observer_m, 0.0)
     }
 
-    /// The lit part of the disc in at most `n` patches of nearly the same solid angle, each with what it gives on a surface that faces
-    /// it.
+    /// The lit part of the disc in at most `n` patches of nearly the same solid angle, each with
+    /// what it gives on a surface that faces it.
     ///
     /// Sums of smooth functions over a thousand patches err by some 0.1 %, over a hundred by 1 %.
     pub fn patches(&self, n: usize) -> Vec<Patch> {
@@ -89,12 +94,14 @@ impl EarthDisc {
         (0..n).filter_map(patch).collect()
     }
 
-    /// The direction (unit vector) that has `part` of the disc nearer to its middle, `turn` (rad) about that, and the solid angle (sr) of a
-    /// disc whose every part were as large as the one there.
+    /// The direction (unit vector) that has `part` of the disc nearer to its middle, `turn` (rad)
+    /// about that, and the solid angle (sr) of a disc whose every part were as large as the one
+    /// there.
     ///
-    /// Stretched space has a sphere, whose disc is a cone of half angle rho, sin(rho) = a / r, and solid angle 4 pi sin^2(rho / 2). An angle
-    /// theta from its axis has (sin(theta / 2) / sin(rho / 2))^2 of it inside. Of a solid angle in direction d, unstretching makes
-    /// det(S)^-1 |S^-1 d|^-3 times as much.
+    /// Stretched space has a sphere, whose disc is a cone of half angle rho, sin(rho) = a / r, and
+    /// solid angle 4 pi sin^2(rho / 2). An angle theta from its axis has (sin(theta / 2) / sin(rho
+    /// / 2))^2 of it inside. Of a solid angle in direction d, unstretching makes det(S)^-1 |S^-1
+    /// d|^-3 times as much.
     fn within(&self, part: f64, turn: f64) -> (Vector3<f64>, f64) {
         let observer = self.earth.to_sphere(self.observer_m);
         let distance = observer.norm();

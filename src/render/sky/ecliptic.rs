@@ -1,18 +1,21 @@
 //! The ecliptic: mean ecliptic and equinox of J2000.0.
 //!
-//! Its axes are those of the ICRF turned about the equinox by the obliquity; the frames' bias (0.02 arcsec) is left out. The ecliptic of
-//! date leaves that of J2000.0 by 47 arcsec a century, which is nothing to light that changes over degrees.
+//! Its axes are those of the ICRF turned about the equinox by the obliquity; the frames' bias (0.02
+//! arcsec) is left out. The ecliptic of date leaves that of J2000.0 by 47 arcsec a century, which
+//! is nothing to light that changes over degrees.
 
 use nalgebra::Vector3;
 
-/// Sine and cosine of the mean obliquity at J2000.0, 84381.406 arcsec (IAU 2006; Capitaine et al. 2003, A&A 412, 567).
+/// Sine and cosine of the mean obliquity at J2000.0, 84381.406 arcsec (IAU 2006; Capitaine et al.
+/// 2003, A&A 412, 567).
 const SIN_OBLIQUITY: f64 = 0.397_776_969_112_606;
 const COS_OBLIQUITY: f64 = 0.917_482_143_065_242;
 
 /// The north pole of the ecliptic: unit vector, axes of the ICRF.
 pub const POLE: Vector3<f64> = Vector3::new(0.0, -SIN_OBLIQUITY, COS_OBLIQUITY);
 
-/// Components along the axes of the ecliptic (equinox, 90 degrees of longitude, pole) of a vector along those of the ICRF.
+/// Components along the axes of the ecliptic (equinox, 90 degrees of longitude, pole) of a vector
+/// along those of the ICRF.
 pub fn from_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
         v.x,

@@ -1,12 +1,14 @@
-//! Who of a whole catalogue is in the field: a test of directions and distances alone, before anything is known of light.
+//! Who of a whole catalogue is in the field: a test of directions and distances alone, before
+//! anything is known of light.
 //!
 //! ```text
 //! every object:  in the cone around the field? -> in the field? -> behind the Earth? -> near enough to be seen at all?
 //! who is left:   apparent directions, shadow, brightness (population::see)
 //! ```
 //!
-//! All bounds lie on the safe side: whoever might be seen at any time of the exposure is left. It is done where the orbits are given, in TEME
-//! and km: turning the observer is cheaper than turning the catalogue.
+//! All bounds lie on the safe side: whoever might be seen at any time of the exposure is left. It
+//! is done where the orbits are given, in TEME and km: turning the observer is cheaper than turning
+//! the catalogue.
 
 use super::apparent::Observer;
 use super::bodies::LIGHT_M_S;
@@ -22,7 +24,8 @@ use std::f64::consts::PI;
 /// Nearer than this (m) an object is the observer's own vehicle.
 pub const OWN_VEHICLE_M: f64 = 1.0;
 
-/// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which neither observers nor objects exceed, rounded up.
+/// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which
+/// neither observers nor objects exceed, rounded up.
 const WANDER: f64 = 7e-4;
 /// A sphere that is inside the Earth everywhere, km: the polar radius.
 const EARTH_KM: f64 = 6356.7;
@@ -31,7 +34,8 @@ const LIGHT_KM_S: f64 = LIGHT_M_S * 1e-3;
 /// What rounding may add to a distance, km.
 const ROUNDING_KM: f64 = 1e-3;
 
-/// What is looked for: a cone around the boresight, or of that what lies within some planes, during an exposure.
+/// What is looked for: a cone around the boresight, or of that what lies within some planes, during
+/// an exposure.
 #[derive(Debug, Clone, Copy)]
 pub struct Field<'a> {
     /// The boresight, unit vector, ICRF.
@@ -42,11 +46,13 @@ pub struct Field<'a> {
     pub sides: &'a [Side],
     /// The observer at the exposure's start, mid and end.
     pub shutter: &'a [Observer; 3],
-    /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is lost in noise; infinite where nothing is.
+    /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is lost in
+    /// noise; infinite where nothing is.
     pub reach_m: f64,
 }
 
-/// What bounds an object's reflective area: what stands before the diffuse phase function, m^2, and what is the same at all phases, m^2/sr.
+/// What bounds an object's reflective area: what stands before the diffuse phase function, m^2, and
+/// what is the same at all phases, m^2/sr.
 #[derive(Debug, Clone, Copy)]
 pub struct Bright {
     diffuse: f32,
@@ -89,13 +95,15 @@ impl Field<'_> {
         (self.shutter[2].epoch - self.shutter[0].epoch).to_seconds()
     }
 
-    /// Whether an object with that state at mid-exposure (GCRF) may stand in the field at some time of the exposure.
+    /// Whether an object with that state at mid-exposure (GCRF) may stand in the field at some time
+    /// of the exposure.
     pub fn may_hold(&self, state: &StateVector) -> bool {
         let mid = &self.shutter[1];
         let line = state.position_m - mid.position_m;
         let range = line.norm();
-        // From mid-exposure to either end the line turns by no more than asin(w / range) on a way w; by up to half a turn where
-        // w is longer. Pi w / range is above both, with room for a way that bends.
+        // From mid-exposure to either end the line turns by no more than asin(w / range) on a way
+        // w; by up to half a turn where w is longer. Pi w / range is above both, with room for a
+        // way that bends.
         let way = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
         let sweep = PI * way / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
@@ -107,8 +115,8 @@ impl Field<'_> {
             })
     }
 
-    /// The sides' inward normals, and the least product with them of a direction (unit vector, ICRF, mid-exposure) that may come to stand between the sides
-    /// though it stands still.
+    /// The sides' inward normals, and the least product with them of a direction (unit vector,
+    /// ICRF, mid-exposure) that may come to stand between the sides though it stands still.
     pub fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
             let beyond = (side.beyond + WANDER).min(PI / 2.0);
@@ -117,8 +125,8 @@ impl Field<'_> {
         sides.collect()
     }
 
-    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object what bounds its
-    /// light.
+    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each
+    /// object what bounds its light.
     pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [Bright]) -> Test<'a> {
         let mid = &self.shutter[1];
         let to_teme = rotation.transpose();
@@ -151,7 +159,8 @@ impl Field<'_> {
 /// The test of a block of a catalogue, TEME.
 pub struct Test<'a> {
     sun_km: Vector3<f64>,
-    /// Around the field, from the observer, and what object and observer may move by, each or together.
+    /// Around the field, from the observer, and what object and observer may move by, each or
+    /// together.
     cone: Cone,
     /// Normals of the planes around the field, and sines of how far beyond them it reaches.
     sides: Vec<(Vector3<f64>, f64)>,
@@ -211,8 +220,9 @@ impl Look for Test<'_> {
 }
 
 impl Test<'_> {
-    /// What is found of one object of that state (TEME), with that bound of its light: whether it is before the camera, and why it needs no closer
-    /// look. One that is faster than whatever the Earth holds needs it in any case.
+    /// What is found of one object of that state (TEME), with that bound of its light: whether it
+    /// is before the camera, and why it needs no closer look. One that is faster than whatever the
+    /// Earth holds needs it in any case.
     pub fn judge(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
         if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
             return Some(Ok(()));
@@ -230,7 +240,8 @@ impl Test<'_> {
         let observer = Vector3::from(self.cone.apex_km());
         let line = Vector3::from(*place_km) - observer;
         let range = line.norm();
-        // Who is `b` beyond a plane at distance r is r sin b below it; whoever moves by w may have been further away, too.
+        // Who is `b` beyond a plane at distance r is r sin b below it; whoever moves by w may have
+        // been further away, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
             line.dot(inward) >= -(range + self.cone.way_km) * sin - self.cone.way_km
         };

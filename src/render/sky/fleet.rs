@@ -1,4 +1,5 @@
-//! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
+//! A population under way: its orbits carried from frame to frame, and who of it comes before a
+//! camera.
 
 use super::apparent::Corrections;
 use super::field::{Bright, Field, Found, Unseen};
@@ -32,7 +33,8 @@ const SOLE: u32 = u32::MAX;
 #[derive(Debug)]
 pub struct Fleet {
     tracks: Tracks,
-    /// Whose element set each of the tracks has: an object's index, and the number of the set among that object's, or [`SOLE`].
+    /// Whose element set each of the tracks has: an object's index, and the number of the set among
+    /// that object's, or [`SOLE`].
     sets: Vec<(u32, u32)>,
     /// What bounds each one's light.
     bright: Vec<Bright>,
@@ -56,7 +58,8 @@ impl Fleet {
                 elements.push(*set);
             }
         }
-        // Whatever was read from a file starts; if some other set does not, the scalar model says of whom and why.
+        // Whatever was read from a file starts; if some other set does not, the scalar model says
+        // of whom and why.
         let tracks = Tracks::new(&elements).unwrap_or_default();
         let mut others = Vec::new();
         if tracks.is_empty() {
@@ -83,8 +86,8 @@ impl Fleet {
             + self.bright.capacity() * size_of::<Bright>()
     }
 
-    /// Who of `population`, whose orbits these are, may be in the field, seen or not, by their indices; and why others have no position, of
-    /// those of whom that has not been said before.
+    /// Who of `population`, whose orbits these are, may be in the field, seen or not, by their
+    /// indices; and why others have no position, of those of whom that has not been said before.
     pub fn before(
         &mut self,
         population: &Objects,

@@ -1,4 +1,5 @@
-//! What is known of an object's looks, and how much sunlight it sends to an observer during an exposure.
+//! What is known of an object's looks, and how much sunlight it sends to an observer during an
+//! exposure.
 
 use super::apparent::{ApparentObject, Observer, parabola};
 use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
@@ -33,15 +34,17 @@ pub struct Passage<'a> {
     pub light_time: bool,
 }
 
-/// Instants of an exposure for every narrowest lobe that passes a sensor: the light of one passage is known within 3 %.
+/// Instants of an exposure for every narrowest lobe that passes a sensor: the light of one passage
+/// is known within 3 %.
 const INSTANTS: f64 = 32.0;
-/// Instants at most, times facets: a tenth of a second, if all are sides of cylinders. A body that turns further shows the mean of as many
-/// attitudes as there is time for.
+/// Instants at most, times facets: a tenth of a second, if all are sides of cylinders. A body that
+/// turns further shows the mean of as many attitudes as there is time for.
 const MOST_WORK: f64 = 50_000.0;
 
 impl Body {
-    /// Eq. (6), m^2/sr: the mean over the exposure, which a glint or a tumble changes. In how many instants depends on how far the
-    /// body, the observer and the Sun turn against each other: at rest one is enough.
+    /// Eq. (6), m^2/sr: the mean over the exposure, which a glint or a tumble changes. In how many
+    /// instants depends on how far the body, the observer and the Sun turn against each other: at
+    /// rest one is enough.
     pub fn mean_reflective_area(&self, passage: &Passage<'_>) -> f64 {
         let [start, _, end] = passage.observers;
         let duration_s = (end.epoch - start.epoch).to_seconds();
@@ -106,7 +109,8 @@ impl Passage<'_> {
         }
     }
 
-    /// How far the line to the observer turns during the exposure, rad. (The Sun's turns by 1e-4 of a radian an hour.)
+    /// How far the line to the observer turns during the exposure, rad. (The Sun's turns by 1e-4 of
+    /// a radian an hour.)
     fn swing(&self) -> f64 {
         let [a, b, c] = [0.0, 0.5, 1.0].map(|part| self.at(part).to_sensor);
         angle_between(&a, &b) + angle_between(&b, &c)

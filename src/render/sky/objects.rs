@@ -41,8 +41,8 @@ pub struct SeenObject {
     pub index: usize,
     /// As seen at the middle of the exposure.
     pub apparent: ApparentObject,
-    /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's start, mid
-    /// and end. They change smoothly where directions may swing.
+    /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's
+    /// start, mid and end. They change smoothly where directions may swing.
     pub lines_m: [Vector3<f64>; 3],
     /// Phase angle Sun - object - observer, rad.
     pub phase: f64,
@@ -50,7 +50,8 @@ pub struct SeenObject {
     pub illumination: f64,
     /// Whether the Earth stands before it.
     pub occulted: bool,
-    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the exposure.
+    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the
+    /// exposure.
     pub mag: f64,
 }
 
@@ -100,7 +101,8 @@ impl Objects {
         self.looks.get(*look as usize)
     }
 
-    /// What bounds the light of the object of that index; that of a body depends on how it is turned.
+    /// What bounds the light of the object of that index; that of a body depends on how it is
+    /// turned.
     pub fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),
@@ -109,7 +111,8 @@ impl Objects {
         }
     }
 
-    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar SGP4; `earth` is that of mid-exposure.
+    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar
+    /// SGP4; `earth` is that of mid-exposure.
     ///
     /// Errors: its orbit has no answer.
     pub fn see(

@@ -1,8 +1,9 @@
 //! How bright things are: magnitudes, photon irradiance and the reflecting sphere.
 //!
-//! Clark et al. 2021 (Sensors 21, 7868), Eqs. (1), (6)-(10), with two of its slips mended: the exponent of
-//! Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular sphere of Eq. (8) is 1 / (4 pi) (printed
-//! 1 / (4 pi^2)): only so does a lossless mirror sphere return all the light that it takes.
+//! Clark et al. 2021 (Sensors 21, 7868), Eqs. (1), (6)-(10), with two of its slips mended: the
+//! exponent of Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular sphere of Eq. (8) is
+//! 1 / (4 pi) (printed 1 / (4 pi^2)): only so does a lossless mirror sphere return all the light
+//! that it takes.
 
 use super::bodies::AU_M;
 use crate::attitude::angle_between;
@@ -11,14 +12,14 @@ use nalgebra::Vector3;
 use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
-/// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1), (10),
-/// `E = E_zero 10^(-0.4 m)`; no number where one of them is none.
+/// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1),
+/// (10), `E = E_zero 10^(-0.4 m)`; no number where one of them is none.
 pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
     e_zero * libm::exp10(-0.4 * m)
 }
 
-/// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent mended,
-/// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`; no number where one of them is none.
+/// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent
+/// mended, `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`; no number where one of them is none.
 pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
     const ARCSEC: f64 = PI / 648_000.0;
     e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
@@ -50,13 +51,15 @@ impl Default for Sphere {
 }
 
 impl Sphere {
-    /// Eq. (6): `rho A F = rho A (B_diff F_diff + B_spec F_spec)` at phase angle `phase` (rad), m^2/sr.
+    /// Eq. (6): `rho A F = rho A (B_diff F_diff + B_spec F_spec)` at phase angle `phase` (rad),
+    /// m^2/sr.
     pub fn reflective_area(&self, phase: f64) -> f64 {
         let [diffuse, specular] = self.parts();
         diffuse * diffuse_phase(phase) + specular
     }
 
-    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr; 0 of what would be negative or no number.
+    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr;
+    /// 0 of what would be negative or no number.
     pub fn parts(&self) -> [f64; 2] {
         let area = PI * self.diameter_m * self.diameter_m / 4.0;
         let reflective = self.reflectance * area;
@@ -73,8 +76,9 @@ impl Sphere {
     }
 }
 
-/// Apparent magnitude: Eq. (9), `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`, of the reflective
-/// area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected, or less
+/// Apparent magnitude: Eq. (9),
+/// `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`, of the
+/// reflective area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected, or less
 /// than nothing, or no number; no number where a distance is none.
 pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
     let a2 = AU_M * AU_M;
@@ -82,8 +86,8 @@ pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
         + 5.0 * libm::log10(to_sun_m * to_sensor_m / a2)
 }
 
-/// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr, for phase angles from 0 to pi: beyond them as at the nearer end, and 0 of
-/// what is no angle.
+/// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr, for phase angles from 0
+/// to pi: beyond them as at the nearer end, and 0 of what is no angle.
 ///
 /// Near `phi = pi` the bracket is the difference of two equal numbers; with `d = pi - phi` it is
 /// `sin d - d cos d`, whose series starts with `d^3 / 3`.
@@ -145,9 +149,11 @@ mod tests {
             ..sphere
         };
         assert!((near - large.magnitude(1.0, AU_M, 500e3) - 5.0).abs() < 1e-12);
-        // X-Val: by hand for phase 0, 1000 km: -26.73 - 2.5 log10(0.2 * 78.5398 * 0.212207) + 5 log10(1e6).
+        // X-Val: by hand for phase 0, 1000 km: -26.73 - 2.5 log10(0.2 * 78.5398 * 0.212207) + 5
+        // log10(1e6).
         assert!((sphere.magnitude(0.0, AU_M, 1e6) - 1.9631).abs() < 1e-3);
-        // X-Val: by hand, the same with F = 1 / (4 pi) = 0.0795775 at any phase, and with half of each: 0.1458922.
+        // X-Val: by hand, the same with F = 1 / (4 pi) = 0.0795775 at any phase, and with half of
+        // each: 0.1458922.
         let mix = |diffuse, specular| Sphere {
             diffuse,
             specular,

@@ -1,8 +1,9 @@
 //! The planets as points of light: where an observer near the Earth sees them, and how bright.
 //!
 //! **Where**: SOFA's `plan94` (Simon et al. 1994, A&A 282, 663): mean orbits with the largest perturbations. Over 1991 to 2060 the directions lie
-//! from JPL DE440 by at most (arcsec; rms in brackets) Mercury 1.9 (0.3), Venus 10 (1.7), Mars 51 (8.9), Jupiter 54 (17), Saturn 89 (31),
-//! Uranus 73 (33), Neptune 10 (4.8). Deflection by the Sun is left out.
+//! from JPL DE440 by at most (arcsec; rms in brackets) Mercury 1.9 (0.3), Venus 10 (1.7), Mars 51
+//! (8.9), Jupiter 54 (17), Saturn 89 (31), Uranus 73 (33), Neptune 10 (4.8). Deflection by the Sun
+//! is left out.
 //!
 //! **How bright**: V by Mallama & Hilton 2018 (Astronomy and Computing 25, 10), their polynomials for the phase angles `a` (deg) that occur
 //! near the Earth, with `r` and `d` the distances from the Sun and from the observer in au:
@@ -11,8 +12,9 @@
 //! V = 5 log10(r d) + V(a)
 //! ```
 //!
-//! Saturn with its rings (Eq. 10), Uranus with its bright poles, Neptune with its rise from 1980 to 2000 (Eq. 16). Left out are the seasons and
-//! the rotation of Mars (0.1 mag each). Coefficients as in PyPI `skyfield` 1.55, `magnitudelib`.
+//! Saturn with its rings (Eq. 10), Uranus with its bright poles, Neptune with its rise from 1980 to
+//! 2000 (Eq. 16). Left out are the seasons and the rotation of Mars (0.1 mag each). Coefficients as
+//! in PyPI `skyfield` 1.55, `magnitudelib`.
 
 use nalgebra::Vector3;
 
@@ -21,7 +23,8 @@ use super::bodies::aberrate;
 use super::constants::{AU_M, DAY_S, J2000_JD, LIGHT_M_S, tt_days_since_j2000};
 use super::photometry::phase_angle;
 
-/// A planet's name, its number in `plan94`, its equatorial radius (km; IAU WGCCRE 2015: Archinal et al. 2018, Table 4), and its law of brightness.
+/// A planet's name, its number in `plan94`, its equatorial radius (km; IAU WGCCRE 2015: Archinal et
+/// al. 2018, Table 4), and its law of brightness.
 type Row = (&'static str, i32, f64, fn(&Circumstances) -> f64);
 
 const PLANETS: [Row; 7] = [
@@ -155,15 +158,17 @@ fn jupiter(at: &Circumstances) -> f64 {
     polynomial(at.a, &[-9.395, -3.7e-4, 6.16e-4])
 }
 
-/// Eq. (10), to 6.5 degrees: with B the geometric mean of the Sun's and the observer's latitudes over the rings, 0 where they are on different
-/// sides, `-8.914 - 1.825 sin B + 0.026 a - 0.378 sin B e^(-2.25 a)`.
+/// Eq. (10), to 6.5 degrees: with B the geometric mean of the Sun's and the observer's latitudes
+/// over the rings, 0 where they are on different sides,
+/// `-8.914 - 1.825 sin B + 0.026 a - 0.378 sin B e^(-2.25 a)`.
 fn saturn(at: &Circumstances) -> f64 {
     let product = latitude(&SATURN_POLE, &at.to_sun) * latitude(&SATURN_POLE, &at.to_observer);
     let sin_b = libm::sin(product.max(0.0).sqrt());
     -8.914 - 1.825 * sin_b + 0.026 * at.a - 0.378 * sin_b * libm::exp(-2.25 * at.a)
 }
 
-/// To 3.1 degrees (the Earth comes to 3.2): `-7.110 - 0.00084 f`, f the mean distance (deg) of Sun and observer from the equator.
+/// To 3.1 degrees (the Earth comes to 3.2): `-7.110 - 0.00084 f`, f the mean distance (deg) of Sun
+/// and observer from the equator.
 fn uranus(at: &Circumstances) -> f64 {
     let [sun, observer] =
         [&at.to_sun, &at.to_observer].map(|v| latitude(&URANUS_POLE, v).abs().to_degrees());

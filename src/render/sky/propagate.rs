@@ -1,6 +1,8 @@
-//! The closer look at those who may be in the field: where they are exactly, and the light of who is there.
+//! The closer look at those who may be in the field: where they are exactly, and the light of who
+//! is there.
 //!
-//! Orbits are asked for some dozens of objects at a time, which takes a fraction of what one by one does.
+//! Orbits are asked for some dozens of objects at a time, which takes a fraction of what one by one
+//! does.
 
 use super::apparent::{Corrections, apparent_object};
 use super::field::{Field, Test, Unseen};
@@ -15,7 +17,8 @@ use std::sync::Arc;
 /// Objects that are looked at together.
 pub const TASK: usize = 64;
 
-/// Exposures up to this (s) are short enough for one rotation from TEME to GCRF: what it turns by in half of that is 4e-11 rad.
+/// Exposures up to this (s) are short enough for one rotation from TEME to GCRF: what it turns by
+/// in half of that is 4e-11 rad.
 const SHORT_S: f64 = 10.0;
 
 /// All that such a look needs.
@@ -81,8 +84,8 @@ impl Propagation<'_> {
         found
     }
 
-    /// What is found of the object of that index, if he is in the field, by his states (TEME) at the exposure's start, mid and end, and, where light
-    /// takes time, by [`EARLIER_S`] earlier.
+    /// What is found of the object of that index, if he is in the field, by his states (TEME) at
+    /// the exposure's start, mid and end, and, where light takes time, by [`EARLIER_S`] earlier.
     fn placed(
         &self,
         index: u32,
@@ -138,10 +141,11 @@ impl Propagation<'_> {
     }
 }
 
-/// The states `then`, by [`EARLIER_S`] before those of `now`; where the model jumps in that time, what they would be if it did not: light that takes
-/// longer must not multiply the jump.
+/// The states `then`, by [`EARLIER_S`] before those of `now`; where the model jumps in that time,
+/// what they would be if it did not: light that takes longer must not multiply the jump.
 fn smooth(now: &[StateVector; 3], then: [StateVector; 3]) -> [StateVector; 3] {
-    // By how much the way differs from what the velocities say: SGP4's are not the derivative of its positions, by the same all through an exposure.
+    // By how much the way differs from what the velocities say: SGP4's are not the derivative of
+    // its positions, by the same all through an exposure.
     let off = [0, 1, 2].map(|k: usize| {
         let mean_m_s = (now[k].velocity_m_s + then[k].velocity_m_s) / 2.0;
         now[k].position_m - then[k].position_m - mean_m_s * EARLIER_S
@@ -190,7 +194,8 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
 
-    /// States of a fall, whose velocities are off by as much as `off_m_s`, at 0.1 s from one another and [`EARLIER_S`] before.
+    /// States of a fall, whose velocities are off by as much as `off_m_s`, at 0.1 s from one
+    /// another and [`EARLIER_S`] before.
     fn states(off_m_s: Vector3<f64>) -> [[StateVector; 3]; 2] {
         let (r, v, a) = (
             Vector3::new(4.2e7, 1e6, 0.0),

@@ -1,7 +1,8 @@
-//! How many charged particles cross the detector, by place: galactic cosmic rays behind the Earth's field, and the South
-//! Atlantic Anomaly. A simple model of mean rates, not of a day's.
+//! How many charged particles cross the detector, by place: galactic cosmic rays behind the Earth's
+//! field, and the South Atlantic Anomaly. A simple model of mean rates, not of a day's.
 //!
-//! Galactic cosmic rays and what they knock out of the spacecraft, by the rigidity R (GV) that the field lets pass:
+//! Galactic cosmic rays and what they knock out of the spacecraft, by the rigidity R (GV) that the
+//! field lets pass:
 //!
 //! ```text
 //! f = f_0 (1 - exp(-10.275 R^-0.9615))   the latitude curve of neutron monitors (Dorman et al. 2000, JGR 105, 21047)
@@ -9,11 +10,13 @@
 //! cos^2(L) = cos^2(geomagnetic latitude) r_E / r    a dipole whose pole stands at 80.7 N, 72.7 W (IGRF-13, 2020)
 //! ```
 //!
-//! Assumed: that detectors in orbit follow this curve, which was measured at sea level. `f_0` = 1.8 /cm^2/s gives 1.2 at the
-//! mean cutoff of the Hubble's orbit, 9 to 10 GV: WF/PC-1 counted 1.7 events a second on 1.44 cm^2 (HST Data Handbook,
-//! section 46.5). Counts that `f_0` was not taken from, all in the test below: NICMOS 1.1 to 1.5 /cm^2/s in that orbit, WFC3's
-//! infrared array, which sees fainter events, 3.3; far outside the Earth's field JWST's NIRSpec 4.3 to 2.3 from 2022 to 2025, by
-//! the Sun's cycle, which is left out here. Error: a factor 1.5 for CCDs at the Hubble's orbit, 3 elsewhere (too few).
+//! Assumed: that detectors in orbit follow this curve, which was measured at sea level. `f_0` = 1.8
+//! /cm^2/s gives 1.2 at the mean cutoff of the Hubble's orbit, 9 to 10 GV: WF/PC-1 counted 1.7
+//! events a second on 1.44 cm^2 (HST Data Handbook, section 46.5). Counts that `f_0` was not taken
+//! from, all in the test below: NICMOS 1.1 to 1.5 /cm^2/s in that orbit, WFC3's infrared array,
+//! which sees fainter events, 3.3; far outside the Earth's field JWST's NIRSpec 4.3 to 2.3 from
+//! 2022 to 2025, by the Sun's cycle, which is left out here. Error: a factor 1.5 for CCDs at the
+//! Hubble's orbit, 3 elsewhere (too few).
 //!
 //! The anomaly, a Gaussian in longitude and latitude over an altitude law:
 //!
@@ -30,29 +33,33 @@
 //!   100 km there, up to some 10^4 /cm^2/s, the order of the inner belt's greatest flux; from 3,000 km on it falls by e with
 //!   each 3,000 km, to nothing where the proton belt ends.
 //!
-//! Error: a factor 2 at 538 km at the centre, 3 across the anomaly, 10 at other altitudes up to 1,000 km. Left out: the belts
-//! themselves, which higher orbits cross at all longitudes, electrons of the polar horns, solar particle events.
+//! Error: a factor 2 at 538 km at the centre, 3 across the anomaly, 10 at other altitudes up to
+//! 1,000 km. Left out: the belts themselves, which higher orbits cross at all longitudes, electrons
+//! of the polar horns, solar particle events.
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::time::utc_days_since_j2000;
 use std::f64::consts::TAU;
 
-/// Particles a second through a square centimetre (both ways) where the Earth's field lets all pass.
+/// Particles a second through a square centimetre (both ways) where the Earth's field lets all
+/// pass.
 pub const FREE_SPACE: f64 = 1.8;
 
 /// Mean radius of the Earth, m.
 const EARTH_M: f64 = 6_371_200.0;
 
-/// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m); [`FREE_SPACE`] at what is no place.
+/// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m);
+/// [`FREE_SPACE`] at what is no place.
 pub fn flux(position_m: &Vector3<f64>, epoch: Epoch) -> f64 {
     let place = Place::of(position_m, epoch);
     // Where there is no direction from the Earth's centre there is no anomaly.
     cosmic_rays(place.cutoff_gv()) + anomaly(&place).max(0.0)
 }
 
-/// Where an observer is over the turning Earth. The pole of date is the GCRF's but for 0.14 deg in 25 years, and
-/// latitudes are geocentric (0.19 deg from geodetic ones at most): far below the model's errors.
+/// Where an observer is over the turning Earth. The pole of date is the GCRF's but for 0.14 deg in
+/// 25 years, and latitudes are geocentric (0.19 deg from geodetic ones at most): far below the
+/// model's errors.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     /// Geocentric latitude, rad.
@@ -120,7 +127,8 @@ mod tests {
     use super::*;
     use std::str::FromStr;
 
-    /// GCRF position over `latitude`, `longitude` (deg) at `altitude_km` at J2000, when the Earth had turned by 280.46 deg.
+    /// GCRF position over `latitude`, `longitude` (deg) at `altitude_km` at J2000, when the Earth
+    /// had turned by 280.46 deg.
     fn over(latitude: f64, longitude: f64, altitude_km: f64) -> (Vector3<f64>, Epoch) {
         // X-Val: IERS Conventions 2010, Eq. 5.15 at its origin, 0.7790572732640 of a turn.
         let (lat, lon) = (
@@ -155,7 +163,8 @@ mod tests {
             assert!(at(latitude, longitude, 538.0) < 0.95 * peak);
         }
         assert!((at(-30.0, -47.8, 438.0) / peak * std::f64::consts::E - 1.0).abs() < 0.01);
-        // The inner belt's order of magnitude, and nothing of it far above it, at the anomaly's own longitude.
+        // The inner belt's order of magnitude, and nothing of it far above it, at the anomaly's own
+        // longitude.
         assert!((5e3..2e4).contains(&at(-30.0, -47.8, 1000.0)));
         assert!(at(-30.0, -47.8, 35_786.0) < FREE_SPACE + 0.5);
         assert!(at(-30.0, -47.8, 384_000.0) < FREE_SPACE + 1e-3);
@@ -179,7 +188,8 @@ mod tests {
                 }
             }
         }
-        // X-Val: NASA, IMAGE mission, Ask the Space Scientist, answer 525: the Hubble spends nearly 15 % of its time there.
+        // X-Val: NASA, IMAGE mission, Ask the Space Scientist, answer 525: the Hubble spends nearly
+        // 15 % of its time there.
         let share: f64 = inside / all;
         assert!((share - 0.15).abs() < 0.02, "{share}");
     }
@@ -196,13 +206,17 @@ mod tests {
             })
             .collect();
         let mean = orbit.iter().sum::<f64>() / 360.0;
-        // X-Val: NICMOS Instrument Handbook 2003: 1.2 to 1.6 events/s on 256 x 256 pixels of 40 um, 1.049 cm^2.
+        // X-Val: NICMOS Instrument Handbook 2003: 1.2 to 1.6 events/s on 256 x 256 pixels of 40 um,
+        // 1.049 cm^2.
         assert!((1.2 / 1.049..1.6 / 1.049).contains(&mean), "{mean}");
-        // X-Val: WFC3 Instrument Handbook, section 7.9.2: 11 events/s on 1014 x 1014 pixels of 18 um, 3.33 cm^2.
+        // X-Val: WFC3 Instrument Handbook, section 7.9.2: 11 events/s on 1014 x 1014 pixels of 18
+        // um, 3.33 cm^2.
         assert!((11.0 / 3.33 / 3.0..11.0 / 3.33).contains(&mean));
-        // X-Val: JWST's NIRSpec at L2 (Rauscher and Fixsen 2025, PASP 137, 095003): 4.3 /cm^2/s in 2022, 2.3 in 2025.
+        // X-Val: JWST's NIRSpec at L2 (Rauscher and Fixsen 2025, PASP 137, 095003): 4.3 /cm^2/s in
+        // 2022, 2.3 in 2025.
         assert!((4.3 / 3.0..2.3).contains(&FREE_SPACE));
-        // More towards the poles, where the field lets all pass; there, and far outside, free space.
+        // More towards the poles, where the field lets all pass; there, and far outside, free
+        // space.
         assert!((at(80.7, -72.7, 538.0) - FREE_SPACE).abs() < 1e-9);
         assert!(at(0.0, 100.0, 538.0) < 0.7 * FREE_SPACE);
         assert!((at(10.0, 100.0, 300_000.0) - FREE_SPACE).abs() < 1e-3);

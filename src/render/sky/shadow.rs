@@ -1,8 +1,9 @@
 //! The Earth in the way: its shadow on an object, and its body before one.
 //!
-//! The Earth is the WGS84 ellipsoid, its axis along the mean pole of date. Stretching space along that axis by a/b makes it a sphere of
-//! radius a and keeps lines straight and tangents tangent, so that all the rest is geometry of a sphere. There is no atmosphere: it
-//! neither bends nor dims sunlight at the limb (it does over the lowest 20 km or so, some 5 s of a low orbit).
+//! The Earth is the WGS84 ellipsoid, its axis along the mean pole of date. Stretching space along
+//! that axis by a/b makes it a sphere of radius a and keeps lines straight and tangents tangent, so
+//! that all the rest is geometry of a sphere. There is no atmosphere: it neither bends nor dims
+//! sunlight at the limb (it does over the lowest 20 km or so, some 5 s of a low orbit).
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -26,7 +27,8 @@ pub struct Earth {
     pole: Vector3<f64>,
 }
 
-/// The Earth's limb before one observer: in stretched space a circle around the direction of its centre.
+/// The Earth's limb before one observer: in stretched space a circle around the direction of its
+/// centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimbCone {
     earth: Earth,
@@ -48,10 +50,11 @@ impl LimbCone {
 impl Earth {
     /// The Earth at `t`, its axis along the mean pole of date.
     ///
-    /// Nutation (9 arcsec) is left out: it tilts the limb by at most 1 m. Leaving out precession as well would cost 40 m in
-    /// 2019 and 130 m in 2060.
+    /// Nutation (9 arcsec) is left out: it tilts the limb by at most 1 m. Leaving out precession as
+    /// well would cost 40 m in 2019 and 130 m in 2060.
     pub fn at(t: Epoch) -> Self {
-        // X and Y of the pole, first terms of the polynomials of IAU 2006 (IERS Conventions 2010, Eq. 5.16).
+        // X and Y of the pole, first terms of the polynomials of IAU 2006 (IERS Conventions 2010,
+        // Eq. 5.16).
         let c = tt_days_since_j2000(t) / DAYS_PER_CENTURY;
         let x =
             (-0.016_617 + c * (2_004.191_898 + c * (-0.429_782_9 + c * -0.198_618_34))) * ARCSEC;
@@ -66,7 +69,8 @@ impl Earth {
         self.pole
     }
 
-    /// Stretches space along the axis by a/b: the ellipsoid becomes a sphere of the equatorial radius.
+    /// Stretches space along the axis by a/b: the ellipsoid becomes a sphere of the equatorial
+    /// radius.
     pub(super) fn to_sphere(self, v: Vector3<f64>) -> Vector3<f64> {
         const STRETCH: f64 = 1.0 / (1.0 - EARTH_FLATTENING) - 1.0;
         v + self.pole * (STRETCH * v.dot(&self.pole))
@@ -84,28 +88,30 @@ impl Earth {
 
     /// Whether the Earth hides `target_m` from `observer_m` (both GCRF, m).
     ///
-    /// An observer inside the Earth, such as the fictitious one at its centre, looks through it: nothing is hidden. A target inside the
-    /// Earth is hidden from everyone outside.
+    /// An observer inside the Earth, such as the fictitious one at its centre, looks through it:
+    /// nothing is hidden. A target inside the Earth is hidden from everyone outside.
     pub fn occults(&self, observer_m: Vector3<f64>, target_m: Vector3<f64>) -> bool {
         if self.contains(observer_m) {
             return false;
         }
         let observer = self.to_sphere(observer_m);
         let line = self.to_sphere(target_m) - observer;
-        // The Earth is in the way where the line's nearest point lies before the target, or the target lies inside.
+        // The Earth is in the way where the line's nearest point lies before the target, or the
+        // target lies inside.
         let before_target = -observer.dot(&line) < line.norm_squared();
         self.line_meets_sphere(observer, line) && (before_target || self.contains(target_m))
     }
 
-    /// Whether the Earth hides what lies infinitely far away in `direction` (unit vector), such as a star. An observer inside the
-    /// Earth looks through it.
+    /// Whether the Earth hides what lies infinitely far away in `direction` (unit vector), such as
+    /// a star. An observer inside the Earth looks through it.
     pub fn occults_direction(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> bool {
         !self.contains(observer_m)
             && self.line_meets_sphere(self.to_sphere(observer_m), self.to_sphere(direction))
     }
 
-    /// Where the line of sight from `observer_m` (GCRF, m) along `direction` (any length) meets the ground first, GCRF, m: exact to
-    /// 1e-7 m near the Earth, to 1e-5 m from the Moon's distance. None where it misses, and for an observer inside the Earth.
+    /// Where the line of sight from `observer_m` (GCRF, m) along `direction` (any length) meets the
+    /// ground first, GCRF, m: exact to 1e-7 m near the Earth, to 1e-5 m from the Moon's distance.
+    /// None where it misses, and for an observer inside the Earth.
     pub fn meets(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> Option<Vector3<f64>> {
         if self.contains(observer_m) {
             return None;
@@ -113,7 +119,8 @@ impl Earth {
         let start = self.to_sphere(observer_m);
         let line = self.to_sphere(direction);
         let along = line.norm();
-        // Half the chord: R^2 less the square of the line's distance from the centre, which keeps its digits from afar.
+        // Half the chord: R^2 less the square of the line's distance from the centre, which keeps
+        // its digits from afar.
         let miss = start.cross(&line).norm() / along;
         let inside = (EARTH_RADIUS_M - miss) * (EARTH_RADIUS_M + miss);
         let nearest = -start.dot(&line) / along;
@@ -121,8 +128,9 @@ impl Earth {
             .then(|| observer_m + direction * ((nearest - inside.sqrt()) / along))
     }
 
-    /// The angle (rad) from the Earth's limb, as an observer at `observer_m` (GCRF, m) sees it, to a direction (any length): negative before the
-    /// Earth; infinite for an observer inside it. Exact in sign; up to a flattening of itself in size.
+    /// The angle (rad) from the Earth's limb, as an observer at `observer_m` (GCRF, m) sees it, to
+    /// a direction (any length): negative before the Earth; infinite for an observer inside it.
+    /// Exact in sign; up to a flattening of itself in size.
     pub fn limb_angle(&self, observer_m: Vector3<f64>, direction: &Vector3<f64>) -> f64 {
         let cone = self.limb_cone(observer_m);
         cone.map_or(f64::INFINITY, |cone| cone.angle(direction))
@@ -139,15 +147,16 @@ impl Earth {
         })
     }
 
-    /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of |S x|^2, `S` the stretch, is
-    /// 2 S S x.
+    /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of
+    /// |S x|^2, `S` the stretch, is 2 S S x.
     pub fn normal(&self, point_m: Vector3<f64>) -> Vector3<f64> {
         self.to_sphere(self.to_sphere(point_m)).normalize()
     }
 
-    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which an observer (GCRF, m) sees the edge of the
-    /// Earth with a shell of `altitude_m` around it, to 1e-5 rad on the safe side: the outline of an ellipsoid is no circle. Pi for an
-    /// observer inside.
+    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which an
+    /// observer (GCRF, m) sees the edge of the Earth with a shell of `altitude_m` around it, to
+    /// 1e-5 rad on the safe side: the outline of an ellipsoid is no circle. Pi for an observer
+    /// inside.
     pub fn outline(&self, observer_m: Vector3<f64>, altitude_m: f64) -> [f64; 2] {
         const POINTS: usize = 360;
         const MARGIN: f64 = 1e-5;
@@ -169,7 +178,8 @@ impl Earth {
         [(least - MARGIN).max(0.0), (greatest + MARGIN).min(PI)]
     }
 
-    /// The unit vector across `axis` (unit vector) that lies `turn` (rad) from the one nearest to the pole.
+    /// The unit vector across `axis` (unit vector) that lies `turn` (rad) from the one nearest to
+    /// the pole.
     pub(super) fn across(self, axis: Vector3<f64>, turn: f64) -> Vector3<f64> {
         // Any other will do where the axis is the pole.
         let other = if self.pole.dot(&axis).abs() < 0.9 {
@@ -182,7 +192,8 @@ impl Earth {
         first * cos + axis.cross(&first) * sin
     }
 
-    /// Whether the half line from `start` along `line` comes nearer to the origin than the Earth's radius after `start`.
+    /// Whether the half line from `start` along `line` comes nearer to the origin than the Earth's
+    /// radius after `start`.
     fn line_meets_sphere(self, start: Vector3<f64>, line: Vector3<f64>) -> bool {
         // Distance of a line from the origin: |start x line| / |line|.
         start.dot(&line) < 0.0
@@ -190,12 +201,14 @@ impl Earth {
                 < EARTH_RADIUS_M * EARTH_RADIUS_M * line.norm_squared()
     }
 
-    /// The part of the Sun's disc that an object at `object_m` sees past the Earth: 1 in full light, 0 in the umbra and inside the
-    /// Earth. `sun_m` is [`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m); both GCRF, m.
+    /// The part of the Sun's disc that an object at `object_m` sees past the Earth: 1 in full
+    /// light, 0 in the umbra and inside the Earth. `sun_m` is
+    /// [`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m); both GCRF, m.
     ///
-    /// The disc is uniformly bright (no limb darkening). First and last contact lie within 0.1 m of the tangents to both bodies; between
-    /// them the fraction is within 4e-5 of an integration ray by ray up to geostationary orbit, and within 0.003 from the tip of the umbra
-    /// (1.38 million km) outward, where the Earth's whole outline matters.
+    /// The disc is uniformly bright (no limb darkening). First and last contact lie within 0.1 m of
+    /// the tangents to both bodies; between them the fraction is within 4e-5 of an integration ray
+    /// by ray up to geostationary orbit, and within 0.003 from the tip of the umbra (1.38 million
+    /// km) outward, where the Earth's whole outline matters.
     pub fn illumination(&self, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> f64 {
         let object = self.to_sphere(object_m);
         let distance = object.norm();
@@ -213,21 +226,24 @@ impl Earth {
         1.0 - covered_fraction(sun_radius, earth_radius, separation)
     }
 
-    /// How far the Sun, stretched with the rest of space, reaches across the line of sight toward the Earth's centre, m.
+    /// How far the Sun, stretched with the rest of space, reaches across the line of sight toward
+    /// the Earth's centre, m.
     fn stretched_sun_radius(self, toward_sun: Vector3<f64>, toward_earth: Vector3<f64>) -> f64 {
         let across = toward_earth - toward_sun * toward_sun.dot(&toward_earth);
-        // Support function of an ellipsoid S(ball): |S n| for the unit normal n. In line with the Earth every side is the same.
+        // Support function of an ellipsoid S(ball): |S n| for the unit normal n. In line with the
+        // Earth every side is the same.
         across
             .try_normalize(1e-12)
             .map_or(SUN_RADIUS_M, |n| SUN_RADIUS_M * self.to_sphere(n).norm())
     }
 }
 
-/// The part of a small disc of angular radius `sun` (the Sun) that another of radius `earth` covers, their centres `separation`
-/// apart; all rad.
+/// The part of a small disc of angular radius `sun` (the Sun) that another of radius `earth`
+/// covers, their centres `separation` apart; all rad.
 ///
-/// The other limb is drawn as the plane circle that touches it and curves as it does next to the Sun, of radius tan(`earth`): exact
-/// at contact, and good to the square of the Sun's radius (2e-5) across it.
+/// The other limb is drawn as the plane circle that touches it and curves as it does next to the
+/// Sun, of radius tan(`earth`): exact at contact, and good to the square of the Sun's radius (2e-5)
+/// across it.
 fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
     // A limb as straight as this is a line over the Sun's disc; more would cost digits below.
     let radius = libm::tan(earth).min(1e6 * sun);
@@ -243,7 +259,8 @@ fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
         return (radius / sun).powi(2); // annular: the Earth in front of the Sun
     }
 
-    // Two circular segments on either side of the common chord. With d the centres' distance, the chord lies
+    // Two circular segments on either side of the common chord. With d the centres' distance, the
+    // chord lies
     //     x = (d^2 + s^2 - R^2) / 2 d
     // from the Sun's centre, where d^2 - R^2 = (d - R)(d + R) keeps its digits when R is large.
     let x = (to_limb * (centres + radius) + sun * sun) / (2.0 * centres);
@@ -252,8 +269,9 @@ fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
     (area / (PI * sun * sun)).clamp(0.0, 1.0)
 }
 
-/// Area of the segment that a chord cuts off a circle, the chord `half_chord` long to each side and `x` from the centre (negative: the
-/// segment is the larger part): R^2 (alpha - sin(alpha) cos(alpha)), alpha the half angle under which the centre sees the chord.
+/// Area of the segment that a chord cuts off a circle, the chord `half_chord` long to each side and
+/// `x` from the centre (negative: the segment is the larger part): R^2 (alpha - sin(alpha)
+/// cos(alpha)), alpha the half angle under which the centre sees the chord.
 fn segment(radius: f64, half_chord: f64, x: f64) -> f64 {
     radius * radius * libm::atan2(half_chord, x) - half_chord * x
 }

@@ -1,4 +1,5 @@
-//! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's band.
+//! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's
+//! band.
 
 use super::apparent::{Corrections, Observer, Sight, StarPlace, StarWay};
 use super::catalog::{Catalog, Star};
@@ -9,8 +10,9 @@ use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
-/// years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind the Sun), parallax at most 0.8.
+/// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees
+/// in the 110 years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind
+/// the Sun), parallax at most 0.8.
 const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
 
 /// Stars with what does not change from frame to frame.
@@ -51,8 +53,8 @@ pub struct SeenStar {
 const GROUP: usize = 64;
 /// Stars that one thread looks at at least.
 const TASK: usize = 64;
-/// Groups are cut from strips of the sky of this height (1, along the pole's axis), in which stars follow each other by right ascension: of 78,000 stars
-/// those are as wide as some 7 deg.
+/// Groups are cut from strips of the sky of this height (1, along the pole's axis), in which stars
+/// follow each other by right ascension: of 78,000 stars those are as wide as some 7 deg.
 const STRIP: f64 = 0.08;
 
 /// Stars that stand together, and a cone around them.
@@ -93,7 +95,8 @@ impl Group {
     }
 }
 
-/// The order in which stars that follow each other stand together, by their indices: strip by strip, around the pole in each.
+/// The order in which stars that follow each other stand together, by their indices: strip by
+/// strip, around the pole in each.
 fn order(stars: &[StarWay]) -> Vec<u32> {
     let key = |(index, star): (usize, &StarWay)| {
         let at = &star.direction;
@@ -112,7 +115,8 @@ fn order(stars: &[StarWay]) -> Vec<u32> {
 }
 
 impl StarField {
-    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has the Sun's colour.
+    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has
+    /// the Sun's colour.
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
         let stars = catalog.stars();
@@ -166,7 +170,8 @@ impl StarField {
         stars.filter(|star| star.band_mag <= band_mag).count()
     }
 
-    /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), apparent to `observer`, in catalogue order.
+    /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), apparent to `observer`, in
+    /// catalogue order.
     pub fn in_cone(
         &self,
         axis: &Vector3<f64>,

@@ -1,16 +1,19 @@
 //! Starlight of all stars that are too faint for the catalogue.
 //!
-//! `data/starlight.csv` holds their mean surface brightness in S10 (stars of V = 10 a square degree) every 30 degrees of galactic
-//! longitude and 5 to 15 of latitude, for each selection of the catalogue; its logarithm is interpolated smoothly (C1). What is in the
-//! catalogue is not in the table: no light comes twice. `tests/reference/starlight.py` makes the table:
+//! `data/starlight.csv` holds their mean surface brightness in S10 (stars of V = 10 a square
+//! degree) every 30 degrees of galactic longitude and 5 to 15 of latitude, for each selection of
+//! the catalogue; its logarithm is interpolated smoothly (C1). What is in the catalogue is not in
+//! the table: no light comes twice. `tests/reference/starlight.py` makes the table:
 //!
 //! - to V = 11 from the stars themselves (Hipparcos and Tycho, complete there);
 //! - beyond by counts of stars: Bahcall & Soneira 1980 (ApJS 44, 73, Eq. B1) for the ratio to the light of V 10 to 11 from 20 degrees of latitude
 //!   on; near the plane that ratio at 20 degrees, times one number that gives the whole sky the light of all counts to V = 25.
 //!
-//! Validity: some 20 %, and no structure finer than the table's; the part beyond V = 11 (6 of 10 photons) is a model. With the catalogue it
-//! makes 106 S10 over the sky, and 36 and 43 at the poles, where the model SKY (Wainscoat et al. 1992) has 38 (Leinert et al. 1998,
-//! A&AS 127, 1, Table 24). Starlight that dust scatters (diffuse galactic light, a further 10 to 30 %) and galaxies (1 S10) are left out.
+//! Validity: some 20 %, and no structure finer than the table's; the part beyond V = 11 (6 of 10
+//! photons) is a model. With the catalogue it makes 106 S10 over the sky, and 36 and 43 at the
+//! poles, where the model SKY (Wainscoat et al. 1992) has 38 (Leinert et al. 1998, A&AS 127, 1,
+//! Table 24). Starlight that dust scatters (diffuse galactic light, a further 10 to 30 %) and
+//! galaxies (1 S10) are left out.
 
 use std::f64::consts::TAU;
 
@@ -62,7 +65,8 @@ impl StarLight {
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no direction. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no
+    /// direction. Costs some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let g = GALACTIC * direction;
         let longitude = libm::atan2(g.y, g.x);
@@ -181,7 +185,8 @@ pub(crate) mod tests {
 
     #[test]
     fn axes_are_those_of_the_galaxy() {
-        // X-Val: galactic pole at RA 192.85948, Dec 27.12825 deg; centre at 266.40500, -28.93617 (ESA 1997, vol. 1, section 1.5.3).
+        // X-Val: galactic pole at RA 192.85948, Dec 27.12825 deg; centre at 266.40500, -28.93617
+        // (ESA 1997, vol. 1, section 1.5.3).
         for (ra, dec, v) in [
             (192.859_48_f64, 27.128_25_f64, at(0.0, 90.0)),
             (266.405_00, -28.936_17, at(0.0, 0.0)),
@@ -199,7 +204,8 @@ pub(crate) mod tests {
             let light = StarLight::new(selection);
             mean(&light, -90.0, 90.0) + catalogued(selection, -90.0, 90.0)
         });
-        // X-Val: 102 S10: 89 of V 4 to 25 by the counts N(V) in starlight.py, 13 of brighter stars, by the catalogue itself.
+        // X-Val: 102 S10: 89 of V 4 to 25 by the counts N(V) in starlight.py, 13 of brighter stars,
+        // by the catalogue itself.
         for total in totals {
             assert!((total / 102.0 - 1.0).abs() < 0.1, "{totals:?}");
         }
@@ -222,14 +228,16 @@ pub(crate) mod tests {
     #[test]
     fn pole_and_plane_are_as_bright_as_published() {
         let light = StarLight::new(Selection::Hipparcos);
-        // X-Val: SKY's prediction at the north pole, 250e-9 W/m^2/sr at 0.55 um, 23.83 mag per square arc second or 38 S10 with the bright
-        // stars (Leinert et al. 1998, Table 24; Wainscoat et al. 1992).
+        // X-Val: SKY's prediction at the north pole, 250e-9 W/m^2/sr at 0.55 um, 23.83 mag per
+        // square arc second or 38 S10 with the bright stars (Leinert et al. 1998, Table 24;
+        // Wainscoat et al. 1992).
         let pole = (mean(&light, 75.0, 90.0) + mean(&light, -90.0, -75.0)) / 2.0
             + (catalogued(Selection::Hipparcos, 75.0, 90.0)
                 + catalogued(Selection::Hipparcos, -90.0, -75.0))
                 / 2.0;
         assert!((pole / 38.0 - 1.0).abs() < 0.25, "{pole}");
-        // The Milky Way is brightest in Sagittarius and faint opposite to the centre; dust hides stars to the north of the centre.
+        // The Milky Way is brightest in Sagittarius and faint opposite to the centre; dust hides
+        // stars to the north of the centre.
         assert!(light.s10(&at(0.0, -5.0)) > 2.0 * light.s10(&at(180.0, -5.0)));
         assert!(light.s10(&at(0.0, -10.0)) > 1.5 * light.s10(&at(0.0, 10.0)));
         let plane = mean(&light, -5.0, 5.0);

@@ -1,11 +1,14 @@
 //! Zodiacal light: sunlight that the dust between the planets scatters.
 //!
-//! Reference: Levasseur-Regourd & Dumont 1980 (A&A 84, 277) at 500 nm, as Table 16 of Leinert et al. 1998 (A&AS 127, 1) completes it, in
-//! S10: one star of V = 10 with the Sun's spectrum a square degree; 60 at the ecliptic's poles. By longitude from the Sun and latitude,
-//! ecliptic of J2000.0. Read as in PyPI `dorado-sensitivity` 0.4.0; PyPI `EXOSIMS` 3.6.6 has the paper's Table 17, the same in SI.
+//! Reference: Levasseur-Regourd & Dumont 1980 (A&A 84, 277) at 500 nm, as Table 16 of Leinert et
+//! al. 1998 (A&AS 127, 1) completes it, in S10: one star of V = 10 with the Sun's spectrum a square
+//! degree; 60 at the ecliptic's poles. By longitude from the Sun and latitude, ecliptic of J2000.0.
+//! Read as in PyPI `dorado-sensitivity` 0.4.0; PyPI `EXOSIMS` 3.6.6 has the paper's Table 17, the
+//! same in SI.
 //!
-//! Validity: the table is good to some 10 %; it holds at 1 au, and [`distance_factor`] for an observer elsewhere. The year's change, up to 10 %
-//! at high latitudes (the dust is inclined to the ecliptic by 1.5 degrees), and the colour (2 % redder than the Sun in V) are left out.
+//! Validity: the table is good to some 10 %; it holds at 1 au, and [`distance_factor`] for an
+//! observer elsewhere. The year's change, up to 10 % at high latitudes (the dust is inclined to the
+//! ecliptic by 1.5 degrees), and the colour (2 % redder than the Sun in V) are left out.
 //!
 //! In between, with `l` the longitude from the Sun, `b` the latitude, both symmetric about the Sun,
 //!
@@ -13,9 +16,11 @@
 //! S10 = 2^r(l, b) / (e^2)^(p/2),   e^2 = 2 (1 - cos b cos l) + q sin^2 b
 //! ```
 //!
-//! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the bicubic Hermite polynomial through the table:
-//! the table's values are met, and the light is smooth over the whole sky (C1). Nearer to the Sun than the table goes (15 degrees), `r` is
-//! constant: the power law goes on. The table's own exponents there are 2.0 in the ecliptic and 2.3 across it.
+//! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the
+//! bicubic Hermite polynomial through the table: the table's values are met, and the light is
+//! smooth over the whole sky (C1). Nearer to the Sun than the table goes (15 degrees), `r` is
+//! constant: the power law goes on. The table's own exponents there are 2.0 in the ecliptic and 2.3
+//! across it.
 
 use std::sync::LazyLock;
 
@@ -116,7 +121,8 @@ pub struct ZodiacalLight {
 }
 
 impl ZodiacalLight {
-    /// With the Sun in direction `sun` (any length, ICRF); over the ecliptic's pole, and of what is no direction, at longitude 0.
+    /// With the Sun in direction `sun` (any length, ICRF); over the ecliptic's pole, and of what is
+    /// no direction, at longitude 0.
     pub fn new(sun: &Vector3<f64>) -> ZodiacalLight {
         let sun = ecliptic::from_icrf(sun);
         let length = (sun.x * sun.x + sun.y * sun.y).sqrt();
@@ -128,7 +134,8 @@ impl ZodiacalLight {
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no direction. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no
+    /// direction. Costs some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let v = ecliptic::from_icrf(direction);
         let [cos, sin] = self.sun;
@@ -142,8 +149,9 @@ impl ZodiacalLight {
     }
 }
 
-/// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power -2.3 that Helios measured from 0.3
-/// to 1 au (Leinert et al. 1981, A&A 103, 177). No number of a distance below 0.
+/// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power
+/// -2.3 that Helios measured from 0.3 to 1 au (Leinert et al. 1981, A&A 103, 177). No number of a
+/// distance below 0.
 pub fn distance_factor(sun_distance_m: f64) -> f64 {
     libm::pow(sun_distance_m / AU_M, -2.3)
 }
@@ -167,7 +175,8 @@ fn residual() -> Bicubic {
         let square = elongation_square(cos * libm::cos(longitudes[i]), sin);
         libm::log2(TABLE[i][j]) + HALF_POWER * libm::log2(square)
     };
-    // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope runs as the cosine of longitude.
+    // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope
+    // runs as the cosine of longitude.
     let tilt = (value(18, 9) - value(0, 9)) / (2.0 * (latitudes[10] - latitudes[9]));
     Bicubic::new(
         longitudes.to_vec(),
@@ -211,10 +220,12 @@ mod tests {
         assert!((S10_MAG - 10.0 - 2.5 * (3600.0_f64 * 3600.0).log10()).abs() < 1e-12);
         let sun = at(0.0, 0.0);
         let magnitude = |l: f64, b: f64| S10_MAG - 2.5 * s10(&at(l, b), &sun).log10();
-        // X-Val: 23.3 mag per square arc second at the pole, 22.1 opposite the Sun (STIS Instrument Handbook, chapter 6: "low" and "high").
+        // X-Val: 23.3 mag per square arc second at the pole, 22.1 opposite the Sun (STIS Instrument
+        // Handbook, chapter 6: "low" and "high").
         assert!((magnitude(0.0, 90.0) - 23.3).abs() < 0.05);
         assert!((magnitude(180.0, 0.0) - 22.1).abs() < 0.1);
-        // X-Val: Table 17 of Leinert et al. 1998 in 1e-8 W/m^2/sr/um at 500 nm, where 1 S10 is 1.28 (their Table 2): both are rounded.
+        // X-Val: Table 17 of Leinert et al. 1998 in 1e-8 W/m^2/sr/um at 500 nm, where 1 S10 is 1.28
+        // (their Table 2): both are rounded.
         for (l, b, value) in [
             (90.0, 0.0, 259.0),
             (15.0, 0.0, 11500.0),

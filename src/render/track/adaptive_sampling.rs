@@ -1,4 +1,5 @@
-//! How a track is cut: into pieces that are nearly straight and even, these into panels, and those into points.
+//! How a track is cut: into pieces that are nearly straight and even, these into panels, and those
+//! into points.
 
 use super::course::Course;
 use super::path::{Path, distance};
@@ -15,18 +16,22 @@ const FOUR: [(f64, f64); 4] = [
     (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
-/// A piece is cut in two where its middle lies further than this part of its length from the middle of its chord:
-/// it bends, or its speed changes by more than a sixth.
+/// A piece is cut in two where its middle lies further than this part of its length from the middle
+/// of its chord: it bends, or its speed changes by more than a sixth.
 const BEND: f64 = 0.02;
-/// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses the window.
+/// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses
+/// the window.
 const LONGEST_PX: f64 = 256.0;
-/// What bends by no more than this (px) is straight: below lies what rounding makes of images that stand still.
+/// What bends by no more than this (px) is straight: below lies what rounding makes of images that
+/// stand still.
 const LEAST_PX: f64 = 1e-9;
-/// Panels are no shorter than this (px): pixels hardly tell of what is narrower how its light is spread over them.
+/// Panels are no shorter than this (px): pixels hardly tell of what is narrower how its light is
+/// spread over them.
 const LEAST_STEP_PX: f64 = 1e-3;
 /// Nor is a Gaussian narrower (px): what is, of whatever width, lies on one pixel or on its edge.
 pub const LEAST_SIGMA_PX: f64 = 0.01;
-/// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
+/// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the
+/// centre of all by more than this, px.
 const FAR_PX: f64 = 1e-5;
 /// Places that it takes to fit a path through a piece.
 const WAY: usize = 3;
@@ -42,8 +47,8 @@ pub struct Sampler<'a, F> {
     pub course: &'a Course,
     /// Of all of it.
     pub length_px: f64,
-    /// Where a Gaussian spreads its light that is the same everywhere: its standard deviation (px), and by what part of what it collects of a streak
-    /// without ends a piece may be off (1).
+    /// Where a Gaussian spreads its light that is the same everywhere: its standard deviation (px),
+    /// and by what part of what it collects of a streak without ends a piece may be off (1).
     pub even: Option<(f64, f64)>,
 }
 
@@ -63,8 +68,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         rows.are_together() || part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
     }
 
-    /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at which the image's own
-    /// row opens and closes.
+    /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at
+    /// which the image's own row opens and closes.
     pub fn knots(&self) -> Vec<Knot> {
         let pieces = self.course.pieces.max(1);
         let even: Vec<Knot> = (0..=pieces)
@@ -106,7 +111,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         Some(b)
     }
 
-    /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or close in that time.
+    /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or
+    /// close in that time.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
         let Course { rows, reach_px, .. } = self.course;
         if rows.are_together() {
@@ -119,8 +125,9 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         meets(rows.opens(low), rows.opens(high)) || meets(rows.closes(low), rows.closes(high))
     }
 
-    /// One point that stands for all of a track between those knots, with its light and its centre: by Simpson's rule, as exact as two points of Gauss's are. None
-    /// of what is no piece with a middle, or bends.
+    /// One point that stands for all of a track between those knots, with its light and its centre:
+    /// by Simpson's rule, as exact as two points of Gauss's are. None of what is no piece with a
+    /// middle, or bends.
     pub fn point(&self, knots: &[Knot]) -> Option<Sample> {
         let [a, mid, b] = *<&[Knot; 3]>::try_from(knots).ok()?;
         let [from, middle, to] = places([a, mid, b])?;
@@ -229,7 +236,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }
     }
 
-    /// Samples the time from `from` to `to`, at whose ends and middle the image is at `known`, for a Gaussian.
+    /// Samples the time from `from` to `to`, at whose ends and middle the image is at `known`, for
+    /// a Gaussian.
     fn even_piece(
         &self,
         [from, to]: [f64; 2],
@@ -265,8 +273,9 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         });
     }
 
-    /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless the optics' transmission bends or breaks on
-    /// the way, where Simpson's rule tells another light.
+    /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless
+    /// the optics' transmission bends or breaks on the way, where Simpson's rule tells another
+    /// light.
     fn far_piece(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let from = samples.len();
         self.panel([a.0, b.0], Lit::ALL, samples);
@@ -297,8 +306,9 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }));
     }
 
-    /// The light of a time of which rows collect parts. All share four points, and each row's weights are the integrals over
-    /// its part of the polynomials L_k that are 1 at one point and 0 at the others:
+    /// The light of a time of which rows collect parts. All share four points, and each row's
+    /// weights are the integrals over its part of the polynomials L_k that are 1 at one point and 0
+    /// at the others:
     ///
     /// ```text
     /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4| of the part, for a panel of length h
@@ -338,14 +348,16 @@ fn places(knots: [Knot; 3]) -> Option<[Place; 3]> {
     Some([a, b, c])
 }
 
-/// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the others.
+/// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the
+/// others.
 fn polynomial(k: usize, u: f64) -> f64 {
     let others = (0..FOUR.len()).filter(|j| *j != k);
     let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
     factors.product()
 }
 
-/// Length (px) of the line through the places; nothing is added where one of two is behind the camera.
+/// Length (px) of the line through the places; nothing is added where one of two is behind the
+/// camera.
 pub fn length(places: &[Option<Place>]) -> f64 {
     let between = places.windows(2).map(|ends| match ends {
         [Some(a), Some(b)] => distance(a.at, b.at),

@@ -42,7 +42,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// Whether a piece through `points` may come into the window, which it leaves its chords towards by at most `pad`.
+    /// Whether a piece through `points` may come into the window, which it leaves its chords
+    /// towards by at most `pad`.
     pub fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
         [0, 1].into_iter().all(|axis| {
             let along = points.iter().map(|point| point[axis]);

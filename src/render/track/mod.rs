@@ -1,9 +1,10 @@
 //! The path of a point source's image over the exposure.
 //!
-//! A track is cut into pieces that are nearly straight and nearly even, and these into panels a fraction of the
-//! point spread function long. A panel stands for a stretch of time, not of length, and so carries the light of that
-//! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere,
-//! and rows collect it together, a whole piece has a rule of higher order instead (`rule`).
+//! A track is cut into pieces that are nearly straight and nearly even, and these into panels a
+//! fraction of the point spread function long. A panel stands for a stretch of time, not of length,
+//! and so carries the light of that time wherever the image hurries or lingers; it is integrated by
+//! the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere, and
+//! rows collect it together, a whole piece has a rule of higher order instead (`rule`).
 
 mod adaptive_sampling;
 mod course;
@@ -57,8 +58,9 @@ impl Track {
         samples.for_each(|sample| sample.weight *= factor);
     }
 
-    /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as finely as the course asks
-    /// wherever it comes near the course's window. None where the source is behind the camera all the time.
+    /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as
+    /// finely as the course asks wherever it comes near the course's window. None where the source
+    /// is behind the camera all the time.
     pub fn sample(
         place: impl Fn(f64) -> Option<Place>,
         course: &Course,
@@ -114,7 +116,8 @@ impl Track {
         });
         let mut samples = Vec::new();
         match knots[..] {
-            // Of a short one two pieces are one panel, if that bends little enough; and one where a piece needs no panels.
+            // Of a short one two pieces are one panel, if that bends little enough; and one where a
+            // piece needs no panels.
             [first, mid, last]
                 if mid.0 == (first.0 + last.0) / 2.0
                     && (sampler.length_px <= course.panel_px || sampler.even.is_some()) =>
@@ -255,7 +258,8 @@ mod tests {
 
     #[test]
     fn moving_with_the_rows_lengthens_the_exposure_of_an_image() {
-        // 256 rows in half of the time: the image moves by 51 rows in it, an exposure of half by 1 / (1 - 102 / 510).
+        // 256 rows in half of the time: the image moves by 51 rows in it, an exposure of half by 1
+        // / (1 - 102 / 510).
         let rows = Rows {
             count: 256,
             exposure: 0.5,

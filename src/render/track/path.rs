@@ -7,12 +7,13 @@ const BESIDE_PX: f64 = 1e-6;
 /// Where that is, of the first quarter the middle.
 const LOOK: f64 = 0.125;
 
-/// The polynomial of fourth degree through five places a quarter of the time apart, by Newton's differences: of columns, rows, light.
+/// The polynomial of fourth degree through five places a quarter of the time apart, by Newton's
+/// differences: of columns, rows, light.
 pub struct Path([[f64; 5]; 3]);
 
 impl Path {
-    /// Through the places `known` at start, middle and end and two more; none where it does not lead by one more within `beside` px (and
-    /// such a part of its light).
+    /// Through the places `known` at start, middle and end and two more; none where it does not
+    /// lead by one more within `beside` px (and such a part of its light).
     pub fn through(
         known: [Place; 3],
         place: impl Fn(f64) -> Option<Place>,

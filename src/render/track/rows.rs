@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-/// When each row collects light, in parts (0..1) of the time from the first row's opening to the last row's closing.
-/// Rows beyond the detector's edges are taken to open and close with the row at the edge.
+/// When each row collects light, in parts (0..1) of the time from the first row's opening to the
+/// last row's closing. Rows beyond the detector's edges are taken to open and close with the row at
+/// the edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rows {
     /// Rows of the detector.
@@ -14,7 +15,8 @@ pub struct Rows {
     pub step: f64,
 }
 
-/// Rows that collect light at one instant; unbounded where a row at the detector's edge is one of them.
+/// Rows that collect light at one instant; unbounded where a row at the detector's edge is one of
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lit {
     /// The first.
@@ -98,8 +100,9 @@ impl Rows {
         self.count.saturating_sub(1) as f64
     }
 
-    /// Which rows within `low..high` (px) collect light in the time `from..to`: those that do all the time, and the others with
-    /// the part of it in which they do. Rows beyond go with those if all do.
+    /// Which rows within `low..high` (px) collect light in the time `from..to`: those that do all
+    /// the time, and the others with the part of it in which they do. Rows beyond go with those if
+    /// all do.
     pub fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
         let last = self.last() as i64;
         let row = |y: f64| (y as i64).clamp(0, last);
@@ -195,7 +198,8 @@ mod tests {
 
     #[test]
     fn rows_that_are_open_all_the_time_are_taken_together() {
-        // X-Val: row r opens at 0.05 r and closes at 0.5 + 0.05 r: 3 is the first that closes after 0.64, 7 the last to open before 0.36.
+        // X-Val: row r opens at 0.05 r and closes at 0.5 + 0.05 r: 3 is the first that closes after
+        // 0.64, 7 the last to open before 0.36.
         let turns = ROLLING.turns([0.36, 0.64], [0.0, 10.0]);
         assert_eq!(turns.throughout, Lit { first: 3, past: 8 });
         assert_eq!(turns.others.len(), 6);

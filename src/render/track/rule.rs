@@ -1,11 +1,13 @@
-//! Points and weights that integrate what a Gaussian collects of a piece of a streak: few on a short piece, equally spaced ones on a long.
+//! Points and weights that integrate what a Gaussian collects of a piece of a streak: few on a
+//! short piece, equally spaced ones on a long.
 
 use skyloop_base::range::nearest;
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
-/// Points and weights at an end of equally spaced points, in units of their spacing: Alpert's hybrid rule of order 12 (SIAM J. Sci. Comput. 20, 1551, 1999),
-/// worked out to 18 digits. The first equally spaced point is [`SPAN`] from the end.
+/// Points and weights at an end of equally spaced points, in units of their spacing: Alpert's
+/// hybrid rule of order 12 (SIAM J. Sci. Comput. 20, 1551, 1999), worked out to 18 digits. The
+/// first equally spaced point is [`SPAN`] from the end.
 const ENDS: [(f64, f64); 6] = [
     (0.089_640_921_263_043_65, 0.231_101_078_610_988_87),
     (0.476_296_816_736_763_44, 0.539_779_386_952_550_8),
@@ -15,7 +17,8 @@ const ENDS: [(f64, f64); 6] = [
     (4.000_050_720_807_214, 0.999_739_229_545_761_6),
 ];
 const SPAN: f64 = 5.0;
-/// The error of a spacing of h standard deviations is below `SPACED h^12`, of what a streak without ends collects, up to [`WIDEST`].
+/// The error of a spacing of h standard deviations is below `SPACED h^12`, of what a streak without
+/// ends collects, up to [`WIDEST`].
 const SPACED: f64 = 4.5e-6;
 const WIDEST: f64 = 1.5;
 /// Equally spaced points are no more than some so many: a longer piece is cut before.
@@ -30,7 +33,8 @@ struct Gauss {
     error: f64,
 }
 
-/// The Gauss rules of 2 to [`MOST`] points. That of n points errs on a length L by (Abramowitz & Stegun, 25.4.30)
+/// The Gauss rules of 2 to [`MOST`] points. That of n points errs on a length L by (Abramowitz &
+/// Stegun, 25.4.30)
 ///
 /// ```text
 /// L^(2n+1) (n!)^4 / ((2n + 1) ((2n)!)^3) max |f^(2n)|,   max |f^(2n)| = (2n - 1)!! / (2 pi)^(1/2) of a Gaussian
@@ -48,7 +52,8 @@ static GAUSS: LazyLock<Vec<Gauss>> = LazyLock::new(|| {
     (2..=MOST).map(gauss).collect()
 });
 
-/// The point `i` of Gauss's rule of `n` and its weight, on 0..1: a zero of Legendre's polynomial by Newton's method.
+/// The point `i` of Gauss's rule of `n` and its weight, on 0..1: a zero of Legendre's polynomial by
+/// Newton's method.
 fn node(n: usize, i: usize) -> (f64, f64) {
     let mut x = -libm::cos(PI * (i as f64 + 0.75) / (n as f64 + 0.5));
     let mut slope = 0.0;
@@ -96,8 +101,9 @@ fn steps(length: f64, error: f64) -> f64 {
     nearest((length / widest).ceil(), 2.0 * SPAN..=MOST_SPACED)
 }
 
-/// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights, which sum to 1: what a Gaussian collects of it
-/// then errs by less than `error` of what it collects of a streak without ends. Light, its centre and its width are kept whatever the error.
+/// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights,
+/// which sum to 1: what a Gaussian collects of it then errs by less than `error` of what it
+/// collects of a streak without ends. Light, its centre and its width are kept whatever the error.
 pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     if let Some(gauss) = gauss(length, error) {
         gauss

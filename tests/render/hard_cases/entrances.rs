@@ -7,7 +7,6 @@ use super::stage::{
 };
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
-use skyloop::abort::WorkLimit;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::{Camera, Model, Projection};
 use skyloop::config::Config;

@@ -18,7 +18,8 @@ pub const FIELD: &[&str] = &[
     "detector.height_px",
 ];
 
-/// Refuses a table of angles (deg) that do not rise, or of angles and values outside of their limits.
+/// Refuses a table of angles (deg) that do not rise, or of angles and values outside of their
+/// limits.
 pub fn rising_angles(
     key: &str,
     table: &[[f64; 2]],

@@ -3,7 +3,8 @@
 use super::*;
 use skyloop_base::load::{agree, both};
 
-/// The text of a camera file, with these tables for the point spread function and whatever follows it.
+/// The text of a camera file, with these tables for the point spread function and whatever follows
+/// it.
 fn file(psf: &str) -> String {
     format!(
         r#"

@@ -1,9 +1,11 @@
-//! Diffraction by a round aperture with a round central obscuration, averaged over the light of a band.
+//! Diffraction by a round aperture with a round central obscuration, averaged over the light of a
+//! band.
 //!
-//! Born & Wolf, Principles of Optics, 8.6.2: with `x = pi r / (lambda N)`, N the focal ratio and `e` the obscured part of the
-//! diameter, `I(x) = ((2 J1(x) / x - e^2 2 J1(e x) / (e x)) / (1 - e^2))^2`, of which `int I x dx = 2 / (1 - e^2)`.
-//! Far out `J1(x)^2` averages to `1 / (pi x)`, and the light outside of `x` to `2 / (pi (1 - e) x)`.
-//! Unit of width: `lambda N` at the band's reference wavelength.
+//! Born & Wolf, Principles of Optics, 8.6.2: with `x = pi r / (lambda N)`, N the focal ratio and
+//! `e` the obscured part of the diameter,
+//! `I(x) = ((2 J1(x) / x - e^2 2 J1(e x) / (e x)) / (1 - e^2))^2`, of which
+//! `int I x dx = 2 / (1 - e^2)`. Far out `J1(x)^2` averages to `1 / (pi x)`, and the light outside
+//! of `x` to `2 / (pi (1 - e) x)`. Unit of width: `lambda N` at the band's reference wavelength.
 
 use super::circular::Quadrant;
 use skyloop_base::range::nearest;
@@ -30,8 +32,8 @@ const STEP: f64 = 0.05;
 const WAVELENGTHS: usize = 48;
 
 impl Airy {
-    /// `band`: wavelengths in units of the reference and the light of each (any unit); what of it is no light is left out. The obscuration is brought
-    /// into 0 to 0.9.
+    /// `band`: wavelengths in units of the reference and the light of each (any unit); what of it
+    /// is no light is left out. The obscuration is brought into 0 to 0.9.
     pub fn new(obscuration: f64, band: &[(f64, f64)]) -> Airy {
         let obscuration = nearest(obscuration, 0.0..=0.9);
 
@@ -85,7 +87,8 @@ impl Airy {
 
     /// A radius outside of which less than `loss` of the light falls.
     pub fn reach(&self, loss: f64) -> f64 {
-        // The light outside swings around its mean by a part that falls with r; less than 1 is outside anywhere.
+        // The light outside swings around its mean by a part that falls with r; less than 1 is
+        // outside anywhere.
         1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * loss)
     }
 
@@ -95,7 +98,8 @@ impl Airy {
     }
 }
 
-/// Radius (in units of the width) up to which rings are resolved: the brightest ring beyond is below 1e-5 of the peak.
+/// Radius (in units of the width) up to which rings are resolved: the brightest ring beyond is
+/// below 1e-5 of the peak.
 ///
 /// Rings: `4 (1 + sqrt e)^2 / (pi x^3 (1 - e^2)^2)` of the peak on the average.
 fn rings(e: f64) -> f64 {
@@ -132,7 +136,8 @@ impl Energy {
         }
     }
 
-    /// `E(x)`: the table, and far out the mean over the rings; from the one to the other over the table's outer third.
+    /// `E(x)`: the table, and far out the mean over the rings; from the one to the other over the
+    /// table's outer third.
     fn at(&self, x: f64) -> f64 {
         let end = (self.values.len() - 3) as f64 * STEP;
         let mean = 1.0 - 2.0 / (PI * (1.0 - self.obscuration) * x.max(1e-9));

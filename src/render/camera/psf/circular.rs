@@ -1,12 +1,14 @@
 //! A circular spread of any profile, integrated over pixels through its encircled energy.
 //!
-//! With `E(r)` the share of the light within `r`, the light in the rectangle from the centre to `(a, b)` is
-//! `F(a, b) = T(a, b) + T(b, a)`, `T(a, b) = 1/(2 pi) int_0^atan(b/a) E(a / cos phi) dphi`:
-//! each half of the rectangle is a fan of sectors. A pixel is a difference of four `F`, so the sum over any rectangle
-//! of pixels is the light in it: interpolation moves a little light between neighbours and loses none.
+//! With `E(r)` the share of the light within `r`, the light in the rectangle from the centre to
+//! `(a, b)` is `F(a, b) = T(a, b) + T(b, a)`,
+//! `T(a, b) = 1/(2 pi) int_0^atan(b/a) E(a / cos phi) dphi`: each half of the rectangle is a fan of
+//! sectors. A pixel is a difference of four `F`, so the sum over any rectangle of pixels is the
+//! light in it: interpolation moves a little light between neighbours and loses none.
 //!
-//! `F` is tabulated once, in units of the profile's own width, at equal steps of `u = a / (c + a)`: fine steps in
-//! the core, coarse ones in the wings, and the last node is infinity. Any width is a scale of the same table.
+//! `F` is tabulated once, in units of the profile's own width, at equal steps of `u = a / (c + a)`:
+//! fine steps in the core, coarse ones in the wings, and the last node is infinity. Any width is a
+//! scale of the same table.
 
 use super::stamp::Stamp;
 use crate::kernels::{self, Nodes, Place};
@@ -33,7 +35,8 @@ const GAUSS: [(f64, f64); 3] = [
 ];
 
 impl Quadrant {
-    /// The table of the profile whose encircled energy at radius `r` (in units of its width) is `energy`.
+    /// The table of the profile whose encircled energy at radius `r` (in units of its width) is
+    /// `energy`.
     pub fn new(knee: f64, steps: usize, energy: impl Fn(f64) -> f64) -> Quadrant {
         let nodes = steps + 1;
         let radius = |k: usize| knee * k as f64 / (steps - k) as f64;
@@ -95,7 +98,8 @@ impl Quadrant {
         kernels::table_line(level, &nodes, across, down, line);
     }
 
-    /// The light in the rectangle between two coordinates across and two down, in units of the width from the centre.
+    /// The light in the rectangle between two coordinates across and two down, in units of the
+    /// width from the centre.
     pub fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
         let across = across.map(|a| self.place(a));
         let [above, below] = down.map(|a| {
@@ -106,8 +110,8 @@ impl Quadrant {
         below - above
     }
 
-    /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left edges of the columns
-    /// `edges` on `rows`, row by row.
+    /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left
+    /// edges of the columns `edges` on `rows`, row by row.
     pub fn spread(
         &self,
         width_px: f64,

@@ -1,11 +1,13 @@
-//! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
+//! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over
+//! a pixel.
 
 use crate::kernels::{Lines, Real};
 use skyloop_base::range::nearest;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 
-/// Nodes of the table a standard deviation, and how far it reaches: what lies beyond is below 1e-16.
+/// Nodes of the table a standard deviation, and how far it reaches: what lies beyond is below
+/// 1e-16.
 const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
 
@@ -40,7 +42,8 @@ fn series(v: f64) -> Series {
     ]
 }
 
-/// The light (1) of a Gaussian of standard deviation 1 that lies below `u`, within 1e-13, by the nearest node's series.
+/// The light (1) of a Gaussian of standard deviation 1 that lies below `u`, within 1e-13, by the
+/// nearest node's series.
 fn below(table: &[Series], u: f64) -> f64 {
     let at = (u.clamp(-REACH, REACH) + REACH) * NODES;
     let nearest = (at + 0.5) as usize;
@@ -59,14 +62,16 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Half the side (px) of the square outside of which less than `loss` of the light falls: two coordinates, two tails each. A tail is below both
-    /// `exp(-k^2 / 2) / 2` and `exp(-k^2 / 2) / (k (2 pi)^(1/2))` at k sigma (Abramowitz & Stegun, 7.1.13); by the second
+    /// Half the side (px) of the square outside of which less than `loss` of the light falls: two
+    /// coordinates, two tails each. A tail is below both `exp(-k^2 / 2) / 2` and
+    /// `exp(-k^2 / 2) / (k (2 pi)^(1/2))` at k sigma (Abramowitz & Stegun, 7.1.13); by the second
     ///
     /// ```text
     /// k = f(k),   f(k) = (-2 ln(k (2 pi)^(1/2) loss / 4))^(1/2)
     /// ```
     ///
-    /// f falls: from a k that is too great, the first's, it leads to one that is too small, and from there to one that is hardly too great.
+    /// f falls: from a k that is too great, the first's, it leads to one that is too small, and
+    /// from there to one that is hardly too great.
     pub fn reach_px(&self, loss: f64) -> f64 {
         // Of no loss at all there would be no end.
         let loss = nearest(loss, LEAST_LOSS..=1.0);
@@ -81,13 +86,15 @@ impl Gaussian {
         self.sigma_px * k
     }
 
-    /// The radius (px) of the circle outside of which `loss` of the light falls, `exp(-r^2 / (2 sigma^2))`.
+    /// The radius (px) of the circle outside of which `loss` of the light falls,
+    /// `exp(-r^2 / (2 sigma^2))`.
     pub fn circle_px(&self, loss: f64) -> f64 {
         self.sigma_px * (-2.0 * libm::log(nearest(loss, LEAST_LOSS..=1.0))).sqrt()
     }
 
-    /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that the table would be large. With a source `f` above the
-    /// lower edge of its own pixel, j pixels from there is
+    /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that
+    /// the table would be large. With a source `f` above the lower edge of its own pixel, j pixels
+    /// from there is
     ///
     /// ```text
     /// S_j(f) = P((j + 1 - f) / sigma) - P((j - f) / sigma),   d^n S_j / df^n = (-1 / sigma)^n (P^(n)((j + 1 - f) / sigma) - P^(n)((j - f) / sigma))
@@ -114,9 +121,10 @@ impl Gaussian {
         Some(Lines::new(nodes, reach, terms))
     }
 
-    /// Share of the light that falls between the lower edges of the pixels `edges` along one axis, for a source at `at` (px), within 2e-13:
-    /// `(erf((i + 1/2 - x) / (sqrt 2 sigma)) - erf((i - 1/2 - x) / (sqrt 2 sigma))) / 2`.
-    /// The share of a pixel is the product over both axes.
+    /// Share of the light that falls between the lower edges of the pixels `edges` along one axis,
+    /// for a source at `at` (px), within 2e-13:
+    /// `(erf((i + 1/2 - x) / (sqrt 2 sigma)) - erf((i - 1/2 - x) / (sqrt 2 sigma))) / 2`. The share
+    /// of a pixel is the product over both axes.
     pub fn shares(&self, at: f64, mut edges: impl Iterator<Item = i64>, out: &mut Vec<f64>) {
         out.clear();
         out.reserve(edges.size_hint().0);

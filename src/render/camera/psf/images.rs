@@ -1,8 +1,9 @@
 //! A spread given as images, at places of the field.
 //!
-//! An image's samples are the light in its cells, `oversampling` cells a pixel, spread evenly over each cell; the source
-//! stands at the middle of the image. The cells' running sum is the light in any rectangle, exactly; a pixel is a difference of
-//! four. Between the places images are mixed by bilinear weights, which keeps the light; beyond them the nearest hold.
+//! An image's samples are the light in its cells, `oversampling` cells a pixel, spread evenly over
+//! each cell; the source stands at the middle of the image. The cells' running sum is the light in
+//! any rectangle, exactly; a pixel is a difference of four. Between the places images are mixed by
+//! bilinear weights, which keeps the light; beyond them the nearest hold.
 
 use std::ops::Range;
 
@@ -158,7 +159,8 @@ impl Image {
 }
 
 impl Relief {
-    /// Of the shares of a pixel that the source is off by whole steps, `steps` of them a pixel, row by row.
+    /// Of the shares of a pixel that the source is off by whole steps, `steps` of them a pixel, row
+    /// by row.
     fn of(shares: &[f64], wide: usize, steps: usize) -> Relief {
         let at = |i: usize, j: usize| shares[j * wide + i];
         let peak = shares.iter().copied().fold(0.0, f64::max);
@@ -203,8 +205,9 @@ impl Relief {
 }
 
 impl Images {
-    /// `images`, row by row, stand at the crossings of `places` (columns, rows; px from the principal point, rising).
-    /// None if there are not as many as crossings, or less than one cell or more than a thousand a pixel.
+    /// `images`, row by row, stand at the crossings of `places` (columns, rows; px from the
+    /// principal point, rising). None if there are not as many as crossings, or less than one cell
+    /// or more than a thousand a pixel.
     pub fn new(oversampling: f64, places: [Vec<f64>; 2], images: Vec<Image>) -> Option<Images> {
         let is_whole = images.len() == places[0].len() * places[1].len();
         if images.is_empty() || !is_whole || !(1.0..=1e3).contains(&oversampling) {
@@ -276,8 +279,8 @@ impl Images {
         ]
     }
 
-    /// Spreads `light` around `at` (px) over the rectangles between the left edges of the columns `edges` on `rows`, row by
-    /// row into the empty `out`.
+    /// Spreads `light` around `at` (px) over the rectangles between the left edges of the columns
+    /// `edges` on `rows`, row by row into the empty `out`.
     pub fn spread(
         &self,
         mix: &Mix,

@@ -1,12 +1,15 @@
-//! The point spread function, integrated over each pixel: how it varies over the field and with colour.
+//! The point spread function, integrated over each pixel: how it varies over the field and with
+//! colour.
 //!
-//! The integrals are exact for Gaussians and images, and within 1e-4 of the brightest pixel for tables of circular
-//! profiles, as long as their width (see [`Airy`] and [`Moffat`]) is at most [`WIDEST_PX`]; narrow ones have no limit.
-//! Price: a stamp of 15 x 15 pixels takes 1.7 us as a Gaussian, 2 us from a table, some 10 us from four images; a table is
-//! made in 20 to 200 ms when the camera is loaded.
+//! The integrals are exact for Gaussians and images, and within 1e-4 of the brightest pixel for
+//! tables of circular profiles, as long as their width (see [`Airy`] and [`Moffat`]) is at most
+//! [`WIDEST_PX`]; narrow ones have no limit. Price: a stamp of 15 x 15 pixels takes 1.7 us as a
+//! Gaussian, 2 us from a table, some 10 us from four images; a table is made in 20 to 200 ms when
+//! the camera is loaded.
 //!
-//! No profile is cut and scaled up: of wide wings what falls beside the pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over
-//! these (see `footprint`); what is lost of narrow ones, [`Fidelity::loss`] has.
+//! No profile is cut and scaled up: of wide wings what falls beside the pixels that are drawn,
+//! [`LocalPsf::undrawn`], is laid evenly over these (see `footprint`); what is lost of narrow ones,
+//! [`Fidelity::loss`] has.
 
 mod airy;
 mod circular;
@@ -28,17 +31,20 @@ use skyloop_base::range::nearest;
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
-/// Greatest width (px) that the tables of circular profiles are made for, before it varies over the field.
+/// Greatest width (px) that the tables of circular profiles are made for, before it varies over the
+/// field.
 pub const WIDEST_PX: f64 = 20.0;
-/// Furthest (px) that light is drawn from a source: wide wings end there, but for a Gaussian's, which has none. Beyond it lie 2 % of a diffraction pattern
-/// whose `lambda N` is 25 px, and a thousandth of one of 1 px.
+/// Furthest (px) that light is drawn from a source: wide wings end there, but for a Gaussian's,
+/// which has none. Beyond it lie 2 % of a diffraction pattern whose `lambda N` is 25 px, and a
+/// thousandth of one of 1 px.
 pub const FURTHEST_PX: f64 = 256.0;
 
 /// Widths (px) that a shape may have; and by what factors the field and colours may change them.
 const WIDTHS_PX: RangeInclusive<f64> = 1e-6..=1e3;
 const SCALES: RangeInclusive<f64> = 1e-3..=1e3;
 
-/// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px), each way.
+/// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px),
+/// each way.
 pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
     // Pixel i covers i - 0.5 to i + 0.5.
     // Without a call, which `floor` is on old processors.
@@ -58,7 +64,8 @@ pub struct Psf {
     lines: Option<Arc<(Lines<f32>, Lines<f64>)>>,
 }
 
-/// A shape and its width (px) at the principal point for a source of the band's reference wavelength.
+/// A shape and its width (px) at the principal point for a source of the band's reference
+/// wavelength.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A circular Gaussian of this standard deviation.
@@ -74,7 +81,8 @@ pub enum Shape {
 /// How the width varies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variation {
-    /// Distance from the principal point (px, rising) and the factor of the width there; straight lines between.
+    /// Distance from the principal point (px, rising) and the factor of the width there; straight
+    /// lines between.
     pub by_field: Vec<[f64; 2]>,
     /// The width goes by this power of the wavelength.
     pub wavelength_exponent: f64,
@@ -116,8 +124,9 @@ impl Shape {
 }
 
 impl Psf {
-    /// A shape whose width varies. Widths are brought into 1e-6 to 1e3 px, and what the field and colours make of them into a thousandth to a
-    /// thousand times; what is no number becomes the least.
+    /// A shape whose width varies. Widths are brought into 1e-6 to 1e3 px, and what the field and
+    /// colours make of them into a thousandth to a thousand times; what is no number becomes the
+    /// least.
     pub fn new(shape: Shape, variation: Variation) -> Psf {
         let shape = shape.bounded();
         let is_even = variation.by_field.is_empty() && variation.wavelength_exponent == 0.0;
@@ -135,13 +144,14 @@ impl Psf {
         }
     }
 
-    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours, in single and in double precision; none of other spreads.
+    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours,
+    /// in single and in double precision; none of other spreads.
     pub fn lines(&self) -> Option<&(Lines<f32>, Lines<f64>)> {
         self.lines.as_deref()
     }
 
-    /// The spread at `field_px` from the principal point for a source whose mean wavelength is `wavelength_ratio`
-    /// times the band's reference.
+    /// The spread at `field_px` from the principal point for a source whose mean wavelength is
+    /// `wavelength_ratio` times the band's reference.
     pub fn at(&self, field_px: [f64; 2], wavelength_ratio: f64) -> LocalPsf<'_> {
         let mut scale = self.by_wavelength(wavelength_ratio);
         if !self.variation.by_field.is_empty() {
@@ -161,8 +171,8 @@ impl Psf {
         !matches!(self.shape, Shape::Images(_))
     }
 
-    /// From a source at `field_px` from the principal point to the centre of its light, px: images may be off their middle, other
-    /// profiles are symmetric.
+    /// From a source at `field_px` from the principal point to the centre of its light, px: images
+    /// may be off their middle, other profiles are symmetric.
     #[inline]
     pub fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
         match &self.shape {
@@ -227,8 +237,9 @@ impl Psf {
             .drawn_px(fidelity, electrons)
     }
 
-    /// The radius (px) of the circle to draw around each of the points that stand for a streak, for a source of so many `electrons`: all of their light but
-    /// [`Fidelity::loss`] is in it. None but of a Gaussian that is the same everywhere and for all colours.
+    /// The radius (px) of the circle to draw around each of the points that stand for a streak, for
+    /// a source of so many `electrons`: all of their light but [`Fidelity::loss`] is in it. None
+    /// but of a Gaussian that is the same everywhere and for all colours.
     pub fn circle_px(&self, fidelity: &Fidelity, electrons: f64) -> Option<f64> {
         match self.shape {
             Shape::Gaussian(sigma_px) if self.lines.is_some() => {
@@ -238,13 +249,15 @@ impl Psf {
         }
     }
 
-    /// A bound of the sum of the squares of a point's shares, over the field and of all colours (1).
+    /// A bound of the sum of the squares of a point's shares, over the field and of all colours
+    /// (1).
     pub fn sharpness(&self) -> f64 {
         // A sum of squares is no more than the greatest of what sums to 1.
         if let Shape::Images(images) = &self.shape {
             return images.relief().peak.min(1.0);
         }
-        // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no share in squares.
+        // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no
+        // share in squares.
         let narrowest = self.narrowest();
         let mut stamp = Stamp::default();
         let reach_px = 4.0 * narrowest.core_px();
@@ -279,7 +292,8 @@ impl Psf {
 }
 
 impl LocalPsf<'_> {
-    /// Half the side (px) of the square outside of which less than `loss` of the light falls; but for a Gaussian's at most [`FURTHEST_PX`].
+    /// Half the side (px) of the square outside of which less than `loss` of the light falls; but
+    /// for a Gaussian's at most [`FURTHEST_PX`].
     pub fn reach_px(&self, loss: f64) -> f64 {
         let reach = match self.shape {
             Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(loss),
@@ -290,8 +304,9 @@ impl LocalPsf<'_> {
         nearest(reach, 0.0..=FURTHEST_PX)
     }
 
-    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but [`Fidelity::loss`] is in
-    /// it; or, of wide wings, all that is not too faint, [`LocalPsf::undrawn`] being the rest.
+    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its
+    /// light but [`Fidelity::loss`] is in it; or, of wide wings, all that is not too faint,
+    /// [`LocalPsf::undrawn`] being the rest.
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
         let faint_px = match self.shape {
@@ -329,7 +344,8 @@ impl LocalPsf<'_> {
         stamp.light.iter().sum()
     }
 
-    /// The light of a point at `at` (px) outside of `square` (columns, rows); 0 where it is no more than `psf_loss`.
+    /// The light of a point at `at` (px) outside of `square` (columns, rows); 0 where it is no more
+    /// than `psf_loss`.
     pub fn undrawn(&self, at: [f64; 2], square: &[Range<i64>; 2], fidelity: &Fidelity) -> f64 {
         let Some((table, width_px)) = self.table() else {
             return 0.0;
@@ -346,7 +362,8 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must be sampled.
+    /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must
+    /// be sampled.
     pub fn core_px(&self) -> f64 {
         // A Gaussian's full width at half maximum is 2.3548 of its standard deviations.
         const FULL_WIDTH: f64 = 2.354_820_045;
@@ -360,7 +377,8 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// How shares change with the place of the source, where that is told by images; else as of a Gaussian of the core's width.
+    /// How shares change with the place of the source, where that is told by images; else as of a
+    /// Gaussian of the core's width.
     pub fn relief(&self) -> Option<Relief> {
         match self.shape {
             Shape::Images(images) => Some(images.relief()),
@@ -368,7 +386,8 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// By which part of its peak a spread differs from another one of the same camera at most, where that is little (1).
+    /// By which part of its peak a spread differs from another one of the same camera at most,
+    /// where that is little (1).
     pub fn differs(&self, other: &LocalPsf<'_>) -> f64 {
         // The peak goes by the inverse square of the width.
         let wider = (self.scale / other.scale).max(other.scale / self.scale);

@@ -1,7 +1,8 @@
-//! Moffat's profile (1969, A&A 3, 455): `I(r) ~ (1 + r^2 / alpha^2)^-beta`; a core with the wings of scattered light.
+//! Moffat's profile (1969, A&A 3, 455): `I(r) ~ (1 + r^2 / alpha^2)^-beta`; a core with the wings
+//! of scattered light.
 //!
-//! Encircled energy `E(r) = 1 - (1 + r^2 / alpha^2)^(1 - beta)`. Unit of width: the full width at half maximum,
-//! `2 alpha sqrt(2^(1/beta) - 1)`.
+//! Encircled energy `E(r) = 1 - (1 + r^2 / alpha^2)^(1 - beta)`. Unit of width: the full width at
+//! half maximum, `2 alpha sqrt(2^(1/beta) - 1)`.
 
 use super::circular::Quadrant;
 use skyloop_base::range::nearest;
@@ -23,7 +24,8 @@ const STEPS: usize = 320;
 const KNEE: f64 = 4.0;
 
 impl Moffat {
-    /// The profile of exponent `beta`, which is brought into 1.1 to 100: that of 1 has no end to its light.
+    /// The profile of exponent `beta`, which is brought into 1.1 to 100: that of 1 has no end to
+    /// its light.
     pub fn new(beta: f64) -> Moffat {
         let beta = nearest(beta, 1.1..=100.0);
         let alpha = 0.5 / (libm::pow(2.0, 1.0 / beta) - 1.0).sqrt();

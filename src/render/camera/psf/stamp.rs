@@ -3,7 +3,8 @@
 use crate::kernels::Place;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// The light of a point on a rectangle of pixels; used again and again, so that nothing is allocated twice.
+/// The light of a point on a rectangle of pixels; used again and again, so that nothing is
+/// allocated twice.
 #[derive(Debug)]
 pub struct Stamp {
     /// Light on each pixel, row by row.

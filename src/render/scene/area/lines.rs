@@ -380,7 +380,8 @@ mod tests {
         pixels
     }
 
-    /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters: of light that is straight all over.
+    /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters: of
+    /// light that is straight all over.
     fn lines(light: impl Fn(usize, usize) -> f32) -> Lines {
         let square = |x: usize, y: usize, side: usize| {
             let half = side / 2;
@@ -413,7 +414,8 @@ mod tests {
         }
         let sum: f64 = expected.iter().copied().map(f64::from).sum();
         assert!((lines.sum() / sum - 1.0).abs() < 1e-12);
-        // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last places lie; in cells of 8 columns from the first to the last.
+        // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last places lie; in cells of 8
+        // columns from the first to the last.
         let ends = [[3.0, 10.5], [7.0, 14.5], [11.0, 18.5], [15.0, 21.5]];
         assert_eq!(lines.ends_of(8), ends);
     }
@@ -467,7 +469,8 @@ mod tests {
                 let cell = &mut most[i / 30 / side * across + i % 30 / side];
                 *cell = cell.max(*e);
             }
-            // A cell's corners lie one pixel beyond its last pixels: the light there is no more than 13 e- a pixel steeper.
+            // A cell's corners lie one pixel beyond its last pixels: the light there is no more
+            // than 13 e- a pixel steeper.
             let near = |(cell, most): (&f32, &f32)| cell >= most && *cell <= most + 26.0;
             assert!(cells.iter().zip(&most).all(near), "{side}");
         }

@@ -130,8 +130,8 @@ impl<'a> Near<'a> {
     }
 }
 
-/// By how much pixels on and near sampled `blocks` (by rows of them) differ from `lines`, whose grid
-/// begins `rim` columns and rows before the detector. None once the work limit is over.
+/// By how much pixels on and near sampled `blocks` (by rows of them) differ from `lines`, whose
+/// grid begins `rim` columns and rows before the detector. None once the work limit is over.
 pub fn runs(
     blur: &Blur<'_>,
     limit: &WorkLimit,

@@ -97,7 +97,8 @@ pub struct Crossing {
 }
 
 impl Crossing {
-    /// The part of the square that lies inside (0) or outside (1) of the edge. With slopes a >= b >= 0 and p(x) = max(x, 0)^2,
+    /// The part of the square that lies inside (0) or outside (1) of the edge. With slopes a >= b
+    /// >= 0 and p(x) = max(x, 0)^2,
     ///
     /// ```text
     /// outside = (p(m + (a + b)/2) - p(m + (a - b)/2) - p(m - (a - b)/2) + p(m - (a + b)/2)) / 2ab

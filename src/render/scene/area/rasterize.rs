@@ -217,7 +217,8 @@ impl Refinement<'_, '_, '_> {
             missed: before,
         } = part;
         let [dx, dy] = [x, y].map(|i| (i + grid.rim as i64) as usize);
-        // Once the work limit is over no node is known, and squares would be halved to the smallest.
+        // Once the work limit is over no node is known, and squares would be halved to the
+        // smallest.
         if grid.plane.limit().is_over() || !grid.is_needed([dx, dy], side) {
             return;
         }

@@ -1,11 +1,14 @@
 //! Air: how dense it is, how much of it lies along a line, and how it scatters.
 //!
-//! Density: US Standard Atmosphere 1976, 0 to 700 km, exponential between its nodes. Columns along slant lines: Chapman's function of
-//! grazing incidence by Smith & Smith 1972 (J. Geophys. Res. 77, 3592), its scale height that of the column above the point. Rayleigh
-//! scattering: Bodhaine et al. 1999 (J. Atmos. Oceanic Technol. 16, 1854) and the phase function of Bucholtz 1995 (Appl. Opt. 34, 2765).
+//! Density: US Standard Atmosphere 1976, 0 to 700 km, exponential between its nodes. Columns along
+//! slant lines: Chapman's function of grazing incidence by Smith & Smith 1972 (J. Geophys. Res. 77,
+//! 3592), its scale height that of the column above the point. Rayleigh scattering: Bodhaine et al.
+//! 1999 (J. Atmos. Oceanic Technol. 16, 1854) and the phase function of Bucholtz 1995 (Appl. Opt.
+//! 34, 2765).
 //!
-//! The sphere has the Earth's equatorial radius: lines and altitudes are those of stretched space (see [`Earth`]), which err by 0.3 %
-//! of the altitude. Refraction, which bends a grazing line by up to a degree below 10 km, is left out.
+//! The sphere has the Earth's equatorial radius: lines and altitudes are those of stretched space
+//! (see [`Earth`]), which err by 0.3 % of the altitude. Refraction, which bends a grazing line by
+//! up to a degree below 10 km, is left out.
 //!
 //! [`Earth`]: crate::sky::shadow::Earth
 
@@ -15,7 +18,8 @@ use std::f64::consts::PI;
 /// Where air and airglow are taken to end, m.
 pub const TOP_M: f64 = 700e3;
 
-/// Molecules a cubic metre, each 5 km from the ground to 120 km, then each 20 km to 700 km (PyPI ussa1976 0.3.4).
+/// Molecules a cubic metre, each 5 km from the ground to 120 km, then each 20 km to 700 km (PyPI
+/// ussa1976 0.3.4).
 const LOW_STEP_M: f64 = 5e3;
 const LOW: [f64; 25] = [
     2.547e25, 1.531e25, 8.598e24, 4.049e24, 1.849e24, 8.334e23, 3.828e23, 1.760e23, 8.308e22,
@@ -39,10 +43,12 @@ pub struct Air {
     high: Profile,
 }
 
-/// Straight lines are drawn between so many parts of each step of the tables: off by 1.2e-4 of the density at most.
+/// Straight lines are drawn between so many parts of each step of the tables: off by 1.2e-4 of the
+/// density at most.
 const PARTS: usize = 64;
 
-/// A table of equal steps: the density (1/m^3), and the scale height of the column above (m), at each node.
+/// A table of equal steps: the density (1/m^3), and the scale height of the column above (m), at
+/// each node.
 #[derive(Debug, Clone, PartialEq)]
 struct Profile {
     from_m: f64,
@@ -80,8 +86,9 @@ impl Air {
         profile.at(altitude_m)
     }
 
-    /// Molecules a square metre from a point at `altitude_m` to space, along a line whose cosine to the vertical is `cos`: Chapman's
-    /// function. Where the line points down it passes its lowest point; a line that would meet the ground is taken to graze it.
+    /// Molecules a square metre from a point at `altitude_m` to space, along a line whose cosine to
+    /// the vertical is `cos`: Chapman's function. Where the line points down it passes its lowest
+    /// point; a line that would meet the ground is taken to graze it.
     pub fn column(&self, altitude_m: f64, cos: f64) -> f64 {
         self.column_from(EARTH_RADIUS_M + altitude_m, self.at(altitude_m), cos)
     }
@@ -100,7 +107,8 @@ impl Air {
 }
 
 impl Profile {
-    /// The profile of `densities` and the column above its foot, with `beyond` (1/m^2) above its top.
+    /// The profile of `densities` and the column above its foot, with `beyond` (1/m^2) above its
+    /// top.
     fn new(from_m: f64, step_m: f64, densities: &[f64], beyond: f64) -> (Profile, f64) {
         let mut column = beyond;
         let mut nodes = Vec::with_capacity(densities.len());
@@ -141,7 +149,8 @@ impl Profile {
     }
 }
 
-/// Nodes of a [`Profile`], [`PARTS`] for each step between these: exponentials of the density, straight lines of the scale height.
+/// Nodes of a [`Profile`], [`PARTS`] for each step between these: exponentials of the density,
+/// straight lines of the scale height.
 fn finer(nodes: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let between = nodes.windows(2).flat_map(|pair| {
         let (a, b) = (pair[0], pair[1]);
@@ -154,8 +163,9 @@ fn finer(nodes: &[[f64; 2]]) -> Vec<[f64; 2]> {
     between.chain(nodes.last().copied()).collect()
 }
 
-/// Chapman's function Ch(x, chi) for chi up to 90 deg, `x` the radius in scale heights, `cos` = cos(chi): the column along a slant line
-/// over that straight up, in air whose density falls by e each scale height.
+/// Chapman's function Ch(x, chi) for chi up to 90 deg, `x` the radius in scale heights, `cos` =
+/// cos(chi): the column along a slant line over that straight up, in air whose density falls by e
+/// each scale height.
 ///
 /// ```text
 /// Ch = sqrt(pi x / 2) exp(y^2) erfc(y),   y = sqrt(x / 2) cos(chi)
@@ -172,21 +182,23 @@ pub fn chapman(x: f64, cos: f64) -> f64 {
     (PI * x / 2.0).sqrt() * erfcx
 }
 
-/// Rayleigh's cross-section of a molecule of air, m^2, at a wavelength (m): Bodhaine et al. 1999, Eq. (29), for 360 ppm of CO2; within
-/// 0.2 % of Bates' from 350 to 1100 nm.
+/// Rayleigh's cross-section of a molecule of air, m^2, at a wavelength (m): Bodhaine et al. 1999,
+/// Eq. (29), for 360 ppm of CO2; within 0.2 % of Bates' from 350 to 1100 nm.
 pub fn cross_section_m2(wavelength_m: f64) -> f64 {
     let um2 = wavelength_m * wavelength_m * 1e12;
     1e-32 * (1.045_599_6 - 341.290_61 / um2 - 0.902_308_50 * um2)
         / (1.0 + 0.002_705_988_9 / um2 - 85.968_563 * um2)
 }
 
-/// Rayleigh's phase function against the cosine of the scattering angle, its mean over all directions 1:
+/// Rayleigh's phase function against the cosine of the scattering angle, its mean over all
+/// directions 1:
 ///
 /// ```text
 /// P = 3 / (4 (1 + 2 g)) [(1 + 3 g) + (1 - g) cos^2],   g = d / (2 - d)
 /// ```
 ///
-/// with the depolarisation `d` = 0.0279 of air in visible light (Bucholtz 1995, after Chandrasekhar).
+/// with the depolarisation `d` = 0.0279 of air in visible light (Bucholtz 1995, after
+/// Chandrasekhar).
 pub fn phase_function(cos: f64) -> f64 {
     const G: f64 = 0.0279 / (2.0 - 0.0279);
     3.0 / (4.0 * (1.0 + 2.0 * G)) * ((1.0 + 3.0 * G) + (1.0 - G) * cos * cos)
@@ -200,7 +212,8 @@ mod tests {
     fn the_column_above_the_ground_is_its_weight_over_gravity() {
         let ground = Air::standard().at(0.0);
         let column = ground.molecules_m3 * ground.scale_m;
-        // X-Val: hydrostatics: 101325 Pa / (9.80665 m/s^2 * 28.9644 u * 1.66054e-27 kg) = 2.148e29 1/m^2; gravity falls off upwards.
+        // X-Val: hydrostatics: 101325 Pa / (9.80665 m/s^2 * 28.9644 u * 1.66054e-27 kg) = 2.148e29
+        // 1/m^2; gravity falls off upwards.
         assert!((column / 2.148e29 - 1.0).abs() < 0.01, "{column:e}");
         // X-Val: PyPI ussa1976 0.3.4, n_tot integrated in 10 m steps: 2.1532e29.
         assert!((column / 2.1532e29 - 1.0).abs() < 0.01, "{column:e}");
@@ -212,7 +225,8 @@ mod tests {
     fn chapmans_function_is_the_sum_along_the_line() {
         for x in [800.0, 300.0, 60.0] {
             for cos in [1.0, 0.6, 0.2, 0.05, 0.0] {
-                // Numerically, in scale heights: density exp(x - r) along r^2 = x^2 + s^2 + 2 x s cos.
+                // Numerically, in scale heights: density exp(x - r) along r^2 = x^2 + s^2 + 2 x s
+                // cos.
                 let h = 1e-3;
                 let sum: f64 = (0..200_000)
                     .map(|k| (k as f64 + 0.5) * h)
@@ -231,7 +245,8 @@ mod tests {
     #[test]
     fn a_line_that_dips_has_twice_the_grazing_column_less_what_lies_behind() {
         let air = Air::standard();
-        // At its lowest point the line from 60 km at a slant is grazing: from there both halves are alike.
+        // At its lowest point the line from 60 km at a slant is grazing: from there both halves are
+        // alike.
         let (radius, low) = (EARTH_RADIUS_M + 60e3, EARTH_RADIUS_M + 30e3);
         let cos = -(1.0 - (low / radius) * (low / radius)).sqrt();
         let whole = air.column(60e3, cos) + air.column(60e3, -cos);
@@ -244,7 +259,8 @@ mod tests {
 
     #[test]
     fn scattering_is_bates_and_keeps_light() {
-        // X-Val: PyPI sasktran2 2026.10.1, rayleigh_cross_section_bates at 350, 550, 800 and 1100 nm, m^2.
+        // X-Val: PyPI sasktran2 2026.10.1, rayleigh_cross_section_bates at 350, 550, 800 and 1100
+        // nm, m^2.
         for (nm, expected) in [
             (350.0, 2.92865e-30),
             (550.0, 4.51315e-31),
@@ -259,7 +275,8 @@ mod tests {
             .map(|k| phase_function((k as f64 + 0.5) / n as f64 * 2.0 - 1.0) / n as f64)
             .sum();
         assert!((mean - 1.0).abs() < 1e-8);
-        // X-Val: by hand, g = 0.014147: 0.75 / 1.028294 * 2.028294 forward, 0.75 / 1.028294 * 1.042441 across.
+        // X-Val: by hand, g = 0.014147: 0.75 / 1.028294 * 2.028294 forward, 0.75 / 1.028294 *
+        // 1.042441 across.
         assert!((phase_function(1.0) - 1.47936).abs() < 1e-4);
         assert!((phase_function(0.0) - 0.76032).abs() < 1e-4);
     }

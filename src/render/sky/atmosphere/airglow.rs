@@ -1,17 +1,19 @@
 //! Airglow: light that the upper atmosphere makes itself, in layers.
 //!
-//! Each layer's emission with altitude is a Chapman layer (Chamberlain 1961, Physics of the Aurora and Airglow, writes such layers so),
+//! Each layer's emission with altitude is a Chapman layer (Chamberlain 1961, Physics of the Aurora
+//! and Airglow, writes such layers so),
 //!
 //! ```text
 //! e(h) = I / (e H) exp(1 - y - exp(-y)),   y = (h - h0) / H
 //! ```
 //!
-//! `I` its column seen in the zenith, `h0` its peak, `H` its scale height; the width at half maximum is 2.45 H. Brightness is in
-//! Rayleigh, of which 1 R is 1e10 / (4 pi) ph/s/m^2/sr.
+//! `I` its column seen in the zenith, `h0` its peak, `H` its scale height; the width at half
+//! maximum is 2.45 H. Brightness is in Rayleigh, of which 1 R is 1e10 / (4 pi) ph/s/m^2/sr.
 //!
-//! The figures are means of quiet nights at a low latitude and medium solar activity (Paranal, 130 solar flux units); a night's own
-//! brightness is often half or double. Day, twilight, latitude and aurora are left out: the day's airglow is brighter (the lines of
-//! oxygen ten- to hundredfold) but stands before the day's own sky.
+//! The figures are means of quiet nights at a low latitude and medium solar activity (Paranal, 130
+//! solar flux units); a night's own brightness is often half or double. Day, twilight, latitude and
+//! aurora are left out: the day's airglow is brighter (the lines of oxygen ten- to hundredfold) but
+//! stands before the day's own sky.
 
 use crate::camera::Band;
 use std::f64::consts::{E, PI};
@@ -28,13 +30,14 @@ pub struct Place {
     pub scale_m: f64,
 }
 
-/// Hydroxyl, and the continuum, whose height Noll et al. 2012 take as the same: 87 km, 8 to 9 km wide (Dunker 2018, Ann. Geophys. 36: the
-/// commonly assumed 87 km and 8 km; 8.4 km).
+/// Hydroxyl, and the continuum, whose height Noll et al. 2012 take as the same: 87 km, 8 to 9 km
+/// wide (Dunker 2018, Ann. Geophys. 36: the commonly assumed 87 km and 8 km; 8.4 km).
 const HYDROXYL: Place = Place {
     peak_m: 87e3,
     scale_m: 3.4e3,
 };
-/// Molecular oxygen: 94 +- 1 km (Watanabe et al. 1981, J. Geophys. Res. 86, 5768, from rockets); its width is taken as hydroxyl's.
+/// Molecular oxygen: 94 +- 1 km (Watanabe et al. 1981, J. Geophys. Res. 86, 5768, from rockets);
+/// its width is taken as hydroxyl's.
 const OXYGEN_MOLECULES: Place = Place {
     peak_m: 94e3,
     scale_m: 3.8e3,
@@ -44,8 +47,9 @@ const SODIUM: Place = Place {
     peak_m: 92e3,
     scale_m: 3.6e3,
 };
-/// The green line of atomic oxygen: 97 km ("Intensity profiles of the 6300-A and 5577-A O I lines in the night airglow", J. Geophys. Res.
-/// 1968, from rockets); its width is taken as hydroxyl's. A tenth of it, in the F layer, is left out.
+/// The green line of atomic oxygen: 97 km ("Intensity profiles of the 6300-A and 5577-A O I lines
+/// in the night airglow", J. Geophys. Res. 1968, from rockets); its width is taken as hydroxyl's. A
+/// tenth of it, in the F layer, is left out.
 const GREEN: Place = Place {
     peak_m: 97e3,
     scale_m: 3.8e3,
@@ -58,8 +62,9 @@ const RED: Place = Place {
 
 /// A line or a band: wavelength in air (nm), zenith brightness outside the atmosphere (R), where.
 ///
-/// Atoms: PALACE v1.0 (Noll et al. 2025, Geosci. Model Dev. 18, 4353), reference intensities. Molecular oxygen: its (0-1) band by the
-/// same model, 344 R; the (0-0) band, which never reaches the ground, is 18.65 times that by the Einstein coefficients of HITRAN 2020.
+/// Atoms: PALACE v1.0 (Noll et al. 2025, Geosci. Model Dev. 18, 4353), reference intensities.
+/// Molecular oxygen: its (0-1) band by the same model, 344 R; the (0-0) band, which never reaches
+/// the ground, is 18.65 times that by the Einstein coefficients of HITRAN 2020.
 const LINES: [(f64, f64, Place); 10] = [
     (557.7, 163.0, GREEN),
     (589.0, 23.5, SODIUM),
@@ -73,9 +78,10 @@ const LINES: [(f64, f64, Place); 10] = [
     (864.5, 344.0, OXYGEN_MOLECULES),
 ];
 
-/// Lines of hydroxyl, R in each 10 nm from 600 nm on, as in the zenith outside the lower atmosphere: the lines of ESO's sky model (Noll et
-/// al. 2012, A&A 543, A92, after Hanuschik 2003, Cosby et al. 2006, Rousselot et al. 2000) in PyPI moons1d 1.0.3, over its transmission;
-/// without the lines above. tests/reference/airglow.py makes them.
+/// Lines of hydroxyl, R in each 10 nm from 600 nm on, as in the zenith outside the lower
+/// atmosphere: the lines of ESO's sky model (Noll et al. 2012, A&A 543, A92, after Hanuschik 2003,
+/// Cosby et al. 2006, Rousselot et al. 2000) in PyPI moons1d 1.0.3, over its transmission; without
+/// the lines above. tests/reference/airglow.py makes them.
 const HYDROXYL_FROM_NM: f64 = 600.0;
 const HYDROXYL_R: [f64; 52] = [
     4.0, 10.0, 46.0, 19.0, 17.0, 50.0, 8.0, 3.0, 73.0, 71.0, 22.0, 14.0, 179.0, 197.0, 98.0, 101.0,
@@ -84,7 +90,8 @@ const HYDROXYL_R: [f64; 52] = [
     1617.0, 1696.0, 562.0, 130.0, 2031.0, 2885.0, 2725.0, 1734.0, 262.0,
 ];
 
-/// The continuum: wavelength (nm) and brightness over that at 543 nm (Noll et al. 2012, very uncertain below 400 and above 900 nm).
+/// The continuum: wavelength (nm) and brightness over that at 543 nm (Noll et al. 2012, very
+/// uncertain below 400 and above 900 nm).
 const CONTINUUM: [(f64, f64); 21] = [
     (300.0, 0.92),
     (369.0, 0.92),
@@ -108,13 +115,15 @@ const CONTINUUM: [(f64, f64); 21] = [
     (1124.0, 3.80),
     (1208.0, 2.57),
 ];
-/// The continuum at 543 nm, R/nm: 79.8 ph/s/m^2/um/arcsec^2 at 130 solar flux units, of 0.018704 ph/s/m^2/arcsec^2 to the Rayleigh.
+/// The continuum at 543 nm, R/nm: 79.8 ph/s/m^2/um/arcsec^2 at 130 solar flux units, of 0.018704
+/// ph/s/m^2/arcsec^2 to the Rayleigh.
 const CONTINUUM_R_NM: f64 = 79.8 / 0.018_704 * 1e-3;
 
 /// The airglow that a band sees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Airglow {
-    /// Where each layer is, and its brightness in the zenith through the band, ph/s/m^2/sr; none that the band does not see.
+    /// Where each layer is, and its brightness in the zenith through the band, ph/s/m^2/sr; none
+    /// that the band does not see.
     layers: Vec<(Place, f64)>,
 }
 
@@ -193,7 +202,8 @@ mod tests {
         assert!((red - 123.0 - 4.0 - 11.0).abs() < 3.0, "{red}");
         let green = zenith_r(556.5, 558.5);
         assert!((green - 163.0 - 10.0).abs() < 3.0, "{green}");
-        // X-Val: the A band from Einstein coefficients, 344 R * 18.65 = 6.4 kR; hydroxyl and continuum add 0.2 kR.
+        // X-Val: the A band from Einstein coefficients, 344 R * 18.65 = 6.4 kR; hydroxyl and
+        // continuum add 0.2 kR.
         let a_band = zenith_r(759.0, 771.0);
         assert!((6300.0..6800.0).contains(&a_band), "{a_band}");
         // Between the lines there is the continuum.
@@ -202,8 +212,8 @@ mod tests {
 
     #[test]
     fn the_near_infrared_is_hydroxyls() {
-        // X-Val: the lines of ESO's sky model over its transmission, 650 to 1100 nm: 28.5 kR (tests/reference/airglow.py); the A band
-        // and the continuum (6 to 7 kR) are not in it.
+        // X-Val: the lines of ESO's sky model over its transmission, 650 to 1100 nm: 28.5 kR
+        // (tests/reference/airglow.py); the A band and the continuum (6 to 7 kR) are not in it.
         let all = zenith_r(650.0, 1100.0);
         assert!(
             (all / (28_500.0 + 6420.0 + 6700.0) - 1.0).abs() < 0.05,

@@ -1,7 +1,8 @@
 //! The atmosphere's light for one frame, as tables that a direction looks up.
 //!
-//! What depends on the line alone (how much air it meets, how much airglow) stands in tables of one dimension, in logarithms; the
-//! Sun's part of it in rows against the Sun's height over the line's place, for some lines only: it changes slowly from one to the next.
+//! What depends on the line alone (how much air it meets, how much airglow) stands in tables of one
+//! dimension, in logarithms; the Sun's part of it in rows against the Sun's height over the line's
+//! place, for some lines only: it changes slowly from one to the next.
 
 use super::air::{Density, TOP_M, phase_function};
 use super::model::Atmosphere;
@@ -14,7 +15,8 @@ use nalgebra::Vector3;
 use std::f64::consts::PI;
 use std::sync::{Arc, OnceLock};
 
-/// Points along a line, and entries of the two tables: lines before the ground, past the Earth, and upwards.
+/// Points along a line, and entries of the two tables: lines before the ground, past the Earth, and
+/// upwards.
 const POINTS: usize = 32;
 const SCATTERED: [usize; 3] = [16, 72, 12];
 const AIRGLOW: [usize; 3] = [24, 192, 16];
@@ -30,7 +32,8 @@ const UP_ROWS: [f64; 4] = [0.0, 0.15, 0.4, 1.0];
 pub struct Limb {
     atmosphere: Arc<Atmosphere>,
     earth: Earth,
-    /// Unit vectors: to the Sun, in space; to the observer's zenith and to the Sun, in stretched space.
+    /// Unit vectors: to the Sun, in space; to the observer's zenith and to the Sun, in stretched
+    /// space.
     to_sun: Vector3<f64>,
     zenith: Vector3<f64>,
     sun: Vector3<f64>,
@@ -40,7 +43,8 @@ pub struct Limb {
     radius: f64,
     /// The Sun's light over that at 1 au, of which a steradian takes its part (1/sr).
     nearness: f64,
-    /// Of lines past the Earth: up to which part of the greatest altitude entries are nearly even, and the logarithm that the greatest has then.
+    /// Of lines past the Earth: up to which part of the greatest altitude entries are nearly even,
+    /// and the logarithm that the greatest has then.
     near: f64,
     far: f64,
     /// Of each kind of line what has been asked for.
@@ -50,7 +54,8 @@ pub struct Limb {
 /// What lines of one kind meet.
 #[derive(Debug, Clone)]
 struct Kind {
-    /// Scattered light where the Sun reaches every point undimmed, 4 pi L, at 1 au; airglow; ph/s/m^2/sr.
+    /// Scattered light where the Sun reaches every point undimmed, 4 pi L, at 1 au; airglow;
+    /// ph/s/m^2/sr.
     scattered: Table,
     airglow: Table,
     /// Lines of which there is a row, and those rows that have been asked for.
@@ -69,9 +74,11 @@ struct Lit {
 
 impl Limb {
     /// The light of `atmosphere` around the Earth from `observer_m`, lit from `sun_m`
-    /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None for an observer inside the Earth.
+    /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None
+    /// for an observer inside the Earth.
     ///
-    /// Directions cost 0.1 us each, and the first of their kind and height some 10 us more, for tables: 2 ms for all. Make it once a frame.
+    /// Directions cost 0.1 us each, and the first of their kind and height some 10 us more, for
+    /// tables: 2 ms for all. Make it once a frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -117,8 +124,8 @@ impl Limb {
         })
     }
 
-    /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr; where the line ends on the ground, what the air
-    /// before it adds.
+    /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr; where the line
+    /// ends on the ground, what the air before it adds.
     pub fn radiance(&self, direction: &Vector3<f64>) -> f64 {
         let [scattered, airglow] = self.parts(direction);
         scattered + airglow
@@ -163,12 +170,15 @@ impl Limb {
         [scattered * self.nearness * sunlit, airglow]
     }
 
-    /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and below the air.
+    /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and
+    /// below the air.
     ///
-    /// All of the optical depth toward the observer counts, for what air scatters into the line is in [`Limb::radiance`], but half of that
-    /// toward the Sun: half of what air scatters there goes on to the ground (a symmetric phase function, two streams; Coakley & Chylek
-    /// 1975, J. Atmos. Sci. 32, 409). Seen from straight above, the two together keep the albedo that the disc has with its air, within 5 %
-    /// from 400 nm on while the Sun is more than 20 deg high; at a slant, the Sun low behind, air adds up to 18 %.
+    /// All of the optical depth toward the observer counts, for what air scatters into the line is
+    /// in [`Limb::radiance`], but half of that toward the Sun: half of what air scatters there goes
+    /// on to the ground (a symmetric phase function, two streams; Coakley & Chylek 1975, J. Atmos.
+    /// Sci. 32, 409). Seen from straight above, the two together keep the albedo that the disc has
+    /// with its air, within 5 % from 400 nm on while the Sun is more than 20 deg high; at a slant,
+    /// the Sun low behind, air adds up to 18 %.
     pub fn ground_share(&self, direction: &Vector3<f64>) -> f64 {
         let stretched = self.earth.to_sphere(*direction).normalize();
         let (cos, sin) = self.angles(&stretched);
@@ -185,8 +195,8 @@ impl Limb {
             .at(air.column(0.0, slant) + 0.5 * to_sun)
     }
 
-    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which the atmosphere ends; pi for an observer
-    /// inside it.
+    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which the
+    /// atmosphere ends; pi for an observer inside it.
     pub fn edge(&self) -> [f64; 2] {
         self.earth
             .outline(self.earth.unstretched(self.zenith * self.radius), TOP_M)
@@ -225,8 +235,8 @@ impl Limb {
         (self.radius - EARTH_RADIUS_M).clamp(1.0, TOP_M)
     }
 
-    /// Where a coordinate stands in its table, 0..1: altitudes evenly in their logarithm; from inside also evenly in the dip, near the
-    /// observer's own.
+    /// Where a coordinate stands in its table, 0..1: altitudes evenly in their logarithm; from
+    /// inside also evenly in the dip, near the observer's own.
     fn entry(&self, kind: usize, at: f64) -> f64 {
         if kind != 1 {
             return at;
@@ -265,7 +275,8 @@ impl Limb {
         (atmosphere.shells).along(line, self.radius, &atmosphere.air, &atmosphere.passed)
     }
 
-    /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun reached it all, times 4 pi.
+    /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun
+    /// reached it all, times 4 pi.
     fn undimmed(&self, line: &Line) -> f64 {
         self.parcels(line)
             .iter()
@@ -308,7 +319,8 @@ impl Limb {
     /// A line, and the row for all heights that the Sun can have over it.
     fn lit(&self, kind: usize, at: f64) -> Lit {
         let line = Limb::sight(kind, at).line(self.radius);
-        // The place lies at p toward the lowest point's zenith and at s along the line; that zenith is sin(zenith) - cos(horizontal).
+        // The place lies at p toward the lowest point's zenith and at s along the line; that zenith
+        // is sin(zenith) - cos(horizontal).
         let place = line.place();
         let far = (line.p * line.p + place * place).sqrt();
         let weights = [
@@ -330,7 +342,8 @@ impl Limb {
         [cos, ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt()]
     }
 
-    /// The parts of the undimmed light that the Sun's direct light and the day side's give, the sine of the Sun's height over the line's place given.
+    /// The parts of the undimmed light that the Sun's direct light and the day side's give, the
+    /// sine of the Sun's height over the line's place given.
     fn sun_along(&self, lit: &Lit, height: f64) -> [f64; 2] {
         let Lit { row, line, parcels } = lit;
         let [along, most] = self.sun_above();
@@ -378,8 +391,9 @@ struct Parcel {
 /// Altitude (m) up to which entries of the table of lines past the Earth are nearly even.
 const NEAR_M: f64 = 60e3;
 
-/// The part of the Sun's disc that is seen past the Earth from a point at `radius` (m), where the sine of the Sun's height is `height`: from
-/// 0 to 1 while the Sun's disc, SUN_RADIUS_M / AU_M wide to each side, clears the horizon.
+/// The part of the Sun's disc that is seen past the Earth from a point at `radius` (m), where the
+/// sine of the Sun's height is `height`: from 0 to 1 while the Sun's disc, SUN_RADIUS_M / AU_M wide
+/// to each side, clears the horizon.
 fn visible_sun(radius: f64, height: f64) -> f64 {
     if height >= 0.0 {
         return 1.0;

@@ -13,7 +13,8 @@ pub struct Atmosphere {
     pub(super) airglow: Airglow,
     /// The same in shells.
     pub(super) shells: Shells,
-    /// `sum E s exp(-s N)`, ph/s: what a molecule takes from the Sun's light behind a column, at 1 au.
+    /// `sum E s exp(-s N)`, ph/s: what a molecule takes from the Sun's light behind a column, at 1
+    /// au.
     pub(super) scattered: Curve,
     /// `sum E exp(-s N) / sum E`: the part of the Sun's light that passes a column (1).
     pub(super) passed: Curve,
@@ -44,31 +45,5 @@ impl Atmosphere {
     /// The airglow that the band sees.
     pub fn airglow(&self) -> &Airglow {
         &self.airglow
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn curves_are_their_sums() {
-        // Cross-sections of air at 350 and 1100 nm, m^2 (see air), of the one twice the light.
-        let parts = [[2.0, 2.93e-30], [1.0, 2.74e-32]];
-        let curve = Curve::new(&parts);
-        for k in 0..2000 {
-            let column = libm::exp(54.0 + 20.0 * f64::from(k) / 2000.0);
-            let of = |moment: i32| -> f64 {
-                let of = |[w, s]: &[f64; 2]| w * (s * column).powi(moment) * libm::exp(-s * column);
-                parts.iter().map(of).sum()
-            };
-            // A straight line is off by h^2 / 8 of the second moment, h = 1/64; and of no depth by as much as that of the least column is.
-            let bound = of(2) / 32768.0 * 1.1 + 2e-6 * of(0);
-            let error = (curve.at(column) - of(0)).abs();
-            assert!(error <= bound + 1e-30, "{column:e}: {error:e} {bound:e}");
-        }
-        assert_eq!(curve.at(0.0), curve.at(1.0));
-        assert_eq!(curve.at(f64::INFINITY), curve.at(2e32));
-        assert_eq!(curve.at(f64::NAN), curve.at(0.0));
     }
 }

@@ -31,8 +31,8 @@ impl Shells {
         }
     }
 
-    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the lowest point; what lies behind is dimmed by all
-    /// the air on the way.
+    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the
+    /// lowest point; what lies behind is dimmed by all the air on the way.
     pub fn along(&self, line: &Line, radius: f64, air: &Air, passed: &Curve) -> f64 {
         let before = || self.between(line.p, [0.0, radius]);
         match line.sight {
@@ -46,7 +46,8 @@ impl Shells {
         }
     }
 
-    /// What shines between two radii (m) on one side of a line that passes the centre at `p` (m): each shell's emission times the chord that it cuts.
+    /// What shines between two radii (m) on one side of a line that passes the centre at `p` (m):
+    /// each shell's emission times the chord that it cuts.
     fn between(&self, p: f64, [from, to]: [f64; 2]) -> f64 {
         let from = from.max(p).max(self.foot);
         let first = self.shells.partition_point(|(outer, _)| *outer <= from);

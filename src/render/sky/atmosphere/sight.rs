@@ -1,7 +1,8 @@
 //! Lines of sight through the atmosphere, in the plane of the observer's zenith and the line.
 //!
-//! Stretched space has a spherical Earth (see [`Earth`](crate::sky::shadow::Earth)). A line passes the centre at the distance `p`; a point
-//! of it lies at `s` from its nearest one, at the radius `r^2 = p^2 + s^2`.
+//! Stretched space has a spherical Earth (see [`Earth`](crate::sky::shadow::Earth)). A line passes
+//! the centre at the distance `p`; a point of it lies at `s` from its nearest one, at the radius
+//! `r^2 = p^2 + s^2`.
 
 use super::air::TOP_M;
 use crate::sky::shadow::EARTH_RADIUS_M;
@@ -9,7 +10,8 @@ use crate::sky::shadow::EARTH_RADIUS_M;
 /// Where a line of sight leads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sight {
-    /// To the ground, which it meets at this cosine of the zenith distance (0: the horizon, 1: straight down).
+    /// To the ground, which it meets at this cosine of the zenith distance (0: the horizon, 1:
+    /// straight down).
     Ground(f64),
     /// Past the Earth, this far (m) above the ground at its lowest.
     Past(f64),
@@ -93,7 +95,8 @@ impl Sight {
 }
 
 impl Line {
-    /// The point of the line that stands for its place: on the ground, the lowest, or where it leaves the atmosphere.
+    /// The point of the line that stands for its place: on the ground, the lowest, or where it
+    /// leaves the atmosphere.
     pub fn place(&self) -> f64 {
         match self.sight {
             Sight::Past(_) => 0.0,
@@ -101,13 +104,15 @@ impl Line {
         }
     }
 
-    /// The line in at most `count` parts, the observer's first. They lie closest where the air is densest: at the lowest point.
+    /// The line in at most `count` parts, the observer's first. They lie closest where the air is
+    /// densest: at the lowest point.
     pub fn steps(&self, count: usize) -> impl Iterator<Item = Step> + '_ {
         let reach = self.from.abs().max(self.to.abs()).max(1.0);
         let span = self.to - self.from;
         let whole = libm::exp(CROWDING);
         let (spread, sinh) = (whole - 1.0, (whole - 1.0 / whole) / 2.0);
-        // Of the lowest point, sinh(w) opens to both sides; of the ground and the observer's own place, exp(w) - 1 to one. `e` is exp(w).
+        // Of the lowest point, sinh(w) opens to both sides; of the ground and the observer's own
+        // place, exp(w) - 1 to one. `e` is exp(w).
         let at = move |e: f64| match self.sight {
             Sight::Past(_) => reach * ((e - 1.0 / e) / 2.0) / sinh,
             Sight::Up(_) => self.from + span * (e - 1.0) / spread,
@@ -139,7 +144,8 @@ impl Line {
     }
 }
 
-/// Half the chord that a sphere of `radius` cuts from a line at the distance `p` from its centre, m.
+/// Half the chord that a sphere of `radius` cuts from a line at the distance `p` from its centre,
+/// m.
 pub fn half_chord(radius: f64, p: f64) -> f64 {
     ((radius - p) * (radius + p)).max(0.0).sqrt()
 }

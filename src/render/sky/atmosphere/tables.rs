@@ -10,7 +10,8 @@ const TWILIGHT: f64 = 0.15;
 /// The least entry of a table, ph/s/m^2/sr: nothing that a camera sees.
 const LEAST: f64 = 1.0;
 
-/// Values at equidistant places and the cubics between them (Catmull & Rom 1974), of those that have been asked for.
+/// Values at equidistant places and the cubics between them (Catmull & Rom 1974), of those that
+/// have been asked for.
 #[derive(Debug, Clone)]
 struct Cubics<const N: usize> {
     values: Vec<OnceLock<[f64; N]>>,
@@ -27,9 +28,11 @@ pub struct Table {
 /// The Sun's part against its height over one line's place.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction in that to the place's zenith.
+    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction
+    /// in that to the place's zenith.
     weights: [f64; 2],
-    /// Where the row's places begin, how far they reach, and one over that, see [`crowd`]; 0 where they are all one.
+    /// Where the row's places begin, how far they reach, and one over that, see [`crowd`]; 0 where
+    /// they are all one.
     from: f64,
     span: f64,
     per_span: f64,
@@ -113,8 +116,8 @@ impl Row {
         }
     }
 
-    /// The parts for the Sun's cosines to the observer's zenith and to the line's horizontal direction; `parts` gives them for sines of the Sun's
-    /// height.
+    /// The parts for the Sun's cosines to the observer's zenith and to the line's horizontal
+    /// direction; `parts` gives them for sines of the Sun's height.
     #[inline]
     pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
@@ -125,7 +128,8 @@ impl Row {
         [direct.max(0.0), from_below.max(0.0)]
     }
 
-    /// The Sun's cosine to the line's horizontal direction, at the sine `height` of its height, that to the observer's zenith being `along`.
+    /// The Sun's cosine to the line's horizontal direction, at the sine `height` of its height,
+    /// that to the observer's zenith being `along`.
     pub fn across(&self, height: f64, along: f64) -> f64 {
         if self.weights[1].abs() > 1e-9 {
             (height - self.weights[0] * along) / self.weights[1]
@@ -135,7 +139,8 @@ impl Row {
     }
 }
 
-/// The first of the two lines on either side of `at`, and which part of the way to the second it lies.
+/// The first of the two lines on either side of `at`, and which part of the way to the second it
+/// lies.
 #[inline]
 pub fn between(lines: &[f64], at: f64) -> (usize, f64) {
     let above = lines.partition_point(|line| *line < at);
@@ -168,7 +173,8 @@ mod tests {
             parabola(x)
         };
         let cubics = Cubics::<2>::of(11);
-        // X-Val: by hand, the parabola itself: Catmull and Rom's cubics are of its slope at their ends.
+        // X-Val: by hand, the parabola itself: Catmull and Rom's cubics are of its slope at their
+        // ends.
         for part in [0.512, 0.5, 0.58] {
             let [told, truth] = [cubics.at(part, value), parabola(part)];
             assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{part}");

@@ -1,7 +1,7 @@
 //! The lit part of the Moon's disc, cut into cells along the terminator.
 //!
-//! On the unit sphere with the poles at the horns of the crescent, by latitude `v` and longitude `u` from the point below the observer, positive
-//! toward the Sun, a surface element projects to
+//! On the unit sphere with the poles at the horns of the crescent, by latitude `v` and longitude
+//! `u` from the point below the observer, positive toward the Sun, a surface element projects to
 //!
 //! ```text
 //! x = cos v sin u     toward the Sun          dx dy = cos^2 v cos u du dv
@@ -9,8 +9,9 @@
 //! mu = cos v cos u    mu0 = cos v cos(u - g)
 //! ```
 //!
-//! The lit part is `g - 90 deg < u < 90 deg` at every latitude: cells in `u` and `v` meet the limb and the terminator exactly at every phase angle `g`,
-//! and Lommel and Seeliger's `mu0 / (mu0 + mu)` depends on `u` alone.
+//! The lit part is `g - 90 deg < u < 90 deg` at every latitude: cells in `u` and `v` meet the limb
+//! and the terminator exactly at every phase angle `g`, and Lommel and Seeliger's
+//! `mu0 / (mu0 + mu)` depends on `u` alone.
 
 use super::disc::{MoonDisc, NEW_MOON, lommel_seeliger};
 use nalgebra::Vector3;
@@ -25,14 +26,16 @@ pub struct Cell {
     pub share: f64,
 }
 
-/// Gauss-Legendre nodes of three points, from the middle in half widths, and their weights by the whole width.
+/// Gauss-Legendre nodes of three points, from the middle in half widths, and their weights by the
+/// whole width.
 const NODES: [(f64, f64); 3] = [
     (-0.774_596_669_241_483_4, 5.0 / 18.0),
     (0.0, 8.0 / 18.0),
     (0.774_596_669_241_483_4, 5.0 / 18.0),
 ];
 
-/// The two factors of a cell's light, and of its centre's distance: a row's by latitude, a column's by longitude.
+/// The two factors of a cell's light, and of its centre's distance: a row's by latitude, a column's
+/// by longitude.
 struct Factor {
     light: f64,
     /// Of `x`.
@@ -42,7 +45,8 @@ struct Factor {
 }
 
 impl MoonDisc {
-    /// The lit part in full sunlight as cells at most `1 / count` of the disc's diameter wide and high. Shares add up to 1; nothing at new Moon.
+    /// The lit part in full sunlight as cells at most `1 / count` of the disc's diameter wide and
+    /// high. Shares add up to 1; nothing at new Moon.
     pub fn cells(&self, count: usize) -> Vec<Cell> {
         if PI - self.phase <= NEW_MOON {
             return Vec::new();
@@ -76,7 +80,8 @@ impl MoonDisc {
         cells
     }
 
-    /// Toward the Sun on the disc, and across that: unit vectors. At full Moon any direction serves.
+    /// Toward the Sun on the disc, and across that: unit vectors. At full Moon any direction
+    /// serves.
     fn axes(&self) -> [Vector3<f64>; 2] {
         let sunward = self.to_sun - self.direction * self.to_sun.dot(&self.direction);
         let other = || {
@@ -122,7 +127,8 @@ fn row(v: [f64; 2]) -> Factor {
     }
 }
 
-/// The integrals of `cos u mu0 / (mu0 + mu)`, and of that times `sin u` by the first. `sun`: sine and cosine of the phase angle.
+/// The integrals of `cos u mu0 / (mu0 + mu)`, and of that times `sin u` by the first. `sun`: sine
+/// and cosine of the phase angle.
 fn column(u: [f64; 2], sun: [f64; 2]) -> Factor {
     let [mut light, mut sunward] = [0.0; 2];
     for (sin, cos, weight) in nodes(u) {
@@ -139,12 +145,13 @@ fn column(u: [f64; 2], sun: [f64; 2]) -> Factor {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{AU_M, RADIUS_M};
     use super::*;
+    use crate::sky::constants::AU_M;
+    use crate::sky::moon::RADIUS_M;
     use std::f64::consts::FRAC_PI_2;
 
-    /// The centre of a crescent's light, in radii from the disc's toward the Sun, by the closed integrals over latitude (`8 / (3 pi)`) and Simpson's
-    /// rule over longitude.
+    /// The centre of a crescent's light, in radii from the disc's toward the Sun, by the closed
+    /// integrals over latitude (`8 / (3 pi)`) and Simpson's rule over longitude.
     fn by_integral(phase: f64) -> f64 {
         let from = phase - FRAC_PI_2;
         let step = (PI - phase) / 20_000.0;

@@ -48,8 +48,9 @@ impl MoonDisc {
         Self::new(observer.moon_m(corrections), observer.sun_m(corrections))
     }
 
-    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from the observer, who is not in the Moon (m, ICRF). Of places
-    /// that are no numbers it is dark, and its magnitude no number.
+    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from the observer, who is
+    /// not in the Moon (m, ICRF). Of places that are no numbers it is dark, and its magnitude no
+    /// number.
     pub fn new(moon_m: Vector3<f64>, sun_m: Vector3<f64>) -> Self {
         let (distance_m, from_moon) = (moon_m.norm(), sun_m - moon_m);
         let sun_distance_m = from_moon.norm();
@@ -75,7 +76,8 @@ impl MoonDisc {
 
     /// V magnitude of the whole disc, in full sunlight.
     pub fn magnitude(&self) -> f64 {
-        // The Sun's longitude from the meridian of the observer, east positive, about the ecliptic's pole for the Moon's (1.5 deg off).
+        // The Sun's longitude from the meridian of the observer, east positive, about the
+        // ecliptic's pole for the Moon's (1.5 deg off).
         let toward_us = -self.direction;
         let east = ecliptic::POLE.cross(&toward_us);
         let pole_side = ecliptic::POLE.dot(&toward_us) * ecliptic::POLE.dot(&self.to_sun);
@@ -88,10 +90,12 @@ impl MoonDisc {
             + 5.0 * libm::log10(self.sun_distance_m / AU_M)
     }
 
-    /// The share of the disc's light that comes from direction `at` (unit vector, ICRF), per steradian: its integral over the disc is
+    /// The share of the disc's light that comes from direction `at` (unit vector, ICRF), per
+    /// steradian: its integral over the disc is
     /// 1. It is 0 beside the disc, on the night side, and where a direction is no number.
     pub fn brightness(&self, at: &Vector3<f64>) -> f64 {
-        // The place on the unit sphere: across the line of sight by the angle from the centre, then up to the surface.
+        // The place on the unit sphere: across the line of sight by the angle from the centre, then
+        // up to the surface.
         let toward_us = -self.direction;
         let across = (at - self.direction * at.dot(&self.direction)) / self.angular_radius;
         let square = across.norm_squared();
@@ -110,8 +114,8 @@ pub(super) fn lommel_seeliger(mu0: f64, mu: f64) -> f64 {
     if mu0 > 0.0 { mu0 / (mu0 + mu) } else { 0.0 }
 }
 
-/// `A` of the module's head: the reflectance of the disc, as of a flat white screen of its size, at phase angle `phase` and the Sun's
-/// longitude `longitude` (rad).
+/// `A` of the module's head: the reflectance of the disc, as of a flat white screen of its size, at
+/// phase angle `phase` and the Sun's longitude `longitude` (rad).
 fn disc_reflectance(phase: f64, longitude: f64) -> f64 {
     let square = longitude * longitude;
     let smooth = A[0] + phase * (A[1] + phase * (A[2] + phase * A[3]));
@@ -158,7 +162,8 @@ mod tests {
             let m = moon(phase_deg).magnitude();
             assert!((m + 10.0).abs() < 0.3, "{phase_deg}: {m}");
         }
-        // The first quarter is the brighter: fewer maria. X-Val: exp(2 * 0.0612) = 13 % by the terms of b.
+        // The first quarter is the brighter: fewer maria. X-Val: exp(2 * 0.0612) = 13 % by the
+        // terms of b.
         let sides = moon(-90.0).magnitude() - moon(90.0).magnitude();
         assert!((sides - 0.133).abs() < 0.005, "{sides}");
     }
@@ -167,7 +172,8 @@ mod tests {
     fn another_law_agrees_over_the_month() {
         for phase_deg in (10..=150).step_by(5).map(f64::from) {
             let both = (moon(phase_deg).magnitude() + moon(-phase_deg).magnitude()) / 2.0;
-            // X-Val: Allen 1976 as in Krisciunas & Schaefer 1991 (PASP 103, 1033), V = -12.73 + 0.026 |g| + 4e-9 g^4.
+            // X-Val: Allen 1976 as in Krisciunas & Schaefer 1991 (PASP 103, 1033), V = -12.73 +
+            // 0.026 |g| + 4e-9 g^4.
             let allen = -12.73 + 0.026 * phase_deg + 4e-9 * phase_deg.powi(4);
             assert!((both - allen).abs() < 0.2, "{phase_deg}: {both} {allen}");
         }
@@ -184,8 +190,8 @@ mod tests {
         assert!((far.angular_radius / near.angular_radius - 0.5).abs() < 1e-4);
     }
 
-    /// Integral over the disc: x = cos(v) sin(u) toward the Sun, y = sin(v), by the midpoints of `n` times `n` steps. The terminator is
-    /// a line of constant u.
+    /// Integral over the disc: x = cos(v) sin(u) toward the Sun, y = sin(v), by the midpoints of
+    /// `n` times `n` steps. The terminator is a line of constant u.
     fn integral(disc: &MoonDisc, n: u32) -> f64 {
         let y = disc.direction.cross(&disc.to_sun).normalize();
         let x = y.cross(&disc.direction);

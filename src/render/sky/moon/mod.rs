@@ -10,8 +10,9 @@
 //! V    = V_sun - 2.5 log10(A (R / d)^2) + 5 log10(d_sun / au)
 //! ```
 //!
-//! The terms of `d` are the opposition surge. Left out are libration (below 2 %) and, as d3 is 0 at this wavelength, the cosine. Fitted from 1.55
-//! to 97 degrees of phase to 1 %, of 5 % in absolute scale; beyond, it stays within 0.2 mag of Allen's law up to 150 degrees.
+//! The terms of `d` are the opposition surge. Left out are libration (below 2 %) and, as d3 is 0 at
+//! this wavelength, the cosine. Fitted from 1.55 to 97 degrees of phase to 1 %, of 5 % in absolute
+//! scale; beyond, it stays within 0.2 mag of Allen's law up to 150 degrees.
 //!
 //! **On the disc**: Lommel and Seeliger's law, radiance `mu0 / (mu0 + mu)` by the cosines of incidence and emission. Its integral
 //! over the disc of a sphere is closed (a test integrates it):
@@ -20,9 +21,9 @@
 //! S = integral of mu0 mu / (mu0 + mu) = (pi / 2) (1 - sin(g/2) tan(g/2) ln cot(g/4))
 //! ```
 //!
-//! so that the share of all light from each direction is known, and its integral is 1 whatever the phase. Maria, limb profile and the light
-//! of the Earth on the dark side are not there. The disc is drawn as seen from afar: the terminator is up to 0.26 degrees of
-//! selenographic arc off.
+//! so that the share of all light from each direction is known, and its integral is 1 whatever the
+//! phase. Maria, limb profile and the light of the Earth on the dark side are not there. The disc
+//! is drawn as seen from afar: the terminator is up to 0.26 degrees of selenographic arc off.
 
 mod cells;
 mod disc;

@@ -1,12 +1,14 @@
-//! Where the Moon is: SOFA's `moon98` (Meeus 1998, the 60 largest terms of ELP 2000-82 in each coordinate) and the largest of those
-//! that it leaves out.
+//! Where the Moon is: SOFA's `moon98` (Meeus 1998, the 60 largest terms of ELP 2000-82 in each
+//! coordinate) and the largest of those that it leaves out.
 //!
-//! Over 1991 to 2060 `moon98` alone lies up to 17.7 arcsec (rms 2.9) from JPL DE440. With the terms below it is 7.9 arcsec (rms 1.6),
-//! and 13 km in distance, at all of 10,789 epochs.
+//! Over 1991 to 2060 `moon98` alone lies up to 17.7 arcsec (rms 2.9) from JPL DE440. With the terms
+//! below it is 7.9 arcsec (rms 1.6), and 13 km in distance, at all of 10,789 epochs.
 //!
-//! Reference: ELP/MPP02 (Chapront & Francou 2003, A&A 404, 735), amplitudes, phases and rates of the series in longitude and latitude
-//! that are constant in time, with the constants fitted to DE405, as npm `astronomia` 4.2.0 lists them (`elpMppDeFull.js`). Chosen are the
-//! terms of at least 0.25 arcsec that the difference of `moon98` and DE440 shows whole (`tests/reference/moon_terms.py`).
+//! Reference: ELP/MPP02 (Chapront & Francou 2003, A&A 404, 735), amplitudes, phases and rates of
+//! the series in longitude and latitude that are constant in time, with the constants fitted to
+//! DE405, as npm `astronomia` 4.2.0 lists them (`elpMppDeFull.js`). Chosen are the terms of at
+//! least 0.25 arcsec that the difference of `moon98` and DE440 shows whole
+//! (`tests/reference/moon_terms.py`).
 
 use std::f64::consts::PI;
 
@@ -19,7 +21,8 @@ use crate::sky::ecliptic;
 const ARCSEC: f64 = PI / 648_000.0;
 const DAYS_PER_CENTURY: f64 = 36_525.0;
 
-/// Terms in ecliptic longitude: amplitude (arcsec), phase at J2000.0 (rad), rate (rad a Julian century).
+/// Terms in ecliptic longitude: amplitude (arcsec), phase at J2000.0 (rad), rate (rad a Julian
+/// century).
 const LONGITUDE: [[f64; 3]; 46] = [
     [0.990, 0.3003, 40738.3780],
     [0.948, 0.9747, -17772.0114],
@@ -86,14 +89,16 @@ const LATITUDE: [[f64; 3]; 13] = [
     [0.254, 4.9582, -1009.8538],
 ];
 
-/// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Costs some 5 microseconds.
+/// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Costs
+/// some 5 microseconds.
 pub fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
     let days = tt_days_since_j2000(t);
     let [position, velocity] = sofars::eph::moon98(J2000_JD, days).map(|v| Vector3::from(v) * AU_M);
 
     // A turn by the small angles dl cos(b) along the ecliptic and db toward its pole:
     //     r' = r + dl (k x r) + db |r| (k - (k . u) u) / cos(b)
-    // The ecliptic of J2000.0 stands in for that of date: 47 arcsec a century apart, which is nothing of 10 arcsec.
+    // The ecliptic of J2000.0 stands in for that of date: 47 arcsec a century apart, which is
+    // nothing of 10 arcsec.
     let centuries = days / DAYS_PER_CENTURY;
     let (distance, k) = (position.norm(), ecliptic::POLE);
     let u = position / distance;

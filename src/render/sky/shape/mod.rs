@@ -1,8 +1,10 @@
 //! Shapes of objects in orbit: facets whose reflective areas add up, Eq. (6) of Clark et al. 2021.
 //!
-//! Plates, the sides of cylinders and cones, and spheres; boxes and closed bodies are made of them. A facet that faces away from the Sun or
-//! from the sensor is dark. Parts neither shade nor hide each other, and light does not go from one to another: a panel behind a body is
-//! as bright as one beside it. Where a shape's own shadow counts, its parts must be chosen so that what is hidden is left out.
+//! Plates, the sides of cylinders and cones, and spheres; boxes and closed bodies are made of them.
+//! A facet that faces away from the Sun or from the sensor is dark. Parts neither shade nor hide
+//! each other, and light does not go from one to another: a panel behind a body is as bright as one
+//! beside it. Where a shape's own shadow counts, its parts must be chosen so that what is hidden is
+//! left out.
 
 mod ring;
 mod surface;
@@ -67,7 +69,8 @@ impl Shape {
         self.facets.push(Facet { form, surface });
     }
 
-    /// Adds a box of edges `size_m` along the body's axes: six plates, or nothing where an edge is 0.
+    /// Adds a box of edges `size_m` along the body's axes: six plates, or nothing where an edge is
+    /// 0.
     pub fn cuboid(&mut self, size_m: [f64; 3], surface: Surface) {
         let [x, y, z] = size_m;
         for (axis, area_m2) in [
@@ -81,7 +84,8 @@ impl Shape {
         }
     }
 
-    /// Adds a cone, cut off where its diameter is that of its top: a cylinder where both diameters are the same. Lengths in m.
+    /// Adds a cone, cut off where its diameter is that of its top: a cylinder where both diameters
+    /// are the same. Lengths in m.
     pub fn cone(
         &mut self,
         axis: Unit<Vector3<f64>>,
@@ -90,7 +94,8 @@ impl Shape {
         ends: Ends,
         surface: Surface,
     ) {
-        // The side's normals lean towards the narrower end; its area is pi (r1 + r2) times its slant height.
+        // The side's normals lean towards the narrower end; its area is pi (r1 + r2) times its
+        // slant height.
         let narrowing = (base_m - top_m) / 2.0;
         let slant_m = libm::hypot(length_m, narrowing);
         let area_m2 = PI * (base_m + top_m) / 2.0 * slant_m;
@@ -105,16 +110,19 @@ impl Shape {
         }
     }
 
-    /// Adds a sphere, Eqs. (7) and (8): its lobe does not count, for mirrors of all directions add up to the same light everywhere.
+    /// Adds a sphere, Eqs. (7) and (8): its lobe does not count, for mirrors of all directions add
+    /// up to the same light everywhere.
     pub fn sphere(&mut self, diameter_m: f64, surface: Surface) {
         let form = Form::Sphere(diameter_m);
         self.facets.push(Facet { form, surface });
     }
 
-    /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to the sensor in axes of the body,
-    /// where the Sun's disc has an angular radius of `sun_radius` (rad).
+    /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to
+    /// the sensor in axes of the body, where the Sun's disc has an angular radius of `sun_radius`
+    /// (rad).
     ///
-    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4. A facet whose light would be negative or no number has none.
+    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4. A facet whose light
+    /// would be negative or no number has none.
     pub fn reflective_area(
         &self,
         to_sun: &Vector3<f64>,
@@ -133,8 +141,8 @@ impl Shape {
         self.facets.len().max(1)
     }
 
-    /// The turn of the body (rad) over which its light may change much: that which takes the narrowest lobe past a sensor;
-    /// `sun_radius` as above.
+    /// The turn of the body (rad) over which its light may change much: that which takes the
+    /// narrowest lobe past a sensor; `sun_radius` as above.
     pub fn detail(&self, sun_radius: f64) -> f64 {
         let details = self.facets.iter().map(|facet| match facet.form {
             Form::Plate(_) | Form::Ring(_) if facet.surface.specular > 0.0 => {
@@ -205,8 +213,8 @@ impl Plate {
         self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor), &cap)
     }
 
-    /// Its normal once it has turned about its hinge until the Sun stands as high over it as can be. With the Sun on the hinge's own
-    /// line all turns are alike, and it stays.
+    /// Its normal once it has turned about its hinge until the Sun stands as high over it as can
+    /// be. With the Sun on the hinge's own line all turns are alike, and it stays.
     fn turned(&self, to_sun: &Vector3<f64>) -> Vector3<f64> {
         let normal = self.normal.into_inner();
         let Some(hinge) = self.hinge else {

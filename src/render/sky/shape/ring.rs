@@ -4,7 +4,8 @@ use super::surface::Surface;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
-/// A band of surface whose normals go around `axis`, all at the same angle above the plane across it.
+/// A band of surface whose normals go around `axis`, all at the same angle above the plane across
+/// it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ring {
     /// Unit vectors: two across the axis, and the axis.
@@ -49,8 +50,10 @@ impl Ring {
         }
     }
 
-    /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor and the Sun's angular radius (rad): the integral of [`Surface::reflected`] over the ring. The
-    /// diffuse part is in closed form; the mirrored one is summed over the arc whose mirror directions have the sensor in their lobe.
+    /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor and the Sun's angular
+    /// radius (rad): the integral of [`Surface::reflected`] over the ring. The diffuse part is in
+    /// closed form; the mirrored one is summed over the arc whose mirror directions have the sensor
+    /// in their lobe.
     pub fn reflective_area(
         &self,
         surface: &Surface,

@@ -1,4 +1,5 @@
-//! How a surface shares out the light that it takes: Lambert's law, and a lobe about the mirror direction.
+//! How a surface shares out the light that it takes: Lambert's law, and a lobe about the mirror
+//! direction.
 
 use std::f64::consts::PI;
 
@@ -24,16 +25,19 @@ pub enum Lobe {
     Smooth(f64),
 }
 
-/// The light that a small piece of surface mirrors, over directions: a cap about the mirror direction.
+/// The light that a small piece of surface mirrors, over directions: a cap about the mirror
+/// direction.
 ///
-/// With `x = (1 - cos a) / (1 - cos w)`, `a` the angle from the mirror direction and `w` the cap's radius, its density (1/sr) is
+/// With `x = (1 - cos a) / (1 - cos w)`, `a` the angle from the mirror direction and `w` the cap's
+/// radius, its density (1/sr) is
 ///
 /// ```text
 /// L = (k + 1) (1 - x)^k / (2 pi (1 - cos w))   for x < 1, else 0
 /// ```
 ///
-/// whose integral over all directions is 1 for any `w`. A mirror's (`k = 0`) is the Sun's disc: its radiance is the Sun's, so that
-/// a lossless one fills the Sun's solid angle and no more. A glossy surface has `k = 2`, which goes out smoothly.
+/// whose integral over all directions is 1 for any `w`. A mirror's (`k = 0`) is the Sun's disc: its
+/// radiance is the Sun's, so that a lossless one fills the Sun's solid angle and no more. A glossy
+/// surface has `k = 2`, which goes out smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cap {
     /// Radius of the cap, rad.
@@ -45,8 +49,9 @@ pub struct Cap {
 }
 
 impl Lobe {
-    /// The narrowest smooth lobe, rad. Its middle has three times the density of its mean: narrower than sqrt(3) times the Sun's radius
-    /// (0.470 deg in January, here rounded up) it would be brighter than the Sun.
+    /// The narrowest smooth lobe, rad. Its middle has three times the density of its mean: narrower
+    /// than sqrt(3) times the Sun's radius (0.470 deg in January, here rounded up) it would be
+    /// brighter than the Sun.
     pub const NARROWEST: f64 = 0.5 * PI / 180.0;
 
     /// Its light where the Sun's disc has an angular radius of `sun_radius` (rad).
@@ -91,15 +96,17 @@ impl Cap {
 }
 
 impl Surface {
-    /// Eq. (6) of a lit and seen piece of surface, per area (1/sr): `rho (B_diff F_diff + B_spec F_spec)` with
+    /// Eq. (6) of a lit and seen piece of surface, per area (1/sr):
+    /// `rho (B_diff F_diff + B_spec F_spec)` with
     ///
     /// ```text
     /// F_diff = (n . s) (n . o) / pi
     /// F_spec = (n . s) [L(r . o) + L(-s . o)],   r = 2 (n . s) n - s
     /// ```
     ///
-    /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its lobe's `cap`. The second term of `F_spec` is the part of the
-    /// lobe that would go into the surface at grazing light, turned back at it: with it no light is lost.
+    /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its
+    /// lobe's `cap`. The second term of `F_spec` is the part of the lobe that would go into the
+    /// surface at grazing light, turned back at it: with it no light is lost.
     pub fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
         let mirrored = 2.0 * sun * seen - apart;
         let lobes = cap.density(mirrored) + cap.density(-apart);
