@@ -5,10 +5,12 @@
 //! ```
 //!
 //! The map d with its lognormal spread and its hot pixels is the camera's (`camera::pattern`); the
-//! law of temperature is told with `Detector::dark_growth`. Reference: Widenhorn et al. 2002 (Proc.
-//! SPIE 4669, 193), who also show how far one doubling holds. Validity: one temperature for the
-//! whole detector, the same in every frame; hot pixels that flicker (random telegraph signals) are
-//! left out. Price: a sum a pixel, half again with a map.
+//! law of temperature is told with `Detector::dark_growth`.
+//! Reference: Widenhorn et al. 2002 (Proc. SPIE 4669, 193), who also show how far one doubling
+//! holds.
+//! Validity: one temperature for the whole detector, the same in every frame; hot pixels that
+//! flicker (random telegraph signals) are left out.
+//! Price: a sum a pixel, half again with a map.
 
 use super::cause::{counted, digits};
 use super::{Cost, Effect, Need, Pass};

@@ -5,10 +5,12 @@
 //! ```
 //!
 //! They are read like all others: noise and offset remain. They hold charge that spills over them
-//! as their neighbours do, and lose it. Reference: none but the definition; which pixels they are
-//! is drawn by the camera's serial number, or listed. Validity: single pixels, up to a tenth of the
-//! detector, that are wholly dead in every frame, at any temperature; pixels of little response,
-//! and dead columns and rows, are left out. Price: by their number.
+//! as their neighbours do, and lose it.
+//! Reference: none but the definition; which pixels they are is drawn by the camera's serial
+//! number, or listed.
+//! Validity: single pixels, up to a tenth of the detector, that are wholly dead in every frame, at
+//! any temperature; pixels of little response, and dead columns and rows, are left out.
+//! Price: by their number.
 
 use super::cause::{counted, digits};
 use super::{Effect, Loss, Need, Pass};

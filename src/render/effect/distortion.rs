@@ -1,14 +1,15 @@
 //! Distortion: the lens does not project as its ideal would.
 //!
 //! Brown-Conrady's model against the pinhole, or the coefficients of a fisheye against the
-//! equidistant projection; `camera::projection` has the equations. Reference: Brown 1971
-//! (Photogrammetric Engineering 37, 855), Kannala and Brandt 2006 (IEEE Trans. PAMI 28, 1335), as
-//! OpenCV writes them. Validity: to the model's end, beyond which nothing has an image. Without it
-//! images are off by the greatest displacement on the detector, and each one's light changes by
-//! what its own displacement d makes of its slope, `0.86 N d / s` at most, and by what the PSF
-//! differs where it then falls; what touches the detector only without it comes with all its light;
-//! and pixels take another solid angle of area light. Price: a polynomial, for a fisheye an arc
-//! tangent too, each time a track is looked at.
+//! equidistant projection; `camera::projection` has the equations.
+//! Reference: Brown 1971 (Photogrammetric Engineering 37, 855), Kannala and Brandt 2006 (IEEE
+//! Trans. PAMI 28, 1335), as OpenCV writes them.
+//! Validity: to the model's end, beyond which nothing has an image. Without it images are off by
+//! the greatest displacement on the detector, and each one's light changes by what its own
+//! displacement d makes of its slope, `0.86 N d / s` at most, and by what the PSF differs where it
+//! then falls; what touches the detector only without it comes with all its light; and pixels take
+//! another solid angle of area light.
+//! Price: a polynomial, for a fisheye an arc tangent too, each time a track is looked at.
 
 use super::cause::digits;
 use super::{Effect, Loss, Need};

@@ -6,9 +6,9 @@
 //!
 //! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd
 //! ed., 2013, Eq. 7.40) in the change of velocity dv since mid-exposure. In a low orbit dv grows by
-//! some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in their own tracks. Validity: dv
-//! runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006 m/s^2, is
-//! left out.
+//! some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in their own tracks.
+//! Validity: dv runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006
+//! m/s^2, is left out.
 //!
 //! Without it a star is off by d at the ends of the exposure, but hardly on average: its light
 //! changes by the second moment, with a for half of its track without drift and b for the mean of

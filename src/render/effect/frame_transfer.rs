@@ -5,10 +5,12 @@
 //! ```
 //!
 //! The sum runs over the column's pixels on the detector (see `scene::trail`, where it is worked
-//! out). Reference: Powell et al. 1999 (Applied Optics 38, 1343). Validity: frames follow each
-//! other without a pause in which the image area is emptied another way; the scene stands still
-//! while it is transferred; the response of single pixels averages out over a column; charge moves
-//! on evenly. Price: a sum a pixel.
+//! out).
+//! Reference: Powell et al. 1999 (Applied Optics 38, 1343).
+//! Validity: frames follow each other without a pause in which the image area is emptied another
+//! way; the scene stands still while it is transferred; the response of single pixels averages out
+//! over a column; charge moves on evenly.
+//! Price: a sum a pixel.
 
 use super::cause::{digits, no_light};
 use super::{Cost, Effect, Need, Pass};

@@ -5,11 +5,12 @@
 //! N_xy <- min(N_xy, full well)
 //! ```
 //!
-//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a hard limit, the same
-//! for all pixels, of 1 to 1e9 e-; real wells differ by some per cent, and bend before they are
-//! full (`nonlinearity` has a bend of its own). No charge is left over for the next frame. Price: a
-//! comparison a pixel; where charge spills, each column that has an overfull pixel is worked
-//! through once.
+//! Reference: Janesick 2001, Scientific Charge-Coupled Devices.
+//! Validity: a hard limit, the same for all pixels, of 1 to 1e9 e-; real wells differ by some per
+//! cent, and bend before they are full (`nonlinearity` has a bend of its own). No charge is left
+//! over for the next frame.
+//! Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is
+//! worked through once.
 
 use super::cause::digits;
 use super::{Cost, Effect, Need, Pass};

@@ -9,10 +9,11 @@
 //! phase function P, as far as the Sun reaches them and they are seen, and the emission e of
 //! airglow in layers, in the camera's band (`sky::atmosphere`, where the whole equation stands).
 //! Reference: Chandrasekhar 1960 for the scattering; US Standard Atmosphere 1976; published
-//! brightness and heights of airglow (`sky::atmosphere::airglow`). Validity: 350 to 1100 nm, clear
-//! air, no ozone, no aurora; by day 3 to 25 % too faint from 10 to 80 km; turned as the Earth's
-//! centre moves. Price: a look at the frame's tables for each place that is asked for, four for
-//! each pixel where it is finer than the grid, and the passes over the pixels.
+//! brightness and heights of airglow (`sky::atmosphere::airglow`).
+//! Validity: 350 to 1100 nm, clear air, no ozone, no aurora; by day 3 to 25 % too faint from 10 to
+//! 80 km; turned as the Earth's centre moves.
+//! Price: a look at the frame's tables for each place that is asked for, four for each pixel where
+//! it is finer than the grid, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};

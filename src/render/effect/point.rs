@@ -4,7 +4,8 @@
 //! `N_xy = E_obj QE tau A_app t_int PSF(x, y, x_obj, y_obj)`. The PSF is integrated over each
 //! pixel, along the true track of the exposure.
 //!
-//! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up.
+//! Reference: Clark et al. 2021.
+//! Validity: sources smaller than the PSF; their light adds up.
 //! Price: the pixels of each image, worked out once for each place that the image comes by
 //! (`scene::work`), and a sum a pixel.
 

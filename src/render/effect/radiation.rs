@@ -6,9 +6,10 @@
 //!
 //! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has
 //! their equations and sources, `sky::radiation` their number by orbit. Their charge comes after
-//! shot noise, which it does not follow: its scatter is that of the energy loss. Reference: there.
-//! Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels
-//! of the events.
+//! shot noise, which it does not follow: its scatter is that of the energy loss.
+//! Reference: there.
+//! Validity: charged particles alone, and pixels that keep no memory of them.
+//! Price: by the pixels of the events.
 
 use super::cause::{counted, digits};
 use super::{Effect, Loss, Need, Pass};

@@ -4,9 +4,9 @@
 //! N_xy <- N_xy + sigma N(0, 1)
 //! ```
 //!
-//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2. Validity:
-//! white and alike in all pixels; no pattern of rows, no random telegraph signals. Price: a normal
-//! draw a pixel.
+//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2.
+//! Validity: white and alike in all pixels; no pattern of rows, no random telegraph signals.
+//! Price: a normal draw a pixel.
 
 use super::cause::digits;
 use super::{Effect, Need, Pass};

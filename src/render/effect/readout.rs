@@ -4,7 +4,8 @@
 //! `DN = round(N / gain + offset)`, held to 0..2^bits - 1.
 //!
 //! Reference: Clark et al. 2021, Eq. (11); EMVA Standard 1288, release 4.0 Linear, section 2.
-//! Validity: steps of one height; no missing codes. Price: a product and a rounding a pixel.
+//! Validity: steps of one height; no missing codes.
+//! Price: a product and a rounding a pixel.
 
 use super::{Effect, Need, Pass};
 use crate::fidelity::Fidelity;

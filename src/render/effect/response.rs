@@ -5,8 +5,9 @@
 //! ```
 //!
 //! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the
-//! camera's (`camera::pattern`). Validity: a response that does not depend on wavelength, and no
-//! pattern of rows and columns. Price: a product a pixel.
+//! camera's (`camera::pattern`).
+//! Validity: a response that does not depend on wavelength, and no pattern of rows and columns.
+//! Price: a product a pixel.
 
 use super::cause::{digits, no_light};
 use super::{Effect, Need, Pass};

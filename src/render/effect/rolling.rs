@@ -3,13 +3,14 @@
 //! Row r collects light for the exposure time t_int around `mid + (r - (rows - 1) / 2) t_row`. An
 //! image that moves by v rows a second is exposed for `t_int / (1 - v t_row)`, longer where it goes
 //! with the readout, and its track leans. Each sample of a track falls on the rows that are open
-//! then (see `track::rows`). Reference: Liang, Chang and Chen 2008 (IEEE Trans. Image Process. 17,
-//! 1323). Validity: a row opens and closes at once over its whole length; light beyond the
-//! detector's first and last row is counted as those rows would. Without the effect all rows are
-//! exposed as the middle one: images are off by what they move in half the readout time. Each one's
-//! light changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until
-//! its own rows are exposed. Price: four points of each panel in which rows that an image touches
-//! open or close.
+//! then (see `track::rows`).
+//! Reference: Liang, Chang and Chen 2008 (IEEE Trans. Image Process. 17, 1323).
+//! Validity: a row opens and closes at once over its whole length; light beyond the detector's
+//! first and last row is counted as those rows would. Without the effect all rows are exposed as
+//! the middle one: images are off by what they move in half the readout time. Each one's light
+//! changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until its own
+//! rows are exposed.
+//! Price: four points of each panel in which rows that an image touches open or close.
 
 use super::cause::digits;
 use super::{Effect, Loss, Need};

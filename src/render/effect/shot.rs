@@ -6,9 +6,9 @@
 //! ```
 //!
 //! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are
-//! Poisson's within the tolerance `poisson_tv` (`rng::poisson`). Validity: one electron a photon,
-//! so no gain before the charge is read. Price: a draw a pixel, by search at small means, else by
-//! an expansion.
+//! Poisson's within the tolerance `poisson_tv` (`rng::poisson`).
+//! Validity: one electron a photon, so no gain before the charge is read.
+//! Price: a draw a pixel, by search at small means, else by an expansion.
 
 use super::cause::{digits, no_light};
 use super::{Effect, Loss, Need, Pass};

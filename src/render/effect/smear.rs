@@ -8,9 +8,9 @@
 //! s (second order of the integral) and a centroid that is b off; with a rolling shutter also by
 //! what that makes of the motion.
 //!
-//! Reference: the integral above, held against direct integration. Validity: body rates are
-//! constant during the exposure; an object's own track is a parabola. Price: the pixels of an image
-//! once more for each step of half a PSF's width along its track.
+//! Reference: the integral above, held against direct integration.
+//! Validity: body rates are constant during the exposure; an object's own track is a parabola.
+//! Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::cause::{STILL_IN_FLOOD, digits};
 use super::{Effect, Loss, Need};

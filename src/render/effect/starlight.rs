@@ -4,12 +4,12 @@
 //! L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2
 //! ```
 //!
-//! (Clark et al. 2021, Eq. (3), its exponent mended) of the magnitude m a square arc second that
+//! (Clark et al. 2021, Eq. (3), its exponent corrected) of the magnitude m a square arc second that
 //! the stars below the limit of the scene's catalogue have together, by galactic coordinates
 //! (`sky::starlight`). Reference: Hipparcos and Tycho to V = 11, Bahcall & Soneira 1980 (ApJS 44,
 //! 73) beyond; Leinert et al. 1998 (A&AS 127, 1). Validity: 20 %, nothing finer than 5 to 15 deg;
-//! of the Sun's colour; no light that dust scatters. Price: a look at the table for each place that
-//! is asked for, and the passes over the pixels.
+//! of the Sun's colour; no light that dust scatters. Price: an evaluation of the table for each
+//! place that is asked for, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};

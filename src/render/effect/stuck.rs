@@ -5,9 +5,10 @@
 //! ```
 //!
 //! Reference: none but the definition; which pixels they are is drawn by the camera's serial
-//! number, or listed. Validity: single pixels, up to a tenth of the detector, that all give one
-//! digit and never change; pixels that blink or take several values, and columns that are stuck,
-//! are left out. Price: by their number.
+//! number, or listed.
+//! Validity: single pixels, up to a tenth of the detector, that all give one digit and never
+//! change; pixels that blink or take several values, and columns that are stuck, are left out.
+//! Price: by their number.
 
 use super::cause::counted;
 use super::{Effect, Loss, Need, Pass};

@@ -7,10 +7,12 @@
 //!
 //! with the irradiance E on the aperture and the point-source transmittance at the angle from the
 //! boresight (`camera::stray`); of the Earth the sum over patches of its lit disc. The Sun is never
-//! in the image: inside of its exclusion angle it fills all pixels. Reference: Breault 1995
-//! (Handbook of Optics, ch. 38). Validity: the same on all pixels, which is what a point-source
-//! transmittance speaks of; no ghosts, no glare around bright stars; at mid-exposure's attitude;
-//! the air's light counts as that of the ground below it. Price: the passes over the pixels.
+//! in the image: inside of its exclusion angle it fills all pixels.
+//! Reference: Breault 1995 (Handbook of Optics, ch. 38).
+//! Validity: the same on all pixels, which is what a point-source transmittance speaks of; no
+//! ghosts, no glare around bright stars; at mid-exposure's attitude; the air's light counts as that
+//! of the ground below it.
+//! Price: the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};

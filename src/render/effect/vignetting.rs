@@ -6,18 +6,17 @@
 //!
 //! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and what
 //! is assumed. Each sample of a track has the transmission of its own field angle, so that
-//! centroids and electrons are those of the light that passes. Validity: the spread of one image is
-//! dimmed as its middle is. Without it a source's light errs by what its own angle takes, and the
-//! centroid of a track of length L, whose light is between V_min and V_max, by the covariance of
-//! place and transmission over their mean, which Grüss 1935 (Mathematische Zeitschrift 39, 215)
-//! bounds:
+//! centroids and electrons are those of the light that passes.
+//! Validity: the spread of one image is dimmed as its middle is. Without it a source's light errs
+//! by what its own angle takes, and the centroid of a track of length L, whose light is between
+//! V_min and V_max, by the covariance of place and transmission over their mean, which Grüss 1935
+//! (Mathematische Zeitschrift 39, 215) bounds:
 //!
 //! ```text
 //! d = int V (x - <x>) dt / int V dt <= L (V_max - V_min) / (4 V_min)     (a third of it where V is linear and the speed even)
 //! ```
 //!
-//! Price: a few products, or the arc tangent of a
-//! table, each time a track is looked at.
+//! Price: a few products, or the arc tangent of a table, each time a track is looked at.
 
 use super::cause::digits;
 use super::{Effect, Loss, Need};
