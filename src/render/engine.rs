@@ -27,16 +27,16 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Room for a label's text, octets, as much as most ever have: it does not move to other memory
-/// where more is in view. What is not touched is not resident.
+/// Capacity of a label's text, bytes: more than most ever need, so that it is not reallocated.
+/// Untouched memory is not resident.
 const LABEL: usize = 2 << 20;
 
-/// How many times the limit a frame's work is estimated to be where it is refused before it begins.
-/// Else it is counted as it is done: of edges that do not cross the field, or are full of light,
-/// prices are some 12 times too high.
+/// A frame is refused before it begins if its estimated work is this many times the limit.
+/// Otherwise work is counted as it is done: estimates for edges that do not cross the field, or are
+/// full of light, are some 12 times too high.
 const SURELY: f64 = 40.0;
 
-/// Threads that are warmed up, of many the first few.
+/// Most threads that are warmed up.
 const LEADERS: usize = 4;
 
 /// The stars and the corrections of their directions.
@@ -84,23 +84,22 @@ pub struct Emulator {
     pub choice: Choice,
     /// Whether shots keep the expected electrons and the charge.
     pub keep_expected: bool,
-    /// The vector instructions that pixels are worked out with; none: one by one, pass by pass. All
-    /// give the same.
+    /// The vector instructions for pixels; none: one by one, pass by pass. All give the same.
     pub level: Option<Level>,
     /// Memory of earlier frames.
     memory: Memory,
-    /// And of an earlier label, its objects and its text.
+    /// Memory of an earlier label: its objects and its text.
     label: (Vec<ObjectLabel>, String),
-    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much
-    /// for smaller frames; none: anything.
+    /// Work limit of a frame, s on one core for each megapixel, and at least that for smaller
+    /// frames; none: unlimited.
     pub work_limit_s: Option<f64>,
-    /// Cancels the frame that is made, from another thread.
+    /// Cancels the current frame, from another thread.
     pub abort: Abort,
-    /// What labels say was done because a frame would have been late.
+    /// What was done because a frame would have been late, for labels.
     pub overrun: Option<&'static str>,
     next_frame: u32,
     rejected_records: u32,
-    /// When the ages of element sets were last looked at, and whether they have been told.
+    /// When the ages of element sets were last checked, and whether they have been reported.
     ages: (Option<Epoch>, bool),
 }
 
@@ -121,17 +120,17 @@ pub struct Shot {
     pub camera: Arc<Camera>,
     /// What its noise is keyed by.
     pub key: NoiseKey,
-    /// Objects that could not be shown because their orbit has no answer at this time.
+    /// Objects without an image because their orbit has no position at this time.
     pub unknown: Unknown,
     /// Objects of the population, wherever they are.
     pub population: usize,
-    /// Where most element sets are of another time and that has not been said before: their ages.
+    /// The ages of element sets, if most are of another time and that has not been reported before.
     pub old: Option<Ages>,
     /// From the vehicle's state to pixels and label.
     pub render_time: Duration,
 }
 
-/// What is known of a frame before its pixels are.
+/// What is known of a frame before its pixels.
 #[derive(Debug, Clone)]
 pub struct Opening {
     /// Number of the frame in the run, from 0.
@@ -147,7 +146,7 @@ pub struct Opening {
 }
 
 impl Shot {
-    /// What was known of it first.
+    /// What was known of it before its pixels.
     pub fn opening(&self) -> Opening {
         Opening {
             number: self.number,
@@ -159,17 +158,17 @@ impl Shot {
     }
 }
 
-/// Sees a frame while it is made, on whatever thread makes it.
+/// Observes a frame while it is made, on the thread that makes it.
 pub trait Witness: Sync {
-    /// The label is done.
+    /// The label is complete.
     fn labelled(&self, _: Opening) {}
 
-    /// Rows are done: the first pixel, row-major, and the digits from there on. Not called where
-    /// nothing is done before all is.
+    /// Rows are complete: the first pixel (row-major), and the pixel values from there on. Not
+    /// called if all rows complete together.
     fn developed(&self, _first: usize, _digits: &[u16]) {}
 }
 
-/// Nobody.
+/// Observes nothing.
 impl Witness for () {}
 
 impl Emulator {
@@ -201,7 +200,7 @@ impl Emulator {
         let (sky, population) = (setup.sky, setup.population);
         let camera = Arc::new(setup.camera);
         let band = &camera.optics.band;
-        // What a start takes longest for, side by side.
+        // The slowest parts of a start, in parallel.
         let (stars, ()) = rayon::join(
             || StarField::new(Catalog::embedded(sky.selection), band, sky.colour),
             || population.get_ready(),
@@ -239,18 +238,18 @@ impl Emulator {
         &self.world
     }
 
-    /// The camera, as it is set now.
+    /// The camera with its present settings.
     pub fn camera(&self) -> Arc<Camera> {
         self.camera.clone()
     }
 
-    /// The camera's settings, to be commanded. What a camera file may not have makes frames without
-    /// meaning, or [`Unobservable`], but no panic.
+    /// The camera's settings. Values that a camera file may not have give meaningless frames, or
+    /// [`Unobservable`], but no panic.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
     }
 
-    /// Whether there are objects to see, and so a position to see them from is needed.
+    /// Whether there are objects, which need an observer's position.
     pub fn has_objects(&self) -> bool {
         !self.world.population.objects().is_empty()
     }
@@ -270,16 +269,16 @@ impl Emulator {
         self.next_frame
     }
 
-    /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were
-    /// made of the same attitude message before; 0 gives the same noise again.
+    /// The frame of an exposure around `vehicle`'s epoch. `repeat`: how many frames were made of
+    /// the same attitude message before; the same number gives the same noise.
     ///
     /// Fails only where [`Emulator::scene`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
         self.shoot_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`. Fails
-    /// with [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
+    /// [`Emulator::shoot`] with other settings of the camera, observed by `witness`. Fails with
+    /// [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
     pub fn shoot_before(
         &mut self,
         witness: &dyn Witness,
@@ -287,11 +286,10 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
-        // What the log says of it is said on another thread.
+        // The log's span is carried to another thread.
         let span = tracing::Span::current();
         let made = crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)));
-        // A frame that is abandoned has a number, too: those of later frames do not depend on how
-        // far it came.
+        // An abandoned frame has a number too: later numbers do not depend on how far it came.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
         }
@@ -320,7 +318,7 @@ impl Emulator {
         let (objects, mut text) = std::mem::take(&mut self.label);
         text.clear();
         text.reserve(LABEL);
-        // The label first, by all threads: a frame's header tells how long it is, so that no packet
+        // The label first, on all threads: a frame's header contains its length, so no packet
         // leaves before. Then bands leave while others are rendered.
         let world = &self.world;
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
@@ -330,7 +328,7 @@ impl Emulator {
             drop(plan);
             return Err(scene.abandon());
         }
-        // Bounds in the label may have the images made once more.
+        // Bounds in the label may form the images once more.
         if scene.view.limit.is_exceeded() {
             return Err(scene.view.too_much(self.limit_s(camera)?));
         }
@@ -360,16 +358,16 @@ impl Emulator {
         })
     }
 
-    /// Makes frames that nobody sees, so that the first one that counts finds what others find:
-    /// orbits between whose knots it lies, memory, threads. Of these each takes the lead, the first
-    /// few, with the others and alone: who does later, and who has the time to help, is chance, and
-    /// the memory for that is there then. With the others first: the orbits get ready in the first.
+    /// Makes and discards frames, so that the first real one finds orbit tracks, memory and threads
+    /// ready. Each of the first few threads leads one frame with the others and one alone, because
+    /// later any thread may lead, with or without help. With the others first: the orbits are
+    /// prepared in the first.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
         let leads = leaders.flat_map(|leader| [(leader, false), (leader, true)]);
         for (repeat, (leader, alone)) in (0..).zip(leads) {
-            // Not the run's first: its plan is logged.
+            // Not number 0, whose plan is logged.
             self.next_frame = next_frame.max(1);
             let shot = crew::led_by(leader, alone, || self.shoot(vehicle, repeat));
             if let Some(Ok(shot)) = shot {
@@ -380,22 +378,22 @@ impl Emulator {
         rayon::broadcast(|thread| (thread.index() < LEADERS).then(reserve));
     }
 
-    /// Takes a shot back that is not needed any more: the next is made in its memory.
+    /// Reuses the memory of a shot for the next.
     pub fn take_back(&mut self, shot: Shot) {
         self.recycle(shot.frame);
-        // Whoever still reads the text keeps it.
+        // A text that is still in use is not reused.
         let text = Arc::into_inner(shot.json).unwrap_or_default();
         let mut objects = shot.label.objects.sources;
         objects.clear();
         self.label = (objects, text);
     }
 
-    /// Likewise a frame alone.
+    /// Reuses the memory of a frame.
     pub fn recycle(&mut self, frame: Frame) {
         self.memory.recycle(frame);
     }
 
-    /// The ages of element sets, where most are of another time: told once, and asked again after
+    /// The ages of element sets, if most are of another time: reported once, checked again after
     /// each day of the scene's time.
     fn old(&mut self, at: Epoch) -> Option<Ages> {
         let (asked, told) = self.ages;
@@ -408,12 +406,10 @@ impl Emulator {
         ages
     }
 
-    /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice`
-    /// allows.
+    /// The scene of an exposure around `vehicle`'s epoch, with the effects that `choice` allows.
     ///
-    /// Fails only where [`build_view`] does, and where the work exceeds [`Emulator::work_limit_s`].
-    /// Where area light fills every pixel, a frame that would exceed it is made as if nothing
-    /// moved.
+    /// Fails if [`build_view`] does, and if the work exceeds [`Emulator::work_limit_s`]. If area
+    /// light fills every pixel, a frame over the limit is made as if nothing moved.
     pub fn scene(
         &self,
         camera: &Arc<Camera>,
@@ -454,8 +450,8 @@ impl Emulator {
             if view.still_in_flood || view.limit.is_cancelled() {
                 return Err(too_much);
             }
-            // Where light fills every pixel nobody sees what moves, but in the expected electrons
-            // of a frame without noise.
+            // If light fills every pixel, motion does not show, except in the expected electrons of
+            // a frame without noise.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
             if !choice.noise || !is_flooded(&view, &allowed(choice), fidelity) {
@@ -465,8 +461,7 @@ impl Emulator {
         }
     }
 
-    /// What a frame may cost, s on one core. Fails where the search for the objects in the field
-    /// costs more.
+    /// The work limit of a frame, s on one core. Fails if the search for objects exceeds it.
     fn limit_s(&self, camera: &Camera) -> Result<Option<f64>, Unobservable> {
         let Some(limit_s) = self.work_limit_s else {
             return Ok(None);
@@ -484,8 +479,8 @@ impl Emulator {
         })
     }
 
-    /// What is too faint for an image: what is lost in read noise and in the steps of the
-    /// converter, but nothing that labels are to list.
+    /// Limits of images: sources that are lost in read noise and quantisation, unless labels list
+    /// them.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
         let read_e = allowed(choice).only_with(EffectId::ReadNoise, camera.detector.read_noise_e);
         Faint {
@@ -501,17 +496,16 @@ impl Emulator {
         &self.fidelity
     }
 
-    /// Renders by other tolerances from the next frame on, each brought into its range
+    /// Sets the tolerances from the next frame on, each limited to its range
     /// ([`Fidelity::within_ranges`]).
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
     }
 }
 
-/// Allocates memory on this thread, touches it and frees it, as real-time programs do before they
-/// begin. The allocator keeps it for a frame with more in view than any before: in glibc the freed
-/// block of 4 MiB raises the sizes from which memory goes back to the system to 4 and 8 MiB
-/// (`M_MMAP_THRESHOLD` and `M_TRIM_THRESHOLD` in mallopt(3)).
+/// Allocates memory on this thread, touches it and frees it. The allocator keeps it for frames with
+/// more in view: in glibc a freed block of 4 MiB raises the thresholds for returning memory to the
+/// system to 4 and 8 MiB (`M_MMAP_THRESHOLD` and `M_TRIM_THRESHOLD` in mallopt(3)).
 fn reserve() {
     const LARGE: [usize; 6] = [4096, 2048, 1024, 512, 256, 128];
     const SMALL: [usize; 64] = [64; 64];

@@ -1,10 +1,10 @@
 //! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot
 //! fail.
 //!
-//! A band's charge stays in a core's second-level cache from the first light to the digits, and
-//! passes that work on single pixels go over it together, run by run, each in the first-level
-//! cache. Only a pass that needs the whole frame, or a caller who wants to keep the charge, has it
-//! written out. A frame in the memory of one of its shape asks for none.
+//! A band's charge stays in a core's second-level cache from the first light to the pixel values.
+//! Passes on single pixels work on it together, run by run, in the first-level cache. It is written
+//! out only for a pass on the whole frame, or if the caller keeps the charge. A frame reuses the
+//! memory of one of its shape.
 
 use crate::effect::{EFFECTS, Pass, Stage, Verdict};
 use crate::frame::{Charge, Frame, Memory, Tile};
@@ -22,16 +22,15 @@ pub const BAND_ROWS: usize = 32;
 const RUN: usize = 2048;
 
 thread_local! {
-    /// What a thread has a band's charge in, e-.
+    /// A thread's buffer for a band's charge, e-.
     static CHARGE: Cell<Vec<f32>> = const { Cell::new(Vec::new()) };
 }
 
 /// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass
-/// over the whole frame, on one thread. Pixels depend neither on that nor on bands, runs and the
-/// number of threads. `keep` keeps the expected electrons and the charge too. The frame is made in
-/// `memory`, which keeps what the frame is not given. `done` sees the digits of each band and its
-/// first pixel, on the thread that made it, from the top row on but for what several threads have
-/// under way; where nothing is done before all is, it sees nothing.
+/// over the whole frame, on one thread. Pixels depend neither on that nor on bands, runs and
+/// threads. `keep` also keeps the expected electrons and the charge. The frame is made in `memory`.
+/// `done` gets the first pixel and the values of each band, on the thread that made it, roughly
+/// from the top row on; it is not called if all bands complete together.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
@@ -83,8 +82,8 @@ pub fn render(
     frame
 }
 
-/// Makes it as long as the frame has pixels; a cancelled frame's stays shorter. A page of new
-/// memory takes 1 us, those of a large frame 100 ms.
+/// Resizes it to the frame's pixels; a cancelled frame's stays shorter. A page of new memory takes
+/// 1 us, those of a large frame 100 ms.
 fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     const PIECE: usize = 1 << 20;
     let pixels = scene.view.camera.detector.pixels();
@@ -95,7 +94,8 @@ fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     }
 }
 
-/// The passes of `steps` that run, in `room`: of area sources one, `together`, where they all do.
+/// The passes of `steps` that run, in `room`; `together` in place of those of area sources, if all
+/// of them run.
 fn running<'r, 'a, 's>(
     steps: &'a [Step<'s>],
     scene: &Scene,
@@ -125,7 +125,7 @@ fn running<'r, 'a, 's>(
     &room[..count]
 }
 
-/// All passes, band by band, each on charge of its own.
+/// All passes, band by band, each band with a buffer of its own.
 fn bands(
     scene: &Scene,
     digits: &mut [u16],
@@ -135,8 +135,8 @@ fn bands(
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
-    // Each thread takes the next band from the top: what is done is a whole upper part of the
-    // frame, which can leave.
+    // Each thread takes the next band from the top, so that the upper part of the frame completes
+    // first and can leave.
     let left = Mutex::new(digits.chunks_mut(band).enumerate());
     let next = || {
         let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
@@ -165,7 +165,7 @@ fn bands(
         });
 }
 
-/// Passes over bands go together, band by band, up to a pass that needs the whole frame.
+/// Passes over bands run together, band by band, up to a pass on the whole frame.
 fn run(
     passes: &[&Pass<'_>],
     scene: &Scene,
@@ -204,7 +204,7 @@ fn run(
     }
 }
 
-/// Takes a band through `passes`.
+/// Applies `passes` to a band.
 fn go_over(band: &mut Tile<'_>, passes: &[&Pass<'_>]) {
     for group in passes.chunk_by(|a, b| is_of_pixels(a) && is_of_pixels(b)) {
         match group {

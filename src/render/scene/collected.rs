@@ -24,6 +24,7 @@ impl Collected {
     /// ```text
     /// light = sum w f,   centre = sum w (x f, y f + sum_open (r - y) s_r - f sum_all (r - y) s_r) / light
     /// ```
+    ///
     /// with the share s_r of a row. The last term removes the effect of pixels on the centre of a
     /// fully lit image.
     pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, shine: &Light) -> Collected {

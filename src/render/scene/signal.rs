@@ -4,6 +4,7 @@
 //! snr^2 = sum S^2 / V    over the pixels: the best that any weighting of them can reach
 //! S = c(s + b) - c(b),   V = c'(s + b)^2 (s + b) + read^2 + gain^2 / 12
 //! ```
+//!
 //! with the light s and the background b (area light, dark charge, trail of frame transfer, e-) of
 //! the pixel with its response, and the curve c of its amplifier. Pixels that are dead, stuck or
 //! full in expectation do not count.

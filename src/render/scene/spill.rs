@@ -1,10 +1,12 @@
 //! Where pixels fill up, and where charge spills.
+//!
 //! Of charge q >= 0 added to a column, a pixel shows its own, and what full neighbours pass on. A
 //! full run of pixels passes on no more than was added to it. With n full pixels of full well W:
 //!
 //! ```text
 //! change <= min(W + 1, q own + sum of q over n pixels),   n <= charge of the column / W
 //! ```
+//!
 //! It is monotonic: the same bounds what is removed, and the greater of both bounds a mixture.
 
 use super::effect_set::EffectId;

@@ -4,6 +4,7 @@
 //! ```text
 //! N_xy <- N_xy + (t_row / t_int) sum_y' N_xy'
 //! ```
+//!
 //! At the last frame's transfer a pixel's charge passed all rows on one side of it; after the
 //! exposure it passes all rows on the other side. Together it passes every row of its column once,
 //! each for t_row. The scene is assumed to stand still: a row's light has its mean rate over the

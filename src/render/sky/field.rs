@@ -1,13 +1,13 @@
-//! Who of a whole catalogue is in the field: a test of directions and distances alone, before
-//! anything is known of light.
+//! Candidates of a whole catalogue in the field: a test of directions and distances, before any
+//! photometry.
 //!
 //! ```text
-//! every object:  in the cone around the field? -> in the field? -> behind the Earth? -> near enough to be seen at all?
-//! who is left:   apparent directions, shadow, brightness (population::see)
+//! every object:  in the cone? -> in the field? -> behind the Earth? -> bright enough?
+//! the rest:      apparent directions, shadow, brightness (`propagate`)
 //! ```
 //!
-//! All bounds lie on the safe side: whoever might be seen at any time of the exposure is left. It
-//! is done where the orbits are given, in TEME and km: turning the observer is cheaper than turning
+//! All bounds are on the safe side: every object that might be seen during the exposure remains.
+//! The test is in TEME and km, as the orbits are: rotating the observer is cheaper than rotating
 //! the catalogue.
 
 use super::apparent::Observer;
@@ -21,21 +21,20 @@ use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
 use std::f64::consts::PI;
 
-/// Nearer than this (m) an object is the observer's own vehicle.
+/// An object nearer than this is the observer's own vehicle, m.
 pub const OWN_VEHICLE_M: f64 = 1.0;
 
-/// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which
-/// neither observers nor objects exceed, rounded up.
+/// Bound of light time and aberration on a direction, rad: 100 km/s over c each, which neither
+/// observers nor objects exceed, rounded up.
 const WANDER: f64 = 7e-4;
-/// A sphere that is inside the Earth everywhere, km: the polar radius.
+/// Radius of a sphere inside the Earth, km: the polar radius.
 const EARTH_KM: f64 = 6356.7;
-/// The way of light in a second, km.
+/// Speed of light, km/s.
 const LIGHT_KM_S: f64 = LIGHT_M_S * 1e-3;
-/// What rounding may add to a distance, km.
+/// Rounding error of a distance, km.
 const ROUNDING_KM: f64 = 1e-3;
 
-/// What is looked for: a cone around the boresight, or of that what lies within some planes, during
-/// an exposure.
+/// The field during an exposure: a cone around the boresight, or its part within some planes.
 #[derive(Debug, Clone, Copy)]
 pub struct Field<'a> {
     /// The boresight, unit vector, ICRF.
@@ -51,8 +50,8 @@ pub struct Field<'a> {
     pub reach_m: f64,
 }
 
-/// What bounds an object's reflective area: what stands before the diffuse phase function, m^2, and
-/// what is the same at all phases, m^2/sr.
+/// Bound of an object's reflective area: the factor of the diffuse phase function, m^2, and the
+/// part for all phases, m^2/sr.
 #[derive(Debug, Clone, Copy)]
 pub struct Bright {
     diffuse: f32,
@@ -60,13 +59,13 @@ pub struct Bright {
 }
 
 impl Bright {
-    /// Of an object that may be as bright as any.
+    /// No bound.
     pub const ANY: Bright = Bright {
         diffuse: 0.0,
         specular: f32::INFINITY,
     };
 
-    /// Of a sphere, rounded up.
+    /// The bound of a sphere, rounded up.
     pub fn of(sphere: &Sphere) -> Bright {
         let [diffuse, specular] = sphere.parts();
         Bright {
@@ -75,16 +74,16 @@ impl Bright {
         }
     }
 
-    /// m^2/sr at a phase angle (rad).
+    /// The reflective area at a phase angle (rad), m^2/sr.
     fn reflective_area(&self, phase: f64) -> f64 {
         f64::from(self.diffuse) * diffuse_phase(phase) + f64::from(self.specular)
     }
 }
 
-/// Why an object before the camera needs no closer look.
+/// Why an object in the field is not seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Unseen {
-    /// The Earth is before it all the time.
+    /// It is behind the Earth all the time.
     BehindEarth,
     /// Even in full light it is lost in noise.
     TooFaint,
@@ -95,15 +94,15 @@ impl Field<'_> {
         (self.shutter[2].epoch - self.shutter[0].epoch).to_seconds()
     }
 
-    /// Whether an object with that state at mid-exposure (GCRF) may stand in the field at some time
-    /// of the exposure.
+    /// Whether an object with that state at mid-exposure (GCRF) may be in the field at some time of
+    /// the exposure.
     pub fn may_hold(&self, state: &StateVector) -> bool {
         let mid = &self.shutter[1];
         let line = state.position_m - mid.position_m;
         let range = line.norm();
-        // From mid-exposure to either end the line turns by no more than asin(w / range) on a way
-        // w; by up to half a turn where w is longer. Pi w / range is above both, with room for a
-        // way that bends.
+        // From mid-exposure to either end, on a path w, the line turns by at most asin(w / range),
+        // or half a turn if w is longer. Pi w / range exceeds both, with a margin for a curved
+        // path.
         let way = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
         let sweep = PI * way / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
@@ -115,8 +114,8 @@ impl Field<'_> {
             })
     }
 
-    /// The sides' inward normals, and the least product with them of a direction (unit vector,
-    /// ICRF, mid-exposure) that may come to stand between the sides though it stands still.
+    /// The sides' inward normals, and the least product with them of a fixed direction (unit
+    /// vector, ICRF) that may be between the sides during the exposure.
     pub fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
             let beyond = (side.beyond + WANDER).min(PI / 2.0);
@@ -125,8 +124,8 @@ impl Field<'_> {
         sides.collect()
     }
 
-    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each
-    /// object what bounds its light.
+    /// The test of a catalogue in TEME; `rotation` is TEME to GCRF, `bright` bounds each object's
+    /// light.
     pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [Bright]) -> Test<'a> {
         let mid = &self.shutter[1];
         let to_teme = rotation.transpose();
@@ -159,25 +158,24 @@ impl Field<'_> {
 /// The test of a block of a catalogue, TEME.
 pub struct Test<'a> {
     sun_km: Vector3<f64>,
-    /// Around the field, from the observer, and what object and observer may move by, each or
-    /// together.
+    /// The cone around the field, and how far object and observer may move.
     cone: Cone,
-    /// Normals of the planes around the field, and sines of how far beyond them it reaches.
+    /// Normals of the planes around the field, and sines of how far it extends beyond them.
     sides: Vec<(Vector3<f64>, f64)>,
-    /// What lies nearer to the Earth's centre is inside it; 0 where it hides nothing.
+    /// Radius of the occulting Earth; 0 if it hides nothing.
     earth_km: f64,
     reach_km: f64,
     bright: &'a [Bright],
 }
 
-/// What the test finds of an object of the catalogue, by its number there.
+/// The result of the test for an object, by its number in the catalogue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Found {
     /// It may be seen.
     Candidate(u32),
-    /// It is before the camera, and not seen.
+    /// It is in the field, and not seen.
     Unseen(u32, Unseen),
-    /// It has no position: the code of SGP4's failure.
+    /// It has no position; SGP4's error code.
     Failed(u32, u8),
 }
 
@@ -220,9 +218,8 @@ impl Look for Test<'_> {
 }
 
 impl Test<'_> {
-    /// What is found of one object of that state (TEME), with that bound of its light: whether it
-    /// is before the camera, and why it needs no closer look. One that is faster than whatever the
-    /// Earth holds needs it in any case.
+    /// The result for one object by its state (TEME) and the bound of its light: none if it is not
+    /// in the field, else why it is not seen. An object faster than any bound orbit always remains.
     pub fn judge(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
         if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
             return Some(Ok(()));
@@ -235,13 +232,13 @@ impl Test<'_> {
         }
     }
 
-    /// The same of one who is in the cone.
+    /// The same for an object in the cone.
     fn within(&self, place_km: &[f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
         let observer = Vector3::from(self.cone.apex_km());
         let line = Vector3::from(*place_km) - observer;
         let range = line.norm();
-        // Who is `b` beyond a plane at distance r is r sin b below it; whoever moves by w may have
-        // been further away, too.
+        // An object `b` rad beyond a plane at distance r is r sin b below it; if it moves by w it
+        // may have been further away, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
             line.dot(inward) >= -(range + self.cone.way_km) * sin - self.cone.way_km
         };
@@ -259,7 +256,7 @@ impl Test<'_> {
         let observer = Vector3::from(self.cone.apex_km());
         // The point of the line of sight that is nearest to the Earth's centre.
         let part = (-observer.dot(line) / (range * range)).clamp(0.0, 1.0);
-        // The object stands where it was when the light left.
+        // The object appears where it was when the light left.
         let light_km = FASTEST_KM_S * range / LIGHT_KM_S;
         if (observer + line * part).norm() < self.earth_km - light_km {
             return Some(Unseen::BehindEarth);

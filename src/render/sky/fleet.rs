@@ -1,5 +1,4 @@
-//! A population under way: its orbits carried from frame to frame, and who of it comes before a
-//! camera.
+//! The orbits of a population from frame to frame, and which objects a camera sees.
 
 use super::apparent::Corrections;
 use super::field::{Bright, Field, Found, Unseen};
@@ -13,16 +12,16 @@ use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Who is before a camera during an exposure.
+/// The objects before a camera during an exposure.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// Who may be seen, in the population's order.
+    /// The objects that may be seen, in the population's order.
     pub objects: Vec<Arc<SeenObject>>,
-    /// Who is not, by their indices, and why; in the same order.
+    /// Indices of those that are not, and why; in the same order.
     pub unseen: Vec<(usize, Unseen)>,
-    /// How many have no position at this time, in the whole population.
+    /// Number of objects of the population without a position at this time.
     pub unknown: usize,
-    /// Why, of those of whom that has not been said before.
+    /// Why, for each object once.
     pub news: Vec<OrbitError>,
 }
 
@@ -33,14 +32,13 @@ const SOLE: u32 = u32::MAX;
 #[derive(Debug)]
 pub struct Fleet {
     tracks: Tracks,
-    /// Whose element set each of the tracks has: an object's index, and the number of the set among
-    /// that object's, or [`SOLE`].
+    /// The element set of each track: an object's index, and the number of its set, or [`SOLE`].
     sets: Vec<(u32, u32)>,
-    /// What bounds each one's light.
+    /// Bound of each track's light.
     bright: Vec<Bright>,
-    /// Those that have no track.
+    /// Objects without a track.
     others: Vec<u32>,
-    /// Of whom it has been said that they have no position.
+    /// Objects reported as without a position.
     told: HashSet<u32>,
 }
 
@@ -58,8 +56,8 @@ impl Fleet {
                 elements.push(*set);
             }
         }
-        // Whatever was read from a file starts; if some other set does not, the scalar model says
-        // of whom and why.
+        // Sets read from files initialise. If another set does not, the scalar model reports which
+        // and why.
         let tracks = Tracks::new(&elements).unwrap_or_default();
         let mut others = Vec::new();
         if tracks.is_empty() {
@@ -79,15 +77,15 @@ impl Fleet {
         }
     }
 
-    /// Octets of memory that they take.
+    /// Bytes of memory that they take.
     pub fn octets(&self) -> usize {
         self.tracks.octets()
             + self.sets.capacity() * size_of::<(u32, u32)>()
             + self.bright.capacity() * size_of::<Bright>()
     }
 
-    /// Who of `population`, whose orbits these are, may be in the field, seen or not, by their
-    /// indices; and why others have no position, of those of whom that has not been said before.
+    /// Indices of the objects that may be in the field, seen or not; and why others have no
+    /// position, each once.
     pub fn before(
         &mut self,
         population: &Objects,
@@ -110,7 +108,7 @@ impl Fleet {
         (all, self.news(population, field, &tested.failed))
     }
 
-    /// What the field's test finds of the tracks.
+    /// The result of the field's test for the tracks.
     fn tested(
         &mut self,
         population: &Objects,
@@ -143,7 +141,7 @@ impl Fleet {
         tested
     }
 
-    /// Why these have no position at mid-exposure, of those of whom that has not been said before.
+    /// Why these have no position at mid-exposure, each object once.
     fn news(
         &mut self,
         population: &Objects,
@@ -156,7 +154,7 @@ impl Fleet {
         new.map(why).collect()
     }
 
-    /// Who of `population`, whose orbits these are, comes before the camera.
+    /// The objects of `population` that the camera sees.
     pub fn look(
         &mut self,
         population: &Objects,
@@ -207,12 +205,12 @@ impl Fleet {
     }
 }
 
-/// What the field's test finds of the tracks, by objects' indices.
+/// The result of the field's test, by objects' indices.
 #[derive(Default)]
 struct Tested {
-    /// With the number of the track.
+    /// With the track's number.
     near: Vec<(u32, Option<u32>)>,
     unseen: Vec<(usize, Unseen)>,
-    /// With the code of the failure.
+    /// With SGP4's error code.
     failed: Vec<(u32, u8)>,
 }

@@ -16,16 +16,16 @@ use std::sync::Arc;
 pub struct Objects {
     all: Vec<Object>,
     sphere: Sphere,
-    /// What is known of some, each once.
+    /// The known looks, each once.
     looks: Vec<Look>,
-    /// Which of them is an object's; [`PLAIN`] of all others.
+    /// Each object's look; [`PLAIN`] if unknown.
     look_of: Vec<u32>,
 }
 
-/// What is known of objects, by their ids.
+/// The looks of objects, by their ids.
 pub type Looks = BTreeMap<String, Look>;
 
-/// What an object looks like.
+/// The reflectance of an object.
 #[derive(Debug, Clone)]
 pub enum Look {
     /// The same from all sides.
@@ -48,7 +48,7 @@ pub struct SeenObject {
     pub phase: f64,
     /// Part of the Sun's disc that lights it, 0..1.
     pub illumination: f64,
-    /// Whether the Earth stands before it.
+    /// Whether the Earth occults it.
     pub occulted: bool,
     /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the
     /// exposure.
@@ -58,11 +58,11 @@ pub struct SeenObject {
 /// The observer at an exposure's start, mid and end.
 pub type Shutter = [Observer; 3];
 
-/// The look of an object of which nothing is known: the population's sphere.
+/// The look of an object without a known one: the population's sphere.
 const PLAIN: u32 = u32::MAX;
 
 impl Objects {
-    /// Objects; `looks` of some, by their ids; and what stands for all others.
+    /// Objects, the `looks` of some by their ids, and a sphere for all others.
     pub fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
         let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
         // The ids of a map are sorted.
@@ -95,14 +95,13 @@ impl Objects {
         self.all.iter().map(of).sum::<usize>() + looks + look_of
     }
 
-    /// What is known of the object of that index.
+    /// The known look of an object.
     fn look_at(&self, index: usize) -> Option<&Look> {
         let look = self.look_of.get(index)?;
         self.looks.get(*look as usize)
     }
 
-    /// What bounds the light of the object of that index; that of a body depends on how it is
-    /// turned.
+    /// Bound of the light of an object; a body's depends on its attitude.
     pub fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),
@@ -111,10 +110,9 @@ impl Objects {
         }
     }
 
-    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar
-    /// SGP4; `earth` is that of mid-exposure.
-    ///
-    /// Errors: its orbit has no answer.
+    /// An object as it is seen during an exposure, anywhere, by the scalar SGP4; `earth` is that of
+    /// mid-exposure.
+    /// Fails if its orbit has no position then.
     pub fn see(
         &self,
         index: usize,
@@ -128,7 +126,7 @@ impl Objects {
         Ok(self.lit(index, earth, shutter, corrections, seen))
     }
 
-    /// The object of that index and its light, as it appears at the exposure's start, mid and end.
+    /// An object and its light, as it appears at the exposure's start, mid and end.
     pub fn lit(
         &self,
         index: usize,

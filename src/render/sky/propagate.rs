@@ -1,8 +1,6 @@
-//! The closer look at those who may be in the field: where they are exactly, and the light of who
-//! is there.
+//! Exact propagation and photometry of the candidates in the field.
 //!
-//! Orbits are asked for some dozens of objects at a time, which takes a fraction of what one by one
-//! does.
+//! Dozens of objects are propagated at a time, which is several times faster than one by one.
 
 use super::apparent::{Corrections, apparent_object};
 use super::field::{Field, Test, Unseen};
@@ -14,26 +12,25 @@ use skyloop_orbit::tracks::Tracks;
 use skyloop_orbit::{OrbitError, StateVector, frames};
 use std::sync::Arc;
 
-/// Objects that are looked at together.
+/// Objects that are propagated together.
 pub const TASK: usize = 64;
 
-/// Exposures up to this (s) are short enough for one rotation from TEME to GCRF: what it turns by
-/// in half of that is 4e-11 rad.
+/// Longest exposure with one rotation from TEME to GCRF, s: in half of that it turns by 4e-11 rad.
 const SHORT_S: f64 = 10.0;
 
-/// All that such a look needs.
+/// The inputs of a propagation.
 pub struct Propagation<'a> {
     pub population: &'a Objects,
     pub field: &'a Field<'a>,
     pub test: Test<'a>,
     pub at: &'a Instants,
-    /// None where the scalar model is to say it all.
+    /// None for the scalar model.
     pub tracks: Option<&'a Tracks>,
     pub earth: Earth,
     pub corrections: &'a Corrections,
 }
 
-/// What it finds.
+/// The result for an object.
 pub enum Close {
     Seen(Arc<SeenObject>),
     /// The object's index, and why.
@@ -42,16 +39,16 @@ pub enum Close {
     Failed(u32, OrbitError),
 }
 
-/// An object, by its index, and the number of its track, if it has one.
+/// An object's index, and the number of its track, if it has one.
 pub type Near = (u32, Option<u32>);
 
-/// What light takes over 3000 km, s.
+/// Light time over 3000 km, s.
 const EARLIER_S: f64 = 0.01;
-/// What a way in that time may differ by within an exposure, m; more is a jump.
+/// Greatest change of the path in that time within an exposure, m; more is a jump.
 const JUMP_M: f64 = 0.01;
 
 impl Propagation<'_> {
-    /// What is found of these.
+    /// The results for these objects.
     pub fn look(&self, near: &[Near]) -> Vec<Close> {
         let mut found = Vec::with_capacity(near.len());
         let (mut tracked, mut tracks_of) = (Vec::new(), Vec::new());
@@ -84,8 +81,8 @@ impl Propagation<'_> {
         found
     }
 
-    /// What is found of the object of that index, if he is in the field, by his states (TEME) at
-    /// the exposure's start, mid and end, and, where light takes time, by [`EARLIER_S`] earlier.
+    /// The result for an object, if it is in the field, from its states (TEME) at the exposure's
+    /// start, mid and end, and with light time also [`EARLIER_S`] earlier.
     fn placed(
         &self,
         index: u32,
@@ -116,7 +113,7 @@ impl Propagation<'_> {
         Some(Close::Seen(Arc::new(seen)))
     }
 
-    /// The same of one without a track, who has not been tested yet.
+    /// The same for an object without a track, which has not been tested yet.
     fn alone(&self, index: u32) -> Option<Close> {
         let (population, shutter) = (self.population, self.field.shutter);
         let mid = shutter[1].epoch;
@@ -141,11 +138,11 @@ impl Propagation<'_> {
     }
 }
 
-/// The states `then`, by [`EARLIER_S`] before those of `now`; where the model jumps in that time,
-/// what they would be if it did not: light that takes longer must not multiply the jump.
+/// The states `then`, [`EARLIER_S`] before `now`, corrected for jumps of the model in that time: a
+/// longer light time must not multiply a jump.
 fn smooth(now: &[StateVector; 3], then: [StateVector; 3]) -> [StateVector; 3] {
-    // By how much the way differs from what the velocities say: SGP4's are not the derivative of
-    // its positions, by the same all through an exposure.
+    // Difference of the path from the velocities. SGP4's velocities are not the derivative of its
+    // positions; the difference is constant over an exposure.
     let off = [0, 1, 2].map(|k: usize| {
         let mean_m_s = (now[k].velocity_m_s + then[k].velocity_m_s) / 2.0;
         now[k].position_m - then[k].position_m - mean_m_s * EARLIER_S

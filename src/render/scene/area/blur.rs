@@ -4,6 +4,7 @@
 //! ```text
 //! N_xy <- sum_ij K_ij N_(x-i)(y-j),   sum K = 1
 //! ```
+//!
 //! K is the spread of a point in the middle of a pixel over the pixels around it, without the
 //! pixel's own width, of the Sun's colour, in the middle of a patch of the detector. Even light
 //! does not change. Wings reach as far as they matter, at most [`FURTHEST`] pixels; the light
@@ -81,6 +82,7 @@ impl<'a> Blur<'a> {
 
     /// The spread in the patch from a column and a row on, row by row, mirrored: it is applied
     /// where light arrives.
+    ///
     /// A point's share S of each pixel contains the pixel's width, and so does the light that it is
     /// applied to. It is taken out to second order, `K = S - S'' / 24` along columns and along
     /// rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is padded with zeros.

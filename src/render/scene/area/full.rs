@@ -4,6 +4,7 @@
 //! ```text
 //! responds * sum over sources of N_xy > 2 (2 full well + 100)
 //! ```
+//!
 //! at all corners of a cell and of those around it, as far as light is spread and moves during the
 //! exposure.
 

@@ -51,6 +51,7 @@ impl<'a> Plane<'a> {
 
     /// The direction of a place (unit vector, camera axes), and the light (sr) that its pixel gets
     /// of a sky of radiance 1.
+    ///
     /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. In general
     /// the pixel has its own solid angle ([`Projection::solid_angle`]), and vignetting applies as
     /// to stars. `cos^4` is the law of an evenly bright scene and includes the solid angle.

@@ -1,5 +1,6 @@
 //! How images differ from those with other effects: bounds for all, the true difference for those
 //! that matter.
+//!
 //! The change of every source is bounded first (`image`). Where the bounds add up to most, the
 //! greatest of them are replaced: the other image is formed, and both are compared pixel by pixel.
 //! `points` chooses the cells, until the bounds are no more than the known changes. The number of

@@ -1,4 +1,5 @@
 //! Bounds of the change of one image without an effect that shapes it.
+//!
 //! A source's light on a pixel changes by no more than what it is there with or without the effect.
 //! If the image moves by d, or is spread a little further, the steepest slope and the strongest
 //! bend of a Gaussian of width s and height N bound the change:
@@ -6,6 +7,7 @@
 //! ```text
 //! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
 //! ```
+//!
 //! Spreads given as images have their own peak, slope and kinks (`Relief`). An image centred r
 //! outside of the detector has the slope `N r / s^2` and the bend `N r^2 / s^4` at its edge. Wings
 //! end at whole pixels, and the light at their edge comes and goes; so do sources that touch the

@@ -1,5 +1,6 @@
 //! Full wells: pixels show no more of a change than they hold; where charge spills along a column,
 //! the change also shows elsewhere.
+//!
 //! Columns that may fill up are few: their charge is computed pixel by pixel, with an effect and
 //! without it. Elsewhere a pixel shows its own change.
 
