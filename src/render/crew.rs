@@ -6,38 +6,36 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Does `work` on a thread of the pool, while another stays awake to share it, and of more some;
-/// when it is done they have finished what else they began.
-///
-/// A frame has a dozen parts that are shared out, with others between them. A thread that goes to
-/// sleep in between takes up to a millisecond to wake: of a frame of 200,000 objects every 0.1 s
-/// all threads but one would sleep through most.
+/// Does `work` on a thread of the pool, while some others stay awake to share it; when it is done
+/// they have finished what they began.
+/// A frame has a dozen parallel parts with serial ones between them. A thread that sleeps in
+/// between takes up to a millisecond to wake: in a frame of 200,000 objects every 0.1 s all threads
+/// but one would sleep through most.
 pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     let done = AtomicBool::new(false);
     rayon::scope(|scope| {
-        // These tasks lie before any that the work hands out, and other threads take the first
-        // before the later: whoever waits for a part of the work, which another thread has taken,
-        // does not come upon one of them, and so does not wait for himself.
+        // These tasks are queued before any of the work's own, and other threads take the first
+        // ones first. So a thread that waits for a part of the work does not pick one of these up,
+        // which would wait for itself.
         for _ in 1..rayon::current_num_threads() {
             scope.spawn(|_| stay(&done));
         }
-        // Of work that panics, too.
+        // Also if the work panics.
         let _done = WhenDropped(&done);
         work()
     })
 }
 
-/// Does `work` on this thread of the pool, of those from 0 on, while others share it or, where it
-/// is done `alone`, do nothing; nothing if there is none of that number. One at a time: alone it
-/// waits for all threads.
+/// Does `work` on the pool's thread of that number, from 0, while others share it or, if `alone`,
+/// do nothing. None if there is no such thread. One call at a time: alone it waits for all threads.
 pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
     let threads = rayon::current_num_threads();
     if leader >= threads {
         return None;
     }
     let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
-    // Whoever comes later could take up a part of the work first, and then wait in the midst of it
-    // for its end.
+    // A thread that came later could take up a part of the work, and then wait within it for its
+    // end.
     let all_here = Barrier::new(threads);
     let led = rayon::broadcast(|thread| {
         if alone {
@@ -56,7 +54,7 @@ pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Se
     led.into_iter().flatten().next()
 }
 
-/// Without work for so long a thread goes to sleep after all: longer than between two parts of most
+/// A thread without work for this long sleeps after all: longer than between two parts of most
 /// frames.
 const PATIENCE: Duration = Duration::from_micros(500);
 

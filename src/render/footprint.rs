@@ -35,7 +35,7 @@ pub struct Wings {
 }
 
 impl Wings {
-    /// Those of both.
+    /// The greater of both.
     fn and(&self, other: &Wings) -> Wings {
         Wings {
             drawn_px: self.drawn_px.max(other.drawn_px),
@@ -44,8 +44,8 @@ impl Wings {
     }
 }
 
-/// Light (e-) that counts for nothing: its shares are near what is too small for single precision,
-/// where processors are slow.
+/// Light that is ignored, e-: its shares are near the subnormal numbers of single precision, which
+/// are slow.
 const LEAST_E: f64 = 1e-20;
 
 /// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds,
@@ -58,8 +58,8 @@ pub const DOT_NS: f64 = 25.0;
 /// ns of each pixel around it.
 pub const LAID_NS: f64 = 0.3;
 
-/// The spans of rows that are `reached` from a column up to another, one after another on a
-/// detector so wide, and how many pixels they have.
+/// The spans of rows `reached` from one column up to another on a detector of that `width`, and
+/// their number of pixels.
 fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
     let mut total = 0;
     let spans = reached.iter().map(|&(from, past)| {
@@ -164,7 +164,7 @@ impl Footprint {
             });
             let rest = weight * undrawn;
             let whole = drawn.square == [columns.clone(), rows.clone()];
-            // Of a core narrower than pixels these have a centre of their own.
+            // The light of a core narrower than pixels has a centre of its own.
             let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
                 drawn.rest_around(*at, rest, &stamp.light)
             } else {
@@ -199,7 +199,7 @@ impl Footprint {
         }
     }
 
-    /// That of a source that lights the whole detector, the shares of each pixel being given, row
+    /// The footprint of a source that lights the whole detector, from the share of each pixel, row
     /// by row.
     pub fn whole(width: usize, shares: Vec<f32>) -> Footprint {
         let spans = (0..shares.len() / width.max(1)).map(|row| Span {
@@ -216,8 +216,7 @@ impl Footprint {
         }
     }
 
-    /// That of several points together, each with its part of the light; nothing of use once
-    /// `limit` is over.
+    /// The sum of several, each with its part of the light; incomplete once `limit` is over.
     pub fn sum(parts: &[(f64, Footprint)], limit: &WorkLimit) -> Footprint {
         let lit = || parts.iter().filter(|(_, part)| !part.shares.is_empty());
         let first_row = lit().map(|(_, part)| part.first_row).min().unwrap_or(0);
@@ -270,7 +269,7 @@ impl Footprint {
         shares.for_each(|share| *share = (by * f64::from(*share)) as f32);
     }
 
-    /// How many times the light of a point on a pixel was worked out for it.
+    /// How many evaluations of a point's light on a pixel it took.
     pub fn evaluated(&self) -> u64 {
         self.evaluated
     }
@@ -285,7 +284,7 @@ impl Footprint {
         self.first_row
     }
 
-    /// Adds light of so many `electrons` to the pixels of `rows` of a detector so wide, e-.
+    /// Adds light of `electrons` e- to the pixels of `rows` of a detector of that width.
     pub fn light(
         &self,
         level: Option<Level>,

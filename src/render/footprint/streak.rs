@@ -1,5 +1,5 @@
-//! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of
-//! it are laid on pixels by a kernel.
+//! The footprint of a streak whose light is spread by one Gaussian everywhere: a kernel adds its
+//! points to pixels.
 
 use super::{DOT_NS, Footprint, HELD_NS, LAID_NS, Light, Wings};
 use crate::camera::Camera;
@@ -9,28 +9,27 @@ use crate::track::{Lit, Sample, Track};
 use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Pixels that are copied at a time.
+/// Pixels that are copied together.
 const LANES: usize = 8;
-/// Where no more than this share of the light may be lost it is added up in double precision: sums
-/// of single ones are off by up to 3e-8.
+/// If no more than this share of the light may be lost, sums are in double precision: single
+/// precision errs by up to 3e-8.
 const LITTLE: f64 = 3e-7;
 
 /// Rows of a sheet, the first of which is a row of the plane.
 struct Rows {
     first: i32,
-    /// The columns that are lit, from the first up to the other, from the row before the first on;
-    /// none where the first is the greater.
+    /// Ranges of lit columns, from the row before the first on; empty if the first is the greater.
     low: Vec<i32>,
     past: Vec<i32>,
-    /// Where the pixel of column 0 is, or would be.
+    /// Offset of the pixel of column 0, which may lie outside.
     origins: Vec<i32>,
     /// Pixels of the sheet.
     pixels: usize,
 }
 
 impl Footprint {
-    /// That of a track of several points whose light all rows collect; none of other tracks and
-    /// spreads.
+    /// The footprint of a track of several points whose light all rows collect; none for other
+    /// tracks and spreads.
     pub(super) fn streak(
         limit: &WorkLimit,
         track: &Track,
@@ -41,12 +40,12 @@ impl Footprint {
     ) -> Option<Footprint> {
         let (single, double) = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
-        // (No number is none.)
+        // Not a number: none.
         let is_told = radius <= single.reach_px();
         if track.samples.len() < 2 || !is_told {
             return None;
         }
-        // Circles whose middles lie between touch the detector.
+        // Circles with centres in between touch the detector.
         let [low, high] = [[0.0; 2], camera.detector.sides()];
         let [low, high] = [
             low.map(|x| x - 0.5 - radius),
@@ -63,7 +62,7 @@ impl Footprint {
             if *lit != Lit::ALL || !parts.is_empty() {
                 return None;
             }
-            // (No number is nowhere.)
+            // Not a number: nowhere.
             let touches = |k: usize| at[k] >= low[k] && at[k] <= high[k];
             if touches(0) && touches(1) && weight.is_finite() {
                 dots.push(Dot::new(*at, *weight, radius));
@@ -100,13 +99,13 @@ impl Footprint {
 }
 
 impl Rows {
-    /// Those that the circles of dots touch, with room for each dot's tiles; none of no dots.
+    /// The rows that the dots' circles touch, with room for each dot's tiles; none without dots.
     fn of(dots: &[Dot], circle: &Circle, level: Option<Level>) -> Option<Rows> {
         let tops = dots.iter().map(|dot| dot.first[1]);
         let (first, last) = (tops.clone().min()?, tops.max()?);
         let span = first.abs_diff(last) as usize;
         let count = span + circle.side.next_multiple_of(ROWS);
-        // One more on each side: every row has one before and one behind.
+        // One more on each side, so that every row has neighbours.
         let (mut low, mut past) = (vec![i32::MAX; count + 2], vec![i32::MIN; count + 2]);
         let mut ends = Ends {
             first_row: first,
@@ -139,7 +138,7 @@ impl Rows {
         })
     }
 
-    /// The light that `lay` lays on a sheet of these rows.
+    /// The light that `lay` adds to a sheet of these rows.
     fn laid<T: Real>(&self, lay: impl FnOnce(&mut Sheet<'_, T>)) -> Vec<T> {
         let mut light = vec![T::default(); self.pixels];
         lay(&mut Sheet {
@@ -150,9 +149,9 @@ impl Rows {
         light
     }
 
-    /// The light of the pixels that are lit and on a detector of such sides (columns and rows).
+    /// The light of the lit pixels on a detector of those columns and rows.
     fn cut<T: Real>(&self, light: &[T], [width, height]: [i32; 2]) -> Footprint {
-        // The rows on the detector, and what of each.
+        // The rows on the detector, and the range of each.
         let [from, to] = [0, height].map(|row| row.saturating_sub(self.first).max(0) as usize);
         let to = to.min(self.origins.len());
         let from = from.min(to);
@@ -163,7 +162,7 @@ impl Rows {
         let mut spans: Vec<Span> = Vec::with_capacity(to - from);
         spans.extend(ends.map(|(low, past)| {
             let column = (*low).clamp(0, width);
-            // Rows between that no circle touches have none.
+            // Rows in between that no circle touches have none.
             let length = (*past).min(width).saturating_sub(column).max(0) as u32;
             let offset = total;
             total += length;
@@ -184,18 +183,18 @@ impl Rows {
         // Pixels are copied so many at a time, those beyond a row's last too: the next row takes
         // their place.
         let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
-        // What is empty has no place on the sheet.
+        // Empty ranges have no place on the sheet.
         let places = spans.iter().zip(&self.origins[from..]);
         for (span, origin) in places.filter(|(span, _)| is_lit(span)) {
             let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
             let light = light[from..from + whole].as_chunks::<LANES>().0;
             for light in light {
-                // (An array's `map` would be a call each.)
+                // An array's `map` would be a call each.
                 let mut lit = [0.0; LANES];
                 for (to, share) in lit.iter_mut().zip(light) {
                     let share = share.single();
-                    // What rounding leaves of no light may be below 0.
+                    // Rounding may leave less than 0.
                     *to = if share > 0.0 { share } else { 0.0 };
                 }
                 shares.extend_from_slice(&lit);

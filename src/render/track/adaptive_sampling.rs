@@ -1,5 +1,5 @@
-//! How a track is cut: into pieces that are nearly straight and even, these into panels, and those
-//! into points.
+//! Divides a track into pieces that are nearly straight and even, these into panels, and those into
+//! points.
 
 use super::course::Course;
 use super::path::{Path, distance};
@@ -16,39 +16,36 @@ const FOUR: [(f64, f64); 4] = [
     (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
-/// A piece is cut in two where its middle lies further than this part of its length from the middle
-/// of its chord: it bends, or its speed changes by more than a sixth.
+/// A piece is halved if its middle is further than this part of its length from the middle of its
+/// chord: it bends, or its speed changes by more than a sixth.
 const BEND: f64 = 0.02;
-/// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses
-/// the window.
+/// Longest piece, px: of a fast track, little more than the part in the window is sampled finely.
 const LONGEST_PX: f64 = 256.0;
-/// What bends by no more than this (px) is straight: below lies what rounding makes of images that
-/// stand still.
+/// A bend of no more than this is none, px: above the rounding of still images.
 const LEAST_PX: f64 = 1e-9;
-/// Panels are no shorter than this (px): pixels hardly tell of what is narrower how its light is
-/// spread over them.
+/// Shortest panel, px: narrower light hardly differs on pixels.
 const LEAST_STEP_PX: f64 = 1e-3;
-/// Nor is a Gaussian narrower (px): what is, of whatever width, lies on one pixel or on its edge.
+/// Narrowest Gaussian, px: narrower ones lie on one pixel or its edge.
 pub const LEAST_SIGMA_PX: f64 = 0.01;
-/// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the
-/// centre of all by more than this, px.
+/// A piece outside of the window is halved if its light's uncertainty may move the centre of all
+/// light by more than this, px.
 const FAR_PX: f64 = 1e-5;
-/// Places that it takes to fit a path through a piece.
+/// Further places for fitting a path through a piece.
 const WAY: usize = 3;
-/// How often a piece is cut in two at most.
+/// How often a piece is halved at most.
 pub const DEPTH: u32 = 24;
 
-/// An instant (0..1) of a track and where the image is then; none: behind the camera.
+/// An instant (0..1) of a track and the image's place then; none: behind the camera.
 pub type Knot = (f64, Option<Place>);
 
 /// The sampling of one track.
 pub struct Sampler<'a, F> {
     pub place: &'a F,
     pub course: &'a Course,
-    /// Of all of it.
+    /// Length of the whole track.
     pub length_px: f64,
-    /// Where a Gaussian spreads its light that is the same everywhere: its standard deviation (px),
-    /// and by what part of what it collects of a streak without ends a piece may be off (1).
+    /// If its light is spread by one Gaussian everywhere: the standard deviation (px), and the
+    /// relative error that a piece may have (1).
     pub even: Option<(f64, f64)>,
 }
 
@@ -62,14 +59,14 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         self.course.step_px.max(LEAST_STEP_PX)
     }
 
-    /// Whether a row at `y` collects light then; rounding counts as in time.
+    /// Whether a row at `y` collects light then, with a margin for rounding.
     pub fn collects(&self, part: f64, y: f64) -> bool {
         let rows = &self.course.rows;
         rows.are_together() || part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
     }
 
-    /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at
-    /// which the image's own row opens and closes.
+    /// The ends of the initial pieces; with a rolling shutter also the instants at which the
+    /// image's own row opens and closes.
     pub fn knots(&self) -> Vec<Knot> {
         let pieces = self.course.pieces.max(1);
         let even: Vec<Knot> = (0..=pieces)
@@ -93,7 +90,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         knots
     }
 
-    /// The instant between `a` and `b` that is `edge` of the row where the image then is.
+    /// The instant between `a` and `b` that equals `edge` of the image's row then.
     fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
         let late = |(part, place): &Knot| place.map(|place| *part >= edge(place.at[1]));
         let (mut a, mut b) = (a, b);
@@ -111,8 +108,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         Some(b)
     }
 
-    /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or
-    /// close in that time.
+    /// Whether a row within its light's reach and `bend` of the rows `ys` may open or close in that
+    /// time.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
         let Course { rows, reach_px, .. } = self.course;
         if rows.are_together() {
@@ -125,9 +122,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         meets(rows.opens(low), rows.opens(high)) || meets(rows.closes(low), rows.closes(high))
     }
 
-    /// One point that stands for all of a track between those knots, with its light and its centre:
-    /// by Simpson's rule, as exact as two points of Gauss's are. None of what is no piece with a
-    /// middle, or bends.
+    /// One point for the whole track between the knots, with its light and centre by Simpson's
+    /// rule, as exact as two Gauss points. None unless it is one straight piece with a middle.
     pub fn point(&self, knots: &[Knot]) -> Option<Sample> {
         let [a, mid, b] = *<&[Knot; 3]>::try_from(knots).ok()?;
         let [from, middle, to] = places([a, mid, b])?;
@@ -137,7 +133,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             return None;
         }
         let light = (from.light + 4.0 * middle.light + to.light) / 6.0;
-        // Where there is no light, in the middle.
+        // Without light, in the middle.
         let part = |end: &Place| {
             if light > 0.0 {
                 end.light / (6.0 * light)
@@ -165,10 +161,10 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }
     }
 
-    /// Samples the piece from `a` to `b`, halfway between which is `mid`.
+    /// Samples the piece from `a` to `b` with its middle `mid`.
     pub fn piece_by(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let (mut panels, mut near) = (1.0, false);
-        // The rows that the image passes, and how far it may leave them, where that is known.
+        // The rows that the image passes, and how far it may leave them, if known.
         let mut passed = None;
         let split;
         match (a.1, mid.1, b.1) {
@@ -183,7 +179,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                     .course
                     .window
                     .is_near(&ends, bend.max(BEND * length / 2.0));
-                // Next to the greatest numbers nothing is.
+                // Of huge numbers nothing is near.
                 near = bend.is_finite() && (seen || self.is_cut([a.0, b.0], ys, bend));
                 let longest = if seen {
                     LONGEST_PX
@@ -194,7 +190,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                 // Of a parabola the fastest end is faster than the mean by 4 bend / length.
                 panels = (length + 4.0 * bend) / self.step_px();
             }
-            // The source comes from behind the camera or goes there.
+            // The source enters or leaves the half space before the camera.
             _ => split = true,
         }
         if split && depth > 0 {
@@ -203,7 +199,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             return;
         }
         if !near {
-            // No row near by opens or closes: they all do as the image's own.
+            // No row nearby opens or closes: all are as the image's own.
             let own = mid.1.is_some_and(|mid_place| {
                 self.course.rows.are_together() || self.collects(mid.0, mid_place.at[1])
             });
@@ -215,20 +211,20 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         if let (false, Some(even), Some(known)) = (split, self.even, places([a, mid, b])) {
             return self.even_piece([a.0, b.0], known, even, samples);
         }
-        // What cannot be cut further, and should be, is a jump.
+        // A piece that should be halved further is a jump.
         let panels = if split { 1.0 } else { panels };
         let panels = panels.ceil().max(1.0) as usize;
         for i in 0..panels {
             let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
             let ends = [part(i), part(i + 1)];
             if let Some((ys, _)) = passed.filter(|(ys, bend)| !self.is_cut(ends, *ys, *bend)) {
-                // All rows near by collect light, or none does.
+                // All rows nearby collect light, or none does.
                 if self.collects((ends[0] + ends[1]) / 2.0, ys[1]) {
                     self.panel(ends, Lit::ALL, samples);
                 }
                 continue;
             }
-            // One more step for the bend inside of a panel.
+            // A margin for the bend within a panel.
             let reach = self.course.reach_px + 1.0 + self.step_px();
             let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
@@ -236,8 +232,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }
     }
 
-    /// Samples the time from `from` to `to`, at whose ends and middle the image is at `known`, for
-    /// a Gaussian.
+    /// Samples the time from `from` to `to` for a Gaussian; `known` are the places at its ends and
+    /// middle.
     fn even_piece(
         &self,
         [from, to]: [f64; 2],
@@ -251,7 +247,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         let length = distance(first, middle) + distance(middle, last);
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
-        // Few points are found as soon as a path.
+        // A few points cost no more than fitting a path.
         let is_short = rule::are_few(sigmas, error, WAY);
         let path = (!is_short).then(|| Path::through(known, place, sigma_px * error));
         let path = path.flatten();
@@ -273,9 +269,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         });
     }
 
-    /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless
-    /// the optics' transmission bends or breaks on the way, where Simpson's rule tells another
-    /// light.
+    /// Samples a piece outside of the window: two points give its light and centre, unless the
+    /// transmission is not smooth along it, so that Simpson's rule differs.
     fn far_piece(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let from = samples.len();
         self.panel([a.0, b.0], Lit::ALL, samples);
@@ -285,7 +280,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         let told: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
         let simpson = (first.light + 4.0 * middle.light + last.light) / 6.0;
         let apart = told - simpson * (b.0 - a.0) / self.course.rows.exposure;
-        // Of a last digit or two, rounding has them.
+        // Differences in the last digits are rounding.
         let differs = apart.abs() > 8.0 * f64::EPSILON * told;
         if differs && apart.abs() * self.length_px > FAR_PX && depth > 0 {
             samples.truncate(from);
@@ -306,9 +301,9 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }));
     }
 
-    /// The light of a time of which rows collect parts. All share four points, and each row's
-    /// weights are the integrals over its part of the polynomials L_k that are 1 at one point and 0
-    /// at the others:
+    /// The light of a time of which rows collect parts. All share four points; each row's weights
+    /// are the integrals over its part of the polynomials L_k that are 1 at one point and 0 at the
+    /// others:
     ///
     /// ```text
     /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4| of the part, for a panel of length h
@@ -348,16 +343,14 @@ fn places(knots: [Knot; 3]) -> Option<[Place; 3]> {
     Some([a, b, c])
 }
 
-/// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the
-/// others.
+/// The cubic polynomial that is 1 at the point `k` of [`FOUR`] and 0 at the others.
 fn polynomial(k: usize, u: f64) -> f64 {
     let others = (0..FOUR.len()).filter(|j| *j != k);
     let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
     factors.product()
 }
 
-/// Length (px) of the line through the places; nothing is added where one of two is behind the
-/// camera.
+/// Length of the line through the places, px; without parts that end behind the camera.
 pub fn length(places: &[Option<Place>]) -> f64 {
     let between = places.windows(2).map(|ends| match ends {
         [Some(a), Some(b)] => distance(a.at, b.at),

@@ -1,19 +1,19 @@
-//! What a track is sampled for.
+//! How finely a track is sampled, and for which rows.
 
 use super::rows::Rows;
 
-/// What a track is sampled for.
+/// How finely a track is sampled, and for which rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Course {
-    /// Pieces to begin with, in which the source turns by a few degrees at most.
+    /// Initial pieces, in each of which the source turns by a few degrees at most.
     pub pieces: usize,
-    /// For a Gaussian that is the same everywhere.
+    /// If its light is spread by one Gaussian everywhere.
     pub even: Option<Even>,
-    /// Longest panel, px; of less than 1e-3, or of what is no number, 1e-3.
+    /// Longest panel, px; at least 1e-3, also if it is not a number.
     pub step_px: f64,
-    /// Longest track that is one panel from its start to its end, px.
+    /// Longest track of one panel, px.
     pub panel_px: f64,
-    /// Longest track for which one point stands, px.
+    /// Longest track of one point, px.
     pub point_px: f64,
     /// How far its light reaches, px.
     pub reach_px: f64,
@@ -23,12 +23,12 @@ pub struct Course {
     pub rows: Rows,
 }
 
-/// What tracks are sampled for where a Gaussian spreads their light that is the same everywhere.
+/// The Gaussian that spreads the light, if it is the same everywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Even {
-    /// Its standard deviation, px; of less than 0.01, or of what is no number, 0.01.
+    /// Its standard deviation, px; at least 0.01, also if it is not a number.
     pub sigma_px: f64,
-    /// What the brightest pixel would get if the image stood still, e-.
+    /// The brightest pixel of the still image, e-.
     pub height_e: f64,
 }
 
@@ -42,8 +42,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Whether a piece through `points` may come into the window, which it leaves its chords
-    /// towards by at most `pad`.
+    /// Whether a piece through `points`, within `pad` of its chords, may enter the window.
     pub fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
         [0, 1].into_iter().all(|axis| {
             let along = points.iter().map(|point| point[axis]);

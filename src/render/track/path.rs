@@ -1,19 +1,19 @@
-//! The way of an image through a piece of its track, between places that are known.
+//! The path of an image through a piece of its track, interpolated between known places.
 
 use super::sample::Place;
 
-/// Furthest (px) that a way may lead past the place at which it is looked at.
+/// Greatest error of a path at the place where it is checked, px.
 const BESIDE_PX: f64 = 1e-6;
-/// Where that is, of the first quarter the middle.
+/// The part of the time at which it is checked: the middle of the first quarter.
 const LOOK: f64 = 0.125;
 
-/// The polynomial of fourth degree through five places a quarter of the time apart, by Newton's
-/// differences: of columns, rows, light.
+/// The polynomials of fourth degree through five places a quarter of the time apart, by Newton's
+/// differences: columns, rows, light.
 pub struct Path([[f64; 5]; 3]);
 
 impl Path {
-    /// Through the places `known` at start, middle and end and two more; none where it does not
-    /// lead by one more within `beside` px (and such a part of its light).
+    /// Through the places `known` at start, middle and end and two more; none if it misses a
+    /// further place by more than `beside` px (or that part of its light).
     pub fn through(
         known: [Place; 3],
         place: impl Fn(f64) -> Option<Place>,
@@ -29,7 +29,7 @@ impl Path {
         follows.then_some(way)
     }
 
-    /// Where it is at a part (0..1) of the time.
+    /// The place at a part (0..1) of the time.
     #[inline]
     pub fn at(&self, part: f64) -> Place {
         let s = 4.0 * part;
