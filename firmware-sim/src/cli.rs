@@ -20,19 +20,19 @@ use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
 /// What of each frame the emulator is asked to send.
 #[derive(Clone, Debug, Args)]
 pub struct OutputArgs {
-    /// What to ask for of each frame [default: what the emulator is configured to send]
+    /// Content of frames to request [default: the emulator's]
     #[arg(long, value_enum)]
     output: Option<Level>,
-    /// Windows around so many stars, the brightest [default: 20]
+    /// Number of windows, around the brightest stars [default: 20]
     #[arg(long, value_name = "K", requires = "output", value_parser = whole(0..=u8::MAX))]
     windows: Option<u8>,
-    /// Columns and rows of a window [default: 11]
+    /// Width and height of a window, px [default: 11]
     #[arg(long, value_name = "N", requires = "output", value_parser = whole(1..=MAX_WINDOW))]
     window_size: Option<u8>,
     /// Windows around these pixels instead of the brightest stars
     #[arg(long, value_name = "x,y;x,y...", requires = "output", value_parser = parse_positions)]
     positions: Option<Positions>,
-    /// Labels of so many objects, the brightest [default: 12]
+    /// Number of labelled objects, the brightest [default: 12]
     #[arg(long, value_name = "K", requires = "output", value_parser = whole(0..=u16::MAX))]
     objects: Option<u16>,
 }

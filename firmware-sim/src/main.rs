@@ -28,24 +28,27 @@ use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Ages, LoadError, file_and_name, set_ut1_utc};
 use skyloop_protocols::{Fault, LabelLevel};
 
-/// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
+/// A mock flight computer: sends attitudes and positions, receives frames, detects stars and
+/// compares them with the labels.
 #[derive(Debug, Parser)]
 #[command(name = "skyloop-fc", version)]
 struct Args {
-    /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with the emulator's roles, such as
-    /// --link 'udp://127.0.0.1:4810?roles=truth+labels' --link 'udp://127.0.0.1:4811?roles=pixels'
+    /// Link to the emulator: udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or
+    /// slcan://; several with the roles of the emulator's links, such as --link
+    /// 'udp://127.0.0.1:4810?roles=truth+labels' --link 'udp://127.0.0.1:4811?roles=pixels'
     #[arg(long, value_name = "URL", required = true)]
     link: Vec<String>,
     /// TLE, 3LE, CCSDS OMM or OEM file; NAME picks an object by name or identifier
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
-    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do not give it themselves
+    /// UT1 - UTC in s (IERS Bulletin A), for OEM and AEM files in Earth-fixed axes or in UT1
+    /// without a value of their own
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     ut1_utc: Option<f64>,
-    /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
+    /// Middle of the first exposure, UTC; with --wall the default is now
     #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present_any = ["wall", "closed", "listen"])]
     epoch: Option<Epoch>,
-    /// How many frames
+    /// Number of frames
     #[arg(long, default_value_t = 10, value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: u32,
     /// Time from frame to frame, s
@@ -59,13 +62,13 @@ struct Args {
     period: f64,
     #[command(flatten)]
     profile: ProfileArgs,
-    /// Attitudes a second: at most (stepped), or by the clock (--wall, default 10)
+    /// Attitudes per second: a maximum in stepped mode, the rate with --wall (default 10)
     #[arg(long, value_name = "HZ", value_parser = within(1e-6..=1e5, "Hz"), allow_negative_numbers = true)]
     rate: Option<f64>,
-    /// Send attitudes by the wall clock and take the frames that come
+    /// Send attitudes by the wall clock and receive frames as they come
     #[arg(long)]
     wall: bool,
-    /// How long to wait for a frame, s
+    /// Time to wait for a frame, s
     #[arg(
         long,
         default_value_t = 8.0,
@@ -74,10 +77,11 @@ struct Args {
         allow_negative_numbers = true
     )]
     timeout: f64,
-    /// Has the emulator inject this, from the start and for S seconds or to the end; may be repeated; kinds: the README
+    /// Request a fault from the emulator, from the start, for S seconds or to the end; may be
+    /// repeated; kinds: section 3.2 of the ICD
     #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
     fault: Vec<Fault>,
-    /// Pauses the emulator for S seconds, so long after the first attitude
+    /// Pause the emulator for S seconds, AFTER seconds after the first attitude
     #[arg(long, value_name = "AFTER:S", value_parser = parse_pause, requires = "wall", allow_hyphen_values = true)]
     pause: Option<Pause>,
     #[command(flatten)]
@@ -86,7 +90,7 @@ struct Args {
     output: OutputArgs,
     #[command(flatten)]
     limits: Limits,
-    /// Replace the file of --junit even if skyloop did not make it
+    /// Overwrite the file of --junit even if skyloop did not write it
     #[arg(long)]
     force: bool,
 }

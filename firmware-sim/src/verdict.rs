@@ -160,16 +160,19 @@ fn unwritten(file: &Path, error: &std::io::Error) -> String {
 /// Limits of a run against a mock flight computer.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Limits {
-    /// Exit with 1 if the distance of measured from labelled centroids is above this, px rms
+    /// Exit with code 1 if the rms distance between measured and labelled centroids exceeds this,
+    /// px
     #[arg(long, value_name = "PX", value_parser = decimal(0.0..=1e6), allow_negative_numbers = true)]
     max_centroid_rms: Option<f64>,
-    /// Exit with 1 if more bright, isolated, labelled objects were not detected, over all frames
+    /// Exit with code 1 if more bright, isolated, labelled objects than this are not detected, over
+    /// all frames
     #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_negative_numbers = true)]
     max_missed: Option<u64>,
-    /// Exit with 1 if there are more detections without a labelled object, over all frames
+    /// Exit with code 1 if more detections than this have no labelled object, over all frames
     #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_negative_numbers = true)]
     max_false: Option<u64>,
-    /// Exit with 1 if 99 frames in 100 take longer from the attitude to the last block; a lost frame takes longer than any
+    /// Exit with code 1 if the 99th percentile from the attitude to the last pixel block exceeds
+    /// this; a lost frame counts as infinite
     #[arg(long, value_name = "MS", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_latency_p99_ms: Option<f64>,
     /// Write the verdicts as JUnit XML

@@ -17,11 +17,10 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum Of {
-    /// Frames (what is measured if nothing is named): noise and whole frames against their own slow
-    /// paths, two threads
+    /// Frames (the default): noise and whole frames against their slow reference, on two threads
     Frame(Form),
-    /// A catalogue's orbits: vector instructions against the sgp4 crate, threads, tracks, a
-    /// camera's whole step
+    /// Orbits of a catalogue: vector instructions against the sgp4 crate, threads, tracks, one step
+    /// of a camera
     Orbit(Form),
 }
 

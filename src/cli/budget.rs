@@ -16,8 +16,8 @@ use std::time::Duration;
 /// The time that a frame may take.
 #[derive(clap::Args)]
 pub(super) struct Budget {
-    /// Measure at the start what settings of `fidelity` take, and run with the most accurate of
-    /// which 99 frames in 100 take no longer than so many milliseconds
+    /// Measure the settings of `fidelity` at the start, and use the most accurate one whose 99th
+    /// percentile is within this time
     #[arg(long, value_name = "MS", value_parser = decimal(BUDGETS_MS), allow_hyphen_values = true)]
     budget_ms: Option<f64>,
 }

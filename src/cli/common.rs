@@ -32,8 +32,8 @@ pub fn scene_name(file: Option<&Path>) -> String {
 /// How orbits are propagated.
 #[derive(clap::Args, Default)]
 pub struct Orbits {
-    /// Ask SGP4 for every object in every frame, instead of for those alone that may be in the
-    /// field; frames and labels are the same
+    /// Run SGP4 for every object in every frame, not only for candidates in the field; frames and
+    /// labels are the same
     #[arg(long)]
     exact: bool,
 }
@@ -49,7 +49,8 @@ impl Orbits {
 /// What happens to records of orbit files that cannot be used.
 #[derive(clap::Args, Default)]
 pub struct Records {
-    /// Stop with an error if a record or a file of orbits cannot be used, which is else left out
+    /// Fail if an orbit file or one of its records is unusable; without it, unusable records are
+    /// skipped
     #[arg(long)]
     strict: bool,
 }
@@ -57,7 +58,7 @@ pub struct Records {
 /// What happens to existing files that skyloop did not make.
 #[derive(clap::Args)]
 pub struct Force {
-    /// Replace files in the place of outputs even if skyloop did not make them
+    /// Overwrite output files even if skyloop did not write them
     #[arg(long)]
     pub force: bool,
 }

@@ -24,20 +24,19 @@ pub struct Args {
     /// Scene file with a [sequence] [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Name the best setting of which 99 frames in 100 take no longer than so many milliseconds
+    /// Name the most accurate setting whose 99th percentile is within this time
     #[arg(long, value_name = "MS", value_parser = decimal(BUDGETS_MS), allow_hyphen_values = true)]
     budget_ms: Option<f64>,
-    /// Frames of the sequence that errors are measured on, spread over it
+    /// Number of frames, spread over the sequence, on which errors are measured
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(1..=1000u32), allow_negative_numbers = true)]
     frames: u32,
-    /// Rounds of which times are taken, at most; after two minutes there are no more
+    /// Maximum number of timed rounds; none begins after two minutes
     #[arg(long, value_name = "N", default_value_t = ROUNDS as u32, value_parser = whole(1..=100_000u32), allow_negative_numbers = true)]
     rounds: u32,
-    /// Make frames on one thread, and tell what it has had of its processor: for machines that have
-    /// other work, too
+    /// Render on one thread, and report its share of the processor: for machines with other load
     #[arg(long)]
     one_core: bool,
-    /// Folder for cost.csv and cost.svg; made if it does not exist
+    /// Folder for cost.csv and cost.svg, created if needed
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON instead of a table

@@ -21,13 +21,13 @@ use std::time::{Duration, Instant};
 /// Arguments of both commands.
 #[derive(Args)]
 pub struct Choice {
-    /// Inject the faults of this TOML file, and those that the client commands
+    /// Inject the faults of this TOML file, and those that the client requests
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
-    /// Write what is injected as JSON lines; without --faults: what the client commands
+    /// Write the injected faults as JSON lines, with or without --faults
     #[arg(long, value_name = "FILE")]
     fault_log: Option<PathBuf>,
-    /// Record both directions, for Wireshark (on CAN: can-utils) and `skyloop replay`
+    /// Record the packets of both directions, for Wireshark (CAN: can-utils) and `skyloop replay`
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
 }

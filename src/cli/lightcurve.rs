@@ -24,7 +24,7 @@ pub struct Args {
     /// 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// The object: a name, an id or a number of its file
+    /// Object: name, id or number in its file
     #[arg(long, value_name = "NAME")]
     object: String,
     #[command(flatten)]
@@ -32,11 +32,11 @@ pub struct Args {
     /// Seconds from one instant to the next [default: the scene's period]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     step: Option<f64>,
-    /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the
+    /// Duration in s over which light is averaged around each instant; 0 for none [default: the
     /// camera's exposure time]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     exposure: Option<f64>,
-    /// Folder for lightcurve.csv and lightcurve.svg; made if it does not exist
+    /// Folder for lightcurve.csv and lightcurve.svg, created if needed
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

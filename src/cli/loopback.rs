@@ -43,13 +43,13 @@ pub struct Args {
     /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// What frames bring [default: the scene's]
+    /// Content of frames [default: the scene's]
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
     /// Number of frames [default: the scene's]
     #[arg(long, value_name = "N", value_parser = whole(1..=1_000_000u32), allow_negative_numbers = true)]
     frames: Option<u32>,
-    /// Folder for frames and labels; made if it does not exist
+    /// Folder for frames and labels, created if needed
     #[arg(long, value_name = "DIR", default_value = "skyloop-out")]
     out: PathBuf,
     #[command(flatten)]

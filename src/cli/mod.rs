@@ -38,11 +38,11 @@ use tracing_subscriber::fmt::format::debug_fn;
 #[derive(Parser)]
 #[command(version, arg_required_else_help = true)]
 pub struct Cli {
-    /// Log what is refused, and which effects the first frame needs and why
+    /// Log refused packets and files, and which effects the first frame needs and why
     #[arg(short, long, global = true, overrides_with = "verbose")]
     pub verbose: bool,
-    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do
-    /// not give it themselves
+    /// UT1 - UTC in s (IERS Bulletin A), for OEM and AEM files in Earth-fixed axes or in UT1
+    /// without a value of their own
     #[arg(long, global = true, value_name = "S", allow_negative_numbers = true)]
     ut1_utc: Option<f64>,
     #[command(subcommand)]
@@ -51,41 +51,42 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run emulator and mock flight computer against each other; needs nothing
+    /// Run the emulator against its own flight computer, without hardware
     Loopback(loopback::Args),
     /// Run the emulator alone and wait for a flight computer
     Run(run::Args),
-    /// Run for minutes against a client that takes all frames, and fail where deadlines or
-    /// latencies are not kept
+    /// Run for minutes against a client that takes all frames; fail if deadlines or latencies
+    /// exceed their limits
     Soak(soak::Args),
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),
-    /// Say what a frame simulates and what not, why, and what that costs
+    /// Show which effects a frame simulates, why, and at which error and time
     Plan(plan::Args),
-    /// Render a scene at each setting of the tolerances, and set their errors against their times
+    /// Measure errors and times of a scene at each setting of the tolerances
     Cost(cost::Args),
-    /// Say which objects cross the camera's field, when, and how bright
+    /// List the objects that cross the camera's field, with times and magnitudes
     ///
-    /// Durations are SI seconds: over a leap second they are one longer than the UTC times differ.
+    /// Durations are SI seconds. Over a leap second they are 1 s longer than the difference of the
+    /// UTC times.
     Passes(Box<passes::Args>),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
-    /// What this machine makes of the works that take the time
+    /// Benchmark the expensive steps on this machine
     Bench(bench::Args),
-    /// Check, count and make files of orbits
+    /// Check, count and generate orbit files
     Catalog(Group<catalog::Command>),
-    /// Check camera files and make new ones
+    /// Check camera files and write new ones
     Camera(Group<camera::Command>),
-    /// Make a named pair of pseudo-terminals joined by a line of a baud rate
+    /// Connect two named pseudo-terminals by a line with a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
-    /// Feed a recorded run to the emulator again and compare what it sends
+    /// Send a recorded run to the emulator again and compare its packets
     Replay(replay::Args),
     /// Print the JSON Schema of a kind of file
     Schema(schema::Args),
-    /// Print a shell's script for completion of commands and options
+    /// Print the completion script for a shell
     Completions(shell::Completions),
-    /// Print the manual page, or write one for each command
+    /// Print the manual page, or write a page for each command
     Man(shell::Manual),
 }
 

@@ -33,13 +33,13 @@ pub struct Args {
     pointing: Pointing,
     #[command(flatten)]
     place: Place,
-    /// This object alone: a name, an id or a number of its file
+    /// Only this object: name, id or number in its file
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
-    /// Leave out passes whose light, where it arrives at all, stays fainter
+    /// Omit passes that never reach this magnitude
     #[arg(long, value_name = "MAG", value_parser = number, allow_hyphen_values = true)]
     mag_limit: Option<f64>,
-    /// No stay in the field that lasts longer than so many seconds is missed
+    /// Passes longer than this are never missed, s
     #[arg(
         long,
         value_name = "S",

@@ -25,16 +25,16 @@ pub struct Args {
     /// Scene file with a [sequence] [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Another camera than the scene's: a built-in camera or a camera file
+    /// Camera instead of the scene's: a built-in camera or a camera file
     #[arg(long, value_name = "NAME|FILE")]
     camera: Option<String>,
-    /// Which frame of the sequence, from 0
+    /// Frame of the sequence, from 0
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_negative_numbers = true)]
     frame: u32,
     #[command(flatten)]
     pointing: Pointing,
-    /// Render the frame, and set measured errors and times beside the declared ones (takes seconds,
-    /// for slow frames minutes)
+    /// Render the frame, and print measured errors and times beside the declared ones (takes
+    /// seconds, or minutes for slow frames)
     #[arg(long)]
     measure: bool,
     /// Print JSON instead of a table

@@ -14,8 +14,8 @@ use skyloop_firmware_sim::text::number;
 
 #[derive(Args)]
 pub struct Place {
-    /// Observer's state in km and km/s, GCRF, at the first instant, instead of a scene's observer;
-    /// carried on by two-body motion and J2
+    /// State of the observer at the first instant, in km and km/s, GCRF, instead of a scene's
+    /// observer; propagated by two-body motion with J2
     #[arg(
         long,
         value_name = "x,y,z,vx,vy,vz",
@@ -52,8 +52,8 @@ pub struct Pointing {
         conflicts_with_all = ["radec", "nadir", "look_at"]
     )]
     attitude: Option<Numbers<4>>,
-    /// The boresight's right ascension and declination (ICRF), and the position angle of what is up
-    /// in the image (-Y), from north through east; deg, at the first instant
+    /// Right ascension and declination of the boresight (ICRF) and position angle of image up (-Y),
+    /// from north through east, at the first instant, deg
     #[arg(
         long,
         value_name = "RA,DEC,ROLL",
@@ -64,19 +64,19 @@ pub struct Pointing {
     /// +Z to the Earth's centre, +X towards the velocity
     #[arg(long, conflicts_with = "look_at")]
     nadir: bool,
-    /// Point the boresight at a target and follow it: Sun, Moon, a planet, an object's name or
-    /// number, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg
+    /// Point the boresight at a target and follow it: Sun, Moon, a planet, name or number of an
+    /// object, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg
     #[arg(long, value_name = "TARGET", allow_hyphen_values = true)]
     look_at: Option<String>,
-    /// With --look-at: what is up in the image (-Y) [default: north; zenith for the limb and the
+    /// With --look-at: reference direction for image up (-Y) [default: north; zenith for limb and
     /// velocity]
     #[arg(long, value_name = "WHAT", requires = "look_at", value_parser = PossibleValuesParser::new(Up::ALL.map(|(name, _)| name)))]
     up: Option<String>,
-    /// With --look-at: position angle of -Y from what is up, in the sense from north through east,
-    /// deg
+    /// With --look-at: position angle of -Y from that direction, in the sense from north through
+    /// east, deg
     #[arg(long, value_name = "DEG", requires = "look_at", value_parser = number, allow_hyphen_values = true)]
     roll: Option<f64>,
-    /// Body rates in deg/s, body axes, from the first instant on, of --attitude or --radec
+    /// With --attitude or --radec: body rates in deg/s, body axes, from the first instant on
     #[arg(long, value_name = "wx,wy,wz", allow_hyphen_values = true)]
     rates: Option<Numbers<3>>,
 }

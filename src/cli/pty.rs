@@ -10,13 +10,13 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Name of one end, to open as a serial port; made, and removed at the end
+    /// Path of one end, which opens as a serial port; removed at exit
     #[arg(value_name = "PATH_A")]
     a: PathBuf,
-    /// Name of the other end
+    /// Path of the other end
     #[arg(value_name = "PATH_B")]
     b: PathBuf,
-    /// Baud rate of the line, both ways: 10 bit times a byte
+    /// Baud rate in both directions; a byte takes 10 bit times
     #[arg(long, value_name = "N", default_value_t = 115_200, value_parser = whole(9_600..=3_000_000u32), allow_negative_numbers = true)]
     baud: u32,
 }

@@ -37,7 +37,7 @@ pub struct Args {
     pointing: Pointing,
     #[command(flatten)]
     place: Place,
-    /// Objects from a TLE, 3LE, OMM or OEM file, or a folder of them; may be given more than once
+    /// Objects from a TLE, 3LE, OMM or OEM file, or a folder of such files; may be repeated
     #[arg(long, value_name = "FILE")]
     rso: Vec<String>,
     /// Number of frames [default: 1, or the scene's]
@@ -49,17 +49,17 @@ pub struct Args {
     /// Seed of the noise [default: 1, or the scene's]
     #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_hyphen_values = true)]
     seed: Option<u64>,
-    /// Draw no noise, and write the expected electrons too (*_electrons.fits)
+    /// Draw no noise, and write the expected electrons also (NAME_electrons.fits)
     #[arg(long)]
     no_noise: bool,
-    /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
+    /// Label objects with at least this signal-to-noise ratio [default: 1, or the scene's]
     #[arg(long, value_name = "SNR", value_parser = decimal(0.0..=1e9), allow_hyphen_values = true)]
     label_snr: Option<f64>,
-    /// Refuse a frame that costs more than so many seconds on one core for each megapixel, and at
-    /// least so much for smaller frames [default: no limit]
+    /// Refuse frames that need more than this many seconds of one core per megapixel; smaller
+    /// frames count as one megapixel [default: no limit]
     #[arg(long, value_name = "S", value_parser = decimal(0.01..=1e6), allow_hyphen_values = true)]
     work_limit: Option<f64>,
-    /// Folder for frames and labels; made if it does not exist
+    /// Folder for frames and labels, created if needed
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

@@ -22,7 +22,7 @@ use std::time::Duration;
 pub struct Args {
     /// Recording made with --capture, or a log of candump
     file: PathBuf,
-    /// Run file of the recorded run, stepped
+    /// Run file of the recorded run; its clock is stepped
     #[arg(long, value_name = "FILE", conflicts_with = "scene")]
     config: Option<PathBuf>,
     /// Scene file of the recorded loopback [default: the built-in scene]
@@ -31,7 +31,7 @@ pub struct Args {
     /// The recorded run's --output, if it had one
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
-    /// Give up when the emulator works on one step, such as a frame, for longer than this
+    /// Fail if one step, such as a frame, takes longer than this
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "600", allow_negative_numbers = true)]
     patience: Duration,
 }

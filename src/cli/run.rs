@@ -34,23 +34,22 @@ pub struct Args {
     /// 'udp://127.0.0.1:4811?roles=pixels' [default: the file's]
     #[arg(long, value_name = "URL")]
     link: Vec<String>,
-    /// What frames bring until a client says otherwise [default: the file's]
+    /// Content of frames until a client changes it [default: the file's]
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: Option<u32>,
-    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464
-    /// [default: the file's, else nowhere]
+    /// Address for Prometheus metrics, such as 127.0.0.1:9464 [default: the file's, else none]
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<String>,
-    /// End with an error if no client has come after this many seconds
+    /// Fail if no client has connected after this many seconds
     #[arg(long, value_name = "S", value_parser = decimal(0.001..=1e7), allow_negative_numbers = true)]
     wait_for_client: Option<f64>,
-    /// End after this many seconds; with an error if --frames have not been sent by then
+    /// End after this many seconds; fail if --frames have not been sent by then
     #[arg(long, value_name = "S", value_parser = decimal(0.001..=1e7), allow_negative_numbers = true)]
     timeout: Option<f64>,
-    /// Write a JSON file with the actual addresses once all links listen; removed at the end
+    /// Write a JSON file with the actual addresses when all links listen; removed at exit
     #[arg(long, value_name = "FILE")]
     ready_file: Option<PathBuf>,
     #[command(flatten)]

@@ -8,7 +8,7 @@ use skyloop::label;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Of what
+    /// Kind of file
     kind: Kind,
 }
 
@@ -16,11 +16,11 @@ pub struct Args {
 enum Kind {
     /// Camera files
     Camera,
-    /// Scene files, of `skyloop render --scene` and others
+    /// Scene files, for `skyloop render --scene` and others
     Scene,
-    /// Run files, of `skyloop run --config`: the keys of scene files
+    /// Run files, for `skyloop run --config`, with the keys of scene files
     Run,
-    /// Population files, which `[objects]` of a scene names
+    /// Population files, named by `[objects]` of a scene
     Population,
     /// Lines of labels.jsonl
     Labels,

@@ -12,14 +12,14 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Completions {
-    /// The shell
+    /// Shell
     shell: Shell,
 }
 
 #[derive(ClapArgs)]
 pub struct Manual {
-    /// Folder for a page a command, skyloop.1, skyloop-run.1 and so on; made if it does not exist.
-    /// Without it the page of skyloop itself is printed
+    /// Folder for one page per command (skyloop.1, skyloop-run.1, ...), created if needed; without
+    /// it the page of skyloop is printed
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
     #[command(flatten)]

@@ -61,7 +61,7 @@ impl JsonSchema for RawFidelity {
             keys.insert(knob.name.to_string(), schema.into());
         }
         json_schema!({
-            "description": "What errors the renderer may make: a preset, or a table of a preset and the tolerances that differ from it",
+            "description": "Error tolerances of the renderer: a preset, or a table of a preset and the keys that differ from it",
             "anyOf": [
                 { "enum": names },
                 { "type": "object", "properties": keys, "additionalProperties": false },

@@ -23,13 +23,13 @@ pub struct Head {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawHead {
-    /// Its name in tables and verdicts
+    /// Name of the camera in tables and verdicts
     name: String,
-    /// The camera: a built-in name or a camera file, with its own mounting and misalignment (README, Cameras)
+    /// Built-in camera or camera file, with its own mounting and misalignment
     camera: String,
-    /// In Hz; without it the camera's own
+    /// Frame rate, Hz; default: that of the camera file
     rate_hz: Option<f64>,
-    /// Links that bring its frames; attitudes come over the first camera's
+    /// Link for its frames, or a list of links; attitudes come over the links of the first camera
     link: OneOrMore,
 }
 

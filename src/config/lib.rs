@@ -56,7 +56,7 @@ pub struct Config {
     pub choice: Choice,
     /// The faintest object that labels list, as signal-to-noise ratio.
     pub label_snr: f64,
-    /// Which stars, and what moves and colours them.
+    /// Star catalogue, and corrections of direction and colour.
     pub sky: Sky,
     /// Resident space objects.
     pub objects: Vec<Object>,
@@ -72,7 +72,7 @@ pub struct Config {
     pub observer: Option<Observer>,
     /// The exposures of an offline run.
     pub sequence: Option<Sequence>,
-    /// How a live run listens and keeps time.
+    /// Links, clock and limits of a live run.
     pub run: Run,
     /// Further cameras of the same vehicle, in a live run.
     pub heads: Vec<Head>,
@@ -93,34 +93,37 @@ struct Raw {
     /// Seed of all noise; the same seed and inputs give the same pixels
     #[serde(default = "one")]
     seed: u64,
-    /// Fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
+    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon,
+    /// or a camera file
     #[serde(default = "default_camera")]
     camera: String,
-    /// what errors the renderer may make; `fidelity = "fast"` in one line is a preset alone (README, Fidelity; docs/cost.md)
+    /// Error tolerances of the renderer: a preset such as `fidelity = "fast"`, or a table of a
+    /// preset and the keys that differ from it
     #[serde(default)]
     fidelity: RawFidelity,
-    /// Labels list objects down to this signal-to-noise ratio
+    /// Least signal-to-noise ratio of labelled objects
     #[serde(default = "default_label_snr")]
     label_snr: f64,
-    /// each effect runs only where a scene needs it: `skyloop plan --scene FILE` says which, and why
+    /// Selection of effects. By default each effect runs where the scene needs it; `skyloop plan
+    /// --scene FILE` shows which, and why
     #[serde(default, deserialize_with = "table")]
     effects: RawEffects,
-    /// Which stars, and what moves and colours them.
+    /// Star catalogue, and corrections of direction and colour.
     #[serde(default, deserialize_with = "table")]
     sky: RawSky,
     /// Objects in orbit.
     #[serde(default, deserialize_with = "table")]
     objects: RawObjects,
-    /// Where the observer is in runs that make their own attitudes.
+    /// Orbit of the observer in runs that make their own attitudes.
     #[serde(default, deserialize_with = "table")]
     observer: RawObserver,
-    /// the exposures of `render` and `loopback`
+    /// The exposures of runs that make their own attitudes
     #[serde(default, deserialize_with = "some_table")]
     sequence: Option<RawSequence>,
-    /// How a live run listens and keeps time.
+    /// Links, clock and limits of a live run.
     #[serde(default, deserialize_with = "table")]
     run: RawRun,
-    /// a further camera of the same vehicle, in `run` and `soak`; may be repeated
+    /// Further cameras on the same vehicle, for `run` and `soak`
     #[serde(default, deserialize_with = "tables")]
     heads: Vec<RawHead>,
 }
@@ -128,37 +131,41 @@ struct Raw {
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RawEffects {
-    /// Effects to leave out, such as ["zodiacal light", "starlight", "sunlight"]; what that costs stands in the plan
+    /// Effects that never run, such as ["zodiacal light", "starlight"]; `skyloop plan` shows the
+    /// error that this causes
     off: Vec<String>,
-    /// True: all others run, needed or not (the same frames within the tolerances, slower)
+    /// All other effects run, needed or not; frames are the same within the tolerances, but slower
     all: bool,
 }
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RawSky {
-    /// Hipparcos (to Hp 9), or bsc (entries of the Bright Star Catalogue only: 9 times fewer stars)
+    /// hipparcos: to magnitude Hp 9; bsc: only stars of the Bright Star Catalogue, 9 times fewer
     catalog: String,
-    /// Stars carry their colour into the band; false: band magnitude is V (errs by up to 3 mag)
+    /// Band magnitude from the colour of a star; without it V, an error of up to 3 mag
     colour: bool,
-    /// To the epoch; false: catalogue epoch J1991.25 (errs by up to 5 arcmin (Barnard's star))
+    /// Proper motion from the catalogue epoch J1991.25; without it an error of up to 5 arcmin
+    /// (Barnard's star)
     proper_motion: bool,
-    /// False errs by up to 0.77 arcsec
+    /// Annual parallax; without it an error of up to 0.77 arcsec
     parallax: bool,
-    /// The Sun's light deflection; false errs by 1.75 arcsec at the limb, 0.004 at 90 degrees
+    /// Light deflection by the Sun; without it an error of 1.75 arcsec at its limb, 0.004 at 90 deg
     deflection: bool,
-    /// Stellar and of objects; false errs by up to 26 arcsec
+    /// Aberration of stars and objects; without it an error of up to 26 arcsec
     aberration: bool,
-    /// Of objects; false errs by up to 7 arcsec
+    /// Light time of objects; without it an error of up to 7 arcsec
     light_time: bool,
 }
 
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawObserver {
-    /// Or "FILE", of one object: the observer's orbit where skyloop makes its own attitudes; without it: Earth's centre
+    /// Orbit of the observer: "FILE:NAME", or "FILE" with one object; without orbit and state the
+    /// observer is at the Earth's centre
     orbit: Option<String>,
-    /// Instead of orbit: position and velocity (km, km/s; GCRF) at the first exposure, carried on by two-body motion and J2
+    /// Instead of orbit: position and velocity (km, km/s; GCRF) at the first exposure, propagated
+    /// by two-body motion with J2
     state: Option<Fixed<f64, 6>>,
 }
 

@@ -33,17 +33,17 @@ pub struct Objects {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawObjects {
-    /// A file that says which objects there are, with shapes and attitudes (README, Populations)
+    /// Population file: objects with shapes and attitudes
     population: Option<String>,
-    /// Orbit files (TLE, 3LE, OMM, OEM), or folders of them, of the objects to show, beside those of the population
+    /// Orbit files (TLE, 3LE, OMM, OEM), or folders of them, in addition to the population
     files: Vec<String>,
-    /// In m: of the sphere that stands for every object of which the population says nothing
+    /// Diameter of the sphere for objects without an entry in the population, m
     diameter_m: f64,
-    /// 1
+    /// Reflectance of this sphere
     reflectance: f64,
-    /// Mixing coefficient B_diff
+    /// Diffuse part of the reflected light (B_diff)
     diffuse: f64,
-    /// Mixing coefficient B_spec
+    /// Specular part of the reflected light (B_spec)
     specular: f64,
 }
 
@@ -78,7 +78,7 @@ attitude = { mode = "spin", q = [0.0, 0.0, 0.0, 1.0], utc = "2026-01-01T00:00:00
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawPopulation {
-    /// Which objects there are, and what they look like.
+    /// The objects with their shapes.
     #[serde(default, deserialize_with = "some_tables")]
     objects: Option<Vec<RawEntry>>,
     /// Shapes by name.
@@ -89,7 +89,7 @@ struct RawPopulation {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawEntry {
-    /// Or all objects of these orbit files, or of folders of them
+    /// All objects of these orbit files, or of folders of them
     files: Option<Vec<String>>,
     /// One object: FILE, or FILE:NAME by name, id or number
     object: Option<String>,
@@ -98,7 +98,7 @@ struct RawEntry {
     sphere: Option<RawSphere>,
     /// Instead of a sphere: the name of a shape of this file, with an attitude
     shape: Option<String>,
-    /// How its shape is turned.
+    /// Attitude of its shape.
     #[serde(default, deserialize_with = "some_table")]
     attitude: Option<RawAttitude>,
 }

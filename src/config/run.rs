@@ -246,57 +246,66 @@ const DEFAULT_LINK: &str = "udp://127.0.0.1:4810";
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawRun {
-    /// Where a flight computer reaches the emulator, or an array of links with roles (README, Links)
+    /// Link to the flight computer, or a list of links with roles
     link: OneOrMore,
-    /// What frames bring until a client says otherwise: frame (and label text), compressed (and text), windows (and objects), labels
-    /// (objects alone)
+    /// Content of frames until a client changes it. frame: pixels and label text; compressed:
+    /// compressed pixels and label text; windows: windows and objects; labels: only objects
     output: String,
-    /// Windows around the brightest stars
+    /// Number of windows, around the brightest stars
     windows: u8,
-    /// In px: columns and rows of a window, 1 to 25
+    /// Width and height of a window, px
     window_px: u8,
-    /// Objects as numbers, the brightest
+    /// Number of objects in Objects packets, the brightest
     objects: u16,
-    /// Stepped: each attitude gives its frame; wall: the camera's own rate; external: that rate by the client's clock, which its
-    /// attitudes tell
+    /// stepped: one frame for each attitude; wall: the camera's rate by this machine's clock;
+    /// external: the camera's rate by the client's clock, as estimated from its attitudes
     #[serde(deserialize_with = "word")]
     clock: Clock,
-    /// What asks for a frame: own (an attitude, or the camera's rate), packet (Trigger packets; stepped and external)
+    /// Source of triggers. own: an attitude, or the camera's rate; packet: Trigger packets (stepped
+    /// and external)
     #[serde(deserialize_with = "word")]
     trigger: Trigger,
-    /// In s: silence after which another client may take over the exchange
+    /// Silence of the client after which another client may take over, s
     idle_s: f64,
-    /// In s: a frame is late that has not left whole by this time after its exposure's end; without it one period of the camera
+    /// Deadline: time from the end of the exposure until the whole frame has left, s; default: one
+    /// period of the camera
     latency_s: Option<f64>,
-    /// In s: the device gives a frame out no sooner than this after its exposure's end (wall, external)
+    /// Delay of the device: shortest time from the end of the exposure to the first packet, s
+    /// (wall, external)
     delay_s: f64,
-    /// In s: and up to this later, another time for each frame
+    /// Random addition to delay_s, uniform from 0 to this for each frame, s
     jitter_s: f64,
-    /// Where a frame would miss its deadline: late (it comes late), drop (no frame), coarsen
+    /// If a frame would miss its deadline. late: send it late; drop: send no frame; coarsen: render
+    /// with larger tolerances
     #[serde(deserialize_with = "word")]
     on_overrun: OnOverrun,
-    /// By what, one after another until it is in time: presets, or knobs such as "wing_e = 0.5", of what stands before; nothing is made
-    /// finer
+    /// Steps of coarsen, applied until the frame is in time: presets, or keys of fidelity such as
+    /// "wing_e = 0.5"; no step makes a tolerance smaller
     coarsen: Vec<String>,
-    /// In s of a core per megapixel, at least one: the most work on a frame; one that is estimated dearer is refused
+    /// Limit of the estimated work on a frame, s of one core per megapixel; smaller frames count as
+    /// one megapixel
     work_limit_s: f64,
-    /// In s: an attitude that is older in the middle of an exposure is stale; one that lies further ahead of it, of the future
+    /// Age above which an attitude is stale in the middle of an exposure, s; one that lies further
+    /// ahead counts as future
     stale_s: f64,
-    /// Extrapolate (carried by its rates all the same), hold (the body stands still at the limit), invalid (likewise, and marked so)
+    /// If the attitude is stale. extrapolate: propagate by its rates; hold: stop the body at the
+    /// limit; invalid: stop it and mark the frame
     #[serde(deserialize_with = "word")]
     on_stale: OnStale,
-    /// Attitudes earlier than the last one: refuse, or use (they take their place for exposures between others)
+    /// Attitudes earlier than the last one. refuse: reject them; use: use them for exposures
+    /// between others
     #[serde(deserialize_with = "word")]
     out_of_order: OutOfOrder,
-    /// In s: without a word of the client for so long its clock is not followed any more (external)
+    /// Silence of the client after which its clock is no longer followed, s (external)
     holdover_s: f64,
-    /// Where the figures of the run can be fetched as Prometheus text (wall, external and stepped); none without it
+    /// Address for Prometheus metrics, such as "127.0.0.1:9464"
     metrics: Option<String>,
-    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; reported as granted or not
+    /// Real-time priority (SCHED_FIFO) of the emulator's threads; the log reports whether it was
+    /// granted
     priority: Option<i64>,
-    /// Keep the process in memory (mlockall), likewise
+    /// Lock the process in memory (mlockall); the log reports whether it was granted
     lock_memory: bool,
-    /// Processors to run on, such as [0, 1]; empty: all
+    /// Processors to run on, such as [0, 1]; an empty list is all
     cpus: Vec<i64>,
 }
 

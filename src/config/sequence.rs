@@ -53,38 +53,41 @@ pub struct TimedAttitude {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawSequence {
-    /// In UTC: middle of the first exposure
+    /// Middle of the first exposure, UTC
     epoch: RawTime,
-    /// Exposures, 1 to 1000000
+    /// Number of exposures
     frames: u32,
-    /// S
+    /// Time between the middles of exposures, s
     period_s: f64,
-    /// ICRF to body, [x, y, z, w]; slerp between
+    /// Attitudes, interpolated by slerp
     #[serde(default, deserialize_with = "tables")]
     attitudes: Vec<RawAttitude>,
-    /// Instead of attitudes: a file of them, a CCSDS AEM (KVN) or lines UTC x y z w
+    /// Instead of attitudes: an attitude file, a CCSDS AEM (KVN) or lines `UTC x y z w`
     attitude_file: Option<String>,
-    /// Instead of attitudes: the boresight's right ascension and declination and the position angle of what is up in the image (-Y), deg, ICRF
+    /// Instead of attitudes: right ascension and declination of the boresight and position angle of
+    /// image up (-Y), deg, ICRF
     radec: Option<Fixed<f64, 3>>,
     /// Instead of attitudes: body +Z to the Earth's centre, +X towards the velocity
     #[serde(default)]
     #[expect(dead_code, reason = "rules between keys read it")]
     nadir: bool,
-    /// Instead of attitudes: what the boresight points at and follows: "Sun", "Moon", a planet, an object's name or number, "limb:HEIGHT_KM,AZIMUTH_DEG", "velocity", or [ra, dec] in deg
+    /// Instead of attitudes: target that the boresight follows: "Sun", "Moon", a planet, name or
+    /// number of an object, "limb:HEIGHT_KM,AZIMUTH_DEG", "velocity", or [ra, dec] in deg
     look_at: Option<RawTarget>,
-    /// What is up in the image (-Y) of look_at; default: north, of the limb and the velocity zenith
+    /// Reference direction for image up (-Y) with look_at; default: north; zenith for limb and
+    /// velocity
     #[serde(default, deserialize_with = "some_word")]
     up: Option<Up>,
-    /// Position angle of -Y from up, in the sense from north through east, deg; default 0
+    /// Position angle of -Y from up, in the sense from north through east, deg; default: 0
     roll_deg: Option<f64>,
-    /// In deg/s: body axes, of a single attitude
+    /// Body rates of a single attitude, deg/s, body axes
     rates_deg_s: Option<Fixed<f64, 3>>,
 }
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawAttitude {
-    /// When it holds; of several attitudes each needs one
+    /// Time of the attitude; required for each of several attitudes
     utc: Option<RawTime>,
     /// Unit quaternion [x, y, z, w] from ICRF to body
     q: Fixed<f64, 4>,

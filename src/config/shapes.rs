@@ -16,13 +16,13 @@ use std::ops::RangeInclusive;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawSphere {
-    /// M (10)
+    /// Diameter, m
     pub diameter_m: f64,
-    /// As below; a sphere follows Eqs. (7) and (8) (0.2)
+    /// Fraction of the light that is reflected (Eqs. 7 and 8)
     pub reflectance: f64,
-    /// As below; a sphere follows Eqs. (7) and (8) (1)
+    /// Diffuse part of the reflected light (B_diff)
     pub diffuse: f64,
-    /// As below; a sphere follows Eqs. (7) and (8) (0)
+    /// Specular part of the reflected light (B_spec)
     pub specular: f64,
 }
 
@@ -41,7 +41,7 @@ impl Default for RawSphere {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawShape {
-    /// 1 to 200 parts (required)
+    /// Parts of the shape
     #[serde(deserialize_with = "tables")]
     parts: Vec<RawPart>,
 }
@@ -49,52 +49,53 @@ pub struct RawShape {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawPart {
-    /// Plate (area_m2, normal), box (size_m), cylinder and cone (axis, diameter_m, length_m), sphere (diameter_m) (required)
+    /// Form of the part
     kind: String,
-    /// M^2, of a plate's one side
+    /// Area of one side of a plate, m^2
     area_m2: Option<f64>,
-    /// Where a plate's front faces, any length
+    /// Normal of the front of a plate, body axes, of any length
     normal: Option<Fixed<f64, 3>>,
-    /// Whether its back is a surface too (false)
+    /// The back of a plate reflects, too; default: false
     two_sided: Option<bool>,
-    /// The axis that a plate turns about to face the Sun as well as it can; not along its normal (fixed)
+    /// Axis about which a plate turns to face the Sun, not along its normal; default: fixed
     sun_axis: Option<Fixed<f64, 3>>,
-    /// In m: edges of a box along the body's axes
+    /// Edges of a box along the body axes, m
     size_m: Option<Fixed<f64, 3>>,
-    /// From base to top, any length
+    /// Direction from base to top, body axes, of any length
     axis: Option<Fixed<f64, 3>>,
-    /// M; of a cone the diameter of its base
+    /// Diameter, m; of a cone that of its base
     diameter_m: Option<f64>,
-    /// In m: where a cone is cut off (0)
+    /// Diameter of the top of a cone, m; default: 0
     top_diameter_m: Option<f64>,
-    /// M; of a cone the diameter of its base
+    /// Length of a cylinder or cone, m
     length_m: Option<f64>,
-    /// Which ends are closed: both, base, top or none (`both`)
+    /// Closed ends; default: both
     ends: Option<String>,
-    /// The share of the light that comes back (0.2)
+    /// Fraction of the light that is reflected; default: 0.2
     reflectance: Option<f64>,
-    /// Hejduk's mixing coefficients B_diff and B_spec of Eq. (6): what of it is diffuse (Lambert) and what is mirrored; at most 1
-    /// together, so that specular needs a diffuse beside it (1)
+    /// Diffuse (Lambert) part of the reflected light (B_diff, Hejduk's Eq. 6); diffuse and specular
+    /// are at most 1 together; default: 1
     diffuse: Option<f64>,
-    /// Hejduk's mixing coefficients B_diff and B_spec of Eq. (6): what of it is diffuse (Lambert) and what is mirrored; at most 1
-    /// together, so that specular needs a diffuse beside it (0)
+    /// Specular part of the reflected light (B_spec, Hejduk's Eq. 6); needs a smaller diffuse;
+    /// default: 0
     specular: Option<f64>,
-    /// Deg, 0.5 to 90: how far from the mirror direction mirrored light goes; it ends smoothly there. A mirror shows the Sun's disc, 0.27
-    /// deg. Of what mirrors, but not of spheres (a mirror)
+    /// Half width of the specular lobe around the mirror direction, deg, not for spheres; default:
+    /// a mirror, with the Sun's disc of 0.27 deg
     lobe_deg: Option<f64>,
 }
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawAttitude {
-    /// Inertial: at rest among the stars; nadir: turning with its orbit; spin: turning at constant rates (required)
+    /// inertial: fixed among the stars; nadir: turning with the orbit; spin: turning at constant
+    /// rates
     mode: String,
-    /// [x, y, z, w]: ICRF to body; of nadir from the orbit's axes to the body: +Z to the Earth's centre, +X towards the velocity, +Y
-    /// against the orbit's normal; of spin at utc (nadir: no turn)
+    /// Unit quaternion [x, y, z, w] from ICRF to body; of spin at utc; of nadir from orbit axes to
+    /// body (+Z to the Earth's centre, +X towards the velocity), by default identity
     q: Option<Fixed<f64, 4>>,
-    /// Of spin: when q holds, and deg/s about the body's axes
+    /// spin: time of q
     utc: Option<RawTime>,
-    /// Of spin: when q holds, and deg/s about the body's axes
+    /// spin: body rates, deg/s, body axes
     rates_deg_s: Option<Fixed<f64, 3>>,
 }
 

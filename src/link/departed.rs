@@ -140,7 +140,7 @@ impl Departed {
 
     /// Marks the packets of a frame: all that were queued after `before`. Their exit is stored
     /// until it is read.
-    pub(crate) fn mark(&self, before: u32) -> Mark {
+    pub fn mark(&self, before: u32) -> Mark {
         let last = self.place();
         let mark = Mark { before, last };
         let mut book = lock(&self.book);
@@ -159,7 +159,7 @@ impl Departed {
     }
 
     /// How the marked packets left, once. None if they have not, or an older mark is still unread.
-    pub(crate) fn left(&self, mark: Mark) -> Option<Exit> {
+    pub fn left(&self, mark: Mark) -> Option<Exit> {
         if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
@@ -170,7 +170,7 @@ impl Departed {
     }
 
     /// Drops a mark.
-    pub(crate) fn forget(&self, mark: Mark) {
+    pub fn forget(&self, mark: Mark) {
         let marks = &mut lock(&self.book).marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())

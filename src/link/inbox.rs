@@ -13,7 +13,7 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
-pub(crate) const QUEUE: usize = 256;
+pub const QUEUE: usize = 256;
 
 /// A packet from a client.
 #[derive(Debug, Clone)]
@@ -126,7 +126,7 @@ impl Shared {
 impl Intake {
     /// Queues a packet without waiting. A full queue drops and counts its oldest attitude, or else
     /// its oldest packet.
-    pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
+    pub fn push(&self, inbound: Inbound) -> Result<(), Gone> {
         let mut state = lock(&self.shared.state);
         if !state.read {
             return Err(Gone);
@@ -172,7 +172,7 @@ impl Drop for Intake {
 impl Inbox {
     /// Unparks `reader` at every packet and at the end of the wire, for a thread with several
     /// queues.
-    pub(crate) fn unparks(&self, reader: Thread) {
+    pub fn unparks(&self, reader: Thread) {
         lock(&self.shared.state).reader = Some(reader);
     }
 

@@ -34,22 +34,22 @@ mod tally;
 mod udp;
 mod wire;
 
-pub(crate) use departed::{Exit, Mark, Unsent};
+pub use departed::{Exit, Mark, Unsent};
 pub use error::{LinkError, OpenError};
-pub(crate) use every::Every;
-pub(crate) use inbox::QUEUE;
+pub use every::Every;
+pub use inbox::QUEUE;
 pub use inbox::{Inbound, Inbox, Intake};
 pub use kind::{AroundBus, AtBus, BothEnds, BusInstruments, Link, Options};
-pub(crate) use lock::lock;
-pub(crate) use outbox::FAULT_REFUSED;
+pub use lock::lock;
+pub use outbox::FAULT_REFUSED;
 pub use outbox::{Outbound, Outbox};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
-pub(crate) use relay::{Relay, relay};
+pub use relay::{Relay, relay};
 pub use skyloop_firmware_sim::address::Address;
 pub use skyloop_firmware_sim::roles::Roles;
 pub use tally::{Airtime, Tally};
-pub(crate) use tally::{Harm, SOON, Standstill, is_of_frame, patience};
+pub use tally::{Harm, SOON, Standstill, is_of_frame, patience};
 pub use wire::Wire;
 
 /// Every link.

@@ -30,7 +30,7 @@ pub enum Outbound {
 }
 
 /// What stands before the reason in the answer to a fault that is refused.
-pub(crate) const FAULT_REFUSED: &str = "Fault: ";
+pub const FAULT_REFUSED: &str = "Fault: ";
 
 /// Why a link injects no faults.
 const NO_FAULTS: &str =

@@ -161,7 +161,7 @@ impl Tally {
     }
 
     /// Frame packets removed since the client's address was not proved. They count as lost, too.
-    pub(crate) fn unproved(&self) -> u32 {
+    pub fn unproved(&self) -> u32 {
         self.unproved.load(Ordering::SeqCst)
     }
 
@@ -177,7 +177,7 @@ impl Tally {
     }
 
     /// Effect of faults on a direction, which had lost `before` packets; none if there is none.
-    pub(crate) fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
+    pub fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
         let harmed = self.harmed.get(usize::from(direction.code()))?;
         if harmed.is_held_back.load(Ordering::Relaxed) {
             return Some(Harm::Delays);
@@ -251,11 +251,11 @@ pub struct Standstill {
 }
 
 /// Silence after which a link stands still, and after which the end of a run reports its wait.
-pub(crate) const SOON: Duration = Duration::from_millis(500);
+pub const SOON: Duration = Duration::from_millis(500);
 
 /// Silence after which a link stands still: `least`, or twice the time of a packet, which may leave
 /// in one piece.
-pub(crate) fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
+pub fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
     least.max(2 * packet)
 }

@@ -64,7 +64,7 @@ impl Wire {
     }
 
     /// How long the longest packet takes, where that is known.
-    pub(crate) fn packet_airtime(&self) -> Duration {
+    pub fn packet_airtime(&self) -> Duration {
         let airtime = self.airtime.as_ref();
         airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET))
     }
@@ -78,7 +78,7 @@ impl Wire {
     }
 
     /// Lets what is queued leave, until `standstill` is over; what is left then is lost.
-    pub(crate) fn close(&mut self, mut standstill: Standstill) {
+    pub fn close(&mut self, mut standstill: Standstill) {
         // Without an outbox the sender ends when its queue is empty.
         self.outbox = Box::new(Closed);
         let Some(sender) = self.sender.take() else {

@@ -1,5 +1,11 @@
 //! The engine: one vehicle state in, one labelled frame out.
 
+mod setup;
+mod shot;
+
+pub use setup::{Setup, Sky};
+pub use shot::{Opening, Shot, Witness};
+
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::crew;
@@ -10,14 +16,13 @@ use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
 use crate::scene::{
-    EffectId, Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, World, add_areas,
-    build_scene, build_view, is_flooded,
+    EffectId, Exposure, Faint, OBJECT_NS, Scene, Unobservable, World, add_areas, build_scene,
+    build_view, is_flooded,
 };
+use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
-use crate::sky::catalog::{Catalog, Selection};
-use crate::sky::population::Population;
+use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
-use crate::sky::{Corrections, StarField};
 use hifitime::{Epoch, Unit};
 use skyloop_base::abort::{Abort, WorkLimit};
 use skyloop_base::rng::NoiseKey;
@@ -25,7 +30,7 @@ use skyloop_orbit::Ages;
 use skyloop_orbit::sgp4_batch::Level;
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Capacity of a label's text, bytes: more than most ever need, so that it is not reallocated.
 /// Untouched memory is not resident.
@@ -38,38 +43,6 @@ const SURELY: f64 = 40.0;
 
 /// Most threads that are warmed up.
 const LEADERS: usize = 4;
-
-/// The stars and the corrections of their directions.
-#[derive(Debug, Clone, Copy)]
-pub struct Sky {
-    /// Which part of the catalogue.
-    pub selection: Selection,
-    /// Corrections from catalogue to apparent place.
-    pub corrections: Corrections,
-    /// Whether stars carry their colour into the band (else the band magnitude is V).
-    pub colour: bool,
-}
-
-/// What an emulator is made of.
-#[derive(Debug, Clone)]
-pub struct Setup {
-    /// The camera.
-    pub camera: Camera,
-    /// Error tolerances.
-    pub fidelity: Fidelity,
-    /// Which effects may run.
-    pub choice: Choice,
-    /// Seed of all noise.
-    pub seed: u64,
-    /// The faintest object that labels list, as signal-to-noise ratio.
-    pub label_snr: f64,
-    /// The stars.
-    pub sky: Sky,
-    /// Resident space objects.
-    pub population: Arc<Population>,
-    /// Records of the object files that were refused.
-    pub rejected_records: u32,
-}
 
 /// The emulated camera under its sky.
 #[derive(Debug)]
@@ -102,74 +75,6 @@ pub struct Emulator {
     /// When the ages of element sets were last checked, and whether they have been reported.
     ages: (Option<Epoch>, bool),
 }
-
-/// One exposure, rendered.
-#[derive(Debug, Clone)]
-pub struct Shot {
-    /// Number of the frame in the run, from 0.
-    pub number: u32,
-    /// The pixels.
-    pub frame: Frame,
-    /// What is in them.
-    pub label: Label,
-    /// The label as one line of JSON.
-    pub json: Arc<String>,
-    /// When it was exposed.
-    pub exposure: Exposure,
-    /// The camera, as it was set.
-    pub camera: Arc<Camera>,
-    /// What its noise is keyed by.
-    pub key: NoiseKey,
-    /// Objects without an image because their orbit has no position at this time.
-    pub unknown: Unknown,
-    /// Objects of the population, wherever they are.
-    pub population: usize,
-    /// The ages of element sets, if most are of another time and that has not been reported before.
-    pub old: Option<Ages>,
-    /// From the vehicle's state to pixels and label.
-    pub render_time: Duration,
-}
-
-/// What is known of a frame before its pixels.
-#[derive(Debug, Clone)]
-pub struct Opening {
-    /// Number of the frame in the run, from 0.
-    pub number: u32,
-    /// The label as one line of JSON.
-    pub json: Arc<String>,
-    /// When it is exposed.
-    pub exposure: Exposure,
-    /// The camera, as it is set.
-    pub camera: Arc<Camera>,
-    /// What its noise is keyed by.
-    pub key: NoiseKey,
-}
-
-impl Shot {
-    /// What was known of it before its pixels.
-    pub fn opening(&self) -> Opening {
-        Opening {
-            number: self.number,
-            json: self.json.clone(),
-            exposure: self.exposure,
-            camera: self.camera.clone(),
-            key: self.key,
-        }
-    }
-}
-
-/// Observes a frame while it is made, on the thread that makes it.
-pub trait Witness: Sync {
-    /// The label is complete.
-    fn labelled(&self, _: Opening) {}
-
-    /// Rows are complete: the first pixel (row-major), and the pixel values from there on. Not
-    /// called if all rows complete together.
-    fn developed(&self, _first: usize, _digits: &[u16]) {}
-}
-
-/// Observes nothing.
-impl Witness for () {}
 
 impl Emulator {
     /// The emulator of `setup`. Tolerances are brought into their ranges ([`Fidelity::within_ranges`]); a
@@ -516,6 +421,8 @@ fn reserve() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sky::Corrections;
+    use crate::sky::catalog::Selection;
     use crate::sky::photometry::Sphere;
     use crate::sky::population::Looks;
     use skyloop_base::load::Folder;

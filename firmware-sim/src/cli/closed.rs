@@ -17,16 +17,18 @@ const USUAL_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
 /// Whether and how the loop is closed.
 #[derive(Clone, Debug, Args)]
 pub struct LoopArgs {
-    /// Hold the attitude against a drift, by the stars that the frames show: by the wall clock, with the focal length below
+    /// Closed loop: hold the attitude against a drift by the detected stars; uses the wall clock
+    /// and needs --focal-px
     #[arg(long = "loop")]
     closed: bool,
-    /// Focal length of the camera over the pitch of its pixels: all that the loop knows of it
+    /// Focal length of the camera in pixels, the only property that the loop uses
     #[arg(long, value_name = "PX", value_parser = within(1.0..=1e7, "px"), allow_negative_numbers = true)]
     focal_px: Option<f64>,
-    /// What turns the body beside the steering, deg/s about its axes [default: 0.01,-0.02,0.015]
+    /// Disturbance rate of the body, deg/s, body axes [default: 0.01,-0.02,0.015]
     #[arg(long, value_name = "x,y,z", value_parser = parse_drift, allow_hyphen_values = true)]
     drift: Option<Vector3<f64>>,
-    /// End with an error where the pointing error, rms over the last half of the run, is more than so many arcseconds [default: anything]
+    /// Fail if the rms pointing error over the last half of the run exceeds this, arcsec [default:
+    /// no limit]
     #[arg(long, value_name = "ARCSEC", value_parser = within(1e-3..=648_000.0, "arcsec"), allow_negative_numbers = true)]
     max_error: Option<f64>,
 }

@@ -33,7 +33,8 @@ pub struct ProfileArgs {
     /// Attitude at the first epoch and constant body rates in deg/s
     #[arg(long, value_name = "x,y,z,w,wx,wy,wz", value_parser = parse_slew, allow_hyphen_values = true)]
     slew: Option<Slew>,
-    /// From the attitude at the first epoch to and fro about a body axis (x, y or z; default y): half width in deg, rate in deg/s
+    /// Scan around the attitude at the first epoch about a body axis (x, y or z; default y): half
+    /// width in deg, rate in deg/s
     #[arg(
         long,
         value_name = "x,y,z,w,DEG,RATE[,AXIS]",
@@ -44,7 +45,8 @@ pub struct ProfileArgs {
     /// +Z to the Earth's centre, +X towards the velocity; needs --orbit
     #[arg(long, requires = "orbit")]
     nadir: bool,
-    /// +Z to the limb: height above the ellipsoid, azimuth to the right of the flight (default 0); -Y up; needs --orbit
+    /// +Z to the limb: height above the ellipsoid in km, azimuth from the velocity to the right in
+    /// deg (default 0); -Y up; needs --orbit
     #[arg(
         long,
         value_name = "KM[,AZIMUTH_DEG]",
@@ -53,7 +55,7 @@ pub struct ProfileArgs {
         requires = "orbit"
     )]
     limb_stare: Option<LimbStare>,
-    /// Send no attitudes: take the frames that another client has made, over links that bring frames alone
+    /// Send no attitudes; receive the frames of another client, over links that carry only frames
     #[arg(long, conflicts_with_all = ["wall", "rate", "pause", "closed", "epoch", "period", "orbit"])]
     listen: bool,
 }

@@ -8,7 +8,8 @@ use std::fmt;
 use std::ops::RangeInclusive;
 
 /// Checks values of one file, so that each check is one line.
-pub(crate) struct Check<'a> {
+pub struct Check<'a> {
+    /// The file's name in messages.
     pub file: &'a str,
     pub(super) notices: RefCell<Vec<String>>,
 }

@@ -163,7 +163,7 @@ impl ConfigError {
     }
 
     /// The same as the error of a rule between its key and `keys`: where one of these is faulty itself, only that is reported.
-    pub(crate) fn needs(self, keys: &[&str]) -> ConfigError {
+    pub fn needs(self, keys: &[&str]) -> ConfigError {
         ConfigError::Rule {
             needs: keys.iter().map(|key| (*key).to_string()).collect(),
             error: Box::new(self),

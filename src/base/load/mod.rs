@@ -18,20 +18,20 @@ mod time;
 mod units;
 mod words;
 
-pub(crate) use check::Check;
-pub(crate) use embedded::EXAMPLE_CAMERA;
+pub use check::Check;
+pub use embedded::EXAMPLE_CAMERA;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub use error::ConfigError;
-pub(crate) use fixed::Fixed;
+pub use fixed::Fixed;
 pub use folder::Folder;
-pub(crate) use limits::{Allowed, END, Kind, Limit};
-pub(crate) use report::{Noticed, read, read_noticed};
-pub(crate) use schema::schema_of;
-pub(crate) use table::{
+pub use limits::{Allowed, END, Kind, Limit};
+pub use report::{Noticed, read, read_noticed};
+pub use schema::schema_of;
+pub use table::{
     TextOrList, named_tables, some_table, some_tables, some_word, table, tables, word,
 };
-pub(crate) use time::RawTime;
-pub(crate) use words::{MEANT, advice, nearest, one_of};
+pub use time::RawTime;
+pub use words::{MEANT, advice, nearest, one_of};
 
 /// Compares schemas with loaders, for tests of the crates that read files.
 #[cfg(any(test, feature = "test-support"))]

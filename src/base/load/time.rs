@@ -19,8 +19,10 @@ const CENTURIES: [&str; 2] = ["19", "20"];
     untagged,
     expecting = "expected a UTC time such as 2019-06-15T23:35:50.500Z"
 )]
-pub(crate) enum RawTime {
+pub enum RawTime {
+    /// As text.
     Text(String),
+    /// As TOML writes it.
     Date(toml::value::Datetime),
 }
 

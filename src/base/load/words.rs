@@ -58,7 +58,7 @@ pub fn missing_key(message: &str) -> Option<&str> {
 pub const MEANT: &str = ": did you mean `";
 
 /// The choice between words.
-pub(crate) fn one_of(words: &[&str]) -> String {
+pub fn one_of(words: &[&str]) -> String {
     let quoted: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
     match quoted.as_slice() {
         [only] => only.clone(),

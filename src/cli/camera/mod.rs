@@ -8,10 +8,9 @@ use clap::Subcommand;
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Check a camera file and print what the camera can see: field of view, scale, limiting and
-    /// saturation magnitude
+    /// Check a camera file and print field of view, scale, limiting and saturation magnitude
     Check(check::Args),
-    /// Write a camera file from the figures of a data sheet; asks for those that are not given
+    /// Write a camera file from the values of a data sheet; prompts for missing values
     New(new::Args),
 }
 

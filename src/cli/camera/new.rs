@@ -13,7 +13,8 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// The file to write, or - for standard output; its name without the end becomes the camera's
+    /// File to write, or - for standard output; its name without extension becomes the name of the
+    /// camera
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Sensor, columns x rows

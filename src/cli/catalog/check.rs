@@ -18,10 +18,10 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Files of orbits, or folders of them; the format is found from the text
+    /// Orbit files, or folders of them; the format is recognised from the content
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Exit with 1 if a file or a record cannot be used
+    /// Exit with code 1 if a file or a record is unusable
     #[arg(long)]
     strict: bool,
     /// Print JSON instead of lines

@@ -15,10 +15,10 @@ use std::path::PathBuf;
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Files of orbits, or folders of them
+    /// Orbit files, or folders of them
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Report this object alone: a name, an id or a number
+    /// Report only this object: name, id or number
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
     /// Print JSON instead of a table, with every object

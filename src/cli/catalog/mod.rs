@@ -12,11 +12,11 @@ use skyloop::orbit::{Format, LARGEST_FILE};
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Say what files of orbits hold, and what of it cannot be used, with line and reason
+    /// Report the contents of orbit files, and each unusable record with line and reason
     Check(check::Args),
-    /// Count the objects of files by kind of orbit, or print one
+    /// Count the objects by type of orbit, or print one object
     Info(info::Args),
-    /// Make a population up, with the mix of the real one, for scale tests
+    /// Generate a synthetic population with the mix of the real one, for scale tests
     Synth(synth::Args),
 }
 

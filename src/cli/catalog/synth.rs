@@ -18,10 +18,10 @@ use std::path::{Path, PathBuf};
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// How many objects, 1 to 10,000,000
+    /// Number of objects, 1 to 10,000,000
     #[arg(long, value_name = "N", value_parser = whole(1..=10_000_000u32), allow_hyphen_values = true)]
     objects: u32,
-    /// Which population: the same number gives the same objects
+    /// Seed of the population: the same number gives the same objects
     #[arg(
         long,
         value_name = "N",
@@ -30,11 +30,11 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     seed: u64,
-    /// The objects' element sets are of the day before it
+    /// Epoch; the element sets are of the day before it
     #[arg(long, value_name = "UTC", value_parser = parse_utc, default_value = "2026-06-01T00:00:00Z")]
     epoch: Epoch,
-    /// A folder for a population file and its element files by size, or one file of element sets:
-    /// .tle, .3le, .kvn, .xml, .json or .csv [default: nothing is written, the classes are counted]
+    /// Folder for a population file and its element files by size, or one element file: .tle, .3le,
+    /// .kvn, .xml, .json or .csv [default: only print the counts]
     #[arg(long, value_name = "FOLDER|FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]

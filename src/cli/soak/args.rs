@@ -8,42 +8,41 @@ use std::path::{Path, PathBuf};
 
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Run file with a [sequence], whose first attitude and rates are flown; its clock is wall or
+    /// Run file with a [sequence]; the run uses its first attitude and rates; its clock is wall or
     /// external
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
-    /// How long
+    /// Duration in minutes
     #[arg(long, value_name = "M", default_value_t = 1.0, value_parser = decimal(0.001..=100_000.0), allow_negative_numbers = true)]
     pub minutes: f64,
-    /// Frames that may miss their deadline, of all exposures
+    /// Maximum fraction of exposures whose frame misses its deadline
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = decimal(0.0..=1.0), allow_negative_numbers = true)]
     max_miss_rate: f64,
-    /// What 99 frames in 100 may take at most, from the trigger (the exposure's end, or its
-    /// attitude's arrival if that is later) to the client's last packet; one that does not come
-    /// whole takes longer than any [default: anything]
+    /// Maximum 99th percentile from the trigger to the client's last packet. The trigger is the end
+    /// of the exposure, or the arrival of its attitude if later; an incomplete frame counts as
+    /// infinite [default: no limit]
     #[arg(long, value_name = "X", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_p99_ms: Option<f64>,
-    /// By what share of it memory may have grown at the end, since a fifth of the run or a minute
-    /// [default: anything]
+    /// Maximum growth of memory, as a fraction, from a fifth of the run (at most a minute) to its
+    /// end [default: no limit]
     #[arg(long, value_name = "SHARE", value_parser = decimal(0.0..=1e6), allow_negative_numbers = true)]
     max_growth: Option<f64>,
     /// Link between emulator and client: memory, udp, serial, pty, can or slcan, as in `loopback`
     #[arg(long, default_value = "udp")]
     pub link: String,
-    /// What frames bring [default: the file's]
+    /// Content of frames [default: the file's]
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     pub output: Option<String>,
-    /// Attitudes a second [default: two a frame]
+    /// Attitudes per second [default: two per frame]
     #[arg(long, value_name = "HZ", value_parser = decimal(1e-3..=1e5), allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Write the verdicts as JUnit XML
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
-    /// Write everything as JSON
+    /// Write the whole report as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464
-    /// [default: the file's, else nowhere]
+    /// Address for Prometheus metrics, such as 127.0.0.1:9464 [default: the file's, else none]
     #[arg(long, value_name = "ADDRESS")]
     pub metrics: Option<String>,
     #[command(flatten)]

@@ -13,17 +13,17 @@ type Figure = (&'static str, &'static str, fn(&Snapshot) -> Option<String>);
 const FRAMES: [Figure; 3] = [
     (
         "frames_total",
-        "Frames that were to leave, whole or not; of exposures without one exposures_missed tells.",
+        "Frames to send, complete or not; exposures without a frame count in exposures_missed.",
         |of| Some(of.frames.to_string()),
     ),
     (
         "deadlines_missed_total",
-        "Frames that were late or did not leave whole; of exposures without a frame exposures_missed tells.",
+        "Frames that were late or incomplete; exposures without a frame count in exposures_missed.",
         |of| Some(of.missed.to_string()),
     ),
     (
         "frames_incomplete_total",
-        "Frames that did not leave whole.",
+        "Frames that were not sent completely.",
         |of| Some(of.incomplete.to_string()),
     ),
 ];
@@ -31,12 +31,12 @@ const FRAMES: [Figure; 3] = [
 const REQUESTS: [Figure; 2] = [
     (
         "link_frames_requested_total",
-        "Requests for frames: those delivered, those withheld, and frames on their way.",
+        "Requests for frames: delivered, withheld, or in flight.",
         |of| Some(of.requested.to_string()),
     ),
     (
         "link_frames_delivered_total",
-        "Frames whose last packet has left the link.",
+        "Frames whose last packet was sent.",
         |of| Some(of.delivered.to_string()),
     ),
 ];
@@ -44,15 +44,17 @@ const REQUESTS: [Figure; 2] = [
 const LAST_FRAME: [Figure; 6] = [
     (
         "exposure_start_timestamp_seconds",
-        "First instant of the last frame's exposure, since 1970.",
+        "Start of the last frame's exposure, since 1970.",
         |of| Some(number(of.exposure_s?[0])),
     ),
-    ("exposure_mid_timestamp_seconds", "Its middle.", |of| {
-        Some(number(of.exposure_s?[1]))
-    }),
+    (
+        "exposure_mid_timestamp_seconds",
+        "Middle of the last frame's exposure, since 1970.",
+        |of| Some(number(of.exposure_s?[1])),
+    ),
     (
         "exposure_end_timestamp_seconds",
-        "Its last instant.",
+        "End of the last frame's exposure, since 1970.",
         |of| Some(number(of.exposure_s?[2])),
     ),
     (
@@ -62,12 +64,12 @@ const LAST_FRAME: [Figure; 6] = [
     ),
     (
         "clock_offset_seconds",
-        "The client's clock less the emulator's.",
+        "The client's clock minus the emulator's.",
         |of| of.clock_offset_s.map(number),
     ),
     (
         "deadline_spare_seconds",
-        "What was left of the last frame's deadline; less than 0: missed, -Inf: it did not leave whole.",
+        "Time from the last frame's end to its deadline; negative: missed, -Inf: incomplete.",
         |of| of.deadline_spare_s.map(number),
     ),
 ];
@@ -91,7 +93,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     families(&mut page, &links, "counter", &FRAMES);
     accounts(&mut page, &links);
     let latency = "skyloop_latency_seconds";
-    let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
+    let help = "Time from the trigger of a frame to a stage, of complete frames; bounds of buckets are exact to 0.5 %.";
     if links.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help) {
         for (labels, of) in &links {
             let stages = of.stages.iter();
@@ -99,8 +101,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         }
     }
     families(&mut page, &links, "gauge", &LAST_FRAME);
-    let help =
-        "What is gone by for the client's time: 0 free, 1 waiting, 2 locked, 3 holdover, 4 paused.";
+    let help = "State of the clock that follows the client: 0 free, 1 waiting, 2 locked, 3 holdover, 4 paused.";
     page.family(&cameras, ("skyloop_clock_sync", "gauge", help), |of| {
         of.sync
     });
@@ -113,7 +114,11 @@ pub(super) fn page(cameras: &[Camera]) -> String {
             count.map(|(_, count)| *count)
         });
     }
-    if page.begin("skyloop_build_info", "gauge", "What is running.") {
+    if page.begin(
+        "skyloop_build_info",
+        "gauge",
+        "Version of the running program.",
+    ) {
         let version = [("version", env!("CARGO_PKG_VERSION"))];
         page.sample("skyloop_build_info", &version, 1);
     }
@@ -131,7 +136,7 @@ fn families(page: &mut Page, links: &[Of<'_>], kind: &str, figures: &[Figure]) {
 fn accounts(page: &mut Page, links: &[Of<'_>]) {
     families(page, links, "counter", &REQUESTS);
     let name = "skyloop_link_frames_withheld_total";
-    let help = "Requests whose frame has not left the link whole, by cause.";
+    let help = "Requests whose frame was not sent completely, by cause.";
     if links.iter().any(|(_, of)| !of.withheld.is_empty()) && page.begin(name, "counter", help) {
         for (labels, of) in links {
             for (cause, count) in &of.withheld {

@@ -113,57 +113,57 @@ fn at_kinks(value: f64) -> f64 {
 knobs! {
     /// Share of a point source's light that may fall outside its stamp (1).
     psf_loss: f64, "1", Numbers([1e-12, 0.01]), [1e-4, 1e-6, 1e-12], true, itself,
-        "share of a source's light that is lost outside its stamp";
+        "fraction of the light of a source that is lost outside its stamp";
     /// So much of its light (e-) may fall outside in any case where its wings are narrow, up to a
     /// ten thousandth.
     loss_e: f64, "e-", Numbers([0.0, 1e3]), [0.05, 1e-3, 0.0], true, itself,
-        "light of a source that is lost outside its stamp in any case, up to a ten thousandth of it";
+        "light of a source that may always be lost outside its stamp, at most 1e-4 of it";
     /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest
     /// of their light is laid evenly over the pixels that are drawn, and brings each less than
     /// twice as much.
     wing_e: f64, "e-", Numbers([1e-3, 1e3]), [0.2, 0.02, 1e-3], true, |wing_e| 2.0 * wing_e,
-        "what a pixel's light of a source's wide wings is off by, e-: twice the value";
+        "half the error of a pixel's light in the wide wings of a source";
     /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the
     /// source's light. A panel is integrated by two Gauss points, so the profile errs by at most
     /// `step^4 / 4320 * 1.4` of the streak's height, at its ends: 2e-5 at 0.5. Of a Gaussian that
     /// is the same everywhere fewer points tell as much (`track::rule`). Light and centroid are
     /// kept whatever the step.
     track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, profile,
-        "what a streak's profile is off by, as a part of its height: step^4 / 3086";
+        "step along a streak; the relative error of its profile is step^4 / 3086";
     /// Panels are longer, up to one sigma, and short tracks are points, where the profile still
     /// errs by no more than this (e-).
     track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
-        "a pixel's light of a streak whose panels are longer, or which is drawn as a point";
+        "light of a streak on a pixel below which its panels are longer, or it is drawn as a point";
     /// Area light runs in straight lines between places at which it is worked out where its bend
     /// makes that err by no more than this (e-) and
     area_e: f64, "e-", Numbers([1e-4, 1e3]), [0.2, 0.02, 1e-3], true, at_kinks,
-        "a pixel's area light that is drawn between places, beside area_part: itself where light bends evenly, up to 8 times as much at kinks and in thin layers";
+        "error of a pixel's area light from interpolation, added to area_part; up to 8 times as large at kinks and in thin layers";
     /// this part of it (1).
     area_part: f64, "1", Numbers([1e-7, 0.1]), [5e-3, 5e-4, 1e-6], true, at_kinks,
-        "a part of that light, likewise";
+        "relative error of that light, with the same factor of up to 8";
     /// Draws of shot noise are within this total-variation distance of Poisson's (1), up to 2^20 e-
     /// a pixel.
     poisson_tv: f64, "1", Numbers([1e-6, 0.01]), [5e-4, 1e-4, 1e-6], true, itself,
-        "total-variation distance of draws of shot noise from Poisson's distribution, up to 10^6 e- a pixel";
+        "total-variation distance between shot noise and Poisson's distribution, up to 10^6 e- per pixel";
     /// An effect without which no pixel's expected electrons change by more than this (e-) is
     /// skipped.
     skip_e: f64, "e-", Numbers([0.0, 1e6]), [0.5, 0.05, 0.0], true, itself,
-        "a pixel's expected electrons that an effect which is skipped would change";
+        "change of a pixel's expected electrons by a skipped effect";
     /// Light of an area that brings no pixel more than that is skipped where all of it has no more
     /// than this signal-to-noise ratio (1).
     skip_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.05, 0.0], true, itself,
-        "signal-to-noise ratio of all of an area's light that is skipped, and of an object that has no image";
+        "signal-to-noise ratio of skipped area light, and of an object without an image";
     /// A star has no image where its light has no more than this signal-to-noise ratio (1), were
     /// there no noise but that of reading; nor do labels list it.
     star_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.0, 0.0], true, itself,
-        "signal-to-noise ratio, were reading the only noise, of a star that has no image; those that labels list have one";
+        "signal-to-noise ratio, with read noise alone, of a star without an image; labelled stars have images";
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's
     /// own motion.
     skip_px: f64, "px", Numbers([0.0, 1.0]), [0.01, 1e-3, 0.0], true, itself,
-        "what an image, or an end of its track, is off by";
+        "error of the position of an image, or of an end of its track";
     /// How the orbits of objects are worked out.
     orbits: Orbits, "method", Words(Orbits::WORDS), [Orbits::Tracked, Orbits::Tracked, Orbits::Scalar], false, |_| 1e-6,
-        "places of images, px: rounding, 1e-6";
+        "propagation of orbits; positions of images differ by rounding, 1e-6 px";
 }
 
 impl Fidelity {

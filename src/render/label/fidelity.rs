@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// A preset, and the knobs that differ from it.
+/// A preset, and the tolerances that differ from it.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct FidelityLabel {
     /// The preset.

@@ -25,7 +25,8 @@ const TASK: usize = 64;
 /// And of which labels are made before it is asked whether the frame is cancelled: some 10 ms.
 const PART: usize = 1024;
 
-/// The label of one frame. Its text is [`Label::to_json`]; as serde has it, it lacks its objects.
+/// The label of one frame. [`Label::to_json`] writes its text; serde alone would leave out the
+/// objects.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Label {
     /// Number of the frame in its run, from 0.
@@ -38,23 +39,23 @@ pub struct Label {
     pub columns: usize,
     /// Rows of the frame.
     pub rows: usize,
-    /// UTC.
+    /// Start of the exposure, UTC.
     pub epoch_start: String,
-    /// UTC; what attitude, state, ranges and positions hold for.
+    /// Middle of the exposure, UTC: the time of attitude, state, ranges and positions.
     pub epoch_mid: String,
-    /// UTC.
+    /// End of the exposure, UTC.
     pub epoch_end: String,
     /// Exposure time.
     pub exposure_s: f64,
-    /// `[x, y, z, w]`.
+    /// Unit quaternion from ICRF to body axes, `[x, y, z, w]`.
     pub q_icrf_to_body: [f64; 4],
-    /// `[x, y, z, w]`.
+    /// Unit quaternion from body to camera axes, `[x, y, z, w]`.
     pub q_body_to_camera: [f64; 4],
-    /// Body axes.
+    /// Body rates, body axes.
     pub rates_rad_s: [f64; 3],
     /// Position (km) and velocity (km/s) of the observer, GCRF.
     pub state_gcrf_km: [f64; 6],
-    /// Row by row.
+    /// Rotation matrix from ICRF to camera axes, row by row.
     pub r_icrf_to_camera: [[f64; 3]; 3],
     /// Right ascension of the boresight, the camera's +Z at mid-exposure: geometric (without aberration), ICRF, from 0 to below 360.
     pub ra_deg: f64,
@@ -62,40 +63,42 @@ pub struct Label {
     pub dec_deg: f64,
     /// Position angle of up in the image (the camera's -Y) at the boresight, from north through east, from 0 to below 360.
     pub roll_deg: f64,
-    /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
+    /// Expected electrons of a pixel without objects, dark charge included, averaged over the
+    /// frame.
     #[serde(serialize_with = "e4")]
     pub background_e_px: f64,
-    /// The Sun from the boresight at mid-exposure.
+    /// Angle of the Sun from the boresight at mid-exposure.
     #[serde(serialize_with = "e6")]
     pub sun_deg: f64,
-    /// Whether the Sun is within its exclusion angle and not behind the Earth: the frame saturates.
+    /// Whether the Sun is within its exclusion angle and not behind the Earth; then the frame is
+    /// saturated.
     pub sun_excluded: bool,
-    /// The effect that adds the most charge, where every pixel is full without a star or an object in it.
+    /// Effect with the most charge, if the background alone saturates every pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flooded_by: Option<&'static str>,
-    /// Why there are no objects; none where there are some.
+    /// Reason for an empty list of objects.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_objects: Option<String>,
-    /// By which tolerances it was rendered.
+    /// Error tolerances of the frame.
     pub fidelity: FidelityLabel,
-    /// What was done because a frame would have been late.
+    /// Policy that was applied because a frame would have been late.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overrun: Option<&'static str>,
-    /// What was simulated and what was not, and why, in physical order.
+    /// Effects in physical order: simulated or not, and why.
     pub effects: Vec<EffectLabel>,
     /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`](super::MOST_SPOTS), or they have more pixels than [`MOST_SPOT_PIXELS`](super::MOST_SPOT_PIXELS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spots_left_out: Option<usize>,
-    /// The greatest signal-to-noise ratio among those.
+    /// Greatest signal-to-noise ratio among these.
     #[serde(serialize_with = "some_e4", skip_serializing_if = "Option::is_none")]
     pub spots_left_out_snr: Option<f64>,
-    /// Particles that would have crossed the detector, on average, beyond the most that are drawn.
+    /// Mean number of particles above the limit of an exposure, which are not drawn.
     #[serde(serialize_with = "some_short", skip_serializing_if = "Option::is_none")]
     pub particles_left_out: Option<f64>,
-    /// Objects in the field that are not among `objects`, by why: their ids.
+    /// Ids of objects in the field that are not in `objects`, by reason.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unseen: BTreeMap<&'static str, Vec<String>>,
-    /// How many there are, by why.
+    /// Number of these objects, by reason.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unseen_counts: BTreeMap<&'static str, usize>,
     /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`](super::MOST_UNSEEN).
@@ -106,23 +109,24 @@ pub struct Label {
     pub objects: Objects,
 }
 
-/// The plan's verdict on one effect.
+/// Decision of the planner on one effect.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectLabel {
-    /// Its name.
+    /// Name of the effect.
     pub effect: &'static str,
-    /// Whether it ran.
+    /// Whether it was simulated.
     pub run: bool,
-    /// Why, or why not.
+    /// Reason.
     pub why: String,
-    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random; null where it
+    /// Greatest error of a pixel without it: expected electrons, or rms if it is random; null if it
     /// ran or is switched off.
     #[serde(serialize_with = "some_bound")]
     pub error_e: Option<f64>,
-    /// px that an image or the end of its track is off without it, at most; null where it ran or is switched off.
+    /// Greatest error of the position of an image, or of an end of its track, without it; null if
+    /// it ran or is switched off.
     #[serde(serialize_with = "some_bound")]
     pub error_px: Option<f64>,
-    /// What it is expected to take, ms on one core; null where it did not run.
+    /// Estimated time on one core; null if it did not run.
     #[serde(serialize_with = "some_short")]
     pub price_ms: Option<f64>,
 }

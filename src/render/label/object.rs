@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 const STAR: &str = "star";
 const RSO: &str = "rso";
 
-/// One object in a frame. Its text has no more digits than it is exact to.
+/// One object in a frame. Its numbers are rounded to their accuracy.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
@@ -21,39 +21,43 @@ pub struct ObjectLabel {
     pub id: String,
     /// Other names.
     pub names: Vec<String>,
-    /// Centroid of all its light over the exposure, column.
+    /// Centroid of the light of the whole exposure, column.
     pub x_px: f64,
-    /// Centroid, row.
+    /// Centroid of the light of the whole exposure, row.
     pub y_px: f64,
-    /// At the exposure's start.
+    /// Position at the start of the exposure, column.
     pub x0_px: f64,
-    /// At the exposure's start.
+    /// Position at the start of the exposure, row.
     pub y0_px: f64,
-    /// At the exposure's end.
+    /// Position at the end of the exposure, column.
     pub x1_px: f64,
-    /// At the exposure's end.
+    /// Position at the end of the exposure, row.
     pub y1_px: f64,
-    /// `(x1 - x0) / exposure`.
+    /// Mean velocity over the exposure, columns.
     pub vx_px_s: f64,
-    /// `(y1 - y0) / exposure`.
+    /// Mean velocity over the exposure, rows.
     pub vy_px_s: f64,
-    /// V; of an RSO by Clark et al. 2021, Eq. (9), in full sunlight, mean over the exposure.
+    /// Magnitude V. Of an RSO by Clark et al. 2021, Eq. (9), in full sunlight, mean over the
+    /// exposure.
     pub mag: f64,
-    /// `-2.5 log10(E / E_zero)` of the light that arrives; null where none does.
+    /// Magnitude in the band of the light that arrives, `-2.5 log10(E / E_zero)`; null without
+    /// light.
     pub band_mag: Option<f64>,
-    /// Expected electrons of the whole exposure, on and off the detector.
+    /// Expected electrons of the whole exposure, also outside the detector.
     pub electrons: f64,
     /// Signal-to-noise ratio on the detector.
     pub snr: f64,
-    /// Apparent right ascension of the centre of its light that arrives, ICRF axes, from 0 to below 360.
+    /// Apparent right ascension of the centre of the light that arrives, ICRF axes, from 0 to below
+    /// 360.
     pub ra_deg: f64,
-    /// Its apparent declination.
+    /// Apparent declination of the same point.
     pub dec_deg: f64,
     /// Whether the centroid lies on the detector.
     pub in_frame: bool,
-    /// In frame, lit, not occulted, and of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
+    /// In the frame, sunlit, not occulted, and with a signal-to-noise ratio of at least
+    /// [`VISIBLE_SNR`].
     pub visible: bool,
-    /// Why it is not visible.
+    /// Reason if it is not visible.
     #[schemars(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// What only an RSO has.
@@ -69,15 +73,15 @@ pub struct ObjectLabel {
 pub struct RsoLabel {
     /// Distance from the observer.
     pub range_km: f64,
-    /// Its rate; positive when receding.
+    /// Rate of the range; positive when receding.
     pub range_rate_km_s: f64,
     /// Angle Sun - object - observer.
     pub phase_deg: f64,
-    /// Part of the Sun's disc that lights it, 0..1.
+    /// Fraction of the Sun's disc that lights it, 0 to 1.
     pub illumination: f64,
-    /// GCRF.
+    /// Position, GCRF.
     pub position_gcrf_km: [f64; 3],
-    /// GCRF.
+    /// Velocity, GCRF.
     pub velocity_gcrf_km_s: [f64; 3],
 }
 

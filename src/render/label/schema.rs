@@ -24,15 +24,15 @@ pub fn schema() -> Schema {
     let own = [
         (
             "objects",
-            json_schema!({ "description": "What is in the frame", "type": "array", "items": listed }),
+            json_schema!({ "description": "Objects in the frame", "type": "array", "items": listed }),
         ),
         (
             "files",
-            json_schema!({ "description": "Names of the frame's files, in labels.jsonl", "type": "array", "items": { "type": "string" } }),
+            json_schema!({ "description": "File names of the frame, in labels.jsonl", "type": "array", "items": { "type": "string" } }),
         ),
         (
             "timing",
-            json_schema!({ "description": "When the parts of the frame were there, in live runs", "type": "object" }),
+            json_schema!({ "description": "Times of the frame, in live runs", "type": "object" }),
         ),
     ];
     let mut schema = generator.into_root_schema_for::<Label>();

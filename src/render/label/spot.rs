@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::cmp::Ordering;
 
-/// A particle's charge, or a defective pixel.
+/// The charge of a particle, or a defective pixel.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SpotLabel {
     /// `radiation` or `defect`.
@@ -16,26 +16,27 @@ pub struct SpotLabel {
     pub kind: &'static str,
     /// `particle n`, counted from 1 in each frame; or `dead`, `stuck` or `hot` with column and row.
     pub id: String,
-    /// Centre of the charge; of a pixel, its own. Column.
+    /// Centroid of the charge, or the pixel, column.
     #[serde(serialize_with = "e6")]
     pub x_px: f64,
-    /// Row.
+    /// Centroid of the charge, or the pixel, row.
     #[serde(serialize_with = "e6")]
     pub y_px: f64,
-    /// All its charge on the detector; what a hot pixel's excess expects; what a stuck pixel's digit stands for.
+    /// Charge on the detector; of a hot pixel the expected excess, of a stuck pixel the charge of
+    /// its value.
     #[serde(serialize_with = "e4")]
     pub electrons: f64,
-    /// By how much it stands out of the noise of its pixels, in sigmas.
+    /// Signal-to-noise ratio over its pixels.
     #[serde(serialize_with = "e4")]
     pub snr: f64,
-    /// Always: it is on the detector.
+    /// Always true.
     pub in_frame: bool,
-    /// Of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
+    /// Whether the signal-to-noise ratio is at least [`VISIBLE_SNR`].
     pub visible: bool,
-    /// Why it is not.
+    /// Reason if it is not visible.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// `[column, row, electrons]` of its pixels, whole electrons.
+    /// `[column, row, electrons]` of each pixel, in whole electrons.
     pub pixels: Vec<[i64; 3]>,
 }
 

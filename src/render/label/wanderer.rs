@@ -13,13 +13,13 @@ pub struct WandererLabel {
     pub phase_deg: f64,
     /// Angular radius.
     pub radius_deg: f64,
-    /// Part of its light that arrives: what neither the Earth nor its shadow takes, 0..1.
+    /// Fraction of its light that neither the Earth nor its shadow blocks, 0 to 1.
     pub light: f64,
-    /// Image of the centre of its disc, column and row; none where that has no image.
+    /// Image of the centre of its disc, [column, row]; null without an image.
     pub centre_px: Option<[f64; 2]>,
     /// Apparent right ascension of the centre of its disc, ICRF axes, from 0 to below 360.
     pub centre_ra_deg: f64,
-    /// Its apparent declination.
+    /// Apparent declination of the same point.
     pub centre_dec_deg: f64,
 }
 

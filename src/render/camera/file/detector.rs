@@ -11,63 +11,64 @@ use std::sync::Arc;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawDetector {
-    /// Columns and rows, 1 to 8192 (px)
+    /// Columns (px)
     width_px: u32,
-    /// Columns and rows, 1 to 8192 (px)
+    /// Rows (px)
     height_px: u32,
-    /// Pixel pitch, 0.3 to 1000 (um)
+    /// Pixel pitch (um)
     pixel_um: f64,
-    /// Averaged over the band (peak, for a named band), 0 to 1 (e-/photon)
+    /// Quantum efficiency: mean over the band, or peak for a named band (e-/photon)
     quantum_efficiency: f64,
     /// Dark current of a pixel at the reference temperature (e-/s)
     dark_e_s: f64,
-    /// That temperature; default 20 (deg C)
+    /// Reference temperature of dark_e_s (deg C)
     #[serde(default = "room_temperature")]
     dark_reference_c: f64,
-    /// The detector's; default: the reference (deg C)
+    /// Temperature of the detector; default: the reference temperature (deg C)
     temperature_c: Option<f64>,
-    /// Dark current doubles with every so many; 1 to 100, default 6.5 (K)
+    /// Rise of temperature that doubles the dark current (K)
     #[serde(default = "doubling")]
     dark_doubling_k: f64,
-    /// Sigma of the pixels' relative dark current, lognormal, 0 to 2; default 0
+    /// Sigma of the relative dark current of pixels, lognormal
     #[serde(default)]
     dark_nonuniformity: f64,
-    /// Share of hot pixels, 0 to 0.1; default 0; needs hot_e_s, as that needs it
+    /// Fraction of hot pixels; needs hot_e_s; default: 0
     hot_fraction: Option<f64>,
-    /// Their mean excess at the reference temperature, exponential (e-/s)
+    /// Mean excess dark current of hot pixels at the reference temperature, exponentially
+    /// distributed (e-/s)
     hot_e_s: Option<f64>,
-    /// Sigma of the pixels' relative response, 0 to 0.3; default 0
+    /// Sigma of the relative response of pixels (PRNU)
     #[serde(default)]
     prnu: f64,
-    /// Share of dead pixels, which give no charge, 0 to 0.1; default 0
+    /// Fraction of dead pixels, which have no charge
     #[serde(default)]
     dead_fraction: f64,
-    /// Further ones, [[column, row], ...] (px)
+    /// Further dead pixels, [[column, row], ...] (px)
     #[serde(default)]
     dead_px: Vec<Fixed<u32, 2>>,
-    /// Share of stuck pixels, which give one digit, 0 to 0.1; default 0
+    /// Fraction of stuck pixels, which have a fixed value; default: 0
     stuck_fraction: Option<f64>,
-    /// Further ones, [[column, row], ...] (px)
+    /// Further stuck pixels, [[column, row], ...] (px)
     stuck_px: Option<Vec<Fixed<u32, 2>>>,
-    /// That digit, where there are such pixels; default: the largest (DN)
+    /// Value of stuck pixels; default: the largest (DN)
     stuck_dn: Option<f64>,
-    /// Rms (e-)
+    /// Read noise, rms (e-)
     read_noise_e: f64,
-    /// Most charge of a pixel; above the converter's reach it is warned of (e-)
+    /// Full well of a pixel; a warning is given if it exceeds the range of the converter (e-)
     full_well_e: f64,
-    /// "none": what is too much is lost; "column": it spills along its column; default none
+    /// none: charge above full well is lost; column: it spills along its column
     #[serde(default = "no_blooming")]
     blooming: String,
-    /// Share of the signal that is missing at full well, growing with its square, 0 to 0.5; default 0
+    /// Fraction of the signal that is missing at full well; it grows with the square of the signal
     #[serde(default)]
     nonlinearity: f64,
-    /// Electrons of one digital number (e-/DN)
+    /// Gain (e-/DN)
     gain_e_per_dn: f64,
-    /// Digital number of no charge (DN)
+    /// Value of a pixel without charge (DN)
     offset_dn: f64,
-    /// 1 to 16 (bit)
+    /// Bits of the converter (bit)
     adc_bits: u32,
-    /// True: that is meant, no warning; default false
+    /// The converter clips below full well on purpose: no warning
     #[serde(default)]
     adc_clips_first: bool,
 }

@@ -9,9 +9,9 @@ use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit};
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawImage {
-    /// A text file: rows of samples that sum to 1, the source in their middle.
+    /// Text file: rows of samples that sum to 1, with the source in the middle.
     file: String,
-    /// Where on the detector it holds (column, row; px).
+    /// Position on the detector, [column, row] (px).
     at_px: Option<Fixed<f64, 2>>,
 }
 

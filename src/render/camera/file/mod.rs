@@ -26,24 +26,24 @@ use timing::{RawMounting, RawTiming};
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawCamera {
-    /// As labels and FITS give it
+    /// Name in labels and FITS headers
     name: String,
-    /// Serial number: another one is another fixed pattern; default 1
+    /// Serial number, the key of the fixed pattern
     #[serde(default = "first")]
     serial: u64,
-    /// Lens, filter and image.
+    /// Lens, filter and point spread function.
     #[serde(deserialize_with = "table")]
     optics: RawOptics,
     /// The sensor and its electronics.
     #[serde(deserialize_with = "table")]
     detector: RawDetector,
-    /// Particles that cross the sensor; none without this table.
+    /// Particles that cross the detector; none without this table.
     #[serde(default, deserialize_with = "some_table")]
     radiation: Option<RawRadiation>,
-    /// Exposures.
+    /// Exposure, rate and shutter.
     #[serde(deserialize_with = "table")]
     timing: RawTiming,
-    /// From body axes to camera axes.
+    /// Orientation of the camera on the body.
     #[serde(default, deserialize_with = "table")]
     mounting: RawMounting,
 }

@@ -30,26 +30,26 @@ pub const LIMITS: &[Limit] = &[
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawOptics {
-    /// Effective focal length, 0.5 or more (mm)
+    /// Effective focal length (mm)
     focal_length_mm: f64,
     /// Diameter of the entrance pupil (mm)
     aperture_mm: f64,
-    /// Share of the light that passes, 0 to 1
+    /// Fraction of the light that passes the optics
     transmission: f64,
-    /// [from, to] within 300 to 1200, or "v" (Bessell 1990) or "silicon" (350-1050 nm, a typical sensor) (nm)
+    /// Band: [from, to], "v" (Bessell 1990) or "silicon" (350 to 1050 nm, a typical sensor) (nm)
     band: RawBand,
-    /// Where the boresight meets the detector; default: its centre (px)
+    /// Position of the boresight on the detector; default: its centre (px)
     principal_px: Option<Fixed<f64, 2>>,
     /// The point spread function.
     #[serde(deserialize_with = "table")]
     psf: RawPsf,
-    /// From directions to pixels; a pinhole without this table.
+    /// Projection from directions to pixels; a pinhole without this table.
     #[serde(default, deserialize_with = "some_table")]
     projection: Option<RawProjection>,
-    /// How the light falls towards the edge of the field.
+    /// Fall of the light towards the edge of the field.
     #[serde(default, deserialize_with = "some_table")]
     vignetting: Option<RawVignetting>,
-    /// Light from outside the field that is scattered onto the sensor.
+    /// Scattered light of sources outside the field.
     #[serde(default, deserialize_with = "some_table")]
     stray: Option<RawStray>,
 }

@@ -11,15 +11,14 @@ use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawProjection {
-    /// "pinhole" (default), "brown-conrady", "fisheye" (equidistant)
+    /// Projection model; fisheye is equidistant; default: pinhole
     model: Option<String>,
-    /// Coefficients in OpenCV's form: [k1, k2, k3] and [p1, p2], of its list k1, k2, p1, p2, k3 the first, second and fifth, and the
-    /// third and fourth; fisheye [k1, k2, k3, k4]. k is required but for a pinhole; the highest orders may be left out
+    /// Radial coefficients as in OpenCV: [k1, k2, k3], of a fisheye [k1, k2, k3, k4]; the highest
+    /// orders may be left out
     k: Option<Vec<f64>>,
-    /// Coefficients in OpenCV's form: [k1, k2, k3] and [p1, p2], of its list k1, k2, p1, p2, k3 the first, second and fifth, and the
-    /// third and fourth; fisheye [k1, k2, k3, k4]. k is required but for a pinhole; the highest orders may be left out
+    /// Tangential coefficients as in OpenCV: [p1, p2]
     p: Option<Fixed<f64, 2>>,
-    /// Multiplies the coefficients, 0 to 100; default 1
+    /// Factor of the coefficients; default: 1
     strength: Option<f64>,
 }
 

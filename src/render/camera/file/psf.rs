@@ -14,28 +14,29 @@ use std::sync::Arc;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawPsf {
-    /// Point spread function: "gaussian", "airy" (diffraction; its width is the band's mean wavelength for sunlight x focal ratio),
-    /// "moffat", "image"
+    /// Point spread function; the width of airy is the mean wavelength of sunlight in the band
+    /// times the focal ratio
     kind: String,
-    /// Gaussian: standard deviation, 0.01 to 100 (px)
+    /// gaussian: standard deviation (px)
     sigma_px: Option<f64>,
-    /// Airy: part of the aperture's diameter behind a central disc, 0 to 0.9; default 0
+    /// airy: diameter of the central obscuration as a fraction of the aperture; default: 0
     obscuration: Option<f64>,
-    /// Moffat: full width at half maximum, 0.02 to 20, and exponent, 1.5 to 20 (px)
+    /// moffat: full width at half maximum (px)
     fwhm_px: Option<f64>,
-    /// Moffat: full width at half maximum, 0.02 to 20, and exponent, 1.5 to 20
+    /// moffat: exponent
     beta: Option<f64>,
-    /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
-    /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond
+    /// image: sampled images, one or a grid of positions; bilinear between positions, the nearest
+    /// beyond them; samples sum to 1 within 0.001
     #[serde(default, deserialize_with = "some_tables")]
     images: Option<Vec<RawImage>>,
-    /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
-    /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond (cells/px)
+    /// image: samples per pixel (cells/px)
     oversampling: Option<f64>,
-    /// [[angle, factor], ...]: the width grows by the factor at that angle from the boresight; straight lines between. With it and the
-    /// colour of stars a Gaussian's sigma_px is at most 100, any other width at most 20 px (deg)
+    /// [[angle, factor], ...]: factor of the width by the angle from the boresight, linear between.
+    /// With factor and colour of a star sigma_px is at most 100, any other width at most 20 px
+    /// (deg)
     width_by_field: Option<Vec<Fixed<f64, 2>>>,
-    /// Gaussian, moffat: the width goes by this power of a source's mean wavelength in the band, -4 to 4; default 0 (airy has 1)
+    /// gaussian, moffat: exponent of the width with the mean wavelength of a source in the band;
+    /// default: 0 (airy has 1)
     wavelength_exponent: Option<f64>,
 }
 

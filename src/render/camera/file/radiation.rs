@@ -10,18 +10,18 @@ use skyloop_base::load::{Check, ConfigError, Limit};
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawRadiation {
-    /// Particles through the detector, both ways, or "orbit": by the observer's place, without one as far from the Earth. Without the
-    /// table there are none (1/cm^2/s)
+    /// Flux of particles through the detector, both directions, or "orbit": by the position of the
+    /// observer; without an observer, far from the Earth (1/cm^2/s)
     flux_cm2_s: RawFlux,
     /// Depth from which charge is collected (um)
     thickness_um: f64,
-    /// Kinetic energy of the particles, protons; 50 to 1e6, default 534 (MeV)
+    /// Kinetic energy of the particles (protons) (MeV)
     #[serde(default = "typical_energy")]
     energy_mev: f64,
-    /// Sigma of the charge's spread; default 0 (um)
+    /// Sigma of the diffusion of the charge (um)
     #[serde(default)]
     diffusion_um: f64,
-    /// Time after the exposure in which the charge can still be hit, at most 1 / rate_hz; default 0 (s)
+    /// Time after the exposure in which particles still reach the charge, at most 1 / rate_hz (s)
     #[serde(default)]
     readout_s: f64,
 }

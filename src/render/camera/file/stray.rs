@@ -15,12 +15,14 @@ const MARGIN_DEG: f64 = 10.0;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawStray {
-    /// [[angle, transmittance], ...]: irradiance on the detector over that on the aperture for a source at that angle from the boresight
-    /// (point-source transmittance, 1e-12 to 1; the transmission is in it). Monotone cubics in its logarithm between, constant beyond:
-    /// give what is behind the camera its due, such as [105, 1e-12]; without it nothing is scattered (deg)
+    /// Point-source transmittance, [[angle, transmittance], ...]: irradiance on the detector over
+    /// that on the aperture, transmission included, by angle from the boresight. Monotone cubics in
+    /// its logarithm between, constant beyond: end with an entry such as [105, 1e-12]. Without it
+    /// no light is scattered (deg)
     pst: Option<Vec<Fixed<f64, 2>>>,
-    /// The Sun nearer to the boresight than this saturates the frame; at least the field's corner and 0.27 deg, default the corner and 10
-    /// deg (where vignetting lets nothing pass, the field ends) (deg)
+    /// Angle from the boresight within which the Sun saturates the frame; at least 0.27 deg beyond
+    /// the corner of the field, default: 10 deg beyond it. The field ends where vignetting blocks
+    /// all light (deg)
     sun_exclusion_deg: Option<f64>,
 }
 

@@ -39,21 +39,22 @@ const SHORTEST_ROW_US: f64 = 0.1;
 pub struct RawTiming {
     /// Exposure time (s)
     exposure_s: f64,
-    /// Frames a second at the camera's own cadence (Hz)
+    /// Frame rate (Hz)
     rate_hz: f64,
-    /// "global" (default); "rolling": row after row from row 0 on, the middle one around epoch_mid; or "frame-transfer": all together,
-    /// with light on the way below the cover
+    /// rolling: row after row from row 0, the middle row around epoch_mid; frame-transfer: all rows
+    /// together, with light during the shift below the cover; default: global
     shutter: Option<String>,
-    /// From row to row of a rolling shutter, or shift of a row in frame transfer; required there (us)
+    /// Time from row to row of a rolling shutter, or of the shift of one row in frame transfer (us)
     row_us: Option<f64>,
 }
 
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawMounting {
-    /// [x, y, z, w], body to camera; default: identity
+    /// Unit quaternion [x, y, z, w] from body to camera; default: identity
     q_body_to_camera: Option<Fixed<f64, 4>>,
-    /// [x, y, z]: the camera, so mounted, is turned by this about its own axes; labels have the true q_body_to_camera (arcsec)
+    /// Rotation of the mounted camera about its own axes, [x, y, z]; labels have the true
+    /// q_body_to_camera (arcsec)
     misalignment_arcsec: Option<Fixed<f64, 3>>,
 }
 

@@ -10,9 +10,9 @@ use skyloop_base::load::{Check, ConfigError, Fixed, Limit};
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawVignetting {
-    /// True: the light goes by the fourth power of the cosine of the field angle
+    /// Light falls with the fourth power of the cosine of the field angle
     cos4: Option<bool>,
-    /// [[angle, transmission], ...] instead; straight lines between, constant beyond (deg)
+    /// [[angle, transmission], ...]: linear between, constant beyond (deg)
     table: Option<Vec<Fixed<f64, 2>>>,
 }
 
