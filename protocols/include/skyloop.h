@@ -635,7 +635,7 @@ static inline bool skyloop_is_sync_state(uint8_t code)
            (code == SKYLOOP_SYNC_STATE_PAUSED);
 }
 
-/* Why the client has not got the last frame whole. */
+/* Why the client has not received the whole last frame. */
 #define SKYLOOP_WITHHELD_NONE 0U /* It has, or there was no frame. */
 #define SKYLOOP_WITHHELD_NO_CREDIT 1U /* The frame has more packets than Credit grants: send `packets = received + window` after every few frame packets. */
 #define SKYLOOP_WITHHELD_NOT_READ 2U /* The link has had no room for 2 s: the client does not read. */
@@ -669,7 +669,7 @@ static inline bool skyloop_is_withheld(uint8_t code)
 #define SKYLOOP_FAULT_KIND_TRUNCATE 5U /* Packets are cut short; value: probability of each. */
 #define SKYLOOP_FAULT_KIND_DELAY 6U /* Everything comes later; value: s. */
 #define SKYLOOP_FAULT_KIND_JITTER 7U /* Everything comes later by a random time; value: the longest, s. */
-#define SKYLOOP_FAULT_KIND_STUCK 8U /* Nothing passes and nothing is told; value: 1 on, 0 off. */
+#define SKYLOOP_FAULT_KIND_STUCK 8U /* Nothing passes and no error is reported; value: 1 on, 0 off. */
 #define SKYLOOP_FAULT_KIND_DOWN 9U /* The link is down; value: 1 on, 0 off. */
 #define SKYLOOP_FAULT_KIND_OVERRUN 10U /* The receiver throws packets away; value: probability of each. */
 #define SKYLOOP_FAULT_KIND_BUS_OFF 11U /* CAN: the controller leaves the bus; value: 1 on, 0 off. */
@@ -899,42 +899,42 @@ typedef struct {
     float latency_p50_s; /* From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first [s] */
     float latency_p99_s; /* The same for 99 of 100 frames [s] */
     float latency_max_s; /* The same for all [s] */
-    uint8_t withheld; /* Why the client has not got the last frame whole */
+    uint8_t withheld; /* Why the client has not received the whole last frame */
     uint32_t attitudes; /* Attitudes accepted */
     uint32_t commands; /* Commands accepted, Credit included */
     uint32_t frames_rendered; /* Frames rendered */
     uint32_t frames_delivered; /* Frames whose last packet was handed to the link */
-    uint32_t frames_abandoned; /* Frames given up before their last packet */
+    uint32_t frames_abandoned; /* Frames abandoned before their last packet */
     uint32_t bad_crc; /* Packets with a wrong CRC-16, serial frames with a wrong CRC-32 */
     uint32_t bad_version; /* Packets of another version */
     uint32_t bad_length; /* Packets of a wrong length */
     uint32_t unknown_type; /* Packets with an unknown APID, opcode, type bit or header flag */
-    uint32_t bad_framing; /* Serial frames with a bad escape, lines of a CAN adapter that are none, CAN frames on our identifiers that cannot be right (section 4.4) */
+    uint32_t bad_framing; /* Serial frames with a bad escape, invalid lines of a CAN adapter, invalid CAN frames with skyloop's identifiers (section 4.4) */
     uint32_t bad_attitude; /* Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity */
     uint32_t time_backwards; /* Attitudes earlier than the last one accepted: refused, or used where the emulator is configured so */
     uint32_t foreign_packets; /* Packets from others than the client of the exchange */
-    uint32_t overflows; /* Packets, on a CAN bus frames, thrown away because the receiver was full */
+    uint32_t overflows; /* Packets (on a CAN bus: frames) dropped because the receive queue was full */
     uint32_t bad_value; /* Packets with a value out of range */
     uint32_t refused; /* Valid packets refused as Busy or NotSupported */
-    uint32_t sequence_gaps; /* Packets missing in the client's sequence counts when a later one came; one that comes late counts, too */
+    uint32_t sequence_gaps; /* Packets missing in the client's sequence counts when a later one arrived; packets that arrive late count, too */
     uint32_t rejected_records; /* Records of orbit files refused at the start */
-    uint32_t objects_without_state; /* Times that an object could not be shown in a frame: its orbit had no state there */
-    uint32_t lost_outbound; /* Packets that never left: their client had gone or read nothing, or the system refused to send */
-    uint32_t exposures_missed; /* By the wall and the external clock: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5) */
+    uint32_t objects_without_state; /* Objects left out of a frame because their orbit had no state at its time */
+    uint32_t lost_outbound; /* Packets not sent: the client had left or did not read, or the system refused to send */
+    uint32_t exposures_missed; /* By the wall and the external clock: exposures without a frame, because the previous one was not rendered or sent in time, or without an attitude (section 5.5) */
     uint32_t runts; /* Packets and serial frames shorter than any packet can be */
     uint32_t oversize; /* Packets and serial frames longer than any packet can be */
-    uint32_t resent_blocks; /* Packets of a frame sent again because the client asked */
-    uint32_t reconnects; /* Times that a line was lost and came back */
-    uint32_t incomplete; /* Messages of several CAN frames that were never completed */
+    uint32_t resent_blocks; /* Packets of a frame retransmitted at the client's request */
+    uint32_t reconnects; /* Number of times that a link was lost and reopened */
+    uint32_t incomplete; /* Messages of several CAN frames that were not completed */
     uint32_t bus_errors; /* CAN error frames */
-    uint32_t bus_off; /* Times that the CAN controller left the bus */
-    uint32_t deadlines_missed; /* Frames that had not left whole by their deadline */
-    uint32_t frames_coarsened; /* Frames rendered by coarser tolerances, so as to be in time */
-    uint32_t frames_dropped; /* Frames that a slow client did not get, since a newer one was there */
+    uint32_t bus_off; /* Number of times that the CAN controller was off the bus */
+    uint32_t deadlines_missed; /* Frames not sent completely by their deadline */
+    uint32_t frames_coarsened; /* Frames rendered with larger tolerances to be in time */
+    uint32_t frames_dropped; /* Frames not sent to a slow client because a newer frame was ready */
     uint32_t attitudes_stale; /* Frames whose attitude was older than the limit */
-    uint32_t attitudes_future; /* Frames whose only attitude was of the future */
+    uint32_t attitudes_future; /* Frames whose only attitude was in the future */
     uint32_t triggers; /* Triggers accepted */
-    uint32_t triggers_missed; /* Triggers accepted that gave no frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end came first */
+    uint32_t triggers_missed; /* Accepted Triggers without a frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end of the run came first */
 } skyloop_status_t;
 
 /* A command was carried out. */
@@ -987,7 +987,7 @@ typedef struct {
 typedef struct {
     uint32_t frame; /* The frame that it belongs to */
     uint32_t pixels_crc32; /* CRC-32 of all pixels of the frame in order, each as u16, whatever is sent of them */
-    uint32_t trigger; /* Number of the Trigger that asked for it; 0: none did */
+    uint32_t trigger; /* Number of the Trigger that requested the frame; 0: none */
     uint8_t attitude_source; /* What its attitude was made of */
     uint8_t overrun; /* What was done about its being late */
     uint8_t sync; /* What the emulator went by for the client's time */

@@ -424,7 +424,7 @@ mod tests {
     use crate::sky::Corrections;
     use crate::sky::catalog::Selection;
     use crate::sky::photometry::Sphere;
-    use crate::sky::population::Looks;
+    use crate::sky::population::{Looks, Population};
     use skyloop_base::load::Folder;
 
     /// However many cameras there are, one catalogue is held and propagated.

@@ -52,7 +52,7 @@ pub struct Status {
     pub latency_p99_s: f32,
     /// The same for all. Unit: s.
     pub latency_max_s: f32,
-    /// Why the client has not got the last frame whole.
+    /// Why the client has not received the whole last frame.
     pub withheld: Withheld,
     /// Counts since the emulator started.
     pub counters: Counters,

@@ -107,7 +107,7 @@ wire_enum! {
 }
 
 wire_enum! {
-    /// Why the client has not got the last frame whole.
+    /// Why the client has not received the whole last frame.
     pub enum Withheld: u8 {
         /// It has, or there was no frame.
         None = 0,
@@ -149,7 +149,7 @@ wire_enum! {
         Delay = 6,
         /// Everything comes later by a random time; value: the longest, s.
         Jitter = 7,
-        /// Nothing passes and nothing is told; value: 1 on, 0 off.
+        /// Nothing passes and no error is reported; value: 1 on, 0 off.
         Stuck = 8,
         /// The link is down; value: 1 on, 0 off.
         Down = 9,

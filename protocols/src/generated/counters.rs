@@ -13,7 +13,7 @@ counters! {
     frames_rendered,
     /// Frames whose last packet was handed to the link.
     frames_delivered,
-    /// Frames given up before their last packet.
+    /// Frames abandoned before their last packet.
     frames_abandoned,
     /// Packets with a wrong CRC-16, serial frames with a wrong CRC-32.
     bad_crc,
@@ -23,7 +23,7 @@ counters! {
     bad_length,
     /// Packets with an unknown APID, opcode, type bit or header flag.
     unknown_type,
-    /// Serial frames with a bad escape, lines of a CAN adapter that are none, CAN frames on our identifiers that cannot be right (section 4.4).
+    /// Serial frames with a bad escape, invalid lines of a CAN adapter, invalid CAN frames with skyloop's identifiers (section 4.4).
     bad_framing,
     /// Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity.
     bad_attitude,
@@ -31,49 +31,49 @@ counters! {
     time_backwards,
     /// Packets from others than the client of the exchange.
     foreign_packets,
-    /// Packets, on a CAN bus frames, thrown away because the receiver was full.
+    /// Packets (on a CAN bus: frames) dropped because the receive queue was full.
     overflows,
     /// Packets with a value out of range.
     bad_value,
     /// Valid packets refused as Busy or NotSupported.
     refused,
-    /// Packets missing in the client's sequence counts when a later one came; one that comes late counts, too.
+    /// Packets missing in the client's sequence counts when a later one arrived; packets that arrive late count, too.
     sequence_gaps,
     /// Records of orbit files refused at the start.
     rejected_records,
-    /// Times that an object could not be shown in a frame: its orbit had no state there.
+    /// Objects left out of a frame because their orbit had no state at its time.
     objects_without_state,
-    /// Packets that never left: their client had gone or read nothing, or the system refused to send.
+    /// Packets not sent: the client had left or did not read, or the system refused to send.
     lost_outbound,
-    /// By the wall and the external clock: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5).
+    /// By the wall and the external clock: exposures without a frame, because the previous one was not rendered or sent in time, or without an attitude (section 5.5).
     exposures_missed,
     /// Packets and serial frames shorter than any packet can be.
     runts,
     /// Packets and serial frames longer than any packet can be.
     oversize,
-    /// Packets of a frame sent again because the client asked.
+    /// Packets of a frame retransmitted at the client's request.
     resent_blocks,
-    /// Times that a line was lost and came back.
+    /// Number of times that a link was lost and reopened.
     reconnects,
-    /// Messages of several CAN frames that were never completed.
+    /// Messages of several CAN frames that were not completed.
     incomplete,
     /// CAN error frames.
     bus_errors,
-    /// Times that the CAN controller left the bus.
+    /// Number of times that the CAN controller was off the bus.
     bus_off,
-    /// Frames that had not left whole by their deadline.
+    /// Frames not sent completely by their deadline.
     deadlines_missed,
-    /// Frames rendered by coarser tolerances, so as to be in time.
+    /// Frames rendered with larger tolerances to be in time.
     frames_coarsened,
-    /// Frames that a slow client did not get, since a newer one was there.
+    /// Frames not sent to a slow client because a newer frame was ready.
     frames_dropped,
     /// Frames whose attitude was older than the limit.
     attitudes_stale,
-    /// Frames whose only attitude was of the future.
+    /// Frames whose only attitude was in the future.
     attitudes_future,
     /// Triggers accepted.
     triggers,
-    /// Triggers accepted that gave no frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end came first.
+    /// Accepted Triggers without a frame: no attitude, the client's clock was set, too late, or a Reset, another client or the end of the run came first.
     triggers_missed,
 }
 

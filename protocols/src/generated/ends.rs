@@ -13,7 +13,7 @@ pub struct FrameEnd {
     pub frame: u32,
     /// CRC-32 of all pixels of the frame in order, each as u16, whatever is sent of them.
     pub pixels_crc32: u32,
-    /// Number of the Trigger that asked for it; 0: none did.
+    /// Number of the Trigger that requested the frame; 0: none.
     pub trigger: u32,
     /// What its attitude was made of.
     pub attitude_source: AttitudeSource,
