@@ -1,4 +1,4 @@
-//! Draws the pictures of docs/scenes.md: one frame of each scene. `cargo run --release --example scene_pictures`.
+//! Draws the pictures of docs/explanation/scenes.md: one frame of each scene. `cargo run --release --example scene_pictures`.
 //!
 //! Grey, at most [`WIDEST_PX`] wide, stretched so that faint light shows; two lines point at each object in orbit.
 

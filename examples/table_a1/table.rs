@@ -54,7 +54,7 @@ pub fn mean<'a>(
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Mean distances of stars and of RSOs, px, with state sets B (`fitted`) and A (`predicted`): the README's accuracy table.
+/// Mean distances of stars and of RSOs, px, with state sets B (`fitted`) and A (`predicted`): the table of docs/explanation/accuracy.md.
 pub fn mean_distances(fitted: &[Row], predicted: &[Row]) -> [(&'static str, [f64; 2]); 6] {
     let to_sbois = |row: &Row| row.sbois.map(|sbois| distance(row.ours, sbois));
     let to_fai = |row: &Row| Some(distance(row.ours, row.fai));

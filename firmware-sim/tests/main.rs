@@ -9,6 +9,7 @@ mod detector;
 mod levels;
 mod reassembly;
 mod recovery;
+mod reference_page;
 mod roles;
 mod silence;
 mod steering;

@@ -1,5 +1,5 @@
 //! `docs/reference/command-line-fc.md` says what the options of `skyloop-fc` are. After a change:
-//! `SKYLOOP_WRITE_DOCS=1 cargo test --test reference_page`.
+//! `SKYLOOP_WRITE_DOCS=1 cargo test --test main reference_page`.
 
 #[path = "../../tests/reference_pages/commands.rs"]
 mod commands;
@@ -13,6 +13,6 @@ fn the_page_of_the_command_line_is_current() {
         "command-line-fc.md",
         "commands",
         &sections,
-        "reference_page",
+        "main reference_page",
     );
 }

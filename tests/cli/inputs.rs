@@ -264,7 +264,7 @@ fn buses() {
              can://                 | names no interface
              can://vcan0?baud=9600  | unknown option \"baud\" | bitrate, fd, load, roles
              can://vcan0?fd=9000000 | fd = 9000000 | 500000 (the bitrate) to 8000000
-             can://vcan0?load=2     | load = \"2\" | 0.01 to 1
+             can://vcan0?load=2     | load = 2 | 0.01 to 1
              slcan:///dev/nosuch
              | slcan:///dev/nosuch | No such file | check that the device exists
              slcan:///dev/nosuch?bitrate=33333 | bitrate = 33333 | 125000, 250000

@@ -7,7 +7,7 @@ fn a_folder_is_a_population_that_a_scene_can_use() {
     let here = Folder::new();
     let synth = "catalog synth --objects 500 --seed 4";
     let said = here.run(&format!("{synth} --out made")).quiet();
-    // X-Val: the table of README.md: 20 of a thousand are of OneWeb.
+    // X-Val: the table of docs/how-to/populations.md: 20 of a thousand are of OneWeb.
     has(&said, &["ONEWEB                    10\n"]);
     has(&said, &["500 objects\nwrote made\n"]);
     let written = here.names("made");

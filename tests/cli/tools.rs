@@ -119,7 +119,7 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
         "optics.psf.fwhm_px = 0: must be",
         "optics.psf.beta = 0: must be",
         "optics.vignetting.table[0][1] = 2: must be",
-        "optics.vignetting.cos4: cos4 and table exclude each other",
+        "optics.vignetting.cos4: given beside optics.vignetting.table",
         "detector.adc_bits = 99",
         "radiation.flux_cm2_s = \"much\"",
         "radiation.thickness_um = 0: must be",

@@ -31,7 +31,7 @@ fn a_loopback_keeps_its_limits_or_fails() {
 }
 
 /// A link, and a fault of it: direction, kind, value, `at_s`, and `for_s` where it has one. The last
-/// two are so long that a client gives up before: README.md, `skyloop loopback`.
+/// two are so long that a client gives up before: docs/how-to/run.md.
 const STOPPING: &str = "
     memory out stuck 1.0 0.0
     memory in stuck 1.0 0.2

@@ -60,8 +60,8 @@ fn label_fields() -> Names {
     }
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
     assert!(fields.contains("range_km") && fields.contains("reason"));
-    // The server writes the first (`tests/live`), files the second (`tests/output`), and frames
-    // without objects the third (`tests/area`).
+    // The server writes the first (`tests/wire/live`), files the second (`tests/render/output`), and frames
+    // without objects the third (`tests/render/area`).
     fields.extend(["timing", "files", "no_objects"].map(str::to_string));
     fields
 }

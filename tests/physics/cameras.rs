@@ -16,7 +16,7 @@ fn near(a: f64, b: f64, what: &str) {
 }
 
 /// Name, columns, rows, pitch (um), focal length (mm), aperture (mm), exposure (s).
-// X-Val: Clark et al. 2021, Table 1 (FAI), README's table (all others); f/1.4 and f/1.2 give their apertures.
+// X-Val: Clark et al. 2021, Table 1 (FAI), the table of docs/how-to/camera.md (all others); f/1.4 and f/1.2 give their apertures.
 const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
     ("fai-nir", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("fai-630", 256, 256, 26.0, 13.8, 17.0, 0.1),
@@ -49,7 +49,7 @@ fn the_shipped_cameras_have_their_published_figures() {
         near(camera.detector.quantum_efficiency, 0.66, "QE of Table 1");
         near(camera.optics.transmission, 0.9, "transmission of Table 1");
         assert_eq!(camera.optics.band.name(), band);
-        // X-Val: the field of view that the README states, 27.1 degrees.
+        // X-Val: the field of view that docs/how-to/camera.md states, 27.1 degrees.
         let half = (128.0 / camera.optics.focal_px).atan().to_degrees();
         assert!((2.0 * half - 27.1).abs() < 0.05, "{half}");
     }

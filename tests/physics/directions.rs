@@ -109,7 +109,7 @@ fn planet(name: &str, observer: &Observer) -> Planet {
 #[test]
 fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
     // Largest errors of `plan94` over 1991 to 2060: directions, daily to weekly, from DE440, arcsec; distances from the Earth, every third day, from
-    // DE405 (PyPI jplephem 2.24), rounded up, km. The README has them. The distances here are those that the light travelled.
+    // DE405 (PyPI jplephem 2.24), rounded up, km. docs/explanation/labels.md has them. The distances here are those that the light travelled.
     const BOUNDS: [(&str, f64, f64); 7] = [
         ("Mercury", 2.0, 1_000.0),
         ("Venus", 11.0, 2_700.0),

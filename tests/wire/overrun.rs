@@ -104,7 +104,7 @@ fn exposures_are_left_out_and_told() {
         assert_eq!(overrun, "drop");
         assert_eq!(fidelity, &first[0].1);
     }
-    // X-Val: README.md: after four exposures, and after twice as many each time.
+    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures, and after twice as many each time.
     let least: u32 = (1..FRAMES as u32).map(|trial| 4 << (trial - 1)).sum();
     assert!(stats.dropped >= least, "{}", stats.dropped);
     assert!(counters.exposures_missed >= stats.dropped);
@@ -122,7 +122,7 @@ fn frames_are_coarsened_step_by_step_and_told() {
     for told in &first[3..5] {
         assert_eq!(*told, (json!("late"), coarsest.clone()));
     }
-    // X-Val: README.md: after four exposures what was too slow is tried again.
+    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures what was too slow is tried again.
     assert_eq!(first[5], first[0]);
     assert!(stats.coarsened >= 2);
     assert_eq!(row(&stats, "frames coarsened"), stats.coarsened);

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 /// What one link is expected to have delivered, and withheld by cause.
 pub type Expected<'e> = (usize, &'e [(&'static str, usize)]);
 
-/// Ends a run and checks the rule of README.md, "Frames withheld": on each link the requests are the
+/// Ends a run and checks the rule of docs/how-to/missing-frames.md: on each link the requests are the
 /// frames delivered and those withheld by cause. The run's counters say the same of all links together.
 #[track_caller]
 pub fn balance(

@@ -61,7 +61,7 @@ impl Table<'_, '_> {
                 if self.values.contains_key(*key) && !self.values.contains_key(*needed) =>
             {
                 let needed = self.key_of(needed);
-                let reason = format!("goes with {needed}: add that, or leave this out");
+                let reason = format!("goes with {needed}: add that, or leave it out");
                 Err(self.error(key, reason, &[&needed]))
             }
             Allowed::NotBesideSeveral([key, list])
@@ -89,7 +89,7 @@ impl Table<'_, '_> {
     fn beside(&self, name: &str, other: &str) -> ConfigError {
         let other = self.key_of(other);
         let reason = format!("given beside {other}: leave one of them out");
-        self.error(name, reason, &[&other])
+        self.check.explain(&self.key_of(name), reason)
     }
 
     fn value(&self, name: &str) -> Option<&DeValue<'_>> {

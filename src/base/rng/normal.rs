@@ -6,7 +6,7 @@
 //!
 //! The form of Giles 2010 ("Approximating the erfinv function", GPU Computing Gems, Jade ed., ch. 10): `P` is smooth, a polynomial in
 //! `w` up to 7 and in its square root beyond. The coefficients here are minimax fits of our own to the exact quantile (Lawson's
-//! weights, against SciPy's `ndtri`). `z` is within 7.3e-6 of the exact quantile: `tests/draws/words.rs` looks
+//! weights, against SciPy's `ndtri`). `z` is within 7.3e-6 of the exact quantile: `tests/physics/draws/words.rs` looks
 //! at every word.
 //!
 //! All products that are added are fused but where a difference would lose digits, and no function of the platform is called: the same bits

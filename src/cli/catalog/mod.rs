@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn what_could_not_be_read_again_is_not_written() {
-        // X-Val: README: files of up to 2 GiB are read.
+        // X-Val: docs/how-to/install.md: files of up to 2 GiB are read.
         let most = 2.0 * 1024.0 * 1024.0 * 1024.0;
         let fits = |bytes| super::fits("9 objects", Format::OmmXml, bytes, "write .csv");
         assert!(fits(most).is_ok());

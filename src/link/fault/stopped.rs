@@ -249,7 +249,7 @@ mod tests {
     fn a_fault_without_an_end_that_lets_less_than_one_packet_in_1000_pass_stops_the_line() {
         use FaultKind::*;
         let [end, late] = [9, 100_000].map(|s| Some(Duration::from_secs(s)));
-        // README.md, `skyloop loopback`: what lasts 30 s or longer counts as endless.
+        // docs/how-to/run.md: what lasts 30 s or longer counts as endless.
         let [short, long] = [29_999, 30_000].map(|ms| Some(Duration::from_millis(ms)));
         for (kind, value, until, bytes, items, long_packets, stops) in [
             (Stuck, 1.0, None, 18, 1, false, true),

@@ -65,7 +65,7 @@ fn labels_centroids_are_those_of_the_light() {
 }
 
 /// Pixels of a narrow core have a centre of their own, for a camera as for an image. Reference: Poisson's summation of the Gaussian that a pixel integrates, `P(k) = exp(-2 pi^2 sigma^2 k^2) sin(pi k) / (pi k)`, of
-/// which only the slope is left at whole k: `sum (n - x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`, a coordinate; its first term is what the README tells.
+/// which only the slope is left at whole k: `sum (n - x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`, a coordinate; its first term is what docs/explanation/labels.md states.
 #[test]
 fn centroids_of_narrow_cores_miss_by_what_sampling_leaves() {
     let attitude = Attitude::identity();

@@ -41,7 +41,7 @@ fn at_poles_and_across_the_wrap_a_light_is_where_it_is_put() {
     }
 }
 
-/// Labels' right ascension is from 0 to below 360, in the text too. Reference: the contract of the README.
+/// Labels' right ascension is from 0 to below 360, in the text too. Reference: docs/explanation/labels.md.
 #[test]
 fn right_ascensions_are_below_a_whole_turn() {
     for (angle, degrees) in [

@@ -258,7 +258,7 @@ fn beside_edges(emulator: &Emulator, vehicle: &VehicleState) -> Vec<bool> {
 }
 
 /// The frame of an exposure is the sum of those of its halves, but for what three frames may leave out: of a kind of area light 8 times `area_e` and `area_part`, of sources `track_e`, `loss_e`, twice `wing_e` and
-/// their profile, of an effect `skip_e`, and f32. Beside the Earth's edge each is off by up to 0.7 % of the step for such a PSF (README, Limits).
+/// their profile, of an effect `skip_e`, and f32. Beside the Earth's edge each is off by up to 0.7 % of the step for such a PSF (docs/explanation/limits.md).
 #[test]
 fn an_exposure_of_the_whole_sky_in_two_adds_up() {
     for fidelity in [Fidelity::REALTIME, Fidelity::REFERENCE] {
@@ -301,7 +301,7 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 let (brightest, object) = (most_of(|_| true), most_of(|kind| kind == "rso"));
                 // X-Val: 1 / (2 pi 0.8^2): the brightest pixel's share; step^4 / 3086.
                 let profile = 0.25 * brightest * fidelity.track_step_sigma.powi(4) / 3086.0;
-                // Objects are as bright all the time as in the middle (README, Limits): by the square of their way in a quarter of it, 9 km/s of 1,000 km.
+                // Objects are as bright all the time as in the middle (docs/explanation/limits.md): by the square of their way in a quarter of it, 9 km/s of 1,000 km.
                 let swept = object * (9.0 * exposure_s / 4.0 / 1000.0).powi(2);
                 let source =
                     fidelity.track_e + fidelity.loss_e + 2.0 * fidelity.wing_e + profile + swept;

@@ -16,7 +16,7 @@ use skyloop::sky::catalog::Selection;
 
 use super::brute::{apparent, builtin, emulator, epoch, matrix, pointing, shoot, stamp, turning};
 
-// The contract: the names in the README.
+// The contract: the names in docs/explanation/labels.md.
 const FRAME_KEYS: &str = "frame seed camera columns rows epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
     rates_rad_s state_gcrf_km sun_deg sun_excluded r_icrf_to_camera ra_deg dec_deg roll_deg background_e_px effects objects";
 const OBJECT_KEYS: &str = "kind id names x_px y_px x0_px y0_px x1_px y1_px vx_px_s vy_px_s mag band_mag electrons snr \

@@ -189,7 +189,7 @@ fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser(
     await_that("exposures without a frame", || {
         client.counters().exposures_missed >= 3
     });
-    // X-Val: README.md: after four exposures that are left out one is tried.
+    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures that are left out one is tried.
     let counters = emulator.end();
     assert!(
         counters.frames_rendered <= counters.exposures_missed / 4,

@@ -19,7 +19,7 @@
 //! what is left when the Earth's shadow climbs through the air.
 //!
 //! Valid for clear air from 350 to 1100 nm: by day 3 to 25 % below a full calculation from 10 to 80
-//! km of tangent altitude (tests/limb.rs). Left out: clouds and dust (some tens of per cent of the
+//! km of tangent altitude (tests/physics/limb.rs). Left out: clouds and dust (some tens of per cent of the
 //! limb below 20 km, more in the red), ozone (the yellow, below 30 km), light scattered more than
 //! once in twilight, refraction, the day's airglow and aurora.
 
