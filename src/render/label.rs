@@ -1,5 +1,5 @@
-//! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the
-//! README.
+//! Labels: the exact content of a frame, one JSON object each. Field names are a contract:
+//! `docs/explanation/labels.md`.
 
 mod coordinates;
 mod empty;
