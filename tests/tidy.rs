@@ -135,7 +135,6 @@ const FENCES: &[(&str, &[&str])] = &[
         ],
     ),
     ("toml::", &["base/load"]),
-    ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
     ("plotters::", &["output"]),
     (

@@ -1,7 +1,7 @@
 //! How a live run listens and keeps time: the table `[run]`.
 
 use super::fidelity;
-use crate::Asked;
+use crate::realtime::Asked;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 use skyloop_base::load::Allowed::{Count, Form, Number, Word};

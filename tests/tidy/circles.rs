@@ -103,7 +103,8 @@ fn used(name: &str, code: &str, modules: &BTreeSet<String>) -> BTreeSet<String> 
         for (at, _) in flat.match_indices(root) {
             let is_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
             let end = flat[at..].find(|c| !is_path(c)).unwrap_or(flat.len() - at);
-            if !flat[..at].ends_with(is_path) {
+            let is_tree = flat[at..at + end].ends_with("::");
+            if !is_tree && !flat[..at].ends_with(is_path) {
                 paths.push(flat[at..at + end].to_string());
             }
         }

@@ -86,7 +86,8 @@ pub struct Label {
     pub overrun: Option<&'static str>,
     /// Effects in physical order: simulated or not, and why.
     pub effects: Vec<EffectLabel>,
-    /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`](super::MOST_SPOTS), or they have more pixels than [`MOST_SPOT_PIXELS`](super::MOST_SPOT_PIXELS).
+    /// Number of particles and defects that are not listed: those beyond 10,000, or beyond 200,000
+    /// pixels, with the lowest signal-to-noise ratios.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spots_left_out: Option<usize>,
     /// Greatest signal-to-noise ratio among these.
@@ -101,7 +102,7 @@ pub struct Label {
     /// Number of these objects, by reason.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unseen_counts: BTreeMap<&'static str, usize>,
-    /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`](super::MOST_UNSEEN).
+    /// Number of these objects that are not listed, because there are too many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unseen_left_out: Option<usize>,
     /// What is in the frame; in the text it is the last.
