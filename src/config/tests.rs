@@ -163,7 +163,7 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
 
 #[test]
 fn every_fault_of_a_population_is_reported_and_none_beside() {
-    let body = "object = \"configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = \"stage\"\nattitude = { mode = \"nadir\" }\n";
+    let body = "object = \"../../configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = \"stage\"\nattitude = { mode = \"nadir\" }\n";
     for (text, expected) in [
         // A list of tables, and a list, where tables have names.
         (
@@ -201,7 +201,7 @@ fn every_fault_of_a_population_is_reported_and_none_beside() {
         ),
         // A faulty shape hides no fault of its attitude.
         (
-            "[[objects]]\nobject = \"configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = 2.5\nattitude = { mode = \"spin\", q = [0, 0, 0, 1] }\n".to_string(),
+            "[[objects]]\nobject = \"../../configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = 2.5\nattitude = { mode = \"spin\", q = [0, 0, 0, 1] }\n".to_string(),
             &[
                 "objects[0].shape: must be a text in quotes, not 2.5",
                 "objects[0].attitude.utc: the key `utc` is missing",
@@ -209,7 +209,7 @@ fn every_fault_of_a_population_is_reported_and_none_beside() {
             ],
         ),
         (
-            "shapes = 7\n[[objects]]\nobject = \"configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = \"stage\"\n[objects.attitude]\nmode = \"spin\"\nq = [0, 0, \"a\", 1]\n\
+            "shapes = 7\n[[objects]]\nobject = \"../../configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = \"stage\"\n[objects.attitude]\nmode = \"spin\"\nq = [0, 0, \"a\", 1]\n\
              utc = \"noon\"\nrates_deg_s = [0, true, 99999]\n"
                 .to_string(),
             &[
