@@ -171,7 +171,7 @@ exposure_s = 0.1 => exposure_s = "a" [exposure]
 shutter = "rolling" => shutter = "global" [shutter]
     timing.row_us: means nothing to shutter
 row_us = 10.0 =>  [shutter]
-    timing.row_us: timing.shutter = "rolling" needs
+    timing.row_us: the key `row_us` is missing: shutter "rolling" needs
 [0.0, 0.0, 0.0] => [0.0, 99999.0, 0.0] [mounting]
     mounting.misalignment_arcsec[1] = 99999
 [0.0, 0.0, 0.0] => ["a", 99999.0, true] [mounting]
