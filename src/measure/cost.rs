@@ -83,7 +83,7 @@ impl Report {
     /// Measures the frames of `vehicles`. `told` gets the number of finished parts and of all, and
     /// may stop. Of the emulator only the number of the next frame changes.
     ///
-    /// Fails only where [`skyloop_render::scene::View::new`] does, or as `told` says.
+    /// Fails only where [`skyloop_render::scene::build_view`] does, or as `told` says.
     pub fn measure(
         emulator: &mut Emulator,
         vehicles: &[VehicleState],

@@ -281,7 +281,7 @@ impl Batch {
 impl States {
     /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of
     /// the reference (1 mean eccentricity, 2 mean motion, 3 perturbed eccentricity, 4 semi-latus
-    /// rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], also for an index without an object.
+    /// rectum, 6 decayed), [`TOO_FAR`](super::TOO_FAR) or [`UNKNOWN`](super::UNKNOWN), also for an index without an object.
     pub fn get(&self, object: usize) -> Result<StateVector, u8> {
         let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
         let states = self.blocks.get(place / BLOCK);

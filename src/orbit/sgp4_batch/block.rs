@@ -23,7 +23,7 @@ pub struct BlockStates {
     pub position_km: [Row; 3],
     /// x, y, z, km/s.
     pub velocity_km_s: [Row; 3],
-    /// 0, or the code of a failure, see [`States::get`].
+    /// 0, or the code of a failure, see `States::get`.
     pub code: Row,
 }
 

@@ -6,7 +6,7 @@
 //!
 //! Blocks are sorted by kind of orbit: near the Earth, deep space, and there resonant with a day or
 //! half a day. All other cases are masks. The constants are those of the `sgp4` crate, whose scalar
-//! propagation ([`Elements::state_teme`]) is the reference in tests:
+//! propagation ([`Elements::state_teme`](crate::Elements::state_teme)) is the reference in tests:
 //!
 //! | module | what |
 //! |---|---|

@@ -55,7 +55,7 @@ pub struct ObjectLabel {
     /// Whether the centroid lies on the detector.
     pub in_frame: bool,
     /// In the frame, sunlit, not occulted, and with a signal-to-noise ratio of at least
-    /// [`VISIBLE_SNR`].
+    /// 3 (`VISIBLE_SNR`).
     pub visible: bool,
     /// Reason if it is not visible.
     #[schemars(skip_serializing_if = "Option::is_none")]
