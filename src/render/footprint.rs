@@ -30,7 +30,7 @@ pub struct Footprint {
 pub struct Wings {
     /// Half the side of the square, px.
     pub drawn_px: f64,
-    /// The share of all light that is laid evenly over it (1).
+    /// The share of all light that is spread evenly over it (1).
     pub undrawn: f64,
 }
 

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 const LANES: usize = 16;
-/// Values that are worked out one after the other, whatever threads there are.
+/// Values that are computed one after the other, whatever threads there are.
 const TOGETHER: usize = 1 << 16;
 
 /// The greatest; 0 where none is above it.

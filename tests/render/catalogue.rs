@@ -1,4 +1,4 @@
-//! A whole catalogue before a camera: the same frames whichever way its orbits are worked out.
+//! A whole catalogue before a camera: the same frames whichever way its orbits are computed.
 
 use hifitime::Unit;
 use nalgebra::{Matrix3, Vector3};

@@ -22,7 +22,7 @@ pub struct NoiseKey {
 }
 
 /// Pixels that share a group of counters, and counters that they share. Pixel `i` of a group has word `i / 16` of counter `i % 16`:
-/// sixteen counters worked out side by side give sixteen neighbours their words.
+/// sixteen counters computed side by side give sixteen neighbours their words.
 pub const GROUP: usize = 64;
 /// Counters that a group shares.
 pub const COUNTERS: usize = 16;

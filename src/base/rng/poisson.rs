@@ -8,7 +8,7 @@
 //! k = floor(m + sqrt(m) z + 1/3 + z^2/6 - (z/36 + z^3/72) / sqrt(m) + (-8/405 + 7 z^2/810 + z^4/270) / m)
 //! ```
 //!
-//! Its total-variation distance from Poisson is worked out in the tests, by counting what all words draw; from a mean of 30 to 2^20 it is
+//! Its total-variation distance from Poisson is computed in the tests, by counting what all words draw; from a mean of 30 to 2^20 it is
 //! 1e-5 to 5e-5, what the normal draw errs by and single precision. Single precision is all that counts beyond: 1e-4 at 5 million, 2e-4 at 2^24,
 //! from where draws are multiples of 2 e-, 4 e- and so on, as a frame's electrons are. Between 16 and the switch the search begins 9 sigma below the mean.
 

@@ -210,7 +210,7 @@ mod tests {
             82.0 * of(550.0, 129.0) + of(294.0, 65.0) + of(65.0, 9.0) + 4.0 * of(49.0, 5.0);
         assert!((fd - by_hand).abs() < 2.0, "{fd} {by_hand}");
         assert!((fd - 8_477.0).abs() < 2.0, "{fd}");
-        // What was worked out beforehand for the requirements: 69 to 84 ms and 8 to 9 ms; the end
+        // What was computed beforehand for the requirements: 69 to 84 ms and 8 to 9 ms; the end
         // takes 1.1 ms and 0.14 ms more.
         assert!((69_000.0..85_100.0).contains(&classic) && (8_000.0..9_000.0).contains(&fd));
     }

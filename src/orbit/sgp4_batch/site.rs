@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(changes, 3 * 3 + 2);
     }
 
-    /// What is refused before the constants are worked out is what the crate refuses then.
+    /// What is refused before the constants are computed is what the crate refuses then.
     #[test]
     fn a_set_starts_where_the_crate_starts() {
         let [nan, infinite] = [f64::NAN, f64::INFINITY];

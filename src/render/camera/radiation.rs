@@ -27,10 +27,10 @@ use skyloop_base::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
 pub const MOST_EVENTS: f64 = 1e5;
-/// Most pixels at which the charge of one exposure's particles may be expected to be worked out:
+/// Most pixels at which the charge of one exposure's particles may be expected to be computed:
 /// some seconds.
 pub const MOST_WORK: f64 = 1e8;
-/// Most pixels at which the charge of one particle may be expected to be worked out.
+/// Most pixels at which the charge of one particle may be expected to be computed.
 pub const MOST_WORK_AN_EVENT: f64 = 1e6;
 
 /// The noise key's identity of the particles of a frame.
@@ -84,7 +84,7 @@ impl Radiation {
         flux * detector.pixels() as f64 * pitch_cm * pitch_cm * (exposure_s + self.readout_s)
     }
 
-    /// Pixels at which the charge of one particle is worked out, on average: its track is
+    /// Pixels at which the charge of one particle is computed, on average: its track is
     /// `pi / 2 thickness` long in the plane.
     pub fn work_an_event(&self, detector: &Detector) -> f64 {
         let [track, sigma] =

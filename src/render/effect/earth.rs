@@ -9,7 +9,7 @@
 //! Reference: Lambert's law; Kiehl & Trenberth 1997 (BAMS 78, 197) for the albedo.
 //! Validity: one albedo, so no clouds, no continents and no glint; its direction is that of
 //! mid-exposure, turned as its centre moves.
-//! Price: a look at the ellipsoid for each place that is asked for, four for each pixel at the
+//! Price: a look at the ellipsoid for each sampled place, four for each pixel at the
 //! limb, and the passes over the pixels.
 
 use super::Effect;

@@ -12,7 +12,7 @@
 //! brightness and heights of airglow (`sky::atmosphere::airglow`).
 //! Validity: 350 to 1100 nm, clear air, no ozone, no aurora; by day 3 to 25 % too faint from 10 to
 //! 80 km; turned as the Earth's centre moves.
-//! Price: a look at the frame's tables for each place that is asked for, four for each pixel where
+//! Price: a look at the frame's tables for each sampled place, four for each pixel where
 //! it is finer than the grid, and the passes over the pixels.
 
 use super::Effect;

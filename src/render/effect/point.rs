@@ -6,7 +6,7 @@
 //!
 //! Reference: Clark et al. 2021.
 //! Validity: sources smaller than the PSF; their light adds up.
-//! Price: the pixels of each image, worked out once for each place that the image comes by
+//! Price: the pixels of each image, computed once for each place that the image comes by
 //! (`scene::work`), and a sum a pixel.
 
 use super::cause::{counted, digits, none_lit};

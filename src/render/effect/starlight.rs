@@ -9,7 +9,7 @@
 //! (`sky::starlight`). Reference: Hipparcos and Tycho to V = 11, Bahcall & Soneira 1980 (ApJS 44,
 //! 73) beyond; Leinert et al. 1998 (A&AS 127, 1). Validity: 20 %, nothing finer than 5 to 15 deg;
 //! of the Sun's colour; no light that dust scatters. Price: an evaluation of the table for each
-//! place that is asked for, and the passes over the pixels.
+//! sampled place, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};

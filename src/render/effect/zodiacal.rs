@@ -9,7 +9,7 @@
 //! the table of Levasseur-Regourd & Dumont 1980, smoothly interpolated (`sky::zodiacal`).
 //! Reference: Leinert et al. 1998 (A&AS 127, 1), Table 16. Validity: 10 %; the Sun's colour, the
 //! observer 1 au or so from the Sun; the Earth hides it, the Moon does not. Price: an evaluation of
-//! the table for each place that is asked for, and the passes over the pixels.
+//! the table for each sampled place, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{judge, up_to};

@@ -4,7 +4,7 @@ use super::tolerances::{Fidelity, KNOBS, Knob};
 use super::value::Value;
 use std::fmt;
 
-/// A step of coarsening. It is kept as it was asked for, not as the setting that it comes to: that
+/// A step of coarsening. It is kept as requested, not as the setting that it comes to: that
 /// depends on the run's, which a budget of time may choose.
 #[derive(Debug, Clone, Copy)]
 pub enum Coarser {

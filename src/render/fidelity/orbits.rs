@@ -2,7 +2,7 @@
 
 use super::value::{Setting, Value};
 
-/// How the orbits of objects are worked out. The frames are the same.
+/// How the orbits of objects are computed. The frames are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Orbits {
     /// From frame to frame who may be in the field is told from positions between knots, within

@@ -114,7 +114,7 @@ impl Rows {
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
         // From where a row's tile begins, its circle is no further, nor is that of a row beside
-        // which its circle does not touch; tiles of dots that are laid together begin before their
+        // which its circle does not touch; tiles of dots that are drawn together begin before their
         // own.
         let before = circle.radius.ceil() as i32 + 1 + BESIDE as i32;
         let wide = circle.wide() as i32 + 1;

@@ -16,7 +16,7 @@
 //! Scientific Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear
 //! in the column's pixels.
 
-/// What one column is worked out in, kept from column to column.
+/// What one column is computed in, kept from column to column.
 #[derive(Default)]
 pub struct Bloom {
     /// The curve, with a place beyond each end of the column.

@@ -8,7 +8,7 @@ use super::lines::{Lines, SIDE};
 use super::real::Real;
 use std::ops::Range;
 
-/// Dots are laid together where their tiles begin no more pixels apart.
+/// Dots are drawn together where their tiles begin no more pixels apart.
 pub const BESIDE: usize = 1;
 /// A point of a streak.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +75,7 @@ impl Dot {
     }
 }
 
-/// Dots whose light is laid together: in tiles of the same pixels, each of which is read and
+/// Dots whose light is drawn together: in tiles of the same pixels, each of which is read and
 /// written once.
 struct Group<'a> {
     dots: &'a [Dot],

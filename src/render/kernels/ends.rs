@@ -3,7 +3,7 @@
 use super::dots::{Circle, Dot};
 use super::real::Real;
 
-/// Rows whose ends are worked out side by side.
+/// Rows whose ends are computed side by side.
 pub const ROWS: usize = 16;
 /// Nothing reaches so far, px.
 const BEYOND_PX: f32 = 1e6;

@@ -1,6 +1,6 @@
 //! Light of sources on pixels: adding it, and what it is worth among noise.
 
-/// Pixels that are worked out side by side.
+/// Pixels that are computed side by side.
 const WIDE: usize = 8;
 /// Pixels whose signals are added up in single precision.
 const FEW: usize = 256;
@@ -243,7 +243,7 @@ mod tests {
             floor: 20.0,
             full_e: 9_000.0,
         };
-        // Not a multiple of what is worked out side by side.
+        // Not a multiple of what is computed side by side.
         let shares: Vec<f32> = (0..403).map(|i| (i % 37) as f32 * 1e-3).collect();
         let background: Vec<f32> = (0..403).map(|i| (i % 11) as f32 * 30.0).collect();
         let sum = |level: Option<Level>| {

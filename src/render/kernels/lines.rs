@@ -2,7 +2,7 @@
 
 use super::real::Real;
 
-/// Pixels of a tile's side: the most that is worked out at a time.
+/// Pixels of a tile's side: the most that is computed at a time.
 pub const SIDE: usize = 16;
 /// Powers of the series of a share in the place of the source, from 0 on.
 const POWERS: usize = 4;

@@ -164,7 +164,7 @@ impl Observer {
     }
 }
 
-/// A star's place and way at the catalogue's epoch, ICRS: what its direction is worked out from.
+/// A star's place and way at the catalogue's epoch, ICRS: what its direction is computed from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarWay {
     /// [`catalogue_direction`].

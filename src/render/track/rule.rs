@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
 /// Points and weights at an end of equally spaced points, in units of their spacing: Alpert's
-/// hybrid rule of order 12 (SIAM J. Sci. Comput. 20, 1551, 1999), worked out to 18 digits. The
+/// hybrid rule of order 12 (SIAM J. Sci. Comput. 20, 1551, 1999), computed to 18 digits. The
 /// first equally spaced point is [`SPAN`] from the end.
 const ENDS: [(f64, f64); 6] = [
     (0.089_640_921_263_043_65, 0.231_101_078_610_988_87),

@@ -77,7 +77,7 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     assert_eq!(lost, 0.0);
 }
 
-/// Where area light fills all pixels it is not worked out how full they would be, and what a pixel holds is as if it were.
+/// Where area light fills all pixels it is not computed how full they would be, and what a pixel holds is as if it were.
 #[test]
 fn what_full_pixels_lose_is_not_worked_out() {
     let held = |full_well_e: f64, fidelity: Fidelity| {

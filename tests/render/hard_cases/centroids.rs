@@ -29,7 +29,7 @@ fn image(source: &Source) -> (f64, [f64; 2]) {
 
 /// Labels' centroids are those of the noise-free image, to 0.005 px, of all whose light is on the detector but for a ten thousandth: of any optics, shutter and rate. Of cores narrower than half a pixel's sigma
 /// the pixels have a centre of their own (below); and of less than a tenth of an electron
-/// wide wings (Moffat's) are laid evenly over too few pixels to be centred: a tenth of a pixel.
+/// wide wings (Moffat's) are spread evenly over too few pixels to be centred: a tenth of a pixel.
 #[test]
 fn labels_centroids_are_those_of_the_light() {
     let [faintest, worst] = [(); 2].map(|()| Worst::default());

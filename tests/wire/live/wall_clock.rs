@@ -58,7 +58,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     client.done(Command::Exposure { seconds: 2.0 });
     let asked = Instant::now();
     client.done(Command::SingleShot);
-    // One at a time, and as it was asked for, whatever rate follows it.
+    // One at a time, and as requested, whatever rate follows it.
     client.done(Command::FrameRate { hz: 1e-3 });
     for command in [Command::SingleShot, Command::Exposure { seconds: 0.3 }] {
         client.send(command);

@@ -9,7 +9,7 @@ use skyloop_orbit::sgp4_batch::Level;
 pub struct Stamp {
     /// Light on each pixel, row by row.
     pub light: Vec<f64>,
-    /// The vector instructions that it is worked out with; all give the same.
+    /// The vector instructions that it is computed with; all give the same.
     pub(super) level: Option<Level>,
     pub(super) across: Vec<f64>,
     pub(super) down: Vec<f64>,
@@ -17,7 +17,7 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// One that is worked out with the vector instructions of `level`.
+    /// One that is computed with the vector instructions of `level`.
     pub fn of(level: Option<Level>) -> Stamp {
         Stamp {
             light: Vec::new(),
