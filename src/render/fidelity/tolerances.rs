@@ -119,7 +119,7 @@ knobs! {
     loss_e: f64, "e-", Numbers([0.0, 1e3]), [0.05, 1e-3, 0.0], true, itself,
         "light of a source that may always be lost outside its stamp, at most 1e-4 of it";
     /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest
-    /// of their light is spread evenly over the pixels that are drawn, and brings each less than
+    /// of their light is laid evenly over the pixels that are drawn, and brings each less than
     /// twice as much.
     wing_e: f64, "e-", Numbers([1e-3, 1e3]), [0.2, 0.02, 1e-3], true, |wing_e| 2.0 * wing_e,
         "half the error of a pixel's light in the wide wings of a source";
@@ -134,7 +134,7 @@ knobs! {
     /// errs by no more than this (e-).
     track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
         "light of a streak on a pixel below which its panels are longer, or it is drawn as a point";
-    /// Area light runs in straight lines between places at which it is computed where its bend
+    /// Area light runs in straight lines between places at which it is worked out where its bend
     /// makes that err by no more than this (e-) and
     area_e: f64, "e-", Numbers([1e-4, 1e3]), [0.2, 0.02, 1e-3], true, at_kinks,
         "error of a pixel's area light from interpolation, added to area_part; up to 8 times as large at kinks and in thin layers";
@@ -161,7 +161,7 @@ knobs! {
     /// own motion.
     skip_px: f64, "px", Numbers([0.0, 1.0]), [0.01, 1e-3, 0.0], true, itself,
         "error of the position of an image, or of an end of its track";
-    /// How the orbits of objects are computed.
+    /// How the orbits of objects are worked out.
     orbits: Orbits, "method", Words(Orbits::WORDS), [Orbits::Tracked, Orbits::Tracked, Orbits::Scalar], false, |_| 1e-6,
         "propagation of orbits; positions of images differ by rounding, 1e-6 px";
 }
