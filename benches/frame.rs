@@ -19,8 +19,8 @@ fn main() -> std::process::ExitCode {
 fn against_rand_distr() -> Row {
     let mut random = SmallRng::seed_from_u64(1);
     let against = "rand_distr, a pixel at a time";
-    noise(Level::best(), against, Some(10.0), |_, light, digits| {
-        for (dn, mean) in digits.iter_mut().zip(light) {
+    noise(Level::best(), against, Some(10.0), |_, light, dn| {
+        for (dn, mean) in dn.iter_mut().zip(light) {
             let shot = Poisson::new(f64::from(*mean)).map_or(0.0, |it| it.sample(&mut random));
             let read = Normal::new(0.0, f64::from(READ_E));
             let read = read.map_or(0.0, |it| it.sample(&mut random));

@@ -19,7 +19,7 @@ use sample::Sample;
 use skyloop_orbit::sgp4_batch::Level;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
-use skyloop_render::effect::{EFFECTS, Effect, Loss, Pass, Stage, Verdict, digits};
+use skyloop_render::effect::{Decision, EFFECTS, Effect, ErrorBound, Pass, Stage, three_digits};
 use skyloop_render::engine::Emulator;
 use skyloop_render::fidelity::Choice;
 use skyloop_render::frame::{Charge, Frame, Memory};
@@ -65,13 +65,13 @@ impl Bench<'_> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
         let full = |step: &Step<'_>| {
-            let Loss { e, px } = match plan.error(step) {
+            let ErrorBound { e, px } = match plan.error(step) {
                 Some(error) => error,
                 None => self.error_of(step.effect, choice)?,
             };
             let mut label = EffectLabel::new(&plan, step);
             if let Some(all_e) = plan.needed_for_e(step) {
-                label.why += &format!(", {} e- in all", digits(all_e));
+                label.why += &format!(", {} e- in all", three_digits(all_e));
             }
             Ok(EffectLabel {
                 error_e: Some(e),
@@ -83,7 +83,7 @@ impl Bench<'_> {
     }
 
     /// Error bound of an effect that `choice` switches off.
-    fn error_of(&self, effect: &Effect, choice: &Choice) -> Result<Loss, Unobservable> {
+    fn error_of(&self, effect: &Effect, choice: &Choice) -> Result<ErrorBound, Unobservable> {
         let with = Choice {
             noise: choice.noise || effect.random,
             ..with(effect, choice)
@@ -167,10 +167,10 @@ impl Bench<'_> {
 
     /// What `effect` works on, e-: the charge, or the digits in electrons.
     fn electrons(&self, effect: &Effect, frame: Frame) -> Vec<f64> {
-        if effect.stage == Stage::Digits {
+        if effect.stage == Stage::Dn {
             let gain = self.camera.detector.gain_e_per_dn;
-            let digits = frame.digits.into_iter();
-            return digits.map(|dn| f64::from(dn) * gain).collect();
+            let dn = frame.dn.into_iter().map(|dn| f64::from(dn) * gain);
+            return dn.collect();
         }
         let charge = frame.charge_e.unwrap_or_default().into_iter();
         charge.map(f64::from).collect()
@@ -182,16 +182,16 @@ impl Bench<'_> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
         let pixels = self.camera.detector.pixels();
-        let (mut electrons, mut digits) = (vec![0.0f32; pixels], vec![0u16; pixels]);
+        let (mut electrons, mut dn) = (vec![0.0f32; pixels], vec![0u16; pixels]);
         let mut time = |step: &Step<'_>| {
-            let Verdict::Run { pass, .. } = &step.verdict else {
+            let Decision::Run { pass, .. } = &step.decision else {
                 return Cost::default();
             };
             let take = |mut charge: Vec<f32>| {
                 match pass {
                     Pass::Images => {}
                     Pass::Tile(pass) | Pass::Pixels(pass) => {
-                        tiles(&scene, Some(Level::best()), &mut charge, &mut digits)
+                        tiles(&scene, Some(Level::best()), &mut charge, &mut dn)
                             .for_each(|mut tile| pass(&mut tile));
                     }
                     Pass::Frame(pass) => pass(&mut Charge {

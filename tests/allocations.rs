@@ -7,7 +7,7 @@ use allocation_counter::measure;
 use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::effect::{Pass, Verdict};
+use skyloop::effect::{Decision, Pass};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::frame::Memory;
@@ -79,7 +79,7 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
             let plan = Plan::new(&scene, emulator.fidelity(), choice);
             let runs = |name: &str| {
                 let mut steps = plan.steps.iter().filter(|step| step.effect.name == name);
-                steps.any(|step| matches!(step.verdict, Verdict::Run { .. }))
+                steps.any(|step| matches!(step.decision, Decision::Run { .. }))
             };
             for name in [
                 "stars",
@@ -90,8 +90,8 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
             ] {
                 assert!(runs(name), "{}: {name}", case.camera);
             }
-            let is_whole = plan.steps.iter().any(|step| match &step.verdict {
-                Verdict::Run { pass, .. } => matches!(pass, Pass::Frame(_)),
+            let is_whole = plan.steps.iter().any(|step| match &step.decision {
+                Decision::Run { pass, .. } => matches!(pass, Pass::Frame(_)),
                 _ => false,
             });
             assert_eq!(is_whole, case.full_well_e.is_some(), "{}", case.camera);
@@ -100,7 +100,7 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
             let (mut memory, mut packed) = (Memory::default(), [0; MAX_PACKET]);
             let mut frame = || {
                 let frame = render(&plan, &scene, level, false, &mut memory, &|_, _| {});
-                for pixels in frame.digits.chunks(pixels_per_block(packing)) {
+                for pixels in frame.dn.chunks(pixels_per_block(packing)) {
                     let data = &mut packed[..packed_length(packing, pixels.len())];
                     match packing {
                         Packing::Bits12 => pack_12(level, pixels, data),

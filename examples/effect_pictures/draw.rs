@@ -38,11 +38,11 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
     let detector = &emulator.camera().detector;
     let corner = [detector.width, detector.height].map(|pixels| (pixels - SIDE) / 2);
     let electrons = |frame: Frame| -> Vec<f64> {
-        let rows = frame.digits.chunks_exact(frame.width);
+        let rows = frame.dn.chunks_exact(frame.width);
         let rows = rows.skip(corner[1]).take(SIDE);
-        let digits = rows.flat_map(|row| &row[corner[0]..corner[0] + SIDE]);
+        let dn = rows.flat_map(|row| &row[corner[0]..corner[0] + SIDE]);
         let charge = |dn: &u16| (f64::from(*dn) - detector.offset_dn) * detector.gain_e_per_dn;
-        digits.map(charge).collect()
+        dn.map(charge).collect()
     };
     let sides = [electrons(without), electrons(with)];
     let mut image = beside(&sides, picture);

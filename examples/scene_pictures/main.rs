@@ -76,7 +76,7 @@ fn stretched(frame: &Frame, step: usize, black: Option<f64>) -> GrayImage {
     let mean = |x: usize, y: usize| {
         let places =
             (0..step * step).map(|i| (y * step + i / step) * frame.width + x * step + i % step);
-        let sum: f64 = places.map(|place| f64::from(frame.digits[place])).sum();
+        let sum: f64 = places.map(|place| f64::from(frame.dn[place])).sum();
         sum / (step * step) as f64
     };
     let values: Vec<f64> = (0..columns * rows)

@@ -20,7 +20,7 @@ impl Default for Burst {
 
 /// Datagrams that one buffer is cut into at most, and octets that it has at most (udp(7), and what an IPv4 datagram holds).
 const MOST: usize = 64;
-const OCTETS: usize = 65_000;
+const BYTES: usize = 65_000;
 
 impl Burst {
     /// Sends the first of `packets` to one address, as many as one call takes; how many those were.
@@ -64,7 +64,7 @@ fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
     if length == 0 {
         return 1;
     }
-    let most = MOST.min(OCTETS / length);
+    let most = MOST.min(BYTES / length);
     let lengths = packets.iter().take(most).map(|one| one.as_ref().len());
     let equal = lengths.clone().take_while(|one| *one == length).count();
     let shorter = lengths.skip(equal).take(1);

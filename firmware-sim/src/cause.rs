@@ -41,7 +41,7 @@ pub enum Cause {
         links: Vec<Named>,
     },
     #[error(
-        "a frame of {octets} octets takes {:.1} s on this line and is waited for {} s: {}",
+        "a frame of {bytes} octets takes {:.1} s on this line and is waited for {} s: {}",
         takes.as_secs_f64(), timeout.as_secs_f64(),
         if *all_pixels {
             "choose --output windows or labels, or a longer --timeout"
@@ -50,7 +50,7 @@ pub enum Cause {
         }
     )]
     Slow {
-        octets: usize,
+        bytes: usize,
         takes: Duration,
         timeout: Duration,
         all_pixels: bool,
@@ -79,10 +79,10 @@ impl Cause {
         airtime: impl Fn(usize) -> Duration,
         timeout: Duration,
     ) -> Option<Self> {
-        let octets = octets(header);
-        let takes = airtime(octets);
+        let bytes = octets(header);
+        let takes = airtime(bytes);
         (takes > timeout).then_some(Self::Slow {
-            octets,
+            bytes,
             takes,
             timeout,
             all_pixels: matches!(

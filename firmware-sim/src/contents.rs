@@ -18,9 +18,9 @@ pub struct Contents {
     /// Pixels that came compressed.
     pub compressed_pixels: u64,
     /// Octets of their code.
-    pub compressed_octets: u64,
+    pub compressed_bytes: u64,
     /// Octets that they would have taken packed.
-    pub packed_octets: u64,
+    pub packed_bytes: u64,
 }
 
 impl Contents {
@@ -34,8 +34,8 @@ impl Contents {
         if header.pixel_level == PixelLevel::Compressed {
             let pixels = frame.pixels().len();
             self.compressed_pixels += pixels as u64;
-            self.compressed_octets += frame.pixel_octets;
-            self.packed_octets += packed_length(header.packing, pixels) as u64;
+            self.compressed_bytes += frame.pixel_bytes;
+            self.packed_bytes += packed_length(header.packing, pixels) as u64;
         }
     }
 }
@@ -49,13 +49,13 @@ impl fmt::Display for Contents {
         if self.objects > 0 {
             write!(f, "; {} objects", self.objects)?;
         }
-        if self.compressed_octets > 0 {
-            let octets = self.compressed_octets as f64;
+        if self.compressed_bytes > 0 {
+            let bytes = self.compressed_bytes as f64;
             write!(
                 f,
                 "; compressed to {:.2} bits a pixel, {:.2} times smaller than packed",
-                8.0 * octets / self.compressed_pixels as f64,
-                self.packed_octets as f64 / octets
+                8.0 * bytes / self.compressed_pixels as f64,
+                self.packed_bytes as f64 / bytes
             )?;
         }
         Ok(())

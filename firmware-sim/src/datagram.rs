@@ -50,8 +50,8 @@ impl Datagrams {
     }
 
     /// Asks for room for so many octets that wait to be read; how many there is room for, as far as the system tells.
-    pub fn make_room(&self, octets: usize) -> Option<usize> {
-        system::make_room(&self.socket, octets)
+    pub fn make_room(&self, bytes: usize) -> Option<usize> {
+        system::make_room(&self.socket, bytes)
     }
 
     /// Asks for datagrams that one call sent together in one piece, if the system can (`UDP_GRO`, udp(7)): to receive them one by one takes
@@ -89,9 +89,9 @@ mod system {
         Ok(setsockopt(socket, sockopt::RxqOvfl, &1)?)
     }
 
-    pub(super) fn make_room(socket: &UdpSocket, octets: usize) -> Option<usize> {
+    pub(super) fn make_room(socket: &UdpSocket, bytes: usize) -> Option<usize> {
         // What is more than the system allows is cut to that.
-        let _ = setsockopt(socket, sockopt::RcvBuf, &octets);
+        let _ = setsockopt(socket, sockopt::RcvBuf, &bytes);
         getsockopt(socket, sockopt::RcvBuf).ok()
     }
 
@@ -135,7 +135,7 @@ mod system {
         for part in message.cmsgs()? {
             match part {
                 ControlMessageOwned::RxqOvfl(packets) => lost = Some(packets),
-                ControlMessageOwned::UdpGroSegments(octets) => each = usize::try_from(octets).ok(),
+                ControlMessageOwned::UdpGroSegments(bytes) => each = usize::try_from(bytes).ok(),
                 _ => {}
             }
         }
@@ -273,8 +273,8 @@ mod tests {
             let (mut taken, mut calls) = (Vec::new(), 0);
             while taken.len() < packets.len() {
                 let datagram = datagrams.receive(&mut buffer).unwrap();
-                let octets = &buffer[..datagram.length];
-                taken.extend(octets.chunks(datagram.each).map(<[u8]>::to_vec));
+                let bytes = &buffer[..datagram.length];
+                taken.extend(bytes.chunks(datagram.each).map(<[u8]>::to_vec));
                 calls += 1;
             }
             assert_eq!(taken, packets);

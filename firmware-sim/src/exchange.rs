@@ -63,7 +63,7 @@ pub(crate) struct Exchange {
     pub(crate) recovery: Recovery,
     undecodable: u64,
     /// Bytes of all packets received.
-    octets: u64,
+    bytes: u64,
     /// Arrival time of the last packet of any kind.
     pub(crate) last_packet: Option<Instant>,
     header: Option<FrameHeader>,
@@ -80,7 +80,7 @@ impl Exchange {
             counts: SequenceCounts::new(),
             assembler: Assembler::new(Limits::default()),
             undecodable: 0,
-            octets: 0,
+            bytes: 0,
             last_packet: None,
             header: None,
             announced: Roles::NONE,
@@ -207,7 +207,7 @@ impl Exchange {
     }
 
     fn book(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
-        self.octets += packet.len() as u64;
+        self.bytes += packet.len() as u64;
         let now = Instant::now();
         self.last_packet = Some(now);
         let Ok((header, reply)) = Reply::decode(packet) else {
@@ -313,12 +313,12 @@ impl Exchange {
     /// Why the line cannot carry the latest frame within `timeout`.
     pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
         let header = self.header.as_ref()?;
-        Cause::slow(header, |octets| self.port.airtime(octets), timeout)
+        Cause::slow(header, |bytes| self.port.airtime(bytes), timeout)
     }
 
     pub(crate) fn account(&self, report: &mut Report) {
         report.undecodable += self.undecodable;
-        report.octets += self.octets;
+        report.bytes += self.bytes;
         report.dropped += self.port.dropped();
         report.missing_packets += self.pacing.missing();
         report.assembly.add_all(&self.assembler.counts());

@@ -310,9 +310,9 @@ impl Links {
     }
 
     /// Whether some of this frame has come, and not all.
-    pub(crate) fn is_under_way(&self, frame: u32) -> bool {
+    pub(crate) fn is_in_flight(&self, frame: u32) -> bool {
         let mut ends = self.ends.iter();
-        self.joiner.has(frame) || ends.any(|end| end.exchange.assembler.is_under_way(frame))
+        self.joiner.has(frame) || ends.any(|end| end.exchange.assembler.is_in_flight(frame))
     }
 
     pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {

@@ -45,7 +45,7 @@ pub struct ReceivedFrame {
     /// Its pixels.
     pub content: Content,
     /// Octets that the pixels took on the wire, packed or compressed.
-    pub pixel_octets: u64,
+    pub pixel_bytes: u64,
     /// When its header arrived.
     pub header_at: Instant,
     /// When the last packet with pixels arrived; of a frame without any, with labels.
@@ -65,8 +65,8 @@ pub enum SealError {
         "labels of frame {frame} asked for with detections of frame {detected}: detect in this frame first"
     )]
     OtherFrame { frame: u32, detected: u32 },
-    #[error("labels of frame {frame} are not UTF-8 at octet {octet}")]
-    NotText { frame: u32, octet: usize },
+    #[error("labels of frame {frame} are not UTF-8 at byte {byte}")]
+    NotText { frame: u32, byte: usize },
 }
 
 impl ReceivedFrame {
@@ -158,10 +158,10 @@ impl ReceivedFrame {
 
     /// The label text: JSON, one line; empty if no text was sent. It opens for the fixed detections of this frame only.
     pub fn labels(&self, detections: &Detections) -> Result<&str, SealError> {
-        let octets = self.opened(detections, LabelLevel::Text)?;
-        std::str::from_utf8(octets).map_err(|error| SealError::NotText {
+        let bytes = self.opened(detections, LabelLevel::Text)?;
+        std::str::from_utf8(bytes).map_err(|error| SealError::NotText {
             frame: self.header.frame,
-            octet: error.valid_up_to(),
+            byte: error.valid_up_to(),
         })
     }
 

@@ -59,7 +59,7 @@ pub struct Report {
     /// What the frames brought.
     pub contents: Contents,
     /// Octets of all packets that came.
-    pub octets: u64,
+    pub bytes: u64,
     /// The scores of all frames added up.
     pub totals: Totals,
     /// What came of the closed loop, if one was flown.
@@ -191,7 +191,7 @@ impl fmt::Display for Report {
             lost,
             refused,
             late,
-            octets,
+            bytes: octets,
             timings,
             contents,
             totals,

@@ -78,8 +78,8 @@ impl SerialPort {
         let mut chunk = [0; 4096];
         let reader = Reader::start("skyloop-fc serial", move |intake| {
             let count = input.read(&mut chunk)?;
-            for octet in &chunk[..count] {
-                match decoder.push(*octet) {
+            for byte in &chunk[..count] {
+                match decoder.push(*byte) {
                     None => {}
                     Some(Err(_)) => intake.lose(1),
                     Some(Ok(packet)) => intake.take(packet),
@@ -111,10 +111,10 @@ impl SerialPort {
 
 impl Port for SerialPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let mut octets = Vec::with_capacity(slip::max_encoded_length(packet.len()));
-        slip::encode(packet, &mut |octet| octets.push(octet));
+        let mut bytes = Vec::with_capacity(slip::max_encoded_length(packet.len()));
+        slip::encode(packet, &mut |byte| bytes.push(byte));
         self.line
-            .write_all(&octets)
+            .write_all(&bytes)
             .map_err(|error| self.failed("cannot send", error))
     }
 
@@ -127,14 +127,14 @@ impl Port for SerialPort {
         self.reader.dropped()
     }
 
-    fn airtime(&self, octets: usize) -> Duration {
+    fn airtime(&self, bytes: usize) -> Duration {
         /// CRC-32 and two ENDs.
         const AROUND: usize = 6;
         /// Start bit, octet, stop bit.
         const BITS: f64 = 10.0;
         let baud = self.baud.filter(|baud| *baud > 0).map(f64::from);
         baud.map_or(Duration::ZERO, |baud| {
-            Duration::from_secs_f64(BITS * (octets + AROUND) as f64 / baud)
+            Duration::from_secs_f64(BITS * (bytes + AROUND) as f64 / baud)
         })
     }
 
@@ -159,17 +159,17 @@ mod tests {
         let packet: Vec<u8> = (0..=255).collect();
         port.send(&packet).unwrap();
         let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
-        let mut octet = [0; 1];
+        let mut byte = [0; 1];
         let received = (0..2000).find_map(|_| {
-            master.read_exact(&mut octet).unwrap();
-            let packet = decoder.push(octet[0])?;
+            master.read_exact(&mut byte).unwrap();
+            let packet = decoder.push(byte[0])?;
             Some(packet.unwrap().to_vec())
         });
         assert_eq!(received.as_ref(), Some(&packet));
 
         master.write_all(b"line noise\xC0").unwrap();
         let mut line = Vec::new();
-        slip::encode(&packet, &mut |octet| line.push(octet));
+        slip::encode(&packet, &mut |byte| line.push(byte));
         // More than the 20,480 octets that a pseudo-terminal swallows before it blocks: the thread must read on.
         for _ in 0..200 {
             master.write_all(&line).unwrap();

@@ -68,9 +68,9 @@ impl UdpPort {
                         .receive(&mut buffer)
                         .inspect_err(|error| note_refusal(&refused, error))?;
                     intake.lose(datagram.lost);
-                    let octets = &buffer[..datagram.length];
+                    let bytes = &buffer[..datagram.length];
                     // One without any is a packet, too.
-                    for packet in octets.chunks(datagram.each.max(1)) {
+                    for packet in bytes.chunks(datagram.each.max(1)) {
                         if is_challenge(packet) {
                             // One that is lost comes again.
                             let _ = answering.send(packet);
@@ -78,8 +78,8 @@ impl UdpPort {
                             intake.take(packet);
                         }
                     }
-                    if octets.is_empty() {
-                        intake.take(octets);
+                    if bytes.is_empty() {
+                        intake.take(bytes);
                     }
                     Ok(())
                 })
@@ -105,7 +105,7 @@ const LEAST_WINDOW: u32 = 64;
 
 /// Window for a receive buffer of so many bytes: three quarters of the packets that fit.
 fn window_of(room: Option<usize>) -> u32 {
-    let fit = room.map_or(0, |octets| octets / TAKES * 3 / 4);
+    let fit = room.map_or(0, |bytes| bytes / TAKES * 3 / 4);
     u32::try_from(fit).map_or(MOST_WINDOW, |fit| fit.clamp(LEAST_WINDOW, MOST_WINDOW))
 }
 

@@ -195,14 +195,14 @@ impl Rig {
         }
     }
 
-    fn reply(&self, octet: u8) {
-        self.send.send(long(octet)).unwrap();
+    fn reply(&self, byte: u8) {
+        self.send.send(long(byte)).unwrap();
         self.waker.wake();
     }
 
     /// The client has got this packet.
-    fn comes(&mut self, octet: u8) {
-        assert_eq!(self.client.recv(LONG).unwrap().unwrap(), long(octet));
+    fn comes(&mut self, byte: u8) {
+        assert_eq!(self.client.recv(LONG).unwrap().unwrap(), long(byte));
     }
 
     /// The bus goes, and its end here has noticed.
@@ -231,8 +231,8 @@ fn command(command: &Command) -> Vec<u8> {
 }
 
 /// Not a packet, but as long as one: it travels whole.
-fn long(octet: u8) -> Vec<u8> {
-    vec![octet; MAX_PACKET]
+fn long(byte: u8) -> Vec<u8> {
+    vec![byte; MAX_PACKET]
 }
 
 #[test]
@@ -243,8 +243,8 @@ fn packets_pass_both_ways_classic_and_fd() {
             rig.client.send(&packet).unwrap();
             assert_eq!(rig.received.recv_timeout(LONG).unwrap(), packet, "{query}");
         }
-        (2..5).for_each(|octet| rig.reply(octet));
-        (2..5).for_each(|octet| rig.comes(octet));
+        (2..5).for_each(|byte| rig.reply(byte));
+        (2..5).for_each(|byte| rig.comes(byte));
         assert_eq!(rig.client.dropped(), 0);
         rig.close();
     }

@@ -224,7 +224,7 @@ fn the_flight_computer_asks_for_its_level_and_scores_what_comes() {
     assert_eq!(report.totals.matched, whole.totals.matched);
     let table = report.to_string();
     assert!(table.contains("times smaller than packed"), "{table}");
-    assert!(report.octets < whole.octets, "{table}");
+    assert!(report.bytes < whole.bytes, "{table}");
 
     let windows = level(PixelLevel::Windows, LabelLevel::Objects);
     let (report, frames, _) = fly(windows, None);

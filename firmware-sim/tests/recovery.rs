@@ -177,11 +177,11 @@ impl<P: Port> Port for Line<P> {
         self.port.recv(timeout)
     }
 
-    fn airtime(&self, octets: usize) -> Duration {
+    fn airtime(&self, bytes: usize) -> Duration {
         if self.spoils {
             Duration::ZERO
         } else {
-            Duration::from_secs(octets as u64) * 10 / 9600
+            Duration::from_secs(bytes as u64) * 10 / 9600
         }
     }
 }

@@ -17,9 +17,9 @@ static TABLE_32: [[u32; 256]; STEP] = table_32();
 
 const fn table_16() -> [[u16; 256]; STEP] {
     let mut table = [[0; 256]; STEP];
-    let mut octet = 0;
-    while octet < 256 {
-        let mut crc = (octet as u16) << 8;
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = (byte as u16) << 8;
         let mut bit = 0;
         while bit < 8 {
             crc = if crc & 0x8000 != 0 {
@@ -29,14 +29,14 @@ const fn table_16() -> [[u16; 256]; STEP] {
             };
             bit += 1;
         }
-        table[0][octet] = crc;
-        octet += 1;
+        table[0][byte] = crc;
+        byte += 1;
     }
     let mut next = 256;
     while next < STEP * 256 {
-        let (k, octet) = (next / 256, next % 256);
-        let before = table[k - 1][octet];
-        table[k][octet] = before << 8 ^ table[0][(before >> 8) as usize];
+        let (k, byte) = (next / 256, next % 256);
+        let before = table[k - 1][byte];
+        table[k][byte] = before << 8 ^ table[0][(before >> 8) as usize];
         next += 1;
     }
     table
@@ -44,9 +44,9 @@ const fn table_16() -> [[u16; 256]; STEP] {
 
 const fn table_32() -> [[u32; 256]; STEP] {
     let mut table = [[0; 256]; STEP];
-    let mut octet = 0;
-    while octet < 256 {
-        let mut crc = octet as u32;
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = byte as u32;
         let mut bit = 0;
         while bit < 8 {
             crc = if crc & 1 != 0 {
@@ -56,14 +56,14 @@ const fn table_32() -> [[u32; 256]; STEP] {
             };
             bit += 1;
         }
-        table[0][octet] = crc;
-        octet += 1;
+        table[0][byte] = crc;
+        byte += 1;
     }
     let mut next = 256;
     while next < STEP * 256 {
-        let (k, octet) = (next / 256, next % 256);
-        let before = table[k - 1][octet];
-        table[k][octet] = before >> 8 ^ table[0][(before & 0xFF) as usize];
+        let (k, byte) = (next / 256, next % 256);
+        let before = table[k - 1][byte];
+        table[k][byte] = before >> 8 ^ table[0][(before & 0xFF) as usize];
         next += 1;
     }
     table
@@ -93,8 +93,8 @@ fn folded(before: &[[u8; UNIT * UNITS]], last: &[u8; UNIT * UNITS]) -> [u8; UNIT
     over[0] = u64::from_ne_bytes([0xFF, 0xFF, 0, 0, 0, 0, 0, 0]);
     let added = |block: &[u8; UNIT * UNITS], over: &[u64; UNITS]| {
         let mut units = *over;
-        for (unit, octets) in units.iter_mut().zip(block.as_chunks().0) {
-            *unit ^= u64::from_ne_bytes(*octets);
+        for (unit, bytes) in units.iter_mut().zip(block.as_chunks().0) {
+            *unit ^= u64::from_ne_bytes(*bytes);
         }
         units
     };
@@ -115,9 +115,9 @@ fn folded(before: &[[u8; UNIT * UNITS]], last: &[u8; UNIT * UNITS]) -> [u8; UNIT
         }
     }
     let mut block = [0; UNIT * UNITS];
-    let octets = block.as_chunks_mut().0;
-    for (octets, unit) in octets.iter_mut().zip(added(last, &over)) {
-        *octets = unit.to_ne_bytes();
+    let bytes = block.as_chunks_mut().0;
+    for (bytes, unit) in bytes.iter_mut().zip(added(last, &over)) {
+        *bytes = unit.to_ne_bytes();
     }
     block
 }
@@ -132,8 +132,8 @@ fn carry_on_16(crc: u16, bytes: &[u8]) -> u16 {
         let later = (2..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
         later ^ t[STEP - 1][usize::from(b[0] ^ high)] ^ t[STEP - 2][usize::from(b[1] ^ low)]
     });
-    rest.iter().fold(crc, |crc, octet| {
-        crc << 8 ^ t[0][usize::from((crc >> 8) as u8 ^ octet)]
+    rest.iter().fold(crc, |crc, byte| {
+        crc << 8 ^ t[0][usize::from((crc >> 8) as u8 ^ byte)]
     })
 }
 
@@ -157,8 +157,8 @@ impl Crc32 {
     pub fn update(self, bytes: &[u8]) -> Self {
         let (steps, rest) = bytes.as_chunks::<STEP>();
         let crc = steps.iter().fold(self.0, step_32);
-        Self(rest.iter().fold(crc, |crc, octet| {
-            crc >> 8 ^ TABLE_32[0][usize::from(crc as u8 ^ octet)]
+        Self(rest.iter().fold(crc, |crc, byte| {
+            crc >> 8 ^ TABLE_32[0][usize::from(crc as u8 ^ byte)]
         }))
     }
 
@@ -167,11 +167,11 @@ impl Crc32 {
     pub fn update_pixels(self, pixels: &[u16]) -> Self {
         let (steps, rest) = pixels.as_chunks::<{ STEP / 2 }>();
         let crc = steps.iter().fold(self.0, |crc, pixels| {
-            let mut octets = [0; STEP];
-            for (two, pixel) in octets.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
+            let mut bytes = [0; STEP];
+            for (two, pixel) in bytes.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
                 *two = pixel.to_be_bytes();
             }
-            step_32(crc, &octets)
+            step_32(crc, &bytes)
         });
         rest.iter()
             .fold(Self(crc), |crc, pixel| crc.update(&pixel.to_be_bytes()))

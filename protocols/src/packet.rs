@@ -172,8 +172,8 @@ pub(crate) fn write(
     let length = packet.len();
     // At most MAX_PACKET, so the cast loses nothing.
     let field = (length - PRIMARY_LENGTH - 1) as u16;
-    if let Some(octets) = packet.get_mut(4..6) {
-        octets.copy_from_slice(&field.to_be_bytes());
+    if let Some(bytes) = packet.get_mut(4..6) {
+        bytes.copy_from_slice(&field.to_be_bytes());
     }
     reseal(packet);
     Ok(length)

@@ -26,8 +26,8 @@ impl<'a> WindowBlock<'a> {
     /// Its windows, in order.
     pub fn windows(&self) -> impl Iterator<Item = Window<'a>> + use<'a> {
         let length = window_length(self.packing, self.size);
-        self.data.chunks_exact(length).filter_map(|octets| {
-            let (place, data) = octets.split_first_chunk::<4>()?;
+        self.data.chunks_exact(length).filter_map(|bytes| {
+            let (place, data) = bytes.split_first_chunk::<4>()?;
             let [a, b, c, d] = *place;
             Some(Window {
                 column: u16::from_be_bytes([a, b]),
@@ -81,16 +81,16 @@ impl CompressedBlock<'_> {
 
 impl ObjectRecord {
     /// Its octets.
-    pub fn to_octets(&self) -> [u8; OBJECT_LENGTH] {
-        let mut octets = [0; OBJECT_LENGTH];
-        let mut writer = Writer::new(&mut octets, OBJECT_LENGTH);
+    pub fn to_bytes(&self) -> [u8; OBJECT_LENGTH] {
+        let mut bytes = [0; OBJECT_LENGTH];
+        let mut writer = Writer::new(&mut bytes, OBJECT_LENGTH);
         // The array has room for all.
         let _ = self.write(&mut writer);
-        octets
+        bytes
     }
 
-    fn from_octets(octets: &[u8; OBJECT_LENGTH]) -> Result<Self, DecodeError> {
-        Self::read(&mut Reader::new(octets, 0, "Objects"))
+    fn from_bytes(bytes: &[u8; OBJECT_LENGTH]) -> Result<Self, DecodeError> {
+        Self::read(&mut Reader::new(bytes, 0, "Objects"))
     }
 }
 
@@ -98,7 +98,7 @@ impl<'a> ObjectPart<'a> {
     /// Its objects, in order.
     pub fn objects(&self) -> impl Iterator<Item = ObjectRecord> + use<'a> {
         let (records, _) = self.data.as_chunks();
-        let objects = records.iter().map(ObjectRecord::from_octets);
+        let objects = records.iter().map(ObjectRecord::from_bytes);
         objects.filter_map(Result::ok)
     }
 
@@ -118,7 +118,7 @@ impl<'a> ObjectPart<'a> {
             "must be below parts, with 25 records unless it is the last",
         )?;
         let (records, _) = self.data.as_chunks();
-        let mut objects = records.iter().map(ObjectRecord::from_octets);
+        let mut objects = records.iter().map(ObjectRecord::from_bytes);
         objects.try_for_each(|object| object.map(drop))
     }
 

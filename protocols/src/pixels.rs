@@ -61,8 +61,8 @@ pub const fn blocks_in_frame(pixels: u32, packing: Packing) -> u32 {
 }
 
 /// Parts of a label text with `octets` octets; `None` if there are more than the field can count.
-pub const fn label_parts(octets: u32) -> Option<u16> {
-    match octets.div_ceil(LABEL_TEXT_PER_PART as u32) {
+pub const fn label_parts(bytes: u32) -> Option<u16> {
+    match bytes.div_ceil(LABEL_TEXT_PER_PART as u32) {
         parts @ 0..=0xFFFF => Some(parts as u16),
         _ => None,
     }
@@ -125,8 +125,8 @@ pub fn unpack(packing: Packing, data: &[u8], pixels: &mut [u16]) -> usize {
 }
 
 fn pack16(pixels: &[u16], data: &mut [u8]) {
-    for (octets, pixel) in data.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
-        *octets = pixel.to_be_bytes();
+    for (bytes, pixel) in data.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
+        *bytes = pixel.to_be_bytes();
     }
 }
 
@@ -136,21 +136,21 @@ fn pack12(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
     }
     let (pairs, last) = pixels.as_chunks::<2>();
     let (triples, tail) = data.as_chunks_mut::<3>();
-    for (octets, [a, b]) in triples.iter_mut().zip(pairs) {
-        *octets = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, *b as u8];
+    for (bytes, [a, b]) in triples.iter_mut().zip(pairs) {
+        *bytes = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, *b as u8];
     }
-    if let (Some(pixel), Some(octets)) = (last.first(), tail.first_chunk_mut()) {
-        *octets = (pixel << 4).to_be_bytes();
+    if let (Some(pixel), Some(bytes)) = (last.first(), tail.first_chunk_mut()) {
+        *bytes = (pixel << 4).to_be_bytes();
     }
     Ok(())
 }
 
 fn unpack16(data: &[u8], pixels: &mut [u16]) -> usize {
-    let octets = data.as_chunks::<2>().0;
-    for (pixel, octets) in pixels.iter_mut().zip(octets) {
-        *pixel = u16::from_be_bytes(*octets);
+    let bytes = data.as_chunks::<2>().0;
+    for (pixel, bytes) in pixels.iter_mut().zip(bytes) {
+        *pixel = u16::from_be_bytes(*bytes);
     }
-    octets.len().min(pixels.len())
+    bytes.len().min(pixels.len())
 }
 
 fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
@@ -165,8 +165,8 @@ fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
     let rest = triples.get(pairs.len()).map_or(tail, |triple| triple);
     let is_reached = pairs.len() <= triples.len();
     match (last.first_mut(), rest.first_chunk()) {
-        (Some(pixel), Some(octets)) if is_reached => {
-            *pixel = u16::from_be_bytes(*octets) >> 4;
+        (Some(pixel), Some(bytes)) if is_reached => {
+            *pixel = u16::from_be_bytes(*bytes) >> 4;
             whole + 1
         }
         _ => whole,

@@ -196,9 +196,9 @@ impl BitWriter<'_> {
     /// A value of 0 to 32 bits.
     fn put(&mut self, value: u32, bits: usize) {
         let word = (u64::from(value) << 32 << (32 - bits)) >> (self.at % 8);
-        let octets = self.out.get_mut(self.at / 8..).unwrap_or_default();
-        for (octet, part) in octets.iter_mut().zip(word.to_be_bytes()).take(5) {
-            *octet |= part;
+        let bytes = self.out.get_mut(self.at / 8..).unwrap_or_default();
+        for (byte, part) in bytes.iter_mut().zip(word.to_be_bytes()).take(5) {
+            *byte |= part;
         }
         self.at += bits;
     }
@@ -228,14 +228,14 @@ impl BitReader<'_> {
     /// The next 57 bits or more, at the top.
     fn peek(&self) -> u64 {
         let rest = self.data.get(self.at / 8..).unwrap_or_default();
-        let octets = rest.first_chunk().copied().unwrap_or_else(|| {
-            let mut octets = [0; 8];
-            for (to, from) in octets.iter_mut().zip(rest) {
+        let bytes = rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut bytes = [0; 8];
+            for (to, from) in bytes.iter_mut().zip(rest) {
                 *to = *from;
             }
-            octets
+            bytes
         });
-        u64::from_be_bytes(octets) << (self.at % 8)
+        u64::from_be_bytes(bytes) << (self.at % 8)
     }
 
     /// The next 0 to 32 bits.

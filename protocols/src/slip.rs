@@ -29,11 +29,11 @@ pub const fn max_encoded_length(length: usize) -> usize {
 /// Hands the octets of one frame to `put`, in the order of the line.
 pub fn encode(packet: &[u8], put: &mut impl FnMut(u8)) {
     put(END);
-    for octet in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
-        match octet {
+    for byte in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
+        match byte {
             END => [ESC, ESC_END].into_iter().for_each(&mut *put),
             ESC => [ESC, ESC_ESC].into_iter().for_each(&mut *put),
-            _ => put(octet),
+            _ => put(byte),
         }
     }
     put(END);
@@ -114,12 +114,12 @@ impl<const N: usize> Decoder<N> {
     }
 
     /// Takes one octet from the line; at the END of a frame that is not empty, gives its packet or what is wrong.
-    pub fn push(&mut self, octet: u8) -> Option<Result<&[u8], FrameError>> {
-        match octet {
+    pub fn push(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
+        match byte {
             END => return self.end(),
             _ if self.error.is_some() => {}
             ESC if !self.escaped => self.escaped = true,
-            _ if !self.escaped => self.store(octet),
+            _ if !self.escaped => self.store(byte),
             ESC_END => self.store(END),
             ESC_ESC => self.store(ESC),
             found => self.error = Some(FrameError::BadEscape { found }),
@@ -127,11 +127,11 @@ impl<const N: usize> Decoder<N> {
         None
     }
 
-    fn store(&mut self, octet: u8) {
+    fn store(&mut self, byte: u8) {
         self.escaped = false;
         match self.buffer.get_mut(self.length) {
             Some(slot) => {
-                *slot = octet;
+                *slot = byte;
                 self.length += 1;
             }
             None => self.error = Some(FrameError::TooLong { limit: N }),

@@ -89,9 +89,9 @@ impl<'a> Reader<'a> {
         field: &'static str,
         rule: &'static str,
     ) -> Result<&'a str, DecodeError> {
-        let octets = self.rest();
-        rules::rule(octets.len() <= most, field, rule)?;
-        core::str::from_utf8(octets).map_err(|_| DecodeError::BadValue {
+        let bytes = self.rest();
+        rules::rule(bytes.len() <= most, field, rule)?;
+        core::str::from_utf8(bytes).map_err(|_| DecodeError::BadValue {
             field,
             rule: "must be UTF-8",
         })

@@ -208,7 +208,7 @@ fn objects_give_their_numbers() {
     assert_eq!((star.mag, star.snr, star.electrons), (4.75, 31.5, 12000.0));
     assert_eq!(flags(rso), [true, true, false]);
     assert!(rso.mag.is_nan());
-    let octets: Vec<u8> = objects.iter().flat_map(ObjectRecord::to_octets).collect();
+    let octets: Vec<u8> = objects.iter().flat_map(ObjectRecord::to_bytes).collect();
     assert_eq!(octets, part.data);
 }
 

@@ -143,7 +143,7 @@ mod tests {
                 first_ms: 5.0,
                 exact_p50_ms: 6.0,
                 found: [7.0, 8.0, 9.0],
-                octets: 10.0,
+                bytes: 10.0,
             },
             scale: vec![orbits::Scale {
                 objects: 11,

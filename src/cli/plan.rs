@@ -8,7 +8,7 @@ use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::camera::Camera;
 use skyloop::config::Sequence;
-use skyloop::effect::{EFFECTS, digits};
+use skyloop::effect::{EFFECTS, three_digits};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
 use skyloop::flight;
@@ -169,8 +169,8 @@ impl Line {
     /// The declared error and the measured one, both in the unit that decides.
     fn errors(&self) -> (String, Option<String>) {
         let rms = if self.rms { " rms" } else { "" };
-        let e = |e: f64| format!("{} e-{rms}", digits(e));
-        let px = |px: f64| format!("{} px", digits(px));
+        let e = |e: f64| format!("{} e-{rms}", three_digits(e));
+        let px = |px: f64| format!("{} px", three_digits(px));
         let EffectLabel {
             error_e, error_px, ..
         } = self.verdict;

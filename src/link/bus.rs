@@ -1,11 +1,11 @@
 //! Packets on a CAN bus (SocketCAN or adapter): the emulator's end of a carrier.
 
-use super::departed::Unsent;
 use super::error::LinkError;
 use super::inbox::{Inbound, Intake, inbox};
 use super::kind::{AroundBus, Options};
 use super::outbox::{self, Outbound};
 use super::tally::{Tally, count, is_of_frame};
+use super::tx_complete::Unsent;
 use super::wire::Wire;
 use bytes::Bytes;
 use skyloop_firmware_sim::address::Address;
@@ -81,7 +81,7 @@ pub(super) fn start(
     }
     let line = settings.clone();
     Ok(Wire {
-        airtime: Some(Arc::new(move |octets| line.packet_duration(octets))),
+        airtime: Some(Arc::new(move |bytes| line.packet_duration(bytes))),
         sender: Some(sender),
         ..Wire::new(address, inbox, outbox, tally)
     })
@@ -144,7 +144,7 @@ impl Above for End {
             counter.fetch_add(more, Ordering::Relaxed);
         };
         match note {
-            Note::Moved(octets) => tally.moved(octets),
+            Note::Moved(bytes) => tally.moved(bytes),
             Note::Unsent(more) => some(&tally.lost, more),
             Note::Incomplete(more) => some(&tally.incomplete, more),
             Note::Oversize(more) => some(&tally.oversize, more),

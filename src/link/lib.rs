@@ -6,7 +6,6 @@
 mod bus;
 mod can;
 pub mod capture;
-mod departed;
 mod error;
 mod every;
 pub mod fault;
@@ -31,10 +30,10 @@ mod relay;
 mod serial;
 mod slcan;
 mod tally;
+mod tx_complete;
 mod udp;
 mod wire;
 
-pub use departed::{Exit, Mark, Unsent};
 pub use error::{LinkError, OpenError};
 pub use every::Every;
 pub use inbox::QUEUE;
@@ -50,6 +49,7 @@ pub use skyloop_firmware_sim::address::Address;
 pub use skyloop_firmware_sim::roles::Roles;
 pub use tally::{Airtime, Tally};
 pub use tally::{Harm, SOON, Standstill, is_of_frame, patience};
+pub use tx_complete::{Exit, Mark, Unsent};
 pub use wire::Wire;
 
 /// Every link.
@@ -252,7 +252,7 @@ pub(crate) mod fixture {
     /// A packet as a line carries it.
     pub fn framed(packet: &[u8]) -> Vec<u8> {
         let mut line = Vec::new();
-        slip::encode(packet, &mut |octet| line.push(octet));
+        slip::encode(packet, &mut |byte| line.push(byte));
         line
     }
 

@@ -1,11 +1,11 @@
 //! Packets on a serial line or pseudo-terminal: SLIP frames in both directions.
 
-use super::departed::Unsent;
 use super::error::LinkError;
 use super::inbox::{Gone, Inbound, Intake, inbox};
 use super::kind::thread;
 use super::outbox::{self, Outbound};
 use super::tally::{Airtime, Tally, count};
+use super::tx_complete::Unsent;
 use super::wire::Wire;
 use skyloop_firmware_sim::address::Address;
 use skyloop_protocols::slip::{self, FrameError};
@@ -19,10 +19,10 @@ pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// 10 bit times a byte: the packet, its CRC-32, two ENDs, and an escape for two bytes in 256.
 pub(super) fn airtime(baud: u32) -> Airtime {
-    Arc::new(move |octets| {
-        let framed = octets as f64 + 4.0;
-        let octets = framed * (1.0 + 2.0 / 256.0) + 2.0;
-        Duration::from_secs_f64(octets * 10.0 / f64::from(baud))
+    Arc::new(move |bytes| {
+        let framed = bytes as f64 + 4.0;
+        let bytes = framed * (1.0 + 2.0 / 256.0) + 2.0;
+        Duration::from_secs_f64(bytes * 10.0 / f64::from(baud))
     })
 }
 
@@ -83,9 +83,9 @@ impl Ear {
     }
 
     /// Queues the packets that end in `octets`; counts the frames that hold none.
-    pub fn hear(&mut self, octets: &[u8], exchange: u32) -> Result<(), Gone> {
-        for octet in octets {
-            match self.decoder.push(*octet) {
+    pub fn hear(&mut self, bytes: &[u8], exchange: u32) -> Result<(), Gone> {
+        for byte in bytes {
+            match self.decoder.push(*byte) {
                 None => {}
                 Some(Err(error)) => {
                     count(match error {
@@ -141,7 +141,7 @@ pub(super) fn write(
             return;
         };
         line.clear();
-        slip::encode(&packet, &mut |octet| line.push(octet));
+        slip::encode(&packet, &mut |byte| line.push(byte));
         match put(exchange, &line, idle) {
             Put::Sent => tally.done(),
             Put::Lost(why) => tally.lose(&packet, why),

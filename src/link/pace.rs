@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// One direction of a line that carries so many octets a second and no more.
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
-    octets_per_s: f64,
+    bytes_per_s: f64,
     /// How far the line may lag and still catch up: data waits in the system's queues meanwhile.
     slack: Duration,
     /// When the last octet put on it has passed.
@@ -16,7 +16,7 @@ impl Pace {
     /// A line that has been idle until now.
     pub fn new(octets_per_s: f64, slack: Duration) -> Pace {
         Pace {
-            octets_per_s,
+            bytes_per_s: octets_per_s,
             slack,
             free: None,
         }
@@ -29,8 +29,8 @@ impl Pace {
     }
 
     /// Octets that pass within `time`; one at least.
-    pub fn octets_in(&self, time: Duration) -> usize {
-        ((time.as_secs_f64() * self.octets_per_s) as usize).max(1)
+    pub fn bytes_in(&self, time: Duration) -> usize {
+        ((time.as_secs_f64() * self.bytes_per_s) as usize).max(1)
     }
 
     /// There was nothing to carry until `now`: time that passed unused is not caught up.
@@ -39,10 +39,10 @@ impl Pace {
     }
 
     /// Puts octets on the line behind those that are on it; when the last of them has passed.
-    pub fn pass(&mut self, octets: usize, now: Instant) -> Instant {
+    pub fn pass(&mut self, bytes: usize, now: Instant) -> Instant {
         let earliest = now.checked_sub(self.slack).unwrap_or(now);
         let start = self.free.map_or(now, |free| free.max(earliest));
-        let free = start + Duration::from_secs_f64(octets as f64 / self.octets_per_s);
+        let free = start + Duration::from_secs_f64(bytes as f64 / self.bytes_per_s);
         self.free = Some(free);
         free
     }
@@ -67,8 +67,8 @@ mod tests {
         // X-Val: 11,520 octets a second.
         assert_eq!(line.pass(1152, zero), zero + ms(100));
         assert_eq!(line.pass(11_520, zero), zero + ms(1100));
-        assert_eq!(line.octets_in(ms(1000)), 11_520);
-        assert_eq!(Pace::of_baud(9600).octets_in(ms(1)), 1);
+        assert_eq!(line.bytes_in(ms(1000)), 11_520);
+        assert_eq!(Pace::of_baud(9600).bytes_in(ms(1)), 1);
     }
 
     #[test]

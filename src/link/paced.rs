@@ -20,7 +20,7 @@ impl PacedEar {
     pub fn new(baud: u32) -> PacedEar {
         let pace = Pace::of_baud(baud);
         PacedEar {
-            buffer: vec![0; pace.octets_in(PIECE).min(4096)],
+            buffer: vec![0; pace.bytes_in(PIECE).min(4096)],
             pace,
         }
     }
@@ -45,20 +45,20 @@ impl PacedEar {
 /// no longer `wanted`.
 pub(super) fn write_all(
     to: &Pseudo,
-    mut octets: &[u8],
+    mut bytes: &[u8],
     client: Option<u32>,
     wanted: &dyn Fn() -> bool,
 ) -> io::Result<Option<bool>> {
     let mut waited = false;
-    while !octets.is_empty() {
-        match to.write(octets, client)? {
+    while !bytes.is_empty() {
+        match to.write(bytes, client)? {
             Written::Nobody => return Ok(None),
             Written::Octets(0) if !wanted() => return Ok(None),
             Written::Octets(0) => {
                 waited = true;
                 to.wait_for_room()?;
             }
-            Written::Octets(length) => octets = &octets[length..],
+            Written::Octets(length) => bytes = &bytes[length..],
         }
     }
     Ok(Some(waited))
@@ -74,8 +74,8 @@ pub(super) fn relay(
 ) -> io::Result<()> {
     let mut ear = PacedEar::new(baud);
     while wanted() {
-        let (_, octets) = ear.hear(from)?;
-        if let Some(true) = write_all(to, octets, None, wanted)? {
+        let (_, bytes) = ear.hear(from)?;
+        if let Some(true) = write_all(to, bytes, None, wanted)? {
             ear.pace.rest(Instant::now());
         }
     }

@@ -139,7 +139,7 @@ impl Pseudo {
     }
 
     /// Writes what fits, if client number `client` (none: any) holds the other end.
-    pub fn write(&self, octets: &[u8], client: Option<u32>) -> io::Result<Written> {
+    pub fn write(&self, bytes: &[u8], client: Option<u32>) -> io::Result<Written> {
         let mut state = lock(&self.state);
         if !state.held
             && !ready(&state.master, PollFlags::OUT, Duration::ZERO)?.contains(PollFlags::HUP)
@@ -149,7 +149,7 @@ impl Pseudo {
         if !state.held || client.is_some_and(|client| client != state.clients) {
             return Ok(Written::Nobody);
         }
-        match rustix::io::write(&state.master, octets) {
+        match rustix::io::write(&state.master, bytes) {
             Ok(length) => Ok(Written::Octets(length)),
             Err(Errno::AGAIN | Errno::INTR) => Ok(Written::Octets(0)),
             Err(Errno::IO) => Ok(Written::Nobody),

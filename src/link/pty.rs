@@ -1,7 +1,6 @@
 //! Pseudo-terminals with a name that clients open like a serial port. Bytes pass at the pace of a
 //! baud rate, as SLIP frames with CRC-32. Two threads.
 
-use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
 use super::line::{self, Ear, Put, airtime, write};
@@ -11,6 +10,7 @@ use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo};
 use super::tally::{Tally, count};
+use super::tx_complete::Unsent;
 use super::wire::Wire;
 use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::serial::{SerialPort as FlightComputerPort, baud_of};
@@ -75,11 +75,11 @@ fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     let (writing, sent) = (pseudo.clone(), tally.clone());
     let write = move |departures: &Receiver<Outbound>, wanted: &dyn Fn() -> bool| {
         let mut pace = Pace::of_baud(baud);
-        write(departures, &sent, |exchange, octets, idle| {
+        write(departures, &sent, |exchange, bytes, idle| {
             if idle {
                 pace.rest(Instant::now());
             }
-            put(&writing, &mut pace, exchange, octets, &sent, wanted)
+            put(&writing, &mut pace, exchange, bytes, &sent, wanted)
         });
         // The end of the master discards what the client has not read yet.
         let end = Instant::now();
@@ -132,7 +132,7 @@ fn read(
     let mut paced = PacedEar::new(baud);
     let mut clients = 0;
     while !stop.load(Ordering::Relaxed) {
-        let (heard, octets) = paced.hear(pseudo)?;
+        let (heard, bytes) = paced.hear(pseudo)?;
         if heard == Heard::Left {
             tally.end(clients);
             if last.load(Ordering::Relaxed) {
@@ -148,7 +148,7 @@ fn read(
             tracing::warn!("{} has its next client", pseudo.name());
         }
         // Each client opens an exchange of its own.
-        if ear.hear(octets, clients).is_err() {
+        if ear.hear(bytes, clients).is_err() {
             break;
         }
     }
@@ -160,11 +160,11 @@ fn put(
     pseudo: &Pseudo,
     pace: &mut Pace,
     exchange: u32,
-    octets: &[u8],
+    bytes: &[u8],
     tally: &Tally,
     wanted: &dyn Fn() -> bool,
 ) -> Put {
-    for piece in octets.chunks(pace.octets_in(PIECE)) {
+    for piece in bytes.chunks(pace.bytes_in(PIECE)) {
         sleep_until(pace.pass(piece.len(), Instant::now()));
         match write_all(pseudo, piece, Some(exchange), wanted) {
             Ok(Some(waited)) => {
@@ -321,13 +321,13 @@ mod tests {
             let mut buffer = [0; 4096];
             // Counted between two arrivals, each at the end of its octets.
             let first = reader.read(&mut buffer).unwrap();
-            let (begin, mut octets, mut last) = (Instant::now(), 0, Instant::now());
+            let (begin, mut bytes, mut last) = (Instant::now(), 0, Instant::now());
             let mut early = None;
             while begin.elapsed() < Duration::from_millis(1500) {
-                octets += reader.read(&mut buffer).unwrap();
+                bytes += reader.read(&mut buffer).unwrap();
                 last = Instant::now();
                 let most = f64::from(baud) / 10.0 * (last - began).as_secs_f64();
-                let come = (first + octets) as f64;
+                let come = (first + bytes) as f64;
                 early = early.or(Some((come, most)).filter(|_| come > most));
             }
             stop.store(true, Ordering::Relaxed);
@@ -337,7 +337,7 @@ mod tests {
                 let _ = end.clear(ClearBuffer::Output);
             }
             assert_eq!(early, None, "octets that came, and as many as could have");
-            octets as f64 / (last - begin).as_secs_f64()
+            bytes as f64 / (last - begin).as_secs_f64()
         })
     }
 

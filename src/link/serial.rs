@@ -1,6 +1,5 @@
 //! Serial ports: SLIP frames with CRC-32, two threads a port. A port that vanishes is reopened.
 
-use super::departed::Unsent;
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
 use super::line::{self, Ear, Put, READ_TIMEOUT, airtime, write};
@@ -8,6 +7,7 @@ use super::lock::lock;
 #[cfg(target_os = "linux")]
 use super::low_latency;
 use super::tally::{Airtime, Tally, count};
+use super::tx_complete::Unsent;
 use super::wire::Wire;
 use serialport::SerialPort;
 use skyloop_firmware_sim::address::Address;
@@ -67,7 +67,7 @@ fn start(
         &tally,
         move |ear, stop| read(&reading, input, ear, stop),
         move |departures, wanted| {
-            write(departures, &sent, |_, octets, _| line.put(octets, wanted));
+            write(departures, &sent, |_, bytes, _| line.put(bytes, wanted));
         },
     )?;
     Ok(Wire { airtime, ..wire })
@@ -121,7 +121,7 @@ impl Line {
     /// Writes all `octets`, however long that takes: the queue stays full meanwhile, and the
     /// emulator drops whole frames. While the port is gone, packets wait. The reader never waits
     /// for a write.
-    fn put(&self, mut octets: &[u8], wanted: &dyn Fn() -> bool) -> Put {
+    fn put(&self, mut bytes: &[u8], wanted: &dyn Fn() -> bool) -> Put {
         let mut output = lock(&self.output);
         let mut port = loop {
             if let Some(port) = output.take() {
@@ -136,11 +136,11 @@ impl Line {
         let known = self.losses.load(Ordering::Relaxed);
         drop(output);
         let is_there = || self.losses.load(Ordering::Relaxed) == known;
-        while !octets.is_empty() {
-            match port.write(octets) {
+        while !bytes.is_empty() {
+            match port.write(bytes) {
                 Ok(length) if length > 0 => {
                     self.tally.moved(length);
-                    octets = &octets[length..];
+                    bytes = &bytes[length..];
                 }
                 Err(error) if is_passing(&error) && wanted() && is_there() => {}
                 _ => {

@@ -1,6 +1,6 @@
 //! Counters of a link, and whether bytes still leave it.
 
-use super::departed::{Departed, Unsent};
+use super::tx_complete::{TxComplete, Unsent};
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{Counters, Direction, MAX_PACKET};
@@ -33,7 +33,7 @@ pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
 #[derive(Debug, Default)]
 pub struct Tally {
     /// Packets that went into the outbound queue, and that have left it for good.
-    pub departed: Departed,
+    pub departed: TxComplete,
     /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
     /// Why waiting packets were given up; unset before that.

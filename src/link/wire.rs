@@ -1,10 +1,10 @@
 //! The emulator's end of an open link.
 
-use super::departed::Unsent;
 use super::error::LinkError;
 use super::inbox::{Inbound, Inbox, Observer};
 use super::outbox::{Outbound, Outbox};
 use super::tally::{Airtime, Standstill, Tally};
+use super::tx_complete::Unsent;
 use skyloop_protocols::MAX_PACKET;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

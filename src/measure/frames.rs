@@ -56,7 +56,7 @@ impl super::Report for Report {
         let machine = Machine::this();
         told("noise");
         let noise = Level::available().into_iter().map(|level| {
-            let alone = |round, light: &[f32], digits: &mut [u16]| draw(None, round, light, digits);
+            let alone = |round, light: &[f32], dn: &mut [u16]| draw(None, round, light, dn);
             noise(level, "each pixel alone", None, alone)
         });
         let noise = noise.collect();
@@ -142,7 +142,7 @@ pub fn noise(
     mut theirs: impl FnMut(usize, &[f32], &mut [u16]) + Send,
 ) -> Row {
     let light = vec![MEAN_E; SIDE * SIDE];
-    let [mut digits, mut others] = [(); 2].map(|()| vec![0u16; SIDE * SIDE]);
+    let [mut dn, mut others] = [(); 2].map(|()| vec![0u16; SIDE * SIDE]);
     let turns = || {
         row(
             format!("noise, {SIDE} x {SIDE}, mean {MEAN_E} e-, {level}"),
@@ -151,8 +151,8 @@ pub fn noise(
             ROUNDS,
             [SIDE * SIDE; 2],
             |round| {
-                draw(Some(level), round, &light, &mut digits);
-                black_box(&digits);
+                draw(Some(level), round, &light, &mut dn);
+                black_box(&dn);
             },
             |round| {
                 theirs(round, black_box(&light), &mut others);
@@ -164,7 +164,7 @@ pub fn noise(
 }
 
 /// Makes digits of light in runs of pixels; without a level pixel by pixel.
-fn draw(level: Option<Level>, round: usize, light: &[f32], digits: &mut [u16]) {
+fn draw(level: Option<Level>, round: usize, light: &[f32], dn: &mut [u16]) {
     let key = NoiseKey {
         seed: 1,
         sequence: round as u32,
@@ -172,13 +172,13 @@ fn draw(level: Option<Level>, round: usize, light: &[f32], digits: &mut [u16]) {
     };
     let switch = Switch::within(1e-4);
     let mut electrons = [0.0; RUN];
-    let runs = light.chunks(RUN).zip(digits.chunks_mut(RUN));
-    for (run, (light, digits)) in runs.enumerate() {
+    let runs = light.chunks(RUN).zip(dn.chunks_mut(RUN));
+    for (run, (light, dn)) in runs.enumerate() {
         let electrons = &mut electrons[..light.len()];
         electrons.copy_from_slice(light);
         kernels::shot_noise(level, key, 1, run * RUN, switch, electrons);
         kernels::read_noise(level, key, 2, run * RUN, READ_E, electrons);
-        kernels::digitise(level, &CONVERTER, electrons, digits);
+        kernels::digitise(level, &CONVERTER, electrons, dn);
     }
 }
 

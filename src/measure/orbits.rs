@@ -38,7 +38,7 @@ const FRAMES: usize = 300;
 const WARM: usize = 40;
 /// What the whole step may take, ms, in 99 of 100 frames, and what memory an object may, B.
 const MOST_MS: f64 = 10.0;
-const MOST_OCTETS: f64 = 700.0;
+const MAX_BYTES: f64 = 700.0;
 /// Longest period of a near-Earth orbit, min.
 const NEAR_MIN: f64 = 225.0;
 
@@ -74,7 +74,7 @@ pub struct Step {
     /// Candidates, unseen and labelled objects of a frame, on average.
     pub found: [f64; 3],
     /// Octets of memory an object, with its name.
-    pub octets: f64,
+    pub bytes: f64,
 }
 
 /// What an object takes, by how many there are.
@@ -131,12 +131,16 @@ impl super::Report for Report {
     }
 
     fn broken(&self) -> Vec<String> {
-        let Step { p99_ms, octets, .. } = self.step;
+        let Step {
+            p99_ms,
+            bytes: octets,
+            ..
+        } = self.step;
         let rows = self.rows.iter().filter_map(Row::broken);
         let step = (p99_ms > MOST_MS)
             .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MOST_MS} ms"));
-        let memory = (octets > MOST_OCTETS)
-            .then(|| format!("memory: {octets:.0} B an object are more than {MOST_OCTETS} B"));
+        let memory = (octets > MAX_BYTES)
+            .then(|| format!("memory: {octets:.0} B an object are more than {MAX_BYTES} B"));
         rows.chain(step).chain(memory).collect()
     }
 }

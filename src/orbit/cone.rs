@@ -24,12 +24,12 @@ pub struct Cone {
     /// 1 where all of it lies in front of its apex, else 0.
     before: f64,
     /// Objects within this distance of it count as inside, km.
-    pub way_km: f64,
+    pub path_km: f64,
 }
 
 impl Cone {
     /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `way_km`.
-    pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, way_km: f64) -> Cone {
+    pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, path_km: f64) -> Cone {
         let (sin, cos) = libm::sincos(angle);
         Cone {
             apex_km,
@@ -39,7 +39,7 @@ impl Cone {
             cos,
             cos2: cos * cos.abs(),
             before: f64::from(u8::from(angle <= FRAC_PI_2)),
-            way_km,
+            path_km,
         }
     }
 
@@ -55,9 +55,9 @@ impl Cone {
     #[inline(always)]
     pub fn holds(&self, place_km: [f64; 3]) -> bool {
         let (along, range2) = self.seen(place_km);
-        let bound = self.way_km + along * self.sin;
+        let bound = self.path_km + along * self.sin;
         ((range2 - along * along) * self.cos2 <= bound * bound.abs())
-            & (-along * self.before <= self.way_km)
+            & (-along * self.before <= self.path_km)
     }
 
     /// Least distance of a position (km) from it, as in [`Cone::holds`], and the squared range.
@@ -158,6 +158,6 @@ impl Leeway {
         // Motion is summed in steps, each rounded to some 1e-16 of the sum.
         const ROUNDING: f64 = 1e-9;
         let swept_km = (moved.rad - self.rad) * self.range_km;
-        self.until_km - moved.km * (1.0 + ROUNDING) > swept_km + cone.way_km
+        self.until_km - moved.km * (1.0 + ROUNDING) > swept_km + cone.path_km
     }
 }

@@ -369,8 +369,8 @@ fn agree(a: &Node, b: &Node) -> Result<(), String> {
     let seconds = (b.tai_ns - a.tai_ns) as f64 / 1e9;
     let mean_m_s = (a.state.velocity_m_s + b.state.velocity_m_s) / 2.0;
     // Either may be the wrong one: a long way round ends near where it began, too.
-    let way_m = step_m.norm().max(mean_m_s.norm() * seconds);
-    if way_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < LEAST_STEP_M {
+    let path_m = step_m.norm().max(mean_m_s.norm() * seconds);
+    if path_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < LEAST_STEP_M {
         return Ok(());
     }
     let chord_m_s = step_m / seconds;

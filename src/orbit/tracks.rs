@@ -156,8 +156,8 @@ impl Tracks {
     }
 
     /// Memory of the catalogue, bytes.
-    pub fn octets(&self) -> usize {
-        self.batch.octets()
+    pub fn bytes(&self) -> usize {
+        self.batch.bytes()
             + self.segments.capacity() * size_of::<Segment>()
             + self.watches.capacity() * size_of::<Watch>()
     }

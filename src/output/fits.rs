@@ -203,7 +203,7 @@ fn real(value: f64) -> String {
     };
     // FITS wants a decimal point before an exponent too.
     match text.split_once('E') {
-        Some((digits, exponent)) if !digits.contains('.') => format!("{digits}.0E{exponent}"),
+        Some((dn, exponent)) if !dn.contains('.') => format!("{dn}.0E{exponent}"),
         _ => text,
     }
 }
@@ -213,14 +213,14 @@ pub fn write_u16(
     out: &mut impl Write,
     frame: Header,
     size: [usize; 2],
-    digits: &[u16],
+    dn: &[u16],
 ) -> io::Result<()> {
     let mut array = array(16, size);
     array.integer("BZERO", 32768, "unsigned: stored + 32768");
     array.integer("BSCALE", 1, "");
     array.text("BUNIT", "adu", "digital numbers, raw");
     // FITS 4.0, 5.2.5: subtracting 32768 flips the highest bit.
-    let stored = digits.iter().map(|dn| (dn ^ 0x8000).to_be_bytes());
+    let stored = dn.iter().map(|dn| (dn ^ 0x8000).to_be_bytes());
     write(out, [array, frame], stored)
 }
 

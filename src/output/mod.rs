@@ -136,11 +136,11 @@ impl Writer {
         let header = || fits::Header::of_frame(camera, label);
 
         self.folder.write(&files[0], |out| {
-            fits::write_u16(out, header(), size, &frame.digits)
+            fits::write_u16(out, header(), size, &frame.dn)
         })?;
         self.folder
-            .write(&files[1], |out| png::write_grey16(out, size, &frame.digits))?;
-        let greys = stretch::preview(Levels::of(camera, label), &frame.digits);
+            .write(&files[1], |out| png::write_grey16(out, size, &frame.dn))?;
+        let greys = stretch::preview(Levels::of(camera, label), &frame.dn);
         self.folder
             .write(&files[2], |out| png::write_grey8(out, size, &greys))?;
         if let Some(electrons) = &frame.expected_e {

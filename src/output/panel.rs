@@ -60,7 +60,7 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     let from = [frame.width, frame.height];
     let to = panel_size(from);
     let scale = [to[0] as f64 / from[0] as f64, to[1] as f64 / from[1] as f64];
-    let values = scaled(&frame.digits, from, to);
+    let values = scaled(&frame.dn, from, to);
     // The noise of a panel's pixel is that of the mean of the camera's pixels in it.
     let averaged = 1.0 / (scale[0] * scale[1]).min(1.0);
     let stretch = Stretch::new(Levels::of(camera, label), values.iter().copied(), averaged);

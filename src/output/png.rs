@@ -16,8 +16,8 @@ const CHUNK_TYPE: usize = 4;
 const HEAD: usize = 33;
 
 /// Writes raw digital numbers, row 0 at the top; `size` is columns and rows.
-pub fn write_grey16(out: &mut impl Write, size: [usize; 2], digits: &[u16]) -> io::Result<()> {
-    let bytes: Vec<u8> = digits.iter().flat_map(|dn| dn.to_ne_bytes()).collect();
+pub fn write_grey16(out: &mut impl Write, size: [usize; 2], dn: &[u16]) -> io::Result<()> {
+    let bytes: Vec<u8> = dn.iter().flat_map(|dn| dn.to_ne_bytes()).collect();
     encode(out, &bytes, size.map(|n| n as u32), ExtendedColorType::L16)
 }
 

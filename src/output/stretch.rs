@@ -120,11 +120,11 @@ impl Stretch {
 }
 
 /// A frame of the camera's own size, 8-bit grey.
-pub fn preview(levels: Levels, digits: &[u16]) -> Vec<u8> {
-    let stretch = Stretch::new(levels, digits.iter().map(|dn| f32::from(*dn)), 1.0);
-    let most = digits.iter().copied().max().unwrap_or(0);
+pub fn preview(levels: Levels, dn: &[u16]) -> Vec<u8> {
+    let stretch = Stretch::new(levels, dn.iter().map(|dn| f32::from(*dn)), 1.0);
+    let most = dn.iter().copied().max().unwrap_or(0);
     let greys: Vec<u8> = (0..=most).map(|dn| stretch.grey(f64::from(dn))).collect();
-    digits.iter().map(|dn| greys[usize::from(*dn)]).collect()
+    dn.iter().map(|dn| greys[usize::from(*dn)]).collect()
 }
 
 /// The values (DN) that such parts of all lie below, to a digital number.
@@ -154,8 +154,8 @@ pub fn panel_size(size: [usize; 2]) -> [usize; 2] {
 }
 
 /// The digits at the panel's size: neighbours repeated up, areas averaged down.
-pub fn scaled(digits: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
-    let rows: Vec<f32> = digits
+pub fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
+    let rows: Vec<f32> = dn
         .chunks_exact(from[0].max(1))
         .flat_map(|row| resampled(from[0], to[0], |i| f32::from(row[i])))
         .collect();
@@ -208,10 +208,10 @@ mod tests {
         // Half of the middle one each: (1 + 0.5 * 4) / 1.5 and (0.5 * 4 + 7) / 1.5.
         assert_eq!(scaled(&[1, 4, 7], [3, 1], [2, 1]), [2.0, 6.0]);
         let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
-        let digits: Vec<u16> = (0..1280 * 1024u64)
+        let dn: Vec<u16> = (0..1280 * 1024u64)
             .map(|i| (i * 7919 % 4096) as u16)
             .collect();
-        let small = scaled(&digits, [1280, 1024], [512, 410]);
+        let small = scaled(&dn, [1280, 1024], [512, 410]);
         assert!((mean(&small) - 2047.5).abs() < 0.5);
     }
 

@@ -43,8 +43,8 @@ pub(super) fn state(
     if position_m > 1.1 * apogee_m(object, epoch)
         && let Ok(later) = object.state_with(epoch + Unit::Second * WAY_S, rotation)
     {
-        let way_m = (later.position_m - state.position_m).norm();
-        speed_m_s = speed_m_s.max(way_m / WAY_S);
+        let path_m = (later.position_m - state.position_m).norm();
+        speed_m_s = speed_m_s.max(path_m / WAY_S);
     }
     if position_m > MAX_POSITION || speed_m_s > MAX_SPEED {
         return Err(NoState::Runaway {

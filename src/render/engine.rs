@@ -4,7 +4,7 @@ mod setup;
 mod shot;
 
 pub use setup::{Setup, Sky};
-pub use shot::{Opening, Shot, Witness};
+pub use shot::{FrameObserver, Opening, Shot};
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
@@ -186,14 +186,15 @@ impl Emulator {
     /// [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
     pub fn shoot_before(
         &mut self,
-        witness: &dyn Witness,
+        observer: &dyn FrameObserver,
         camera: &Arc<Camera>,
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
         // The log's span is carried to another thread.
         let span = tracing::Span::current();
-        let made = crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)));
+        let made =
+            crew::together(|| span.in_scope(|| self.made(observer, camera, vehicle, repeat)));
         // An abandoned frame has a number too: later numbers do not depend on how far it came.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
@@ -203,7 +204,7 @@ impl Emulator {
 
     fn made(
         &mut self,
-        witness: &dyn Witness,
+        observer: &dyn FrameObserver,
         camera: &Arc<Camera>,
         vehicle: &VehicleState,
         repeat: u32,
@@ -237,14 +238,14 @@ impl Emulator {
         if scene.view.limit.is_exceeded() {
             return Err(scene.view.too_much(self.limit_s(camera)?));
         }
-        witness.labelled(Opening {
+        observer.labelled(Opening {
             number,
             json: json.clone(),
             exposure: scene.view.exposure,
             camera: camera.clone(),
             key: scene.view.key,
         });
-        let done = |first, digits: &[u16]| witness.developed(first, digits);
+        let done = |first, dn: &[u16]| observer.rows_done(first, dn);
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
         let scene = scene.unless_cancelled()?;
@@ -337,8 +338,8 @@ impl Emulator {
         loop {
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
-            let (simulated, price_ms) = simulated_at(&view, fidelity, choice);
-            let foreseen_s = price_ms * 1e-3 / SURELY;
+            let (simulated, estimated_ms) = simulated_at(&view, fidelity, choice);
+            let foreseen_s = estimated_ms * 1e-3 / SURELY;
             let too_much = view.too_much(limit_s);
             let is_exceeded = limit_s.is_some_and(|limit_s| foreseen_s > limit_s);
             if !is_exceeded {

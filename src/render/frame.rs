@@ -12,7 +12,7 @@ pub struct Frame {
     /// Rows.
     pub height: usize,
     /// Digital numbers, row-major, row 0 first.
-    pub digits: Vec<u16>,
+    pub dn: Vec<u16>,
     /// Expected electrons before any noise, in the same order, where they were asked for.
     pub expected_e: Option<Vec<f32>>,
     /// The charge that the converter read, e-, likewise.
@@ -23,7 +23,7 @@ pub struct Frame {
 #[derive(Debug, Clone, Default)]
 pub struct Memory {
     /// That of an earlier frame's digits.
-    pub digits: Vec<u16>,
+    pub dn: Vec<u16>,
     /// That of a charge that is needed all at once.
     pub electrons: Vec<f32>,
 }
@@ -31,7 +31,7 @@ pub struct Memory {
 impl Memory {
     /// Takes back what a frame was given that is not needed any more.
     pub fn recycle(&mut self, frame: Frame) {
-        self.digits = frame.digits;
+        self.dn = frame.dn;
         if let Some(electrons) = frame.charge_e {
             self.electrons = electrons;
         }
@@ -47,7 +47,7 @@ pub struct Tile<'a> {
     /// Charge, e-, row-major.
     pub electrons: &'a mut [f32],
     /// Digital numbers, row-major.
-    pub digits: &'a mut [u16],
+    pub dn: &'a mut [u16],
     /// What noise is keyed by.
     pub key: NoiseKey,
     /// The vector instructions that kernels use; none: pixel by pixel.
@@ -58,19 +58,19 @@ impl Tile<'_> {
     /// The rows of a band.
     pub fn rows(&self) -> Range<usize> {
         let first = self.first / self.width;
-        first..first + self.digits.len() / self.width
+        first..first + self.dn.len() / self.width
     }
 
     /// Its pixels in runs of at most `pixels`, one after the other.
     pub fn runs(&mut self, pixels: usize) -> impl Iterator<Item = Tile<'_>> {
         let (first, width, key, level) = (self.first, self.width, self.key, self.level);
         let electrons = self.electrons.chunks_mut(pixels);
-        let runs = electrons.zip(self.digits.chunks_mut(pixels)).enumerate();
-        runs.map(move |(run, (electrons, digits))| Tile {
+        let runs = electrons.zip(self.dn.chunks_mut(pixels)).enumerate();
+        runs.map(move |(run, (electrons, dn))| Tile {
             first: first + run * pixels,
             width,
             electrons,
-            digits,
+            dn,
             key,
             level,
         })

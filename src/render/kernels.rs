@@ -93,12 +93,12 @@ kernel! {
 
 kernel! {
     /// Turns pixels' electrons into digits.
-    digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], digits: &mut [u16])
+    digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], dn: &mut [u16])
 }
 
 kernel! {
     /// Packs pixels of 12 bits each for the wire, first bit first, an odd last one into two octets.
-    pack_12 = pack_body, pack_twin (pixels: &[u16], octets: &mut [u8])
+    pack_12 = pack_body, pack_twin (pixels: &[u16], bytes: &mut [u8])
 }
 
 kernel! {
@@ -265,8 +265,8 @@ fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
 }
 
 #[inline(always)]
-fn digits_body(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
-    for (dn, e) in digits.iter_mut().zip(electrons) {
+fn digits_body(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
+    for (dn, e) in dn.iter_mut().zip(electrons) {
         *dn = converter.digit(*e);
     }
 }
@@ -315,8 +315,8 @@ fn read_twin(key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mu
 }
 
 #[inline(always)]
-fn digits_twin(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
-    for (dn, e) in digits.iter_mut().zip(electrons) {
+fn digits_twin(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
+    for (dn, e) in dn.iter_mut().zip(electrons) {
         *dn = converter.digit(*e);
     }
 }

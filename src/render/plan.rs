@@ -1,6 +1,6 @@
 //! The plan of one frame: the decision about every effect, in physical order.
 
-use crate::effect::{Cost, EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
+use crate::effect::{Assess, Assessment, Decision, EFFECTS, Effect, ErrorBound, LazyBound, Pass};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{EffectSet, Scene, View, two_figures};
 use rayon::prelude::*;
@@ -11,9 +11,9 @@ pub struct Step<'s> {
     /// The effect.
     pub effect: &'static Effect,
     /// The decision.
-    pub verdict: Verdict<'s>,
+    pub decision: Decision<'s>,
     /// Error bound by its assessment; of an effect that shapes images, before they were formed.
-    asked: Cost<'s>,
+    asked: LazyBound<'s>,
     /// Change of the drawn electrons without it, e-.
     drawn_e: f64,
 }
@@ -42,26 +42,26 @@ pub fn allowed(choice: &Choice) -> EffectSet {
 
 /// [`simulated`], and the estimated time of those that shape images, ms on one core.
 pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
-    let mut price_ms = 0.0;
+    let mut estimated_ms = 0.0;
     let mut simulated = EffectSet::default();
     simulated.noise = choice.noise;
     for effect in EFFECTS {
-        let runs = match &effect.judge {
-            Judge::Images(judge, _) => {
+        let runs = match &effect.assess {
+            Assess::Images(assess, _) => {
                 switched_off(effect, choice).is_none() && {
-                    let need = judge(view, &simulated, fidelity);
-                    let runs = refusal(&need, fidelity, choice).is_none();
-                    price_ms += if runs { need.price_ms } else { 0.0 };
+                    let assessment = assess(view, &simulated, fidelity);
+                    let runs = refusal(&assessment, fidelity, choice).is_none();
+                    estimated_ms += if runs { assessment.estimated_ms } else { 0.0 };
                     runs
                 }
             }
-            Judge::Pixels(_) => !choice.off.contains(&effect.name),
+            Assess::Pixels(_) => !choice.off.contains(&effect.name),
         };
         if runs {
             simulated = simulated.with(effect.id);
         }
     }
-    (simulated, price_ms)
+    (simulated, estimated_ms)
 }
 
 /// Why an effect is switched off, if it is.
@@ -76,21 +76,25 @@ fn switched_off(effect: &Effect, choice: &Choice) -> Option<&'static str> {
 }
 
 /// Why an effect with that assessment does not run, if it does not.
-fn refusal(need: &Need<'_>, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'static, str>> {
-    if choice.all || !need.is_within(fidelity) {
+fn refusal(
+    assessment: &Assessment<'_>,
+    fidelity: &Fidelity,
+    choice: &Choice,
+) -> Option<Cow<'static, str>> {
+    if choice.all || !assessment.is_within(fidelity) {
         return None;
     }
-    Some(if need.is_none() {
-        need.because.clone()
+    Some(if assessment.is_none() {
+        assessment.because.clone()
     } else {
-        format!("within the tolerance: {}", need.because).into()
+        format!("within the tolerance: {}", assessment.because).into()
     })
 }
 
 /// The error bound without `effect`, assessed as `asked`, now that the images are formed.
-fn changed(effect: &Effect, scene: &Scene, asked: Loss) -> Loss {
-    match &effect.judge {
-        Judge::Images(_, change) if asked != Loss::default() => change(scene, &asked),
+fn changed(effect: &Effect, scene: &Scene, asked: ErrorBound) -> ErrorBound {
+    match &effect.assess {
+        Assess::Images(_, change) if asked != ErrorBound::default() => change(scene, &asked),
         _ => asked,
     }
 }
@@ -102,37 +106,39 @@ impl<'s> Plan<'s> {
             if let Some(why) = switched_off(effect, choice) {
                 return Step {
                     effect,
-                    verdict: Verdict::Off { why },
-                    asked: Loss::default().into(),
+                    decision: Decision::Off { why },
+                    asked: ErrorBound::default().into(),
                     drawn_e: 0.0,
                 };
             }
-            let (need, pass) = match &effect.judge {
+            let (assessment, pass) = match &effect.assess {
                 // Its plan is not used.
-                _ if scene.is_cancelled() => (Need::none("the frame is cancelled"), Pass::idle()),
-                Judge::Images(judge, _) => {
-                    let need = judge(&scene.view, &scene.simulated, fidelity);
-                    (need.told(), Pass::Images)
+                _ if scene.is_cancelled() => {
+                    (Assessment::none("the frame is cancelled"), Pass::idle())
                 }
-                Judge::Pixels(judge) => judge(scene, fidelity),
+                Assess::Images(assess, _) => {
+                    let assessment = assess(&scene.view, &scene.simulated, fidelity);
+                    (assessment.into_owned(), Pass::Images)
+                }
+                Assess::Pixels(assess) => assess(scene, fidelity),
             };
-            let verdict = match refusal(&need, fidelity, choice) {
-                Some(why) => Verdict::Skip { why },
-                None => Verdict::Run {
+            let decision = match refusal(&assessment, fidelity, choice) {
+                Some(why) => Decision::Skip { why },
+                None => Decision::Run {
                     pass,
-                    because: if choice.all && need.is_within(fidelity) {
-                        format!("effects.all is set; else not: {}", need.because).into()
+                    because: if choice.all && assessment.is_within(fidelity) {
+                        format!("effects.all is set; else not: {}", assessment.because).into()
                     } else {
-                        need.because
+                        assessment.because
                     },
-                    price_ms: need.price_ms,
+                    estimated_ms: assessment.estimated_ms,
                 },
             };
             Step {
                 effect,
-                verdict,
-                asked: need.error,
-                drawn_e: need.drawn_e,
+                decision,
+                asked: assessment.error,
+                drawn_e: assessment.drawn_e,
             }
         };
         Plan {
@@ -149,8 +155,8 @@ impl<'s> Plan<'s> {
     /// Error bound without the effect of a step; none if it is switched off, because its result is
     /// not in the scene. Computed on demand: labels give it for skipped effects. For effects that
     /// run it may take as long as forming the images, and no frame needs it.
-    pub fn error(&self, step: &Step<'_>) -> Option<Loss> {
-        let is_off = matches!(step.verdict, Verdict::Off { .. });
+    pub fn error(&self, step: &Step<'_>) -> Option<ErrorBound> {
+        let is_off = matches!(step.decision, Decision::Off { .. });
         (!is_off).then(|| changed(step.effect, self.scene, *step.asked))
     }
 
@@ -158,7 +164,7 @@ impl<'s> Plan<'s> {
     /// otherwise.
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
         let fidelity = self.scene.fidelity();
-        let runs = matches!(step.verdict, Verdict::Run { .. });
+        let runs = matches!(step.decision, Decision::Run { .. });
         (runs && step.drawn_e > fidelity.skip_e && step.asked.is_within(fidelity))
             .then_some(step.drawn_e)
     }
@@ -166,19 +172,21 @@ impl<'s> Plan<'s> {
     /// Logs which effects run, and why.
     pub fn log(&self) {
         for step in &self.steps {
-            let (effect, verdict) = (step.effect, &step.verdict);
-            match verdict {
-                Verdict::Off { why } => tracing::debug!("{}: skipped, {why}", effect.name),
-                Verdict::Skip { why } => {
+            let (effect, decision) = (step.effect, &step.decision);
+            match decision {
+                Decision::Off { why } => tracing::debug!("{}: skipped, {why}", effect.name),
+                Decision::Skip { why } => {
                     let error = self.error(step).unwrap_or_default();
                     tracing::debug!("{}: skipped, {why}; leaves out {error}", effect.name);
                 }
-                Verdict::Run {
-                    because, price_ms, ..
+                Decision::Run {
+                    because,
+                    estimated_ms,
+                    ..
                 } => tracing::debug!(
                     "{}: runs, {because}; some {} ms of a core",
                     effect.name,
-                    two_figures(*price_ms)
+                    two_figures(*estimated_ms)
                 ),
             }
         }

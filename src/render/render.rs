@@ -6,7 +6,7 @@
 //! out only for a pass on the whole frame, or if the caller keeps the charge. A frame reuses the
 //! memory of one of its shape.
 
-use crate::effect::{EFFECTS, Pass, Stage, Verdict};
+use crate::effect::{Decision, EFFECTS, Pass, Stage};
 use crate::frame::{Charge, Frame, Memory, Tile};
 use crate::plan::{Plan, Step};
 use crate::scene::Scene;
@@ -41,7 +41,7 @@ pub fn render(
 ) -> Frame {
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
-    let mut digits = mem::take(&mut memory.digits);
+    let mut dn = mem::take(&mut memory.dn);
     let together = &plan.together;
     let mut room = [together; EFFECTS.len()];
     let passes = running(&plan.steps, scene, together, &mut room);
@@ -51,16 +51,16 @@ pub fn render(
         ..Frame::default()
     };
     if level.is_some() && !keep && !passes.iter().any(|pass| is_whole(pass)) {
-        grow(&mut digits, scene);
-        bands(scene, &mut digits, level, passes, done);
+        grow(&mut dn, scene);
+        bands(scene, &mut dn, level, passes, done);
     } else {
         let mut electrons = mem::take(&mut memory.electrons);
-        digits.clear();
+        dn.clear();
         electrons.clear();
-        grow(&mut digits, scene);
+        grow(&mut dn, scene);
         grow(&mut electrons, scene);
         if scene.is_cancelled() {
-            (memory.digits, memory.electrons) = (digits, electrons);
+            (memory.dn, memory.electrons) = (dn, electrons);
             return frame;
         }
         let light = plan
@@ -68,17 +68,17 @@ pub fn render(
             .partition_point(|step| step.effect.stage <= Stage::Light);
         let (light, later) = plan.steps.split_at(light);
         let light = running(light, scene, together, &mut room);
-        run(light, scene, level, &mut electrons, &mut digits);
+        run(light, scene, level, &mut electrons, &mut dn);
         frame.expected_e = keep.then(|| electrons.clone());
         let later = running(later, scene, together, &mut room);
-        run(later, scene, level, &mut electrons, &mut digits);
+        run(later, scene, level, &mut electrons, &mut dn);
         if keep {
             frame.charge_e = Some(electrons);
         } else {
             memory.electrons = electrons;
         }
     }
-    frame.digits = digits;
+    frame.dn = dn;
     frame
 }
 
@@ -104,9 +104,9 @@ fn running<'r, 'a, 's>(
 ) -> &'r [&'a Pass<'s>] {
     let lit = || scene.areas.iter().filter(|area| area.electrons > 0.0);
     let is_area = |step: &Step<'_>| lit().any(|area| area.effect == step.effect.id);
-    let running = steps.iter().filter_map(|step| match &step.verdict {
-        Verdict::Run { pass, .. } => Some((pass, is_area(step))),
-        Verdict::Off { .. } | Verdict::Skip { .. } => None,
+    let running = steps.iter().filter_map(|step| match &step.decision {
+        Decision::Run { pass, .. } => Some((pass, is_area(step))),
+        Decision::Off { .. } | Decision::Skip { .. } => None,
     });
     let areas = running.clone().filter(|(_, is_area)| *is_area).count();
     let is_one = areas >= 2 && areas >= lit().count();
@@ -128,7 +128,7 @@ fn running<'r, 'a, 's>(
 /// All passes, band by band, each band with a buffer of its own.
 fn bands(
     scene: &Scene,
-    digits: &mut [u16],
+    dn: &mut [u16],
     level: Option<Level>,
     passes: &[&Pass<'_>],
     done: &(dyn Fn(usize, &[u16]) + Sync),
@@ -137,7 +137,7 @@ fn bands(
     let band = width * BAND_ROWS;
     // Each thread takes the next band from the top, so that the upper part of the frame completes
     // first and can leave.
-    let left = Mutex::new(digits.chunks_mut(band).enumerate());
+    let left = Mutex::new(dn.chunks_mut(band).enumerate());
     let next = || {
         let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
         left.next().filter(|_| !scene.is_cancelled())
@@ -145,22 +145,22 @@ fn bands(
     (0..rayon::current_num_threads())
         .into_par_iter()
         .for_each(|_| {
-            while let Some((index, digits)) = next() {
+            while let Some((index, dn)) = next() {
                 let mut electrons = CHARGE.take();
                 electrons.clear();
-                electrons.resize(digits.len(), 0.0);
-                digits.fill(0);
+                electrons.resize(dn.len(), 0.0);
+                dn.fill(0);
                 let mut tile = Tile {
                     first: index * band,
                     width,
                     electrons: &mut electrons,
-                    digits,
+                    dn,
                     key,
                     level,
                 };
                 go_over(&mut tile, passes);
                 CHARGE.set(electrons);
-                done(index * band, digits);
+                done(index * band, dn);
             }
         });
 }
@@ -171,7 +171,7 @@ fn run(
     scene: &Scene,
     level: Option<Level>,
     electrons: &mut [f32],
-    digits: &mut [u16],
+    dn: &mut [u16],
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
@@ -183,7 +183,7 @@ fn run(
             continue;
         }
         if level.is_some() {
-            let tiles = tiles(scene, level, electrons, digits);
+            let tiles = tiles(scene, level, electrons, dn);
             let tiles = tiles.filter(|_| !scene.is_cancelled());
             tiles.for_each(|mut tile| go_over(&mut tile, group));
             continue;
@@ -192,7 +192,7 @@ fn run(
             first: 0,
             width,
             electrons,
-            digits,
+            dn,
             key,
             level,
         };
@@ -227,23 +227,19 @@ pub fn tiles<'a>(
     scene: &Scene,
     level: Option<Level>,
     electrons: &'a mut [f32],
-    digits: &'a mut [u16],
+    dn: &'a mut [u16],
 ) -> impl ParallelIterator<Item = Tile<'a>> {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
-    let bands = electrons
-        .par_chunks_mut(band)
-        .zip(digits.par_chunks_mut(band));
-    bands
-        .enumerate()
-        .map(move |(index, (electrons, digits))| Tile {
-            first: index * band,
-            width,
-            electrons,
-            digits,
-            key,
-            level,
-        })
+    let bands = electrons.par_chunks_mut(band).zip(dn.par_chunks_mut(band));
+    bands.enumerate().map(move |(index, (electrons, dn))| Tile {
+        first: index * band,
+        width,
+        electrons,
+        dn,
+        key,
+        level,
+    })
 }
 
 fn is_whole(pass: &Pass<'_>) -> bool {

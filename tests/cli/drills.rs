@@ -35,8 +35,8 @@ fn frame(client: &mut Client<UdpLine>, sequence: u32) -> u32 {
 
 /// The packets of a recording, and how many of them end a frame.
 fn recorded(file: &Path) -> (usize, usize) {
-    let octets = std::fs::read(file).unwrap();
-    let packets = pcapng::read(file, &octets.into()).unwrap().records;
+    let bytes = std::fs::read(file).unwrap();
+    let packets = pcapng::read(file, &bytes.into()).unwrap().records;
     let ends = packets.iter().filter(|record| {
         let reply = Reply::decode(&record.item);
         matches!(reply, Ok((_, Reply::FrameEnd(_))))
@@ -81,9 +81,9 @@ fn a_run_that_is_killed_leaves_what_it_had_recorded() {
     let (_, frames) = recorded(&file);
     assert!((3..=6).contains(&frames), "{frames}");
     // Wherever within a record the end lies.
-    let octets = std::fs::read(&file).unwrap();
+    let bytes = std::fs::read(&file).unwrap();
     for less in [1, 5, 30, 100] {
-        here.write("cut.pcapng", &octets[..octets.len() - less]);
+        here.write("cut.pcapng", &bytes[..bytes.len() - less]);
         assert!(recorded(&here.join("cut.pcapng")).1 >= 2, "{less}");
     }
     let replay = here.run("replay cut.pcapng --config run.toml");

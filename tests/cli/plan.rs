@@ -133,11 +133,11 @@ fn a_terminal_sees_what_is_being_measured() {
         .stderr(terminal);
     let mut running = command.stdout(std::process::Stdio::null()).spawn().unwrap();
     let wanted = format!("/{} effects measured  rolling shutter", EFFECTS.len());
-    let (mut seen, mut octets) = (String::new(), [0; 4096]);
+    let (mut seen, mut bytes) = (String::new(), [0; 4096]);
     while !seen.contains(&wanted) {
-        let count = near.read(&mut octets).unwrap_or(0);
+        let count = near.read(&mut bytes).unwrap_or(0);
         assert!(count > 0, "no {wanted:?} in {seen:?}");
-        seen += &String::from_utf8_lossy(&octets[..count]);
+        seen += &String::from_utf8_lossy(&bytes[..count]);
     }
     running.kill().unwrap();
     running.wait().unwrap();

@@ -16,11 +16,11 @@ fn a_recorded_loopback_is_replayed() {
     ]);
 
     // One digit of one pixel, in the middle of the file.
-    let mut octets = std::fs::read(here.join("run.pcapng")).unwrap();
+    let mut bytes = std::fs::read(here.join("run.pcapng")).unwrap();
     let block = b"\x0a\x02\xc0\x37";
-    let place = octets.windows(4).position(|window| window == block);
-    octets[place.expect("PixelBlock 55") + 500] ^= 4;
-    here.write("spoilt.pcapng", octets);
+    let place = bytes.windows(4).position(|window| window == block);
+    bytes[place.expect("PixelBlock 55") + 500] ^= 4;
+    here.write("spoilt.pcapng", bytes);
     here.run("replay spoilt.pcapng").exits(1).says(&[
         "PixelBlock 55 of frame 0",
         "pixel (column ",

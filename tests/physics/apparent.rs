@@ -8,7 +8,7 @@ use crate::reference::{number, rows, vector};
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop::sky::apparent::{
-    Corrections, Observer, Sight, StarPlace, StarWay, catalogue_direction, object_direction,
+    Corrections, Observer, Sight, StarMotion, StarPlace, catalogue_direction, object_direction,
 };
 use skyloop::sky::bodies::{AU_M, Bodies, LIGHT_M_S};
 use skyloop_orbit::StateVector;
@@ -104,7 +104,8 @@ fn stars_agree_with_two_libraries() {
             "astrometric" => before_light_bends,
             _ => Corrections::default(),
         };
-        let ours = Sight::of(&observers[row[6]], &corrections).of_star(&StarWay::of(&place(&row)));
+        let ours =
+            Sight::of(&observers[row[6]], &corrections).of_star(&StarMotion::of(&place(&row)));
         let error = arcsec(ours, vector(&row, 8));
         let entry = worst.entry(source).or_default();
         if error > entry.0 {
@@ -131,7 +132,7 @@ fn each_correction_has_its_size_and_its_switch() {
         pm_dec_rad_yr: -5813.62 * MAS,
     };
     let none = Corrections::NONE;
-    let seen = |c: &Corrections| Sight::of(&observer, c).of_star(&StarWay::of(&star));
+    let seen = |c: &Corrections| Sight::of(&observer, c).of_star(&StarMotion::of(&star));
     let start = seen(&none);
     assert!(arcsec(start, catalogue_direction(&star)) < 1e-9);
 
@@ -185,7 +186,7 @@ fn sunlight_bends_by_einsteins_law_and_stays_finite_behind_the_sun() {
             pm_ra_cosdec_rad_yr: 0.0,
             pm_dec_rad_yr: 0.0,
         };
-        let seen = Sight::of(&observer, &bend).of_star(&StarWay::of(&star));
+        let seen = Sight::of(&observer, &bend).of_star(&StarMotion::of(&star));
         let shift = arcsec(seen, u);
         assert!(
             shift.is_finite() && shift < 6.0,

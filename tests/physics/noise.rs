@@ -54,7 +54,7 @@ impl Flat {
     /// clipped by the converter.
     fn theory(&self) -> Vec<f64> {
         let top = (1usize << self.bits) - 1;
-        let mut digits = vec![0.0; top + 1];
+        let mut dn = vec![0.0; top + 1];
         let reach = 12.0 * self.mean_e.sqrt() + 12.0;
         let first = (self.mean_e - reach).max(0.0).floor() as u64;
         for k in first..=(self.mean_e + reach) as u64 {
@@ -63,14 +63,14 @@ impl Flat {
             let charge = k.min(self.full_well_e);
             let at = charge / self.gain + self.offset_dn;
             if self.read_e == 0.0 {
-                digits[((at + 0.5).floor() as usize).min(top)] += p;
+                dn[((at + 0.5).floor() as usize).min(top)] += p;
                 continue;
             }
             let sigma = self.read_e / self.gain;
             let below = |edge: f64| 0.5 * libm::erfc((at - edge) / sigma / 2f64.sqrt());
             let low = (at - 12.0 * sigma).floor().max(0.0) as usize;
             let high = ((at + 12.0 * sigma).ceil().max(0.0) as usize).min(top);
-            for (dn, digit) in digits.iter_mut().enumerate().take(high + 1).skip(low) {
+            for (dn, digit) in dn.iter_mut().enumerate().take(high + 1).skip(low) {
                 let from = if dn == 0 { 0.0 } else { below(dn as f64 - 0.5) };
                 let end = below(dn as f64 + 0.5);
                 let to = if dn == top { 1.0 } else { end };
@@ -78,12 +78,12 @@ impl Flat {
             }
             // All of it above the top, or below zero.
             if low > top {
-                digits[top] += p;
+                dn[top] += p;
             } else if at + 12.0 * sigma < 0.0 {
-                digits[0] += p;
+                dn[0] += p;
             }
         }
-        digits
+        dn
     }
 }
 
@@ -92,8 +92,8 @@ fn vehicle(sequence: u32) -> VehicleState {
     VehicleState::new(sequence, epoch, [0.0, 0.0, 0.0, 1.0], [0.0; 3], None).unwrap()
 }
 
-fn digits(emulator: &mut Emulator, sequence: u32) -> Vec<u16> {
-    emulator.shoot(&vehicle(sequence), 0).unwrap().frame.digits
+fn dn(emulator: &mut Emulator, sequence: u32) -> Vec<u16> {
+    emulator.shoot(&vehicle(sequence), 0).unwrap().frame.dn
 }
 
 /// Mean and variance of `pixels`, each as (measured, theory, standard error).
@@ -128,7 +128,7 @@ fn flat_fields_have_the_mean_and_variance_of_theory() {
             offset_dn: [100.0, 0.0][case % 2],
             ..FLAT
         };
-        let pixels = digits(&mut flat.emulator(11), 3);
+        let pixels = dn(&mut flat.emulator(11), 3);
         for (measured, theory, error) in moments(&pixels, &flat.theory()) {
             let off = (measured - theory) / error;
             worst = worst.max(off.abs());
@@ -147,7 +147,7 @@ fn the_full_well_clips_before_read_noise() {
         full_well_e: 2000.0,
         ..FLAT
     };
-    let pixels = digits(&mut well.emulator(1), 0);
+    let pixels = dn(&mut well.emulator(1), 0);
     assert_eq!(pixels.iter().max(), Some(&2100));
     let full = pixels.iter().filter(|dn| **dn == 2100).count() as f64 / pixels.len() as f64;
     assert!((0.49..0.53).contains(&full), "{full}");
@@ -155,7 +155,7 @@ fn the_full_well_clips_before_read_noise() {
         read_e: 5.0,
         ..well
     };
-    let pixels = digits(&mut read.emulator(1), 0);
+    let pixels = dn(&mut read.emulator(1), 0);
     assert!(*pixels.iter().max().unwrap() > 2110);
     for (measured, theory, error) in moments(&pixels, &read.theory()) {
         assert!((measured - theory).abs() < 4.0 * error);
@@ -178,11 +178,11 @@ fn correlation(a: &[u16], b: &[u16]) -> f64 {
 #[test]
 fn frames_seeds_and_neighbouring_pixels_are_independent() {
     let mut emulator = NOISY.emulator(7);
-    let first = digits(&mut emulator, 10);
-    let again = emulator.shoot(&vehicle(10), 1).unwrap().frame.digits;
-    let of_seed = |seed: u64| digits(&mut NOISY.emulator(seed), 10);
+    let first = dn(&mut emulator, 10);
+    let again = emulator.shoot(&vehicle(10), 1).unwrap().frame.dn;
+    let of_seed = |seed: u64| dn(&mut NOISY.emulator(seed), 10);
     for (what, other) in [
-        ("the next sequence number", digits(&mut emulator, 11)),
+        ("the next sequence number", dn(&mut emulator, 11)),
         ("a repeat", again),
         ("the next seed", of_seed(8)),
         ("a seed's upper half", of_seed(7 + (1 << 32))),
@@ -199,12 +199,12 @@ fn frames_seeds_and_neighbouring_pixels_are_independent() {
 
 #[test]
 fn the_sequence_number_decides_never_a_count() {
-    let alone = digits(&mut NOISY.emulator(7), 42);
+    let alone = dn(&mut NOISY.emulator(7), 42);
     let mut busy = NOISY.emulator(7);
     for sequence in [3, 41, 42, 7] {
-        digits(&mut busy, sequence);
+        dn(&mut busy, sequence);
     }
-    assert_eq!(digits(&mut busy, 42), alone);
+    assert_eq!(dn(&mut busy, 42), alone);
     assert_eq!(busy.next_frame(), 5);
 }
 
@@ -217,7 +217,7 @@ fn an_objects_light_changes_only_the_pixels_that_it_lights() {
         let mut frames = Frames::of(config);
         frames.emulator.keep_expected = true;
         let frame = frames.shoot(20).frame;
-        (frame.expected_e.unwrap(), frame.digits)
+        (frame.expected_e.unwrap(), frame.dn)
     };
     let ((lit_e, lit), (dark_e, dark)) = (shot(0.2), shot(0.0));
     let (mut touched, mut changed) = (0, 0);

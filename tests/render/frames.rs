@@ -27,7 +27,7 @@ fn shots(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Shot)> {
         let shot = emulator.shoot(&vehicle, 0).unwrap();
         // A frame that is made in the memory of another has nothing of it.
         let again = emulator.shoot(&vehicle, 0).unwrap().frame;
-        assert!(again.digits == shot.frame.digits);
+        assert!(again.dn == shot.frame.dn);
         emulator.recycle(again);
         (number, shot)
     });
@@ -68,13 +68,13 @@ fn levels_threads_and_fusing_give_the_same_bytes_and_those_written_down() {
                     "{}, frame {number}, {level:?}, {threads} threads",
                     name(&scene)
                 );
-                assert!(a.frame.digits == b.frame.digits, "{what}");
+                assert!(a.frame.dn == b.frame.dn, "{what}");
                 // Labels tell no time that was measured: their prices are of the scene.
                 assert_eq!(differing(&a.json, &b.json), None, "{what}");
             }
         }
         for (number, shot) in plain {
-            let crc = Crc32::new().update_pixels(&shot.frame.digits).finish();
+            let crc = Crc32::new().update_pixels(&shot.frame.dn).finish();
             table += &format!("{},{number},{crc:08x}\n", name(&scene));
         }
     }

@@ -230,7 +230,7 @@ fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_no
         }
     });
     let last = EFFECTS.last().map(|effect| effect.stage);
-    assert_eq!(last, Some(Stage::Digits));
+    assert_eq!(last, Some(Stage::Dn));
 }
 
 /// What is not in a frame because nobody wants it there is not in its label, but the plan has it: as if the frame had it, or had noise.

@@ -141,15 +141,15 @@ impl PtyLine {
     }
 
     /// Sends octets as they are.
-    pub fn raw(&mut self, octets: &[u8]) {
-        self.near.write_all(octets).unwrap();
+    pub fn raw(&mut self, bytes: &[u8]) {
+        self.near.write_all(bytes).unwrap();
     }
 }
 
 impl Line for PtyLine {
     fn send(&mut self, packet: &[u8]) {
         let mut line = Vec::new();
-        slip::encode(packet, &mut |octet| line.push(octet));
+        slip::encode(packet, &mut |byte| line.push(byte));
         self.raw(&line);
     }
 
@@ -160,8 +160,8 @@ impl Line for PtyLine {
         while self.packets.is_empty() {
             match self.near.read(&mut buffer) {
                 Ok(length) => {
-                    for octet in &buffer[..length] {
-                        if let Some(packet) = self.decoder.push(*octet) {
+                    for byte in &buffer[..length] {
+                        if let Some(packet) = self.decoder.push(*byte) {
                             self.packets
                                 .push_back(packet.expect("a good serial frame").to_vec());
                         }

@@ -57,8 +57,8 @@ fn windows_and_objects_over_can_equal_those_over_memory() {
         let emulator = emulator(interface, rates);
         let (got, took) = frames(client(interface, rates));
         assert!(got == expected, "{interface} {rates}");
-        let octets: usize = got[0].1.iter().map(Vec::len).sum();
-        println!("{octets} octets of windows and objects in {took:.1?} at {rates}");
+        let bytes: usize = got[0].1.iter().map(Vec::len).sum();
+        println!("{bytes} octets of windows and objects in {took:.1?} at {rates}");
         let none = ["incomplete", "lost_outbound", "sequence_gaps"];
         counted(&emulator.end(), &none.map(|name| (name, 0)));
     }

@@ -34,9 +34,9 @@ fn lost(mut pace: Option<Pace>) -> (u32, Duration) {
     });
     let begin = Instant::now();
     for number in 0..FRAMES {
-        let mut octets = [0; 64];
-        octets[..4].copy_from_slice(&number.to_be_bytes());
-        let frame = CanFrame::new(0x7F0, true, &octets).unwrap();
+        let mut bytes = [0; 64];
+        bytes[..4].copy_from_slice(&number.to_be_bytes());
+        let frame = CanFrame::new(0x7F0, true, &bytes).unwrap();
         if let Some(pace) = &mut pace {
             while let Some(free) = pace.until(Instant::now()) {
                 std::thread::sleep(free.saturating_duration_since(Instant::now()));

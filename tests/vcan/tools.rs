@@ -106,8 +106,8 @@ pub fn isotpsend(options: &str, message: &[u8]) {
 }
 
 /// Octets as the tools write them.
-pub fn hex(octets: &[u8]) -> String {
-    let octets: Vec<String> = octets.iter().map(|octet| format!("{octet:02X}")).collect();
+pub fn hex(bytes: &[u8]) -> String {
+    let octets: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     octets.join(" ")
 }
 

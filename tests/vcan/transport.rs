@@ -217,7 +217,7 @@ fn the_kernel_puts_whole_frames_together() {
     let mut client = Client::new(KernelLine::new(VCAN0, Settings { fd: true, ..PLAIN }));
     let frame = client.good_frame(7);
     let shot = emulator.shot();
-    assert!(frame.pixels == shot.frame.digits && frame.labels == *shot.json);
+    assert!(frame.pixels == shot.frame.dn && frame.labels == *shot.json);
     println!(
         "{} packets of a frame by the kernel's ISO-TP",
         frame.packets
@@ -237,12 +237,12 @@ fn isotpsend_and_isotprecv_talk_to_the_emulator() {
     isotpsend("-s 120 -d 220 vcan1", &ping);
     // The Ack of command 5 (APID 0x102), then the Status, which takes several frames.
     dump.line(|line| line.ends_with(" 210#01020005"));
-    let octets = receiver.line(|_| true);
-    let packet: Vec<u8> = octets
+    let bytes = receiver.line(|_| true);
+    let packet: Vec<u8> = bytes
         .split(' ')
-        .map(|octet| u8::from_str_radix(octet, 16).unwrap())
+        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
         .collect();
-    assert_eq!(hex(&packet), octets);
+    assert_eq!(hex(&packet), bytes);
     let (_, reply) = Reply::decode(&packet).unwrap();
     assert!(matches!(reply, Reply::Status(status) if status.counters.commands == 1));
     assert_eq!(emulator.end().commands, 1);

@@ -29,7 +29,7 @@ fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
         let frame = client.good_frame(1);
         let shot = emulator.shot();
         assert!(frame.labels == *shot.json, "{link}: byte for byte");
-        assert!(frame.pixels == shot.frame.digits, "{link}");
+        assert!(frame.pixels == shot.frame.dn, "{link}");
         assert!(frame.header.label_parts > 1, "{link}: {:?}", frame.header);
         let epoch_mid = frame.label()["epoch_mid"].clone();
         assert_eq!(epoch_mid, "2019-06-15T23:35:50.000Z", "{link}");

@@ -134,7 +134,7 @@ fn frames_are_made_in_the_memory_of_those_before() {
     let mut config = scene();
     let mut emulator = Emulator::new(&mut config);
     emulator.recycle(Frame {
-        digits: Vec::with_capacity(ROOM),
+        dn: Vec::with_capacity(ROOM),
         ..Frame::default()
     });
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
@@ -143,11 +143,8 @@ fn frames_are_made_in_the_memory_of_those_before() {
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     let (stop, mut rooms) = (AtomicBool::new(false), Vec::new());
     std::thread::scope(|scope| {
-        let serving = scope.spawn(|| {
-            server.run(&stop, Some(3), |shot| {
-                rooms.push(shot.frame.digits.capacity())
-            })
-        });
+        let serving =
+            scope.spawn(|| server.run(&stop, Some(3), |shot| rooms.push(shot.frame.dn.capacity())));
         let mut client = Client::new(MemoryLine(port));
         (1..=3).for_each(|sequence| drop(client.good_frame(sequence)));
         assert_eq!(serving.join().unwrap(), Ended::AsAsked);

@@ -198,8 +198,8 @@ fn a_compressed_frame_is_the_frame_in_fewer_octets() {
         rice::decode(block.data, header.bits, &mut pixels[at..]).expect("it decodes");
     }
     assert_eq!(pixels, whole.pixels);
-    let octets: usize = packets.iter().map(Vec::len).sum();
-    assert!(octets < 2 * pixels.len() / 2, "{octets} octets");
+    let bytes: usize = packets.iter().map(Vec::len).sum();
+    assert!(bytes < 2 * pixels.len() / 2, "{bytes} octets");
 }
 
 #[test]

@@ -16,7 +16,7 @@ use std::time::Duration;
 /// A refused packet that asks for no frame withholds none; a damaged attitude does.
 #[test]
 fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
-    for (command, octet, value, cause) in [
+    for (command, byte, value, cause) in [
         (Command::Ping, 15, 99, Withheld::None),
         (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
         // An unknown APID: it may have been an attitude, and there is one.
@@ -27,7 +27,7 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
         client.point(attitude(0), EPOCH);
         client.good_frame(0);
         let mut packet = client::packet(&command, 5, EPOCH);
-        packet[octet] = value;
+        packet[byte] = value;
         reseal(&mut packet);
         client.line.send(&packet);
         client.nack();

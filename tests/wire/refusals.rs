@@ -101,7 +101,7 @@ fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
     let whole = |client: &mut Client<PtyLine>| {
         let (packet, _) = client.prepare(&Command::Ping, EPOCH);
         let mut line = Vec::new();
-        slip::encode(&packet, &mut |octet| line.push(octet));
+        slip::encode(&packet, &mut |byte| line.push(byte));
         line
     };
     let long = [vec![END], vec![0x55; 3000], vec![END]].concat();
@@ -125,9 +125,9 @@ fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
         ("a wrong CRC-32", "bad_crc", flipped),
         ("octets lost", "bad_crc", cut),
     ];
-    for (name, counter, octets) in damaged {
+    for (name, counter, bytes) in damaged {
         let before = client.counters();
-        client.line.raw(&octets);
+        client.line.raw(&bytes);
         let mut found = moved(&before, &client.counters());
         // A packet that was damaged on the way is missing in the client's counts, too.
         found.retain(|(counter, _)| *counter != "sequence_gaps");

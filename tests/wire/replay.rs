@@ -149,18 +149,18 @@ fn is_same(file: &Path) -> Progress {
 /// differs in these words.
 #[track_caller]
 fn differs(file: &Path, says: &[&str], choose: impl Fn(&Reply<'_>) -> Option<usize>) {
-    let mut octets = std::fs::read(file).unwrap();
+    let mut bytes = std::fs::read(file).unwrap();
     let events = load(file, &NATIVE).unwrap().events;
     let place = events.iter().find_map(|event| {
         let (_, reply) = Reply::decode(&event.item).ok()?;
         Some((event.item.clone(), choose(&reply)?))
     });
-    let (packet, octet) = place.expect("there is such a packet");
-    let mut windows = octets.windows(packet.len());
+    let (packet, byte) = place.expect("there is such a packet");
+    let mut windows = bytes.windows(packet.len());
     let at = windows.position(|window| window == &packet[..]).unwrap();
-    octets[at + octet] ^= 1;
+    bytes[at + byte] ^= 1;
     let spoilt = file.with_file_name("spoilt.pcapng");
-    std::fs::write(&spoilt, octets).unwrap();
+    std::fs::write(&spoilt, bytes).unwrap();
     has(&replay(&spoilt, small()).difference.unwrap(), says);
 }
 
@@ -312,9 +312,9 @@ fn addresses_in_refusals_are_not_compared() {
     capture.finish().unwrap();
     assert_eq!(is_same(&file).packets, 2);
     // All else is: what it answers, its words.
-    for (octet, says) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
+    for (byte, says) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
         differs(&file, &[says], |reply| {
-            matches!(reply, Reply::Nack(_)).then_some(octet)
+            matches!(reply, Reply::Nack(_)).then_some(byte)
         });
     }
 }

@@ -148,9 +148,9 @@ fn frames_of_which_packets_were_sent_again_are_compared() {
     assert_eq!(places.len(), 3, "once, and twice again");
     for place in places {
         let mut altered = as_it_was.clone();
-        let octets = &mut altered[place].1;
-        octets[100] ^= 1;
-        reseal(octets);
+        let bytes = &mut altered[place].1;
+        bytes[100] ^= 1;
+        reseal(bytes);
         let (difference, ..) = replayed(folder.path(), &altered);
         let difference = difference.expect("it differs");
         assert!(
@@ -216,9 +216,9 @@ fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
         let reply = Reply::decode(packet);
         matches!(reply, Ok((_, Reply::PixelBlock(block))) if (block.frame, block.index) == (1, 2))
     });
-    let octets = &mut given_up.unwrap().1;
-    octets[100] ^= 1;
-    reseal(octets);
+    let bytes = &mut given_up.unwrap().1;
+    bytes[100] ^= 1;
+    reseal(bytes);
     let difference = replayed(folder.path(), &exchange).0.unwrap();
     assert!(
         difference.contains("PixelBlock 2 of frame 1: pixel"),

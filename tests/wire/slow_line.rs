@@ -162,5 +162,5 @@ fn a_frame_larger_than_the_window_comes_whole() {
     assert_eq!((report.frames, report.recovery.attitudes), (1, 0));
     assert_eq!((report.recovery.asked, counters.resent_blocks), (0, 0));
     assert_eq!(counters.frames_abandoned, 0);
-    assert!(report.octets > 80 * 1400, "{}", report.octets);
+    assert!(report.bytes > 80 * 1400, "{}", report.bytes);
 }

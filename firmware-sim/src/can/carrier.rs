@@ -124,7 +124,7 @@ pub fn start<A: Above>(
         pace: Pace::new(rates),
         above,
         waiting: None,
-        under_way: [None, None],
+        in_flight: [None, None],
         unsent: 0,
         frame: None,
         restart: None,
@@ -195,7 +195,7 @@ struct Carrier<A: Above> {
     /// A packet whose lane is busy.
     waiting: Option<A::Packet>,
     /// The packet of ours that is under way in each lane.
-    under_way: [Option<A::Packet>; 2],
+    in_flight: [Option<A::Packet>; 2],
     /// Of the packets that have ended, those that did not get through.
     unsent: u32,
     /// A frame that the bus did not take yet.
@@ -294,7 +294,7 @@ impl<A: Above> Carrier<A> {
                 return;
             }
             // The one before was given up just now, or its lane would be busy.
-            if let Some(before) = self.under_way[lane as usize].replace(packet) {
+            if let Some(before) = self.in_flight[lane as usize].replace(packet) {
                 self.unsent = self.unsent.wrapping_add(1);
                 self.above.ended(before, false);
             }
@@ -308,7 +308,7 @@ impl<A: Above> Carrier<A> {
             if !self.node.is_idle(lane) {
                 continue;
             }
-            if let Some(packet) = self.under_way[lane as usize].take() {
+            if let Some(packet) = self.in_flight[lane as usize].take() {
                 let unsent = self.node.counts().unsent;
                 let is_sent = lane == Lane::Plain || unsent == self.unsent;
                 if !is_sent {

@@ -35,8 +35,8 @@ impl Rates {
 
     /// Time of a frame with this many bytes of random data: one stuff bit in 31 bits (at worst, one
     /// in four).
-    fn usual_time(&self, octets: usize, fd: bool) -> Duration {
-        let Some(frame) = CanFrame::new(0, fd, &[0; 64][..octets.min(64)]) else {
+    fn usual_time(&self, bytes: usize, fd: bool) -> Duration {
+        let Some(frame) = CanFrame::new(0, fd, &[0; 64][..bytes.min(64)]) else {
             return Duration::ZERO;
         };
         let (least, most) = (self.time(frame.bits()), self.time(frame.worst_bits()));
@@ -48,7 +48,7 @@ impl Rates {
     #[must_use]
     pub fn packet_duration(&self, length: usize, fd: bool) -> Duration {
         // FD frames of more than 8 bytes are padded to the next valid length.
-        let of = |octets: usize| self.usual_time(padded_length(octets), fd);
+        let of = |bytes: usize| self.usual_time(padded_length(bytes), fd);
         let (most, single) = if fd { (64, 62) } else { (8, 7) };
         if length <= single {
             let head = if length <= 7 { 1 } else { 2 };

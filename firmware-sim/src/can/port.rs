@@ -283,8 +283,8 @@ impl Port for CanPort {
         self.shared.dropped.load(Ordering::Relaxed)
     }
 
-    fn airtime(&self, octets: usize) -> Duration {
-        self.settings.packet_duration(octets)
+    fn airtime(&self, bytes: usize) -> Duration {
+        self.settings.packet_duration(bytes)
     }
 
     fn name(&self) -> &str {

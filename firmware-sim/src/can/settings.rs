@@ -89,8 +89,8 @@ impl Settings {
     /// Time of one packet: on the bus or, if longer, on the serial line of the adapter (10 bit
     /// times a byte, two hexadecimal digits per data byte).
     #[must_use]
-    pub fn packet_duration(&self, octets: usize) -> Duration {
-        let on_bus = self.rates.packet_duration(octets, self.fd);
+    pub fn packet_duration(&self, bytes: usize) -> Duration {
+        let on_bus = self.rates.packet_duration(bytes, self.fd);
         let Some(baud) = self.baud else {
             return on_bus;
         };
@@ -102,7 +102,7 @@ impl Settings {
             (7, 6 + 2 * 8)
         };
         // The first segment of a packet carries one octet less.
-        let segments = u32::try_from((octets + 1).div_ceil(carried)).unwrap_or(u32::MAX);
+        let segments = u32::try_from((bytes + 1).div_ceil(carried)).unwrap_or(u32::MAX);
         let on_line = (Duration::from_secs(10) * line / baud.max(1)).saturating_mul(segments);
         on_bus.max(on_line)
     }

@@ -141,9 +141,9 @@ impl SlcanBus {
         }
     }
 
-    fn take(&mut self, octets: &[u8]) {
-        for octet in octets {
-            match self.decoder.push(*octet) {
+    fn take(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            match self.decoder.push(*byte) {
                 None | Some(Ok(Line::Command(_))) => {}
                 Some(Ok(Line::Frame { frame, .. })) => self.received.push_back(frame),
                 Some(Ok(Line::Answer(answer))) => self.hear(answer),
@@ -235,7 +235,7 @@ impl CanBus for SlcanBus {
                 frame: *frame,
                 time_ms: None,
             };
-            encode(&line, &mut |octet| self.rest.push_back(octet));
+            encode(&line, &mut |byte| self.rest.push_back(byte));
         }
         let sending = self.write_rest()?;
         if sending == Sending::Sent {
@@ -250,11 +250,11 @@ impl CanBus for SlcanBus {
             return Ok(Some(frame));
         }
         self.line.set_timeout(timeout)?;
-        let mut octets = [0; 4096];
-        match self.line.read(&mut octets) {
+        let mut bytes = [0; 4096];
+        match self.line.read(&mut bytes) {
             Ok(0) => Err(ErrorKind::BrokenPipe.into()),
             Ok(length) => {
-                self.take(&octets[..length]);
+                self.take(&bytes[..length]);
                 Ok(self.received.pop_front())
             }
             Err(error) if is_passing(&error) => Ok(None),
@@ -307,8 +307,8 @@ mod tests {
         (over(Box::new(ours), &settings(query)).unwrap(), other)
     }
 
-    fn read(line: &mut TTYPort, octets: usize) -> String {
-        let mut buffer = vec![0; octets];
+    fn read(line: &mut TTYPort, bytes: usize) -> String {
+        let mut buffer = vec![0; bytes];
         line.read_exact(&mut buffer).unwrap();
         String::from_utf8(buffer).unwrap()
     }

@@ -224,8 +224,8 @@ mod linux {
                 data: [0; 64],
                 ..plain
             };
-            let octets: [u8; 64] = std::array::from_fn(|n| n as u8);
-            let fd = CanFrame::new(0x7FF, true, &octets).unwrap();
+            let bytes: [u8; 64] = std::array::from_fn(|n| n as u8);
+            let fd = CanFrame::new(0x7FF, true, &bytes).unwrap();
             let slow = CanFrame { brs: false, ..fd };
             // X-Val: linux/can/error.h, CAN_ERR_BUSOFF; an error frame always has 8 octets.
             let bus_off = CanFrame {

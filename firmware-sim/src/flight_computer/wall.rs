@@ -98,7 +98,7 @@ impl FlightComputer {
                 Some(other) => self.note(other, watch),
             };
             let links = &self.links;
-            for _ in 0..frames.settle(|number| links.is_under_way(number)) {
+            for _ in 0..frames.settle(|number| links.is_in_flight(number)) {
                 // The frame that told is taken all the same.
                 let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
             }
@@ -135,9 +135,9 @@ impl Numbers {
     }
 
     /// Gives out how many of those passed over are not under way any more.
-    fn settle(&mut self, mut is_under_way: impl FnMut(u32) -> bool) -> usize {
+    fn settle(&mut self, mut is_in_flight: impl FnMut(u32) -> bool) -> usize {
         let before = self.passed_over.len();
-        self.passed_over.retain(|number| is_under_way(*number));
+        self.passed_over.retain(|number| is_in_flight(*number));
         before - self.passed_over.len()
     }
 }

@@ -27,7 +27,7 @@ const REMEMBERED: usize = 16;
 #[derive(Debug, Default)]
 pub struct Assembler {
     limits: Limits,
-    under_way: VecDeque<Partial>,
+    in_flight: VecDeque<Partial>,
     /// Memory for the next frame.
     spare: Memory,
     /// Packets whose header has not come yet.
@@ -80,7 +80,7 @@ impl Assembler {
             return Ok(None);
         }
         let known = self
-            .under_way
+            .in_flight
             .iter_mut()
             .find(|partial| partial.header.frame == frame);
         let taken = match (known, reply) {
@@ -109,7 +109,7 @@ impl Assembler {
     /// Gives up all frames under way, and says what had come of them.
     pub fn abandon(&mut self) -> Vec<Progress> {
         let mut given_up = Vec::new();
-        while let Some(partial) = self.under_way.pop_front() {
+        while let Some(partial) = self.in_flight.pop_front() {
             self.counts.incomplete += 1;
             self.remember(&partial);
             given_up.push(partial.progress());
@@ -121,21 +121,21 @@ impl Assembler {
     /// Whether nothing is under way.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.under_way.is_empty() && self.early.is_empty()
+        self.in_flight.is_empty() && self.early.is_empty()
     }
 
     /// Whether some of this frame has come, and not all.
     #[must_use]
-    pub fn is_under_way(&self, frame: u32) -> bool {
+    pub fn is_in_flight(&self, frame: u32) -> bool {
         let partial = |partial: &Partial| partial.header.frame == frame;
-        self.early.has(frame) || self.under_way.iter().any(partial)
+        self.early.has(frame) || self.in_flight.iter().any(partial)
     }
 
     /// Whether some of a frame that may show this attitude has come, and not all.
     #[must_use]
     pub fn has_begun(&self, attitude: u32) -> bool {
         let shows = |partial: &Partial| partial.header.attitude_sequence == attitude;
-        !self.early.is_empty() || self.under_way.iter().any(shows)
+        !self.early.is_empty() || self.in_flight.iter().any(shows)
     }
 
     /// The missing packets to ask for now; they are booked as asked for.
@@ -147,7 +147,7 @@ impl Assembler {
         };
         let headers = self.early.ask(now, demand.wait, demand.again);
         let mut runs: Vec<Run> = headers.into_iter().map(header).take(demand.runs).collect();
-        for partial in &mut self.under_way {
+        for partial in &mut self.in_flight {
             let attitude = partial.header.attitude_sequence;
             let asked: u32 = runs.iter().map(|run| run.count).sum();
             let left = Demand {
@@ -165,7 +165,7 @@ impl Assembler {
     /// A frame of which another link has told: its header is missing, unless it comes soon.
     pub fn look_out_for(&mut self, frame: u32) {
         let done = self.done.iter().any(|(number, _)| *number == frame);
-        if !done && !self.is_under_way(frame) {
+        if !done && !self.is_in_flight(frame) {
             self.early.look_out_for(frame);
         }
     }
@@ -178,7 +178,7 @@ impl Assembler {
     /// Asks for nothing more of this frame: its packets are not to be had.
     pub fn forsake(&mut self, frame: u32) {
         self.early.take(frame);
-        let known = self.under_way.iter_mut();
+        let known = self.in_flight.iter_mut();
         for partial in known.filter(|partial| partial.header.frame == frame) {
             partial.forsaken = true;
         }
@@ -216,8 +216,8 @@ impl Assembler {
                 });
             }
         }
-        if self.under_way.len() >= UNDER_WAY
-            && let Some(oldest) = self.under_way.pop_front()
+        if self.in_flight.len() >= UNDER_WAY
+            && let Some(oldest) = self.in_flight.pop_front()
         {
             self.counts.incomplete += 1;
             self.remember(&oldest);
@@ -234,14 +234,14 @@ impl Assembler {
             self.counts.out_of_order += 1;
             self.counts.refused += u64::from(taken.is_err());
         }
-        self.under_way.push_back(partial);
+        self.in_flight.push_back(partial);
         Ok(())
     }
 
     fn finish(&mut self, frame: u32) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let whole = |partial: &Partial| partial.header.frame == frame && partial.is_whole();
-        let place = self.under_way.iter().position(whole);
-        let Some(partial) = place.and_then(|place| self.under_way.remove(place)) else {
+        let place = self.in_flight.iter().position(whole);
+        let Some(partial) = place.and_then(|place| self.in_flight.remove(place)) else {
             return Ok(None);
         };
         self.remember(&partial);

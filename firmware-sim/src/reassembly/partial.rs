@@ -224,11 +224,11 @@ impl Partial {
         level: LabelLevel,
         (part, parts): (u16, u16),
         offset: usize,
-        octets: &[u8],
+        bytes: &[u8],
         counts: &mut AssemblyCounts,
     ) -> Result<(), AssemblyError> {
         let refused = self.contradiction("label part", part.into());
-        let end = offset + octets.len();
+        let end = offset + bytes.len();
         let is_last = part.checked_add(1) == Some(parts);
         let due = (self.header.label_level, self.header.label_parts);
         if (level, parts) != due || is_last != (end == self.labels.len()) {
@@ -238,7 +238,7 @@ impl Partial {
         match (self.parts.state(part), self.labels.get_mut(offset..end)) {
             (Some(true), _) => counts.duplicates += 1,
             (Some(false), Some(place)) => {
-                place.copy_from_slice(octets);
+                place.copy_from_slice(bytes);
                 counts.add(&self.parts.book(part));
                 if self.header.blocks == 0 {
                     self.last_block = self.now;
@@ -373,7 +373,7 @@ impl Partial {
             end,
             mid_exposure: self.mid_exposure,
             content,
-            pixel_octets: self.pixel_octets,
+            pixel_bytes: self.pixel_octets,
             header_at: self.header_at,
             last_block: self.last_block,
             whole_at: self.now,

@@ -258,7 +258,7 @@ impl Exposed {
                 snr: snr as f32,
                 electrons: star.electrons as f32,
             };
-            record.to_octets()
+            record.to_bytes()
         };
         stars.flat_map(record).collect()
     }

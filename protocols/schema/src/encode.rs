@@ -44,10 +44,10 @@ fn put(
     out: &mut Vec<u8>,
 ) -> Result<(), String> {
     match &field.kind {
-        Kind::One(number) => number_octets(*number, value, out)?,
+        Kind::One(number) => number_bytes(*number, value, out)?,
         Kind::Array(number, _) => {
             for value in numbers(value)? {
-                number_octets(*number, &value, out)?;
+                number_bytes(*number, &value, out)?;
             }
         }
         Kind::Ascii(length) => {
@@ -60,7 +60,7 @@ fn put(
         Kind::Rest(Rest::Windows) => {
             for window in numbers(value)? {
                 for key in ["column", "row"] {
-                    number_octets(Number::Unsigned(2), member(&window, key)?, out)?;
+                    number_bytes(Number::Unsigned(2), member(&window, key)?, out)?;
                 }
                 out.extend(pack(all, member(&window, "pixels")?)?);
             }
@@ -157,7 +157,7 @@ pub fn float(value: &Value) -> Result<f64, String> {
     number.ok_or(format!("{value} is no number"))
 }
 
-fn number_octets(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(), String> {
+fn number_bytes(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(), String> {
     match number {
         Number::Float(4) => out.extend((float(value)? as f32).to_be_bytes()),
         Number::Float(_) => out.extend(float(value)?.to_be_bytes()),

@@ -74,8 +74,8 @@ impl Collector {
         counts: &mut Counts,
     ) -> Option<&[u8]> {
         let data = frame.payload();
-        let octet = |at| data.get(at).copied().unwrap_or(0);
-        let word = u64::from_be_bytes(core::array::from_fn(octet));
+        let byte = |at| data.get(at).copied().unwrap_or(0);
+        let word = u64::from_be_bytes(core::array::from_fn(byte));
         let length = match (self.side, frame.id, data.len()) {
             (Side::Emulator, ATTITUDE_BEGIN..=ATTITUDE_END, 8) => {
                 self.attitude((frame.id - ATTITUDE_BEGIN) as usize, word, now_us, counts)?

@@ -54,7 +54,7 @@ pub struct Frames {
     /// The APID of the packet.
     pub apid: u16,
     words: [u64; FRAMES],
-    octets: u8,
+    bytes: u8,
     first_id: u32,
     at: usize,
 }
@@ -72,7 +72,7 @@ impl Frames {
         let mut frames = Self {
             apid: header.apid,
             words: [0; FRAMES],
-            octets: 8,
+            bytes: 8,
             first_id: ATTITUDE_BEGIN,
             at: 0,
         };
@@ -126,9 +126,9 @@ impl Frames {
         }
     }
 
-    fn short(&mut self, id: u32, octets: u8, content: u64) {
-        (self.first_id, self.octets) = (id, octets);
-        self.words[0] = content << (64 - 8 * u32::from(octets));
+    fn short(&mut self, id: u32, bytes: u8, content: u64) {
+        (self.first_id, self.bytes) = (id, bytes);
+        self.words[0] = content << (64 - 8 * u32::from(bytes));
     }
 
     /// The next frame.
@@ -144,7 +144,7 @@ impl Frames {
         CanFrame::new(
             self.first_id + at as u32,
             fd,
-            data.get(..self.octets.into())?,
+            data.get(..self.bytes.into())?,
         )
     }
 

@@ -63,13 +63,13 @@ impl<'a> Pdu<'a> {
         let low = head & 0xF;
         match head >> 4 {
             0 if data.len() <= MAX_CLASSIC_DATA => {
-                let octets = rest.get(..low.into())?;
-                (!octets.is_empty()).then_some(Self::Single(octets))
+                let bytes = rest.get(..low.into())?;
+                (!bytes.is_empty()).then_some(Self::Single(bytes))
             }
             0 if low == 0 => {
                 let (length, rest) = rest.split_first()?;
-                let octets = rest.get(..usize::from(*length))?;
-                (octets.len() >= MAX_CLASSIC_DATA).then_some(Self::Single(octets))
+                let bytes = rest.get(..usize::from(*length))?;
+                (bytes.len() >= MAX_CLASSIC_DATA).then_some(Self::Single(bytes))
             }
             1 if data.len() >= MAX_CLASSIC_DATA => Self::first(low, rest),
             2 if !rest.is_empty() => Some(Self::Consecutive {
@@ -110,7 +110,7 @@ pub struct Parameters {
     /// FD frames with bit rate switch.
     pub fd: bool,
     /// TX_DL: octets of a full frame; 8 on a classic bus, a length that has a code on FD.
-    pub frame_octets: usize,
+    pub frame_bytes: usize,
     /// Fills frames shorter than 8 octets; longer ones that need it are filled with [`PADDING`] anyway.
     pub padding: Option<u8>,
     /// Block size that is asked of the other end; 0: everything at once.
@@ -127,7 +127,7 @@ impl Parameters {
     /// As the Linux kernel's `can-isotp` has them unless told otherwise.
     pub const CLASSIC: Self = Self {
         fd: false,
-        frame_octets: MAX_CLASSIC_DATA,
+        frame_bytes: MAX_CLASSIC_DATA,
         padding: None,
         block_size: 0,
         st_min: 0,
@@ -138,23 +138,23 @@ impl Parameters {
     /// The same with full FD frames.
     pub const FD: Self = Self {
         fd: true,
-        frame_octets: MAX_DATA,
+        frame_bytes: MAX_DATA,
         ..Self::CLASSIC
     };
 
     /// Octets of a full frame, put right where they are none.
     pub(crate) fn full(&self) -> usize {
         match self.fd {
-            true => padded_length(self.frame_octets.max(MAX_CLASSIC_DATA)),
+            true => padded_length(self.frame_bytes.max(MAX_CLASSIC_DATA)),
             false => MAX_CLASSIC_DATA,
         }
     }
 }
 
 /// Longest message in a single frame of up to `frame_octets`.
-pub(crate) const fn most_single(frame_octets: usize) -> usize {
-    if frame_octets > MAX_CLASSIC_DATA {
-        frame_octets - 2
+pub(crate) const fn most_single(frame_bytes: usize) -> usize {
+    if frame_bytes > MAX_CLASSIC_DATA {
+        frame_bytes - 2
     } else {
         MAX_CLASSIC_DATA - 1
     }
@@ -187,10 +187,10 @@ impl Piece {
     }
 
     /// Appends as much as fits a frame of `most` octets; how much that was.
-    pub(crate) fn fill(&mut self, octets: &[u8], most: usize) -> usize {
-        let count = octets.len().min(most.saturating_sub(self.used));
+    pub(crate) fn fill(&mut self, bytes: &[u8], most: usize) -> usize {
+        let count = bytes.len().min(most.saturating_sub(self.used));
         let room = self.data.get_mut(self.used..).unwrap_or_default();
-        for (to, from) in room.iter_mut().zip(octets).take(count) {
+        for (to, from) in room.iter_mut().zip(bytes).take(count) {
             *to = *from;
         }
         self.used += count;
@@ -198,7 +198,7 @@ impl Piece {
     }
 
     /// The data, filled up to a length that there is.
-    pub(crate) fn octets(&mut self, padding: Option<u8>) -> &[u8] {
+    pub(crate) fn bytes(&mut self, padding: Option<u8>) -> &[u8] {
         let mut length = padded_length(self.used);
         if let (true, Some(padding)) = (self.used < MAX_CLASSIC_DATA, padding) {
             let rest = self.data.get_mut(self.used..).unwrap_or_default();

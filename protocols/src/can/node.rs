@@ -138,7 +138,7 @@ impl Node {
             Side::Client => TO_EMULATOR,
         };
         let Parameters { fd, padding, .. } = self.parameters;
-        CanFrame::new(id, fd, piece?.octets(padding))
+        CanFrame::new(id, fd, piece?.bytes(padding))
     }
 
     /// When [`next_frame`](Self::next_frame) is to be called even if nothing is sent or received: a frame falls due (0: one

@@ -13,7 +13,7 @@ pub(crate) struct Receiver {
     /// Sequence number that the next consecutive frame must have.
     number: u8,
     /// RX_DL: octets of the first frame, and so of all but the last.
-    frame_octets: usize,
+    frame_bytes: usize,
     /// Consecutive frames until the next flow control; 0: no more of them.
     left: u8,
     /// A message is under way, until this time without a frame.
@@ -29,7 +29,7 @@ impl Receiver {
             length: 0,
             received: 0,
             number: 0,
-            frame_octets: 0,
+            frame_bytes: 0,
             left: 0,
             until: None,
             reply: None,
@@ -68,7 +68,7 @@ impl Receiver {
     pub(crate) fn receive(
         &mut self,
         pdu: Pdu<'_>,
-        frame_octets: usize,
+        frame_bytes: usize,
         parameters: &Parameters,
         now_us: u64,
         counts: &mut Counts,
@@ -89,13 +89,13 @@ impl Receiver {
             Pdu::First { length, data } => {
                 self.give_up(counts);
                 (self.length, self.received) = (length, 0);
-                (self.number, self.frame_octets) = (1, frame_octets);
+                (self.number, self.frame_bytes) = (1, frame_bytes);
                 self.append(data);
                 self.ask(parameters, now_us);
                 return None;
             }
             Pdu::Consecutive { number, data } => {
-                if !self.expects(data, frame_octets) {
+                if !self.expects(data, frame_bytes) {
                     count(&mut counts.ignored);
                     return None;
                 }
@@ -118,9 +118,9 @@ impl Receiver {
     }
 
     /// A consecutive frame is as long as the first; only the last may be shorter.
-    fn expects(&self, data: &[u8], frame_octets: usize) -> bool {
+    fn expects(&self, data: &[u8], frame_bytes: usize) -> bool {
         let last = self.length - self.received <= data.len();
-        let fits = frame_octets == self.frame_octets || last && frame_octets < self.frame_octets;
+        let fits = frame_bytes == self.frame_bytes || last && frame_bytes < self.frame_bytes;
         self.until.is_some() && fits
     }
 

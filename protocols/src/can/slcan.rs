@@ -179,18 +179,16 @@ impl Decoder {
     }
 
     /// Takes one octet; at the end of a line, the line or what is wrong with it. Line feeds are passed over.
-    pub fn push(&mut self, octet: u8) -> Option<Result<Line, LineError>> {
-        match octet {
+    pub fn push(&mut self, byte: u8) -> Option<Result<Line, LineError>> {
+        match byte {
             CR | BEL => {
                 let length = core::mem::take(&mut self.length);
                 if core::mem::take(&mut self.too_long) {
                     return Some(Err(LineError::TooLong));
                 }
                 match self.line.get(..length)? {
-                    [] if octet == BEL => Some(Ok(Line::Answer(Answer::Refused))),
-                    [first, ..] if octet == BEL => {
-                        Some(Err(LineError::Malformed { first: *first }))
-                    }
+                    [] if byte == BEL => Some(Ok(Line::Answer(Answer::Refused))),
+                    [first, ..] if byte == BEL => Some(Err(LineError::Malformed { first: *first })),
                     line => Some(parse(line)),
                 }
             }
@@ -198,7 +196,7 @@ impl Decoder {
             _ => {
                 match self.line.get_mut(self.length) {
                     Some(slot) => {
-                        *slot = octet;
+                        *slot = byte;
                         self.length += 1;
                     }
                     None => self.too_long = true,
@@ -288,8 +286,8 @@ const STATES: [(State, u8); 4] = [
 /// Three decimal digits.
 fn decimal(digits: &[u8]) -> Option<u16> {
     let [_, _, _] = digits else { return None };
-    digits.iter().try_fold(0, |number, octet| {
-        let digit = char::from(*octet).to_digit(10)?;
+    digits.iter().try_fold(0, |number, byte| {
+        let digit = char::from(*byte).to_digit(10)?;
         Some(number * 10 + digit as u16)
     })
 }
@@ -313,8 +311,8 @@ fn parse_frame(first: u8, rest: &[u8]) -> Option<Line> {
         return None;
     }
     let (data, time) = rest.split_at_checked(2 * frame.payload().len())?;
-    for (octet, digits) in frame.data.iter_mut().zip(data.as_chunks::<2>().0) {
-        *octet = number(digits)? as u8;
+    for (byte, digits) in frame.data.iter_mut().zip(data.as_chunks::<2>().0) {
+        *byte = number(digits)? as u8;
     }
     let time_ms = match time.len() {
         0 => None,
@@ -324,14 +322,14 @@ fn parse_frame(first: u8, rest: &[u8]) -> Option<Line> {
     Some(Line::Frame { frame, time_ms })
 }
 
-fn digit(octet: u8) -> Option<u8> {
-    char::from(octet).to_digit(16).map(|digit| digit as u8)
+fn digit(byte: u8) -> Option<u8> {
+    char::from(byte).to_digit(16).map(|digit| digit as u8)
 }
 
 /// Up to eight hexadecimal digits.
 fn number(digits: &[u8]) -> Option<u32> {
-    digits.iter().try_fold(0, |number, octet| {
-        Some(number << 4 | u32::from(digit(*octet)?))
+    digits.iter().try_fold(0, |number, byte| {
+        Some(number << 4 | u32::from(digit(*byte)?))
     })
 }
 
@@ -413,8 +411,8 @@ fn encode_frame(frame: &CanFrame, time_ms: Option<u16>, put: &mut impl FnMut(u8)
     hex(frame.id, digits, put);
     let code = dlc(frame.len.into()).unwrap_or(MAX_CLASSIC_DATA as u8); // valid frames have one
     hex(code.into(), 1, put);
-    for octet in frame.payload() {
-        hex((*octet).into(), 2, put);
+    for byte in frame.payload() {
+        hex((*byte).into(), 2, put);
     }
     if let Some(time) = time_ms {
         hex(time.into(), 4, put);

@@ -59,8 +59,8 @@ impl CanFrame {
             run.put(0, 1);
         }
         run.put(dlc(self.len.into()).unwrap_or(0).into(), 4);
-        for octet in self.payload() {
-            run.put((*octet).into(), 8);
+        for byte in self.payload() {
+            run.put((*byte).into(), 8);
         }
     }
 }
@@ -119,8 +119,8 @@ mod tests {
     #[test]
     fn the_crc_is_the_standards() {
         let mut run = Run::default();
-        for octet in b"123456789" {
-            run.put((*octet).into(), 8);
+        for byte in b"123456789" {
+            run.put((*byte).into(), 8);
         }
         // X-Val: CRC-15/CAN of the CRC catalogue (reveng): check value of "123456789".
         assert_eq!(run.crc, 0x059E);
@@ -137,13 +137,13 @@ mod tests {
             state
         };
         for case in 0..4000 {
-            let octets: [u8; 8] = core::array::from_fn(|_| match random() {
+            let bytes: [u8; 8] = core::array::from_fn(|_| match random() {
                 // Often all equal, so that there is something to stuff.
                 state if state >> 30 == 0 => 0,
                 state => (state >> 16) as u8,
             });
             let (fd, length) = (case % 2 == 1, [0, 1, 7, 8][case / 2 % 4]);
-            let frame = frame(random() >> 21, fd, &octets[..length]);
+            let frame = frame(random() >> 21, fd, &bytes[..length]);
             let bits = [frame.bits(), frame.exact_bits(), frame.worst_bits()];
             for bits in [bits.map(|bits| bits.nominal), bits.map(|bits| bits.data)] {
                 assert!(bits.is_sorted(), "{frame:?}");

@@ -126,7 +126,7 @@ fn exchanges_as_another_implementation_has_them() {
         ..classic
     };
     let short_fd = Parameters {
-        frame_octets: 16,
+        frame_bytes: 16,
         ..fd
     };
     let in_a_frame = "030a11181f262d343b424950575e656c737a81888f969da4abb2b9c0c7ced5dce3eaf1f8ff060d141b222930373e454c535a61686f767d848b9299a0a7ae";
@@ -158,7 +158,7 @@ fn exchanges_as_another_implementation_has_them() {
 #[test]
 fn settings_of_the_kernel() {
     let kernel = Parameters::CLASSIC;
-    assert_eq!((kernel.frame_octets, kernel.padding), (8, None));
+    assert_eq!((kernel.frame_bytes, kernel.padding), (8, None));
     assert_eq!((kernel.block_size, kernel.st_min), (0, 0));
     assert_eq!(exchange(&message(3), kernel), "A 03030a11");
 }
@@ -169,7 +169,7 @@ fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
         for block_size in [0, 1, 2, 15, 16, 255] {
             let parameters = Parameters {
                 fd: frame_octets > 8,
-                frame_octets,
+                frame_bytes: frame_octets,
                 block_size,
                 ..Parameters::CLASSIC
             };
@@ -188,7 +188,7 @@ fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
     }
     let wrong = Parameters {
         fd: true,
-        frame_octets: 9,
+        frame_bytes: 9,
         ..Parameters::CLASSIC
     };
     let first = exchange(&message(20), wrong).find('|');

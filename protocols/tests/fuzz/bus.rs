@@ -35,7 +35,7 @@ impl Script<'_> {
             block_size: [0, 1, 3, 255][usize::from(octet >> 2 & 3)],
             st_min: [0, 1, 0xF1, 0x80][usize::from(octet >> 4 & 3)],
             padding: (octet & 0x40 != 0).then_some(0xCC),
-            frame_octets: 8 + usize::from(octet >> 3),
+            frame_bytes: 8 + usize::from(octet >> 3),
             ..if octet & 1 == 1 {
                 Parameters::FD
             } else {

@@ -116,7 +116,7 @@ fn parts(reply: &Reply<'_>, seen: &mut Seen) {
             seen.note(("windows", block.size, block.packing.code()));
         }
         Reply::Objects(part) => {
-            let octets = part.objects().flat_map(|object| object.to_octets());
+            let octets = part.objects().flat_map(|object| object.to_bytes());
             seen.note(("objects", octets.eq(part.data.iter().copied())));
         }
         _ => {}

@@ -45,8 +45,8 @@ pub fn line(record: &Record<CanFrame>) -> String {
     if remote {
         let _ = write!(line, "R{len:X}");
     }
-    for octet in record.item.payload() {
-        let _ = write!(line, "{octet:02X}");
+    for byte in record.item.payload() {
+        let _ = write!(line, "{byte:02X}");
     }
     line.push('\n');
     line

@@ -80,7 +80,7 @@ pub fn first(
         },
         _ => None,
     };
-    Some(words.unwrap_or_else(|| octet(recorded, replayed)))
+    Some(words.unwrap_or_else(|| byte(recorded, replayed)))
 }
 
 /// A Status without its counters and times.
@@ -161,7 +161,7 @@ fn first_pixel(
 fn object(was: &ObjectPart<'_>, is: &ObjectPart<'_>) -> Option<String> {
     let first = usize::from(was.part) * OBJECTS_PER_PART;
     let mut pairs = (first..).zip(was.objects().zip(is.objects()));
-    let (number, (was, is)) = pairs.find(|(_, (was, is))| was.to_octets() != is.to_octets())?;
+    let (number, (was, is)) = pairs.find(|(_, (was, is))| was.to_bytes() != is.to_bytes())?;
     Some(format!("object {number}: {}", line(&was, &is)?))
 }
 
@@ -194,7 +194,7 @@ fn line(was: &impl Debug, is: &impl Debug) -> Option<String> {
 }
 
 /// The first byte that differs.
-fn octet(was: &[u8], is: &[u8]) -> String {
+fn byte(was: &[u8], is: &[u8]) -> String {
     let Some(at) = was.iter().zip(is).position(|(a, b)| a != b) else {
         return format!(
             "length: recorded {} bytes, replayed {}",
@@ -214,13 +214,13 @@ mod tests {
     use skyloop_protocols::{CompressedBlock, MAX_PACKET, ObjectRecord};
 
     /// What is said of a packet of which bit 0 of an octet of its fields is another.
-    fn altered(reply: &Reply<'_>, octet: usize) -> String {
+    fn altered(reply: &Reply<'_>, byte: usize) -> String {
         let mut buffer = [0; MAX_PACKET];
         let length = (NATIVE.encode_reply)(reply, 7, WireTime(0), &mut buffer).unwrap();
         let replayed = &buffer[..length];
         assert_eq!(first(&NATIVE, 256, replayed, replayed), None);
         let mut recorded = replayed.to_vec();
-        recorded[HEADER_LENGTH + octet] ^= 1;
+        recorded[HEADER_LENGTH + byte] ^= 1;
         let words = first(&NATIVE, 256, &recorded, replayed).unwrap();
         format!("{}: {words}", called(&NATIVE, replayed))
     }
@@ -252,7 +252,7 @@ mod tests {
             snr: 4.0,
             electrons: 5.0,
         };
-        let records = [object.to_octets(); 2].concat();
+        let records = [object.to_bytes(); 2].concat();
         let objects = Reply::Objects(ObjectPart {
             frame: 4,
             part: 0,
@@ -266,7 +266,7 @@ mod tests {
             count: 16,
             data: &[1, 2, 3],
         });
-        for (reply, octet, says) in [
+        for (reply, byte, says) in [
             (
                 // Of the second window the fourth pixel: the first of its second row.
                 &windows,
@@ -290,7 +290,7 @@ mod tests {
                 "Compressed 2 of frame 4: octet 29: recorded 0x00",
             ),
         ] {
-            let said = altered(reply, octet);
+            let said = altered(reply, byte);
             assert!(said.starts_with(says), "{said}");
         }
     }

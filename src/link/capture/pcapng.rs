@@ -114,8 +114,8 @@ fn framed(kind: u32, body: &[u8]) -> Vec<u8> {
 }
 
 /// Whether these octets begin a file of this format.
-pub fn is_pcapng(octets: &[u8]) -> bool {
-    octets.starts_with(&SECTION.to_le_bytes())
+pub fn is_pcapng(bytes: &[u8]) -> bool {
+    bytes.starts_with(&SECTION.to_le_bytes())
 }
 
 /// What a file holds.
@@ -131,15 +131,15 @@ pub struct Packets {
 
 /// Reads a file that skyloop has written; other blocks are skipped. A cut last block (the run was
 /// killed) is left out, with a log message.
-pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
+pub fn read(file: &Path, bytes: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
         file: path_text(file),
         reason: format!("byte {at}: {what}"),
     };
     let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let mut at = 0;
-    while at < octets.len() {
-        let block = &octets[at..];
+    while at < bytes.len() {
+        let block = &bytes[at..];
         let (Some(kind), Some(length)) = (word(block, 0), word(block, 4)) else {
             break;
         };
@@ -173,7 +173,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
                 links.push(String::from_utf8_lossy(name).into_owned());
             }
             PACKET => {
-                let record = packet(octets, body).ok_or_else(|| {
+                let record = packet(bytes, body).ok_or_else(|| {
                     wrong(
                         at,
                         "a packet without skyloop's tags: only its own recordings can be replayed",
@@ -185,11 +185,11 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
         }
         at += length;
     }
-    if at < octets.len() {
+    if at < bytes.len() {
         tracing::warn!(
             "{}: the last {} bytes are cut off and left out",
             path_text(file),
-            octets.len() - at
+            bytes.len() - at
         );
     }
     Ok(Packets {
@@ -200,7 +200,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
 }
 
 /// A packet's block without its frame, a part of `octets`.
-fn packet(octets: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
+fn packet(bytes: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
     let ns = u64::from(word(body, 4)?) << 32 | u64::from(word(body, 8)?);
     let length = word(body, 12)? as usize;
     let data = body.get(20..20 + length)?;
@@ -217,7 +217,7 @@ fn packet(octets: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
         exchange: number(QUEUE).unwrap_or(0),
         first: values(body, options, COMMENT).any(|comment| comment == FIRST),
         made: values(body, options, COMMENT).find_map(frames_made),
-        item: octets.slice_ref(data.strip_prefix(&TAGS)?),
+        item: bytes.slice_ref(data.strip_prefix(&TAGS)?),
     })
 }
 
@@ -244,8 +244,8 @@ fn values(body: &[u8], mut at: usize, code: u16) -> impl Iterator<Item = &[u8]> 
     options.filter_map(move |(found, value)| (found == code).then_some(value))
 }
 
-fn word(octets: &[u8], at: usize) -> Option<u32> {
-    let octets = octets.get(at..)?.first_chunk()?;
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    let octets = bytes.get(at..)?.first_chunk()?;
     Some(u32::from_le_bytes(*octets))
 }
 
@@ -298,11 +298,9 @@ mod tests {
     fn other_files_are_refused_and_nothing_panics() {
         let file = file();
         let section = file[4] as usize;
-        let said = |octets: &[u8]| {
-            let octets = Bytes::copy_from_slice(octets);
-            read(Path::new("x.pcapng"), &octets)
-                .unwrap_err()
-                .to_string()
+        let said = |bytes: &[u8]| {
+            let bytes = Bytes::copy_from_slice(bytes);
+            read(Path::new("x.pcapng"), &bytes).unwrap_err().to_string()
         };
         let mut big_endian = file.clone();
         big_endian[8..12].reverse();
@@ -318,9 +316,9 @@ mod tests {
         endless[section + 4..section + 8].fill(0);
         assert!(said(&endless).contains("impossible length"));
         for at in 0..file.len() {
-            for octet in [0, 0x7f, 0xff] {
+            for byte in [0, 0x7f, 0xff] {
                 let mut spoilt = file.clone();
-                spoilt[at] = octet;
+                spoilt[at] = byte;
                 let _ = read(Path::new("x"), &Bytes::from(spoilt));
             }
         }

@@ -46,20 +46,20 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
         let is_known = pcapng::is_pcapng(head) || is_candump(head);
         is_known.then_some(()).ok_or(ErrorKind::InvalidData.into())
     };
-    let octets = skyloop_orbit::read_bytes(file, LARGEST_FILE, check);
-    let octets = octets.map_err(|source| match source.kind() {
+    let bytes = skyloop_orbit::read_bytes(file, LARGEST_FILE, check);
+    let bytes = bytes.map_err(|source| match source.kind() {
         ErrorKind::InvalidData => no_recording(),
         _ => CaptureError::Read {
             file: path_text(file),
             source,
         },
     })?;
-    if !pcapng::is_pcapng(&octets) {
-        let text = String::from_utf8(octets).map_err(|_| no_recording())?;
+    if !pcapng::is_pcapng(&bytes) {
+        let text = String::from_utf8(bytes).map_err(|_| no_recording())?;
         let packets = candump::packets(&candump::read(file, &text)?);
         return Ok(sorted_out(personality, packets));
     }
-    let found = pcapng::read(file, &Bytes::from(octets))?;
+    let found = pcapng::read(file, &Bytes::from(bytes))?;
     let roles = |link: &String| {
         let address = Address::parse(link);
         // A loopback has no target, and all roles.

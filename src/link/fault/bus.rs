@@ -33,11 +33,11 @@ impl Damageable for CanFrame {
     }
 
     /// A frame that is cut has the longest valid length below.
-    fn with_octets(mut self, octets: Vec<u8>) -> CanFrame {
-        let fits = |length: &&u8| usize::from(**length) <= octets.len();
+    fn with_bytes(mut self, bytes: Vec<u8>) -> CanFrame {
+        let fits = |length: &&u8| usize::from(**length) <= bytes.len();
         let length = frame::LENGTHS.iter().rev().find(fits).copied().unwrap_or(0);
         self.data = [0; frame::MAX_DATA];
-        for (to, from) in self.data.iter_mut().zip(&octets[..usize::from(length)]) {
+        for (to, from) in self.data.iter_mut().zip(&bytes[..usize::from(length)]) {
             *to = *from;
         }
         self.len = length;

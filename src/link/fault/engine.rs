@@ -13,7 +13,7 @@ pub(super) trait Damageable: Clone {
     /// Its bytes; none for what is never harmed.
     fn octets(&self) -> Option<&[u8]>;
     /// The same with other bytes, at most as many.
-    fn with_octets(self, octets: Vec<u8>) -> Self;
+    fn with_bytes(self, bytes: Vec<u8>) -> Self;
     /// Its description in the log: members of a JSON object.
     fn members(&self) -> String;
     /// The packet that this item, of so many bytes, begins.
@@ -85,14 +85,14 @@ impl<T: Damageable> Faults<T> {
         if !self.has_room() {
             return Pushed::Full;
         }
-        let Some(octets) = item.octets().map(<[u8]>::to_vec) else {
+        let Some(bytes) = item.octets().map(<[u8]>::to_vec) else {
             self.line.put(item, now, Order::Kept);
             return Pushed::Taken;
         };
         self.foresee(&item, now);
         let number = self.number;
         self.number += 1;
-        let mut way = Way::of(octets.clone());
+        let mut way = Way::of(bytes.clone());
         for kind in ORDER {
             let on = |rule: &&mut Rule| rule.fault.kind == kind && rule.is_on(now);
             for rule in self.rules.iter_mut().filter(on) {
@@ -105,7 +105,7 @@ impl<T: Damageable> Faults<T> {
                     kind,
                     what: What::Item {
                         number,
-                        length: octets.len(),
+                        length: bytes.len(),
                         members: item.members(),
                         how,
                     },
@@ -116,10 +116,10 @@ impl<T: Damageable> Faults<T> {
             }
         }
         let due = now + way.later;
-        let item = if way.octets == octets {
+        let item = if way.bytes == bytes {
             item
         } else {
-            item.with_octets(way.octets)
+            item.with_bytes(way.bytes)
         };
         if way.twice {
             self.line.put(item.clone(), due, way.order);
@@ -210,8 +210,8 @@ mod tests {
             (!self.is_empty()).then_some(self)
         }
 
-        fn with_octets(self, octets: Vec<u8>) -> Vec<u8> {
-            octets
+        fn with_bytes(self, bytes: Vec<u8>) -> Vec<u8> {
+            bytes
         }
 
         fn members(&self) -> String {
@@ -300,9 +300,9 @@ mod tests {
         let (out, injected, _) = run(&[always(FaultKind::BitFlips, 1e-3, 3)], N);
         let mut places = [0_usize; 8 * LENGTH];
         for (i, harmed) in (0..N).zip(&out) {
-            for (octet, (is, was)) in harmed.iter().zip(item(i)).enumerate() {
+            for (byte, (is, was)) in harmed.iter().zip(item(i)).enumerate() {
                 for bit in (0..8).filter(|bit| (is ^ was) & (0x80 >> bit) != 0) {
-                    places[8 * octet + bit] += 1;
+                    places[8 * byte + bit] += 1;
                 }
             }
         }

@@ -24,7 +24,7 @@ pub(super) const ORDER: [FaultKind; 11] = [
 
 /// An item on its way through the rules.
 pub(super) struct Way {
-    pub octets: Vec<u8>,
+    pub bytes: Vec<u8>,
     pub later: Duration,
     pub twice: bool,
     pub order: Order,
@@ -33,7 +33,7 @@ pub(super) struct Way {
 impl Way {
     pub fn of(octets: Vec<u8>) -> Way {
         Way {
-            octets,
+            bytes: octets,
             later: Duration::ZERO,
             twice: false,
             order: Order::Kept,
@@ -47,9 +47,9 @@ impl Way {
         let struck = random.uniform() < value;
         match rule.fault.kind {
             FaultKind::BitFlips => {
-                let bits = flips(&mut random, value, 8 * self.octets.len());
+                let bits = flips(&mut random, value, 8 * self.bytes.len());
                 for bit in &bits {
-                    self.octets[bit / 8] ^= 0x80 >> (bit % 8);
+                    self.bytes[bit / 8] ^= 0x80 >> (bit % 8);
                 }
                 return (!bits.is_empty()).then_some(How::Bits(bits));
             }
@@ -66,10 +66,10 @@ impl Way {
             }
             _ if !struck => return None,
             FaultKind::Truncate => {
-                let most = self.octets.len().saturating_sub(1).max(1);
+                let most = self.bytes.len().saturating_sub(1).max(1);
                 let left = 1 + (random.uniform() * most as f64) as usize;
-                self.octets.truncate(left.min(most));
-                return Some(How::CutTo(self.octets.len()));
+                self.bytes.truncate(left.min(most));
+                return Some(How::CutTo(self.bytes.len()));
             }
             FaultKind::Duplicate => self.twice = true,
             FaultKind::Reorder => self.order = Order::Swapped,

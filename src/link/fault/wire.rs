@@ -42,8 +42,8 @@ impl Damageable for Inbound {
         Some(&self.packet)
     }
 
-    fn with_octets(self, octets: Vec<u8>) -> Inbound {
-        let packet = Bytes::from(octets);
+    fn with_bytes(self, bytes: Vec<u8>) -> Inbound {
+        let packet = Bytes::from(bytes);
         Inbound { packet, ..self }
     }
 
@@ -67,11 +67,11 @@ impl Damageable for Outbound {
         }
     }
 
-    fn with_octets(self, octets: Vec<u8>) -> Outbound {
+    fn with_bytes(self, bytes: Vec<u8>) -> Outbound {
         match self {
             Outbound::Packet { exchange, .. } => Outbound::Packet {
                 exchange,
-                packet: Bytes::from(octets),
+                packet: Bytes::from(bytes),
             },
             release => release,
         }
@@ -99,12 +99,12 @@ pub fn wrap(
     let (intake, inbox) = inbox(wire.tally.clone());
     let (mut outbox, departures) = outbox::queue(&wire.address, &wire.tally);
     outbox.injects = |kind| impossible(kind).map_or(Ok(()), Err);
-    let way_in = WayIn {
+    let way_in = RxPath {
         from: wire.inbox,
         to: intake,
         shared: shared.clone(),
     };
-    let way_out = WayOut {
+    let way_out = TxPath {
         from: departures,
         to: wire.outbox,
         sender: wire.sender,
@@ -133,13 +133,13 @@ pub fn wrap(
 }
 
 /// Towards the emulator.
-struct WayIn {
+struct RxPath {
     from: Inbox,
     to: Intake,
     shared: Arc<Shared>,
 }
 
-impl WayIn {
+impl RxPath {
     /// Carries packets until the link or the emulator has gone.
     fn run(self) {
         let shared = &self.shared;
@@ -189,7 +189,7 @@ impl WayIn {
 }
 
 /// From the emulator.
-struct WayOut {
+struct TxPath {
     from: Receiver<Outbound>,
     to: Box<dyn Outbox>,
     sender: Option<JoinHandle<()>>,
@@ -198,7 +198,7 @@ struct WayOut {
     stopped: Option<Outbound>,
 }
 
-impl WayOut {
+impl TxPath {
     /// Carries packets until the emulator has closed and its queue is empty or given up, or the
     /// link ends.
     fn run(mut self) {

@@ -3,10 +3,10 @@
 
 use super::exchange::{Exchange, Heard, Permit};
 use super::own::Own;
-use crate::departed::Unsent;
 use crate::inbox::{Inbound, Intake};
 use crate::outbox::Outbound;
 use crate::pace::Pace;
+use crate::tx_complete::Unsent;
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
@@ -53,7 +53,7 @@ pub(super) async fn carry(
         own: RefCell::default(),
         changed: Notify::new(),
     };
-    let way_out = WayOut {
+    let way_out = TxPath {
         shared,
         burst: Burst::default(),
     };
@@ -317,32 +317,32 @@ impl Strangers {
 }
 
 /// Sends what is queued, until nothing can come any more.
-async fn send(mut out: WayOut<'_>, mut departures: Receiver<Outbound>, limit: Option<f64>) {
-    let mut pace = limit.map(|octets_per_s| Pace::new(octets_per_s, BURST));
+async fn send(mut out: TxPath<'_>, mut departures: Receiver<Outbound>, limit: Option<f64>) {
+    let mut pace = limit.map(|bytes_per_s| Pace::new(bytes_per_s, BURST));
     // Where a limit says when the next may leave, they go one by one.
     let most = if pace.is_some() { 1 } else { TOGETHER };
     let mut taken = Vec::with_capacity(most);
     while departures.recv_many(&mut taken, most).await > 0 {
-        let (mut batch, mut octets) = (Batch::default(), 0);
+        let (mut batch, mut bytes) = (Batch::default(), 0);
         for departure in taken.drain(..) {
             match departure {
                 Outbound::Release { exchange, asked } => {
-                    octets += out.send(&mut batch).await;
+                    bytes += out.send(&mut batch).await;
                     out.shared.exchange.borrow_mut().release(exchange, asked);
                 }
                 Outbound::Packet { exchange, packet } => {
                     if batch.exchange != exchange {
-                        octets += out.send(&mut batch).await;
+                        bytes += out.send(&mut batch).await;
                     }
                     batch.exchange = exchange;
                     batch.packets.push(packet);
                 }
             }
         }
-        octets += out.send(&mut batch).await;
+        bytes += out.send(&mut batch).await;
         let now = Instant::now();
-        let free = pace.as_mut().filter(|_| octets > 0);
-        match free.map(|pace| pace.pass(octets, now)) {
+        let free = pace.as_mut().filter(|_| bytes > 0);
+        match free.map(|pace| pace.pass(bytes, now)) {
             Some(free) if free > now => tokio::time::sleep_until(free.into()).await,
             // A line that is behind its time catches up.
             Some(_) => {}
@@ -360,17 +360,17 @@ struct Batch {
 }
 
 /// From the queue to the exchange's client.
-struct WayOut<'a> {
+struct TxPath<'a> {
     shared: &'a Shared,
     burst: Burst,
 }
 
-impl WayOut<'_> {
+impl TxPath<'_> {
     /// Sends packets whose exchange still stands; refused ones are lost, and counted. Returns the
     /// bytes sent.
     async fn send(&mut self, batch: &mut Batch) -> usize {
         let tally = self.shared.exchange.borrow().tally.clone();
-        let (mut at, mut octets) = (0, 0);
+        let (mut at, mut bytes) = (0, 0);
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
             let sent = match self.permit(batch.exchange, rest).await {
                 Ok((rest, to)) => self.hand_over(rest, to).await,
@@ -381,7 +381,7 @@ impl WayOut<'_> {
                 at += 1;
                 match sent {
                     Ok(_) => {
-                        octets += packet.len();
+                        bytes += packet.len();
                         tally.moved(packet.len());
                         tally.done();
                     }
@@ -390,7 +390,7 @@ impl WayOut<'_> {
             }
         }
         batch.packets.clear();
-        octets
+        bytes
     }
 
     /// Waits until packets of an exchange may leave: those and their address, or why the first

@@ -66,8 +66,8 @@ fn proves(url: &Address) -> Result<bool, String> {
     }
 }
 
-fn airtime(octets_per_s: f64) -> Airtime {
-    Arc::new(move |octets| Duration::from_secs_f64(octets as f64 / octets_per_s))
+fn airtime(bytes_per_s: f64) -> Airtime {
+    Arc::new(move |bytes| Duration::from_secs_f64(bytes as f64 / bytes_per_s))
 }
 
 fn listen(
@@ -155,17 +155,17 @@ mod tests {
 
     /// Bytes/s that a client gets of numbered packets worth a second; lost ones count as sent.
     fn delivered(mbit: f64) -> f64 {
-        const OCTETS: usize = 1250;
+        const BYTES: usize = 1250;
         let url = Address::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
         let (mut wire, address) = listen(&url, ANY, &options()).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();
         wire.inbox.recv_timeout(PATIENCE).unwrap();
-        let packets = (mbit * 1e6 / 8.0 / OCTETS as f64) as u32;
+        let packets = (mbit * 1e6 / 8.0 / BYTES as f64) as u32;
         let began = Instant::now();
         let sender = std::thread::spawn(move || {
             for number in 0..=packets {
-                let mut packet = vec![0; OCTETS];
+                let mut packet = vec![0; BYTES];
                 packet[..4].copy_from_slice(&number.to_be_bytes());
                 let packet = Bytes::from(packet);
                 let mut waiting = wire.outbox.offer(Outbound::Packet {
@@ -183,17 +183,17 @@ mod tests {
         client
             .set_read_timeout(Some(Duration::from_secs(2)))
             .unwrap();
-        let mut buffer = [0; 2 * OCTETS];
+        let mut buffer = [0; 2 * BYTES];
         let mut arrivals = Vec::new();
         while client.recv(&mut buffer).is_ok() {
             let number = u32::from_be_bytes(*buffer.first_chunk().unwrap());
-            arrivals.push((f64::from(number) * OCTETS as f64, Instant::now()));
+            arrivals.push((f64::from(number) * BYTES as f64, Instant::now()));
         }
         sender.join().unwrap();
         // Never more than the rate allows since it began, and what a late timer may catch up.
-        for (octets, at) in &arrivals {
+        for (bytes, at) in &arrivals {
             let most = mbit * 1e6 / 8.0 * (*at - began + BURST).as_secs_f64();
-            assert!(*octets <= most, "{octets} of {most}");
+            assert!(*bytes <= most, "{bytes} of {most}");
         }
         let ((from, begin), (to, end)) = (arrivals[0], arrivals[arrivals.len() - 1]);
         (to - from) / (end - begin).as_secs_f64()

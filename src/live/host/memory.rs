@@ -75,8 +75,8 @@ impl Memory {
 
     /// When it was warm: `60`, `0.6`.
     fn after(&self) -> String {
-        let digits = usize::from(self.warm_s < 10.0);
-        format!("{:.digits$}", self.warm_s)
+        let dn = usize::from(self.warm_s < 10.0);
+        format!("{:.dn$}", self.warm_s)
     }
 }
 

@@ -114,7 +114,7 @@ fn is_whole(head: &[u8], before: usize) -> bool {
 }
 
 fn judge(head: &[u8]) -> Verdict {
-    let line = head.split(|octet| *octet == b'\n').next().unwrap_or(head);
+    let line = head.split(|byte| *byte == b'\n').next().unwrap_or(head);
     let line = line.strip_suffix(b"\r").unwrap_or(line);
     let Ok(line) = std::str::from_utf8(line) else {
         return Verdict::BadRequest;
@@ -353,10 +353,10 @@ mod tests {
     struct Client(usize);
 
     impl Write for Client {
-        fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             match self.0 {
                 0 => Err(io::ErrorKind::WouldBlock.into()),
-                most => Ok(most.min(octets.len())),
+                most => Ok(most.min(bytes.len())),
             }
         }
 

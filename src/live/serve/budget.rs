@@ -172,15 +172,15 @@ mod tests {
         let (mut wire, _port) = link::loopback("memory", &options).unwrap();
         let bus = Address::parse(&format!("can://{bus}")).and_then(|bus| Settings::of(&bus));
         let bus = bus.unwrap();
-        wire.airtime = Some(Arc::new(move |octets| bus.packet_duration(octets)));
+        wire.airtime = Some(Arc::new(move |bytes| bus.packet_duration(bytes)));
         let camera = Config::builtin().unwrap().camera;
         let output = Output {
             pixels: PixelLevel::Windows,
             labels: LabelLevel::None,
             ..Output::default()
         };
-        let (octets, time) = cost(&wire, Roles::ALL, &camera, &output);
-        (octets, time.unwrap().as_secs_f64() * 1e6)
+        let (bytes, time) = cost(&wire, Roles::ALL, &camera, &output);
+        (bytes, time.unwrap().as_secs_f64() * 1e6)
     }
 
     #[test]
@@ -191,8 +191,8 @@ mod tests {
         // header, 4 x (1 + 179) of the windows, 1 + 8 of the end, all of 8 octets, 2 of 4 (three
         // octets of data), and 4 of 2 (one). Bits of a frame: 47 + 8 n, stuffed (33 + 8 n) / 4 more
         // at worst (Davis et al. 2007), of random bits 4/31 of that.
-        let (octets, classic) = windows_on("bus?bitrate=1000000&load=1");
-        assert_eq!(octets, 5191);
+        let (bytes, classic) = windows_on("bus?bitrate=1000000&load=1");
+        assert_eq!(bytes, 5191);
         let (least, worst) = (741 * 111 + 2 * 79 + 4 * 63, 741 * 135 + 2 * 95 + 4 * 75);
         let by_hand = f64::from(least) + f64::from(worst - least) * 4.0 / 31.0;
         assert!((classic - by_hand).abs() < 2.0, "{classic} {by_hand}");

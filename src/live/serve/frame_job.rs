@@ -91,7 +91,7 @@ impl FrameJob {
         self.last_pixel = Some(at);
         self.opening.get_or_insert_with(|| shot.opening());
         // The checksum already covers the rows that came before.
-        let rest = shot.frame.digits.get(self.dn.len()..);
+        let rest = shot.frame.dn.get(self.dn.len()..);
         update_crc(&mut self.crc, rest.unwrap_or_default());
         self.shot = Some(shot);
         self.ahead.clear();
@@ -101,7 +101,7 @@ impl FrameJob {
     /// The present pixel values, from the first pixel on.
     pub fn dn(&self) -> &[u16] {
         match &self.shot {
-            Some(shot) => &shot.frame.digits,
+            Some(shot) => &shot.frame.dn,
             None => &self.dn,
         }
     }

@@ -76,7 +76,7 @@ impl FramePackets {
                     selected = windows(shot, size, output.windows, positions);
                 }
                 PixelLevel::Compressed => {
-                    compressed = compress(&shot.frame.digits, detector.bits);
+                    compressed = compress(&shot.frame.dn, detector.bits);
                 }
                 PixelLevel::None | PixelLevel::Frame => {}
             }
@@ -391,7 +391,7 @@ mod tests {
 
     #[test]
     fn parts_of_two_texts_are_those_of_both_together() {
-        let octets: Vec<u8> = (0..=255).collect();
+        let bytes: Vec<u8> = (0..=255).collect();
         for (head, tail, most) in [
             (0, 0, 5),
             (0, 3, 5),
@@ -405,7 +405,7 @@ mod tests {
             (128, 128, 64),
             (7, 7, 1),
         ] {
-            let all = &octets[..head + tail];
+            let all = &bytes[..head + tail];
             let (head, tail) = all.split_at(head);
             let from = (0..).map(|part| part * most);
             let parts: Vec<_> = from

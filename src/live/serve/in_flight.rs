@@ -66,7 +66,10 @@ impl InFlight {
     }
 
     /// Takes a frame that has left its link, with the time, or that never will.
-    pub fn take_departed(&mut self, channels: &[Channel]) -> Option<(InFlightFrame, Option<Exit>)> {
+    pub fn take_tx_complete(
+        &mut self,
+        channels: &[Channel],
+    ) -> Option<(InFlightFrame, Option<Exit>)> {
         // A link's queue holds no more frames than packets: the oldest has been lost.
         if self.0.len() > QUEUE * channels.len() {
             let oldest = self.0.remove(0);

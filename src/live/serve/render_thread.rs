@@ -4,7 +4,7 @@ use skyloop_base::abort::Abort;
 use skyloop_link::lock;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
-use skyloop_render::engine::{Emulator, Opening, Shot, Witness};
+use skyloop_render::engine::{Emulator, FrameObserver, Opening, Shot};
 use skyloop_render::fidelity::Fidelity;
 use skyloop_render::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -213,14 +213,14 @@ impl Reporter {
     }
 }
 
-impl Witness for Reporter {
+impl FrameObserver for Reporter {
     fn labelled(&self, opening: Opening) {
         if self.streams {
             self.send(RenderEvent::Labelled(opening));
         }
     }
 
-    fn developed(&self, first: usize, dn: &[u16]) {
+    fn rows_done(&self, first: usize, dn: &[u16]) {
         if self.streams {
             let mut rows = self.buffers.take();
             rows.extend_from_slice(dn);

@@ -21,14 +21,14 @@ pub(super) fn brightest_objects(shot: &Shot, most: u16) -> Vec<u8> {
     by_brightness(shot, |_| true)
         .into_iter()
         .take(usize::from(most))
-        .flat_map(|object| record(object).to_octets())
+        .flat_map(|object| record(object).to_bytes())
         .collect()
 }
 
 fn record(object: &ObjectLabel) -> ObjectRecord {
     let mut id = [0; ID_LENGTH];
-    for (octet, character) in id.iter_mut().zip(object.id.bytes()) {
-        *octet = character;
+    for (byte, character) in id.iter_mut().zip(object.id.bytes()) {
+        *byte = character;
     }
     ObjectRecord {
         is_rso: object.rso.is_some(),

@@ -282,7 +282,7 @@ impl Server {
     pub fn close(mut self) -> (RunStats, Counters) {
         let stopped = self.stopped.map(|stopped| stopped + STOP_PATIENCE);
         self.state.session.close(stopped.or(self.until));
-        self.state.book_departed();
+        self.state.record_tx_complete();
         self.state.book_unsent();
         let counters = self.state.counters();
         let State {
@@ -355,7 +355,7 @@ fn run_loop(
 
 /// Takes the frames whose deliveries have ended; whether there was one.
 fn settle(state: &mut State, renderer: &Renderer, on_shot: &mut impl FnMut(&Shot)) -> bool {
-    state.book_departed();
+    state.record_tx_complete();
     let mut any = false;
     while let Some(job) = state.frames.take_done(&mut state.telemetry) {
         any = true;

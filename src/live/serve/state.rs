@@ -86,8 +86,11 @@ impl State {
     }
 
     /// Books the frames that have left their links.
-    pub fn book_departed(&mut self) {
-        while let Some((frame, exit)) = self.frames.in_flight.take_departed(&self.session.channels)
+    pub fn record_tx_complete(&mut self) {
+        while let Some((frame, exit)) = self
+            .frames
+            .in_flight
+            .take_tx_complete(&self.session.channels)
         {
             self.book(frame, exit);
         }

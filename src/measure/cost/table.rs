@@ -67,12 +67,12 @@ impl fmt::Display for Report {
             let line = format!(
                 "{:<24}{:>9}{:>9}{:>11}{:>12}{:>10}{:>10}{:>9.2}{:>9.2}  {mark}",
                 row.setting,
-                digits(errors.centroid_bias_mpx),
-                digits(errors.centroid_rms_mpx),
-                digits(errors.photometry_ppm),
-                digits(errors.background_e),
-                digits(errors.frame_rms_e),
-                digits(errors.worst_e),
+                three_digits(errors.centroid_bias_mpx),
+                three_digits(errors.centroid_rms_mpx),
+                three_digits(errors.photometry_ppm),
+                three_digits(errors.background_e),
+                three_digits(errors.frame_rms_e),
+                three_digits(errors.worst_e),
                 row.p50_ms,
                 row.p99_ms
             );
@@ -83,7 +83,7 @@ impl fmt::Display for Report {
 }
 
 /// Three digits of a number of any size.
-fn digits(value: f64) -> String {
+fn three_digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_string(),
         size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits() {
-        let texts = [0.0, 0.05, 12.345, 123.4, 12_345.6, 1.2e-7, -0.5].map(digits);
+        let texts = [0.0, 0.05, 12.345, 123.4, 12_345.6, 1.2e-7, -0.5].map(three_digits);
         assert_eq!(
             texts,
             ["0", "0.0500", "12.3", "123", "12346", "1.2e-7", "-0.500"]

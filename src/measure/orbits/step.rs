@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// The built-in scene's camera, at 10 Hz, before a synthetic catalogue.
 pub fn measure() -> Result<Step, ConfigError> {
-    let (tracked, first_ms, found, octets) = frames(Orbits::Tracked)?;
+    let (tracked, first_ms, found, bytes) = frames(Orbits::Tracked)?;
     let (exact, ..) = frames(Orbits::Exact)?;
     Ok(Step {
         objects: CATALOGUE,
@@ -27,7 +27,7 @@ pub fn measure() -> Result<Step, ConfigError> {
         first_ms,
         exact_p50_ms: exact.quantile(0.5),
         found,
-        octets,
+        bytes,
     })
 }
 
@@ -67,8 +67,8 @@ fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
         crew::together(&mut step).map_err(|error| ConfigError::Orbit(error.to_string()))?;
         times.push(started.elapsed().as_secs_f64() * 1e3);
     }
-    let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
+    let bytes = emulator.world().population.bytes() as f64 / CATALOGUE as f64;
     let first_ms = times.first().copied().unwrap_or(f64::NAN);
     let later = times.split_off(WARM);
-    Ok((Sample::new(later), first_ms, found, octets))
+    Ok((Sample::new(later), first_ms, found, bytes))
 }

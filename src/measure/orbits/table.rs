@@ -1,6 +1,6 @@
 //! A report as text.
 
-use super::{MOST_MS, MOST_OCTETS, Report, Scale, Step};
+use super::{MAX_BYTES, MOST_MS, Report, Scale, Step};
 use crate::measure::ratio::{Row, mark};
 use std::fmt;
 
@@ -31,15 +31,15 @@ impl fmt::Display for Report {
             first_ms,
             exact_p50_ms,
             found: [candidates, unseen, labelled],
-            octets,
+            bytes,
         } = &self.step;
         writeln!(
             f,
             "\nwhole step of {objects} objects, {frames} frames at 10 Hz: p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms (at most {MOST_MS}{}); first frame \
              {first_ms:.1} ms; by SGP4 alone p50 {exact_p50_ms:.2} ms\n\
-             a frame has {candidates:.0} candidates, {unseen:.0} unseen, {labelled:.0} labelled objects; memory {octets:.0} B an object (at most {MOST_OCTETS}{})",
+             a frame has {candidates:.0} candidates, {unseen:.0} unseen, {labelled:.0} labelled objects; memory {bytes:.0} B an object (at most {MAX_BYTES}{})",
             mark(*p99_ms <= MOST_MS),
-            mark(*octets <= MOST_OCTETS)
+            mark(*bytes <= MAX_BYTES)
         )
     }
 }
@@ -82,7 +82,7 @@ mod tests {
                 first_ms: 1.0,
                 exact_p50_ms: 1.0,
                 found: [1.0; 3],
-                octets: MOST_OCTETS,
+                bytes: MAX_BYTES,
             },
             scale: Vec::new(),
         };
@@ -96,7 +96,7 @@ mod tests {
         assert_eq!(marked(&report), ["short", "whole"]);
         assert_eq!(report.broken().len(), 2);
         report.step.p99_ms = MOST_MS;
-        report.step.octets = MOST_OCTETS + 1.0;
+        report.step.bytes = MAX_BYTES + 1.0;
         assert_eq!(marked(&report), ["short", "a"]);
     }
 }

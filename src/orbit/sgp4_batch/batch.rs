@@ -122,7 +122,7 @@ impl Batch {
     }
 
     /// Memory of the catalogue, bytes.
-    pub fn octets(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         fn of<M>(blocks: &Vec<M>) -> usize {
             blocks.capacity() * size_of::<M>()
         }

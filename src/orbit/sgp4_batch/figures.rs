@@ -113,9 +113,9 @@ impl Figures {
     ///
     /// Errors: the crate writes them in another form.
     pub fn of(constants: &sgp4::Constants) -> Result<Figures, ModelError> {
-        let mut octets = [0; LONGEST];
+        let mut bytes = [0; LONGEST];
         let unread = |error: postcard::Error| ModelError::new(error.to_string());
-        let written = postcard::to_slice(constants, &mut octets).map_err(unread)?;
+        let written = postcard::to_slice(constants, &mut bytes).map_err(unread)?;
         let figures: Figures = postcard::from_bytes(written).map_err(unread)?;
         let sgp4::Geopotential { ae, ke, j2, j3, j4 } = sgp4::WGS72;
         if figures.earth != [ae, ke, j2, j3, j4] {

@@ -168,8 +168,8 @@ fn other_sets_than_before() {
         .as_nanos();
     println!("seed {seed}");
     let rng = || {
-        let octets: Vec<u8> = [seed, seed].map(u128::to_le_bytes).concat();
-        TestRng::from_seed(RngAlgorithm::ChaCha, &octets)
+        let bytes: Vec<u8> = [seed, seed].map(u128::to_le_bytes).concat();
+        TestRng::from_seed(RngAlgorithm::ChaCha, &bytes)
     };
     hold(30_000, -20_000.0..20_000.0, rng()).print("two weeks");
     hold(2000, times(), rng()).print("a century");

@@ -235,8 +235,8 @@ fn an_object_of_a_long_catalogue_is_small() {
     let object = &read(&format!("A NAME OF 24 CHARACTERS.\n{}", low())).objects[0];
     let names = &object.names;
     let heap = object.id.capacity() + names.capacity() * size_of::<String>() + names[0].capacity();
-    let octets = size_of::<Object>() + heap;
-    assert!(octets <= 250, "{octets}");
+    let bytes = size_of::<Object>() + heap;
+    assert!(bytes <= 250, "{bytes}");
 }
 
 #[test]

@@ -360,27 +360,41 @@ fn nobody_comes_into_a_cone_unseen() {
     let frames = MOTIONS
         .iter()
         .flat_map(|motion| (0..motion[0] as usize).map(move |i| (motion, i)));
-    for ([_, step_s, place, moved, axis, turned, angle, opened, way_km], frame) in frames {
+    for (
+        [
+            _,
+            step_s,
+            place,
+            moved,
+            axis,
+            turned,
+            angle,
+            opened,
+            path_km,
+        ],
+        frame,
+    ) in frames
+    {
         t += Unit::Second * *step_s;
         let now = |start: &f64, change: &f64| start + change * frame as f64;
         let (sin, cos) = now(axis, turned).sin_cos();
-        let within = |way_km: f64| Within {
+        let within = |path_km: f64| Within {
             cone: Cone::new(
                 [0.0, now(place, moved), 500.0],
                 [cos, sin, 0.0],
                 now(angle, opened),
-                way_km,
+                path_km,
             ),
             shown: AtomicUsize::new(0),
         };
         let find = |tracks: &mut Tracks, look: &Within| -> BTreeSet<(u32, bool)> {
             tracks.at(t, look).into_iter().collect()
         };
-        let ours = within(*way_km);
+        let ours = within(*path_km);
         let found = find(&mut tracks, &ours);
         // An object may count as either where tracks and SGP4 put it on two sides of the surface.
-        let some = find(&mut exact, &within(way_km - BOUND_KM));
-        let more = find(&mut exact, &within(way_km + BOUND_KM));
+        let some = find(&mut exact, &within(path_km - BOUND_KM));
+        let more = find(&mut exact, &within(path_km + BOUND_KM));
         assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);
         assert!(found.is_subset(&more), "{t} {frame}: {:?}", &found - &more);
         shown += ours.shown.into_inner();

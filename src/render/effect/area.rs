@@ -9,8 +9,8 @@
 //!
 //! with the pixel's true solid angle for IFOV^2, and before the division by the gain.
 
-use super::cause::digits;
-use super::{Cost, Loss, Need, Pass};
+use super::cause::three_digits;
+use super::{Assessment, ErrorBound, LazyBound, Pass};
 use crate::scene::bounds::{DROWNED, area_lit_e, is_drowned, shown_e, trail_of, with_trail};
 use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, EffectId, SPREAD_NS, Scene};
 
@@ -25,17 +25,17 @@ fn asked_ns(asked: &Asked, light_ns: f64) -> f64 {
 
 /// The assessment of an area source: `says` gives the reason, `ns` is the time of an evaluation of
 /// its radiance.
-pub(super) fn judge<'s>(
+pub(super) fn assess<'s>(
     scene: &'s Scene,
     effect: EffectId,
     says: impl Fn(&AreaLight) -> String,
     ns: f64,
-) -> (Need<'s>, Pass<'s>) {
+) -> (Assessment<'s>, Pass<'s>) {
     let Some(area) = scene.areas.iter().find(|area| area.effect == effect) else {
-        return (Need::none("there is none in the scene"), Pass::idle());
+        return (Assessment::none("there is none in the scene"), Pass::idle());
     };
     if let Some(why) = &area.dark {
-        return (Need::none(why.clone()), Pass::idle());
+        return (Assessment::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
     let blurred_ns = if area.asked.spreads > 0 {
@@ -44,27 +44,27 @@ pub(super) fn judge<'s>(
         0.0
     };
     let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
-    let need = if is_drowned(scene, effect) {
-        Need::none(format!("{}: {DROWNED}", says(area)))
+    let assessment = if is_drowned(scene, effect) {
+        Assessment::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
         // Too faint to be rasterized.
-        Need::new(says(area), Loss::of_pixel(area.most_e), 0.0)
+        Assessment::new(says(area), ErrorBound::of_pixel(area.most_e), 0.0)
     } else {
         let cells_e = || with_trail(scene, area_lit_e(scene, area), || trail_of(scene, area));
-        let error = Cost::of(move || shown_e(scene, cells_e, effect));
-        let price_ms = (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6;
-        Need {
+        let error = LazyBound::of(move || shown_e(scene, cells_e, effect));
+        let estimated_ms = (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6;
+        Assessment {
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
-            ..Need::new(says(area), error, price_ms)
+            ..Assessment::new(says(area), error, estimated_ms)
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         area.add_to(tile.level, tile.first, tile.electrons);
     }));
-    (need, pass)
+    (assessment, pass)
 }
 
 /// `up to 75.2 e- a pixel`.
 pub(super) fn up_to(area: &AreaLight) -> String {
-    format!("up to {} e- a pixel", digits(area.most_e))
+    format!("up to {} e- a pixel", three_digits(area.most_e))
 }

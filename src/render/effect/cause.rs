@@ -8,7 +8,7 @@ pub(super) const STILL_IN_FLOOD: &str =
     "all pixels are full of other light, and motion would cost more than the limit of work";
 
 /// A number with three significant digits.
-pub fn digits(value: f64) -> String {
+pub fn three_digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_string(),
         1e-3..1e5 => {
@@ -107,7 +107,7 @@ mod tests {
             (123_456.0, "1.23e5"),
             (0.000_05, "5.00e-5"),
         ] {
-            assert_eq!(digits(value), text);
+            assert_eq!(three_digits(value), text);
         }
         assert_eq!(counted(1, "star"), "1 star");
         assert_eq!(counted(0, "star"), "0 stars");

@@ -12,25 +12,25 @@
 //! flicker (random telegraph signals) are left out.
 //! Price: a sum a pixel, half again with a map.
 
-use super::cause::{counted, digits};
-use super::{Cost, Effect, Need, Pass};
+use super::cause::{counted, three_digits};
+use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
-pub const DARK_CURRENT: Effect = Effect::light(EffectId::DarkCurrent, "dark current", judge);
+pub const DARK_CURRENT: Effect = Effect::light(EffectId::DarkCurrent, "dark current", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
-    let need = if most == 0.0 {
-        Need::none("the detector has no dark current (detector.dark_e_s)")
+    let assessment = if most == 0.0 {
+        Assessment::none("the detector has no dark current (detector.dark_e_s)")
     } else if is_drowned(scene, EffectId::DarkCurrent) {
-        Need::none(DROWNED)
+        Assessment::none(DROWNED)
     } else {
-        let mut because = format!("{} e-/s a pixel", digits(mean));
+        let mut because = format!("{} e-/s a pixel", three_digits(mean));
         if !pattern.hot().is_empty() {
             because += &format!(", with {}", counted(pattern.hot().len(), "hot pixel"));
         }
@@ -42,11 +42,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             let cells_e = || of_cells(&columns.collect::<Vec<f64>>());
             shown_e(scene, cells_e, EffectId::DarkCurrent)
         };
-        Need {
+        Assessment {
             // However little a pixel expects, somewhere electrons come.
             drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,
-            error: Cost::of(error),
-            ..Need::of_pixels(scene, because, 0.0, ns)
+            error: LazyBound::of(error),
+            ..Assessment::of_pixels(scene, because, 0.0, ns)
         }
     };
     let pass = match pattern.dark_e_s() {
@@ -61,5 +61,5 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             tile.electrons.iter_mut().for_each(|e| *e += dark_e);
         })),
     };
-    (need, pass)
+    (assessment, pass)
 }

@@ -12,31 +12,35 @@
 //! any temperature; pixels of little response, and dead columns and rows, are left out.
 //! Price: by their number.
 
-use super::cause::{counted, digits};
-use super::{Effect, Loss, Need, Pass};
+use super::cause::{counted, three_digits};
+use super::{Assessment, Effect, ErrorBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::held_of;
 use crate::scene::{EffectId, Scene, struck_e};
 
 /// Dead pixels.
-pub const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", judge);
+pub const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let dead = detector.pattern.dead();
-    let need = if dead.is_empty() {
-        Need::none("the detector has no dead pixels")
+    let assessment = if dead.is_empty() {
+        Assessment::none("the detector has no dead pixels")
     } else {
         let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
         let struck = struck_e(scene, dead).fold(0.0, f64::max);
         let all = counted(dead.len(), "dead pixel");
         let because = match held.max(struck) {
             0.0 => format!("{all}, and no charge that they could lose"),
-            most => format!("{all}, up to {} e- in one", digits(most)),
+            most => format!("{all}, up to {} e- in one", three_digits(most)),
         };
-        Need {
+        Assessment {
             drawn_e: struck,
-            ..Need::new(because, Loss::of_pixel(held), dead.len() as f64 * 2e-6)
+            ..Assessment::new(
+                because,
+                ErrorBound::of_pixel(held),
+                dead.len() as f64 * 2e-6,
+            )
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
@@ -46,5 +50,5 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         here.take_while(|pixel| *pixel < first + pixels)
             .for_each(|pixel| tile.electrons[pixel - first] = 0.0);
     }));
-    (need, pass)
+    (assessment, pass)
 }

@@ -11,26 +11,26 @@
 //! another solid angle of area light.
 //! Price: a polynomial, for a fisheye an arc tangent too, each time a track is looked at.
 
-use super::cause::digits;
-use super::{Effect, Loss, Need};
+use super::cause::three_digits;
+use super::{Assessment, Effect, ErrorBound};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
-    Change, STEEPEST_STREAK, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
+    BoundChange, STEEPEST_STREAK, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
 };
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, still_looks};
 
 /// The lens's departure from its ideal.
-pub const DISTORTION: Effect = Effect::images(EffectId::Distortion, "distortion", judge, change);
+pub const DISTORTION: Effect = Effect::images(EffectId::Distortion, "distortion", assess, change);
 
 /// Places along a side of the detector, and of what images pass beside it, at which the
 /// displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
+fn assess(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
-        return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
+        return Assessment::none("the lens has no distortion (optics.projection: k, p, strength)");
     }
     let ideal = optics.projection.ideal();
     // An image whose centre is on the detector has been half of its way beside it.
@@ -59,11 +59,11 @@ fn judge(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
         Model::Fisheye { .. } => 0.6,
         _ => 15.0,
     };
-    let because = format!("it moves images by up to {} px", digits(px));
-    Need::new(because, Loss { e, px }, still_looks(view) * ns * 1e-6)
+    let because = format!("it moves images by up to {} px", three_digits(px));
+    Assessment::new(because, ErrorBound { e, px }, still_looks(view) * ns * 1e-6)
 }
 
-fn change(scene: &Scene, loss: &Loss) -> Loss {
+fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let optics = &scene.view.camera.optics;
     let ideal = optics.projection.ideal();
     let other = scene.simulated.toggled(EffectId::Distortion);
@@ -94,17 +94,17 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let height_e = image.height_e();
         let off_e = image.moved_e(height_e, STEEPEST_STREAK, px);
         let all_e = image.inside_e(height_e, px) * (1.0 + sharper);
-        Change {
+        BoundChange {
             e: (off_e + image.inside_e(height_e, px) * sharper).min(all_e),
-            beside_px: px.min(2.0 * loss.px) + 1.0,
+            beside_px: px.min(2.0 * bound.px) + 1.0,
         }
     });
-    let e = e + areas_changed_e(scene, &other, loss.px);
+    let e = e + areas_changed_e(scene, &other, bound.px);
     // Where it runs, area light without it was laid; else that was moved alone.
     let e = if scene.simulated.has(EffectId::Distortion) {
         e
     } else {
-        e + loss.e
+        e + bound.e
     };
-    Loss { e, ..*loss }
+    ErrorBound { e, ..*bound }
 }

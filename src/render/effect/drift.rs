@@ -21,29 +21,33 @@
 //! Price: some ten products each time a star is looked at.
 
 use super::cause::STILL_IN_FLOOD;
-use super::{Effect, Loss, Need};
+use super::{Assessment, Effect, ErrorBound};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{Change, STEEPEST, STEEPEST_STREAK, changed_e};
+use crate::scene::bounds::{BoundChange, STEEPEST, STEEPEST_STREAK, changed_e};
 use crate::scene::{Body, Candidate, EffectId, EffectSet, Scene, Source, View, work};
 use crate::sky::bodies::LIGHT_M_S;
 use hifitime::Unit;
 use nalgebra::Vector3;
 
 /// The change of the stars' aberration during the exposure.
-pub const ABERRATION_DRIFT: Effect =
-    Effect::images(EffectId::AberrationDrift, "aberration drift", judge, change);
+pub const ABERRATION_DRIFT: Effect = Effect::images(
+    EffectId::AberrationDrift,
+    "aberration drift",
+    assess,
+    change,
+);
 
-fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
+fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     if view.still_in_flood {
-        return Need::none(STILL_IN_FLOOD);
+        return Assessment::none(STILL_IN_FLOOD);
     }
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
-        return Need::none(why_none(view));
+        return Assessment::none(why_none(view));
     }
     let is_star = |candidate: &Candidate| matches!(candidate.body, Body::Star(_));
     if !view.candidates.iter().any(is_star) {
-        return Need::none(if simulated.has(EffectId::Stars) {
+        return Assessment::none(if simulated.has(EffectId::Stars) {
             "no star is in the field"
         } else {
             "stars are switched off"
@@ -62,8 +66,8 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     let px = furthest * view.scale_and_corner_px.0;
     let because = format!("stars move by up to {px:.2e} px from mid-exposure to its ends");
     // Images that would stand still become tracks of two panels.
-    let price_ms = work(view, 0.0, fidelity).moving_ms;
-    Need::new(because, Loss { e: 0.0, px }, price_ms)
+    let estimated_ms = work(view, 0.0, fidelity).moving_ms;
+    Assessment::new(because, ErrorBound { e: 0.0, px }, estimated_ms)
 }
 
 /// Why no star drifts.
@@ -81,8 +85,8 @@ fn why_none(view: &View) -> &'static str {
     }
 }
 
-fn change(scene: &Scene, loss: &Loss) -> Loss {
-    let (view, d) = (&scene.view, loss.px);
+fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
+    let (view, d) = (&scene.view, bound.px);
     let [start, end] = &view.velocity_change_m_s;
     let scale = view.scale_and_corner_px.0;
     // A rolling shutter's rows see the stars at other parts of the path.
@@ -93,17 +97,17 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let beside = |_: &Source| Some(d + 1.0);
     let e = changed_e(scene, &other, false, beside, |image| {
         let Body::Star(_) = image.source.body else {
-            return Change::default();
+            return BoundChange::default();
         };
         let a = image.length_px / 2.0;
         // The length of a straight track of the same second moment.
         let way = (8.0 * (a * d + d * d / 2.0)).sqrt();
         let off = image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, way);
         let streak = image.moved_e(image.height_e(), STEEPEST_STREAK, d);
-        Change {
+        BoundChange {
             e: off.min(streak),
             beside_px: d + 1.0,
         }
     });
-    Loss { e, ..*loss }
+    ErrorBound { e, ..*bound }
 }

@@ -13,7 +13,7 @@
 //! limb, and the passes over the pixels.
 
 use super::Effect;
-use super::area::{judge, up_to};
+use super::area::{assess, up_to};
 use crate::scene::{
     Edge, EffectId, Found, Horizon, NO_ORBIT, Radiance, Surroundings, View, World, not_in_field,
 };
@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// The Earth's disc.
 pub const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene, _| {
     let says = |area: &_| format!("its day side is in the field, {}", up_to(area));
-    judge(scene, EffectId::Earth, says, 240.0)
+    assess(scene, EffectId::Earth, says, 240.0)
 })
 .found_by(find, "no part of its day side is in the field");
 

@@ -12,34 +12,39 @@
 //! over a column; charge moves on evenly.
 //! Price: a sum a pixel.
 
-use super::cause::{digits, no_light};
-use super::{Cost, Effect, Need, Pass};
+use super::cause::{no_light, three_digits};
+use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// The trails of frame transfer.
-pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame transfer", judge);
+pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame transfer", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let trail = &scene.trail_e;
     let most = trail.iter().copied().fold(0.0, f64::max);
     let own = EffectId::FrameTransfer;
-    let need = match scene.view.camera.shutter {
-        Shutter::FrameTransfer { .. } if is_drowned(scene, own) => Need::none(DROWNED),
+    let assessment = match scene.view.camera.shutter {
+        Shutter::FrameTransfer { .. } if is_drowned(scene, own) => Assessment::none(DROWNED),
         Shutter::FrameTransfer { .. } if most > 0.0 => {
-            let because = format!("columns get trails of up to {} e- a pixel", digits(most));
-            Need {
-                error: Cost::of(move || shown_e(scene, || of_cells(trail), own)),
+            let because = format!(
+                "columns get trails of up to {} e- a pixel",
+                three_digits(most)
+            );
+            Assessment {
+                error: LazyBound::of(move || shown_e(scene, || of_cells(trail), own)),
                 drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
-                ..Need::of_pixels(scene, because, 0.0, 0.17)
+                ..Assessment::of_pixels(scene, because, 0.0, 0.17)
             }
         }
-        Shutter::FrameTransfer { .. } => Need::none(no_light(scene)),
-        Shutter::Global => Need::none("the shutter is global: no charge is shifted through light"),
+        Shutter::FrameTransfer { .. } => Assessment::none(no_light(scene)),
+        Shutter::Global => {
+            Assessment::none("the shutter is global: no charge is shifted through light")
+        }
         Shutter::Rolling { .. } => {
-            Need::none("the shutter is rolling: no charge is shifted through light")
+            Assessment::none("the shutter is rolling: no charge is shifted through light")
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {
@@ -49,5 +54,5 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             }
         }
     }));
-    (need, pass)
+    (assessment, pass)
 }

@@ -12,8 +12,8 @@
 //! Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is
 //! worked through once.
 
-use super::cause::digits;
-use super::{Cost, Effect, Need, Pass};
+use super::cause::three_digits;
+use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::kernels::Bloom;
@@ -38,17 +38,17 @@ struct Room {
 }
 
 /// Full well.
-pub const FULL_WELL: Effect = Effect::charge(EffectId::FullWell, "full well", judge);
+pub const FULL_WELL: Effect = Effect::charge(EffectId::FullWell, "full well", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
     let most = drawn_e(brightest) + scene.struck.most_e();
     let spills = detector.blooming == Blooming::Column;
-    let need = if scene.spill.columns.is_empty() {
-        let [most, full] = [most, full].map(digits);
-        Need::none(format!(
+    let assessment = if scene.spill.columns.is_empty() {
+        let [most, full] = [most, full].map(three_digits);
+        Assessment::none(format!(
             "no pixel gets more than {most} of the {full} e- that it holds"
         ))
     } else {
@@ -59,8 +59,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
         };
         let because = format!(
             "a pixel may get {} e-, where it holds {}{spilling}",
-            digits(most),
-            digits(full)
+            three_digits(most),
+            three_digits(full)
         );
         let shown_e = move || {
             let without = scene.simulated.without(EffectId::FullWell);
@@ -70,13 +70,13 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             });
             spilling + straightened_e(scene, &without)
         };
-        let need = Need::of_pixels(scene, because, 0.0, ns);
+        let assessment = Assessment::of_pixels(scene, because, 0.0, ns);
         let spilt = if spills { spilt(scene) } else { 0 };
-        Need {
-            error: Cost::of(shown_e),
+        Assessment {
+            error: LazyBound::of(shown_e),
             drawn_e: most - brightest,
-            price_ms: need.price_ms + (spilt * detector.height) as f64 * 8e-6,
-            ..need
+            estimated_ms: assessment.estimated_ms + (spilt * detector.height) as f64 * 8e-6,
+            ..assessment
         }
     };
     let pass = if spills {
@@ -89,7 +89,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             pixels.for_each(|e| *e = e.min(full as f32));
         }))
     };
-    (need, pass)
+    (assessment, pass)
 }
 
 /// Number of columns with a pixel that noise is likely to bring over its well.

@@ -16,7 +16,7 @@
 //! it is finer than the grid, and the passes over the pixels.
 
 use super::Effect;
-use super::area::{judge, up_to};
+use super::area::{assess, up_to};
 use crate::scene::{
     Edge, EffectId, Found, Horizon, NO_ORBIT, Radiance, Surroundings, View, World, not_in_field,
 };
@@ -28,7 +28,7 @@ use std::sync::Arc;
 /// The Earth's air.
 pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
     let says = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
-    judge(scene, EffectId::Limb, says, 175.0)
+    assess(scene, EffectId::Limb, says, 175.0)
 })
 .found_by(
     find,

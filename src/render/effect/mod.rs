@@ -29,7 +29,7 @@ mod veil;
 mod vignetting;
 mod zodiacal;
 
-pub use cause::{counted, digits};
+pub use cause::{counted, three_digits};
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
@@ -80,39 +80,44 @@ pub struct Effect {
     /// Whether it draws random numbers.
     pub random: bool,
     /// How it is assessed.
-    pub judge: Judge,
+    pub assess: Assess,
     /// How to find its light before the camera, of an area source.
     pub area: Option<Kind>,
 }
 
 impl Effect {
     /// An effect that shapes images.
-    const fn images(id: EffectId, name: &'static str, judge: ImageJudge, change: Change) -> Effect {
-        Effect::of(id, name, Stage::Images, Judge::Images(judge, change))
+    const fn images(
+        id: EffectId,
+        name: &'static str,
+        assess: AssessImages,
+        change: BoundChange,
+    ) -> Effect {
+        Effect::of(id, name, Stage::Images, Assess::Images(assess, change))
     }
 
     /// An effect that adds or removes expected electrons.
-    const fn light(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
-        Effect::of(id, name, Stage::Light, Judge::Pixels(judge))
+    const fn light(id: EffectId, name: &'static str, assess: AssessPixels) -> Effect {
+        Effect::of(id, name, Stage::Light, Assess::Pixels(assess))
     }
 
     /// An effect on drawn electrons.
-    const fn charge(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
-        Effect::of(id, name, Stage::Charge, Judge::Pixels(judge))
+    const fn charge(id: EffectId, name: &'static str, assess: AssessPixels) -> Effect {
+        Effect::of(id, name, Stage::Charge, Assess::Pixels(assess))
     }
 
     /// An effect that makes or changes digital numbers.
-    const fn digits(id: EffectId, name: &'static str, judge: PixelJudge) -> Effect {
-        Effect::of(id, name, Stage::Digits, Judge::Pixels(judge))
+    const fn of_dn(id: EffectId, name: &'static str, assess: AssessPixels) -> Effect {
+        Effect::of(id, name, Stage::Dn, Assess::Pixels(assess))
     }
 
-    const fn of(id: EffectId, name: &'static str, stage: Stage, judge: Judge) -> Effect {
+    const fn of(id: EffectId, name: &'static str, stage: Stage, judge: Assess) -> Effect {
         Effect {
             id,
             name,
             stage,
             random: false,
-            judge,
+            assess: judge,
             area: None,
         }
     }
@@ -161,23 +166,23 @@ pub fn name_of(effect: EffectId) -> &'static str {
 }
 
 /// How an effect is assessed.
-pub enum Judge {
+pub enum Assess {
     /// It shapes the images of sources. Assessed before they are formed, with the effects that
     /// shape them already; its change is bounded when they are.
-    Images(ImageJudge, Change),
+    Images(AssessImages, BoundChange),
     /// It works on pixels.
-    Pixels(PixelJudge),
+    Pixels(AssessPixels),
 }
 
 /// The assessment of an effect that shapes images, given those that shape them already.
-pub type ImageJudge = fn(&View, &EffectSet, &Fidelity) -> Need<'static>;
+pub type AssessImages = fn(&View, &EffectSet, &Fidelity) -> Assessment<'static>;
 
 /// The assessment of an effect on pixels, and its pass over them.
-pub type PixelJudge = for<'s> fn(&'s Scene, &Fidelity) -> (Need<'s>, Pass<'s>);
+pub type AssessPixels = for<'s> fn(&'s Scene, &Fidelity) -> (Assessment<'s>, Pass<'s>);
 
 /// A bound of the final change without an effect, from the formed images and its earlier
 /// assessment.
-pub type Change = fn(&Scene, &Loss) -> Loss;
+pub type BoundChange = fn(&Scene, &ErrorBound) -> ErrorBound;
 
 /// The chain's stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -189,50 +194,50 @@ pub enum Stage {
     /// Turns expected electrons into drawn ones, moves or clips them.
     Charge,
     /// Turns electrons into digital numbers, or changes those.
-    Digits,
+    Dn,
 }
 
 /// The assessment of an effect.
-pub struct Need<'s> {
+pub struct Assessment<'s> {
     /// What in the scene needs it, or why nothing does.
     pub because: Cow<'static, str>,
     /// Bound of the error without it.
-    pub error: Cost<'s>,
+    pub error: LazyBound<'s>,
     /// Change without it in the drawn electrons of one pixel, or of all together, beyond the
     /// expectation of a pixel in `error`, e-. It runs if either exceeds the tolerance.
     pub drawn_e: f64,
     /// Estimated time, ms on one core.
-    pub price_ms: f64,
+    pub estimated_ms: f64,
 }
 
 /// An error bound: known, or computed on first use. Not computed in a frame if `drawn_e` decides.
-pub enum Cost<'s> {
+pub enum LazyBound<'s> {
     /// Known.
-    Told(Loss),
+    Known(ErrorBound),
     /// Computed on first use.
-    Owed(LazyLock<Loss, Box<dyn FnOnce() -> Loss + Send + 's>>),
+    Lazy(LazyLock<ErrorBound, Box<dyn FnOnce() -> ErrorBound + Send + 's>>),
 }
 
-impl<'s> Cost<'s> {
+impl<'s> LazyBound<'s> {
     /// The bound for a pixel (e-) that `e` computes.
-    fn of(e: impl FnOnce() -> f64 + Send + 's) -> Cost<'s> {
-        Cost::Owed(LazyLock::new(Box::new(|| Loss::of_pixel(e()))))
+    fn of(e: impl FnOnce() -> f64 + Send + 's) -> LazyBound<'s> {
+        LazyBound::Lazy(LazyLock::new(Box::new(|| ErrorBound::of_pixel(e()))))
     }
 }
 
-impl From<Loss> for Cost<'_> {
-    fn from(loss: Loss) -> Self {
-        Cost::Told(loss)
+impl From<ErrorBound> for LazyBound<'_> {
+    fn from(bound: ErrorBound) -> Self {
+        LazyBound::Known(bound)
     }
 }
 
-impl Deref for Cost<'_> {
-    type Target = Loss;
+impl Deref for LazyBound<'_> {
+    type Target = ErrorBound;
 
-    fn deref(&self) -> &Loss {
+    fn deref(&self) -> &ErrorBound {
         match self {
-            Cost::Told(loss) => loss,
-            Cost::Owed(loss) => loss,
+            LazyBound::Known(bound) => bound,
+            LazyBound::Lazy(loss) => loss,
         }
     }
 }
@@ -240,7 +245,7 @@ impl Deref for Cost<'_> {
 /// Bound of the final error without an effect, after all later effects in the chain, such as full
 /// wells. For effects on digital numbers, in electrons of those.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Loss {
+pub struct ErrorBound {
     /// Greatest change of a pixel, e-: of its expectation without particles, or rms if the effect
     /// is random.
     pub e: f64,
@@ -268,7 +273,7 @@ impl Pass<'_> {
 }
 
 /// The decision about an effect.
-pub enum Verdict<'s> {
+pub enum Decision<'s> {
     /// It is switched off.
     Off {
         /// Why not.
@@ -286,28 +291,28 @@ pub enum Verdict<'s> {
         /// Why it is needed.
         because: Cow<'static, str>,
         /// What it is expected to take, ms on one core.
-        price_ms: f64,
+        estimated_ms: f64,
     },
 }
 
-impl<'s> Need<'s> {
+impl<'s> Assessment<'s> {
     /// An error bound without it, no further change of drawn electrons, and its estimated time.
     fn new(
         because: impl Into<Cow<'static, str>>,
-        error: impl Into<Cost<'s>>,
+        error: impl Into<LazyBound<'s>>,
         price_ms: f64,
-    ) -> Need<'s> {
-        Need {
+    ) -> Assessment<'s> {
+        Assessment {
             because: because.into(),
             error: error.into(),
             drawn_e: 0.0,
-            price_ms,
+            estimated_ms: price_ms,
         }
     }
 
     /// The effect is not needed: nothing changes without it.
-    pub fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
-        Need::new(why, Loss::default(), 0.0)
+    pub fn none(why: impl Into<Cow<'static, str>>) -> Assessment<'s> {
+        Assessment::new(why, ErrorBound::default(), 0.0)
     }
 
     /// It changes a pixel by at most `e` electrons, and takes `ns` a pixel.
@@ -316,16 +321,16 @@ impl<'s> Need<'s> {
         because: impl Into<Cow<'static, str>>,
         e: f64,
         ns: f64,
-    ) -> Need<'s> {
+    ) -> Assessment<'s> {
         let pixels = scene.view.camera.detector.pixels() as f64;
-        Need::new(because, Loss::of_pixel(e), pixels * ns * 1e-6)
+        Assessment::new(because, ErrorBound::of_pixel(e), pixels * ns * 1e-6)
     }
 
     /// The same without a borrow of the scene.
-    pub fn told<'t>(self) -> Need<'t> {
-        Need {
+    pub fn into_owned<'t>(self) -> Assessment<'t> {
+        Assessment {
             drawn_e: self.drawn_e,
-            ..Need::new(self.because, *self.error, self.price_ms)
+            ..Assessment::new(self.because, *self.error, self.estimated_ms)
         }
     }
 
@@ -337,14 +342,14 @@ impl<'s> Need<'s> {
 
     /// Whether nothing changes without it.
     pub fn is_none(&self) -> bool {
-        self.drawn_e == 0.0 && *self.error == Loss::default()
+        self.drawn_e == 0.0 && *self.error == ErrorBound::default()
     }
 }
 
-impl Loss {
+impl ErrorBound {
     /// The bound for a pixel (e-); no image moves.
-    fn of_pixel(e: f64) -> Loss {
-        Loss { e, px: 0.0 }
+    fn of_pixel(e: f64) -> ErrorBound {
+        ErrorBound { e, px: 0.0 }
     }
 
     /// Whether it is within the tolerances.
@@ -353,12 +358,12 @@ impl Loss {
     }
 }
 
-impl std::fmt::Display for Loss {
+impl std::fmt::Display for ErrorBound {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
-            Loss { e, px: 0.0 } => write!(f, "{e:.3e} e-"),
-            Loss { e: 0.0, px } => write!(f, "{px:.3e} px"),
-            Loss { e, px } => write!(f, "{px:.3e} px, {e:.3e} e-"),
+            ErrorBound { e, px: 0.0 } => write!(f, "{e:.3e} e-"),
+            ErrorBound { e: 0.0, px } => write!(f, "{px:.3e} px"),
+            ErrorBound { e, px } => write!(f, "{px:.3e} px, {e:.3e} e-"),
         }
     }
 }

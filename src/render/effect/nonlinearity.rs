@@ -10,32 +10,32 @@
 //! Validity: `a` up to 1/2, where it would begin to fall; smooth bends, no kinks at low signal.
 //! Price: two products a pixel.
 
-use super::cause::digits;
-use super::{Effect, Need, Pass};
+use super::cause::three_digits;
+use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::{EffectId, Scene, drawn_e};
 
 /// Non-linearity of the pixels' amplifiers.
-pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-linearity", judge);
+pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-linearity", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
     let held = |e: f64| e.min(scene.spill.most_e);
     let missing = |e: f64| held(e) - detector.response_e(held(e));
     let brightest = scene.brightest_e();
-    let need = if share == 0.0 {
-        Need::none("the detector is linear (detector.nonlinearity)")
+    let assessment = if share == 0.0 {
+        Assessment::none("the detector is linear (detector.nonlinearity)")
     } else {
         let most = drawn_e(brightest) + scene.struck.most_e();
         let because = format!(
             "{} % missing at full well, {} % in the fullest pixel",
-            digits(100.0 * share),
-            digits(100.0 * missing(most) / held(most))
+            three_digits(100.0 * share),
+            three_digits(100.0 * missing(most) / held(most))
         );
-        Need {
+        Assessment {
             drawn_e: missing(most),
-            ..Need::of_pixels(scene, because, missing(brightest), 0.7)
+            ..Assessment::of_pixels(scene, because, missing(brightest), 0.7)
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
@@ -43,5 +43,5 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             *e = detector.response_e(f64::from(*e)) as f32;
         }
     }));
-    (need, pass)
+    (assessment, pass)
 }

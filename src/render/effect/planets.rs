@@ -15,5 +15,5 @@ use crate::scene::EffectId;
 /// The planets.
 pub const PLANETS: Effect = Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
     let own_e = |drawn: &[&_]| point::sources_lit_e(scene, drawn);
-    point::judge(scene, fidelity, (EffectId::Planets, "planet"), own_e)
+    point::assess(scene, fidelity, (EffectId::Planets, "planet"), own_e)
 });

@@ -9,8 +9,8 @@
 //! Price: the pixels of each image, computed once for each place that the image comes by
 //! (`scene::work`), and a sum a pixel.
 
-use super::cause::{counted, digits, none_lit};
-use super::{Cost, Effect, Need, Pass};
+use super::cause::{counted, none_lit, three_digits};
+use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{DROWNED, is_drowned, lit_e, shown_e, with_trail};
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
@@ -20,15 +20,15 @@ pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", judge_stars);
 /// The resident space objects.
 pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", judge_rsos);
 
-fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     // Computed with the light of all.
     let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
-    judge(scene, fidelity, (EffectId::Stars, "star"), own_e)
+    assess(scene, fidelity, (EffectId::Stars, "star"), own_e)
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let own_e = |drawn: &[&Source]| sources_lit_e(scene, drawn);
-    judge(scene, fidelity, (EffectId::Rsos, "object"), own_e)
+    assess(scene, fidelity, (EffectId::Rsos, "object"), own_e)
 }
 
 /// A bound (e-) of the light of these alone, for each column of cells.
@@ -37,34 +37,34 @@ pub(super) fn sources_lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
 }
 
 /// The assessment of sources of a kind; `own_e` bounds their light alone, `what` names one.
-pub(super) fn judge<'s>(
+pub(super) fn assess<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
     (effect, what): (EffectId, &'static str),
     own_e: impl Fn(&[&Source]) -> Vec<f64> + Send + 's,
-) -> (Need<'s>, Pass<'s>) {
+) -> (Assessment<'s>, Pass<'s>) {
     let lit = |s: &&Source| s.body.effect() == effect && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
-    let need = if pixels == 0 {
-        Need::none(none_lit(scene, what, effect))
+    let assessment = if pixels == 0 {
+        Assessment::none(none_lit(scene, what, effect))
     } else {
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
-        let (all, most) = (counted(drawn.len(), what), digits(brightest));
+        let (all, most) = (counted(drawn.len(), what), three_digits(brightest));
         let because = format!("{all} in the field, up to {most} e-");
         if is_drowned(scene, effect) {
-            Need::none(format!("{because}: {DROWNED}"))
+            Assessment::none(format!("{because}: {DROWNED}"))
         } else {
             // Their own light, and their part of the column's trail.
             let all = drawn.clone();
             let cells_e = move || with_trail(scene, own_e(&all), || scene.trail_e.clone());
             // Hidden sources have images too: labels give their signal in full light.
             let made = scene.sources.iter().filter(|s| s.body.effect() == effect);
-            let error = Cost::of(move || shown_e(scene, cells_e, effect));
-            Need {
+            let error = LazyBound::of(move || shown_e(scene, cells_e, effect));
+            Assessment {
                 // Thinly spread light also comes in whole electrons.
                 drawn_e: drawn.iter().map(|source| source.electrons).sum(),
-                ..Need::new(because, error, still_ms(scene, made, fidelity))
+                ..Assessment::new(because, error, still_ms(scene, made, fidelity))
             }
         }
     };
@@ -75,5 +75,5 @@ pub(super) fn judge<'s>(
             footprint.light(tile.level, e, rows.clone(), width, tile.electrons);
         }
     }));
-    (need, pass)
+    (assessment, pass)
 }

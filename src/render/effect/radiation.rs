@@ -11,8 +11,8 @@
 //! Validity: charged particles alone, and pixels that keep no memory of them.
 //! Price: by the pixels of the events.
 
-use super::cause::{counted, digits};
-use super::{Effect, Loss, Need, Pass};
+use super::cause::{counted, three_digits};
+use super::{Assessment, Effect, ErrorBound, Pass};
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::greatest;
@@ -20,19 +20,19 @@ use crate::scene::{EffectId, Scene, columns_e, drawn_e};
 use crate::sky::radiation::{FREE_SPACE, flux};
 
 /// Cosmic rays and trapped protons.
-pub const RADIATION: Effect = Effect::charge(EffectId::Radiation, "radiation", judge).random();
+pub const RADIATION: Effect = Effect::charge(EffectId::Radiation, "radiation", assess).random();
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let hits = scene.struck.hits().count();
-    let need = if scene.view.camera.radiation.is_none() {
-        Need::none("the camera file has no [radiation]")
+    let assessment = if scene.view.camera.radiation.is_none() {
+        Assessment::none("the camera file has no [radiation]")
     } else if hits == 0 {
-        Need::none(format!("no particle comes, {}", rate(scene)))
+        Assessment::none(format!("no particle comes, {}", rate(scene)))
     } else {
         let all = counted(scene.events.len(), "particle");
         let because = format!("{all} on the detector, {}", rate(scene));
-        let error = Loss::of_pixel(passed_on(scene));
-        Need::new(because, error, hits as f64 * 3e-6)
+        let error = ErrorBound::of_pixel(passed_on(scene));
+        Assessment::new(because, error, hits as f64 * 3e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());
@@ -40,7 +40,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             tile.electrons[pixel as usize - first] += e as f32;
         }
     }));
-    (need, pass)
+    (assessment, pass)
 }
 
 /// The expected number of particles, and its source.
@@ -61,7 +61,7 @@ fn rate(scene: &Scene) -> String {
         ),
     };
     let expected = radiation.expected_events(&camera.detector, flux, view.exposure.duration_s);
-    let (expected, flux) = (digits(expected), digits(flux));
+    let (expected, flux) = (three_digits(expected), three_digits(flux));
     format!("{expected} expected at {flux} /cm^2/s{by}")
 }
 

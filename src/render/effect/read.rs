@@ -8,28 +8,28 @@
 //! Validity: white and alike in all pixels; no pattern of rows, no random telegraph signals.
 //! Price: a normal draw a pixel.
 
-use super::cause::digits;
-use super::{Effect, Need, Pass};
+use super::cause::three_digits;
+use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
 use crate::scene::{EffectId, Scene};
 
 /// Read noise.
-pub const READ_NOISE: Effect = Effect::charge(EffectId::ReadNoise, "read noise", judge).random();
+pub const READ_NOISE: Effect = Effect::charge(EffectId::ReadNoise, "read noise", assess).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 2;
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let sigma = scene.view.camera.detector.read_noise_e;
-    let need = if sigma == 0.0 {
-        Need::none("the detector reads without noise (detector.read_noise_e)")
+    let assessment = if sigma == 0.0 {
+        Assessment::none("the detector reads without noise (detector.read_noise_e)")
     } else {
-        Need::of_pixels(scene, format!("{} e- rms", digits(sigma)), sigma, 0.9)
+        Assessment::of_pixels(scene, format!("{} e- rms", three_digits(sigma)), sigma, 0.9)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (level, key, first) = (tile.level, tile.key, tile.first);
         kernels::read_noise(level, key, STREAM, first, sigma as f32, tile.electrons);
     }));
-    (need, pass)
+    (assessment, pass)
 }

@@ -7,15 +7,15 @@
 //! Validity: steps of one height; no missing codes.
 //! Price: a product and a rounding a pixel.
 
-use super::{Effect, Need, Pass};
+use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, Converter};
 use crate::scene::{EffectId, Scene};
 
 /// The converter.
-pub const READOUT: Effect = Effect::digits(EffectId::Readout, "readout", judge);
+pub const READOUT: Effect = Effect::of_dn(EffectId::Readout, "readout", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
@@ -24,14 +24,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all = digit * detector.gain_e_per_dn;
     let because = format!("a frame is digits of {} bits", detector.bits);
-    let need = Need::of_pixels(scene, because, all, 0.25);
+    let assessment = Assessment::of_pixels(scene, because, all, 0.25);
     let converter = Converter {
         per_electron,
         offset,
         max: detector.max_dn(),
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
-        kernels::digitise(tile.level, &converter, tile.electrons, tile.digits);
+        kernels::digitise(tile.level, &converter, tile.electrons, tile.dn);
     }));
-    (need, pass)
+    (assessment, pass)
 }

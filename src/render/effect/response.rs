@@ -9,32 +9,32 @@
 //! Validity: a response that does not depend on wavelength, and no pattern of rows and columns.
 //! Price: a product a pixel.
 
-use super::cause::{digits, no_light};
-use super::{Effect, Need, Pass};
+use super::cause::{no_light, three_digits};
+use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{DROWNED, is_drowned, lit_where, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
-pub const PIXEL_RESPONSE: Effect = Effect::light(EffectId::PixelResponse, "pixel response", judge);
+pub const PIXEL_RESPONSE: Effect = Effect::light(EffectId::PixelResponse, "pixel response", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let Some(response) = pattern.response() else {
         let why = "all pixels respond alike (detector.prnu)";
-        return (Need::none(why), Pass::idle());
+        return (Assessment::none(why), Pass::idle());
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let own = EffectId::PixelResponse;
     let worst = shown_e(scene, || lit_where(scene, off), own);
-    let need = if is_drowned(scene, own) {
-        Need::none(DROWNED)
+    let assessment = if is_drowned(scene, own) {
+        Assessment::none(DROWNED)
     } else if worst == 0.0 {
-        Need::none(no_light(scene))
+        Assessment::none(no_light(scene))
     } else {
-        let percent = digits(100.0 * pattern.worst_response());
+        let percent = three_digits(100.0 * pattern.worst_response());
         let because = format!("pixels differ by up to {percent} %");
-        Need::of_pixels(scene, because, worst, 0.2)
+        Assessment::of_pixels(scene, because, worst, 0.2)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let first = tile.first;
@@ -42,5 +42,5 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             *e *= g;
         }
     }));
-    (need, pass)
+    (assessment, pass)
 }

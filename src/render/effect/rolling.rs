@@ -12,23 +12,23 @@
 //! rows are exposed.
 //! Price: four points of each panel in which rows that an image touches open or close.
 
-use super::cause::digits;
-use super::{Effect, Loss, Need};
+use super::cause::three_digits;
+use super::{Assessment, Effect, ErrorBound};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
-    Change, STEEPEST_STREAK, areas_changed_e, changed_e, dimming_px, rolled,
+    BoundChange, STEEPEST_STREAK, areas_changed_e, changed_e, dimming_px, rolled,
 };
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, work};
 
 /// Rows exposed in turn.
 pub const ROLLING_SHUTTER: Effect =
-    Effect::images(EffectId::RollingShutter, "rolling shutter", judge, change);
+    Effect::images(EffectId::RollingShutter, "rolling shutter", assess, change);
 
-fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
+fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
-        return Need::none(match view.camera.shutter {
+        return Assessment::none(match view.camera.shutter {
             Shutter::Global => "the shutter is global: all rows are exposed together",
             Shutter::FrameTransfer { .. } => "frame transfer: all rows are exposed together",
             Shutter::Rolling { .. } => "the detector has one row",
@@ -37,20 +37,20 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
     let off_px = view.longest_track_px(readout_s) / 2.0;
     let swing_px = view.areas_swing_px(readout_s) / 2.0;
     if off_px + swing_px == 0.0 {
-        return Need::none("the body's rates are 0, and no object moves across the field");
+        return Assessment::none("the body's rates are 0, and no object moves across the field");
     }
     if !simulated.moves_images() {
-        return Need::none("images stand still: neither smear nor aberration drift runs");
+        return Assessment::none("images stand still: neither smear nor aberration drift runs");
     }
-    let most_px = digits(2.0 * off_px.max(swing_px));
+    let most_px = three_digits(2.0 * off_px.max(swing_px));
     let because = format!("images move by up to {most_px} px during the readout");
     // Where optics let uneven light pass, what is shifted is weighed otherwise too.
-    let error = Loss {
+    let error = ErrorBound {
         // What edges of area light pass over.
         e: view.areas_peak_e() * swing_px.min(1.0),
         px: off_px * (2.0 - evenness(view)),
     };
-    Need::new(because, error, work(view, view.open_s, fidelity).rolling_ms)
+    Assessment::new(because, error, work(view, view.open_s, fidelity).rolling_ms)
 }
 
 /// The least part of the greatest transmission in the field (1), at most.
@@ -60,26 +60,26 @@ fn evenness(view: &View) -> f64 {
     least / most.max(f64::MIN_POSITIVE)
 }
 
-fn change(scene: &Scene, loss: &Loss) -> Loss {
+fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let other = scene.simulated.toggled(EffectId::RollingShutter);
     let enters = scene.simulated.has(EffectId::RollingShutter);
     let dimming = dimming_px(scene);
-    let beside = |_: &Source| Some(loss.px + 1.0);
+    let beside = |_: &Source| Some(bound.px + 1.0);
     let e = changed_e(scene, &other, enters, beside, |image| {
         let (off_px, longer) = if scene.simulated.has(EffectId::Smear) {
             rolled(scene, image, image.length_px)
         } else {
-            (loss.px, 0.0)
+            (bound.px, 0.0)
         };
         let height_e = image.height_e();
         let all_e = image.inside_e(height_e, off_px);
-        Change {
+        BoundChange {
             e: image.moved_e(height_e, STEEPEST_STREAK, off_px)
                 + all_e * (longer + dimming * off_px).min(1.0),
             beside_px: off_px + 1.0,
         }
     });
     let swing_px = scene.view.areas_swing_px(scene.view.camera.readout_s()) / 2.0;
-    let e = e + areas_changed_e(scene, &other, loss.px + swing_px);
-    Loss { e, ..*loss }
+    let e = e + areas_changed_e(scene, &other, bound.px + swing_px);
+    ErrorBound { e, ..*bound }
 }

@@ -10,8 +10,8 @@
 //! Validity: one electron a photon, so no gain before the charge is read.
 //! Price: a draw a pixel, by search at small means, else by an expansion.
 
-use super::cause::{digits, no_light};
-use super::{Effect, Loss, Need, Pass};
+use super::cause::{no_light, three_digits};
+use super::{Assessment, Effect, ErrorBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::kernels;
 use crate::scene::bounds::greatest;
@@ -19,32 +19,32 @@ use crate::scene::{EffectId, Scene, columns_e};
 use skyloop_base::rng::poisson::Switch;
 
 /// Shot noise.
-pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise", judge).random();
+pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise", assess).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;
 
-fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let most = scene.brightest_e();
     let no_dark = if scene.simulated.has(EffectId::DarkCurrent) {
         "no dark current"
     } else {
         "dark current is switched off"
     };
-    let need = if most == 0.0 {
-        Need::none(format!("{}; {no_dark}", no_light(scene)))
+    let assessment = if most == 0.0 {
+        Assessment::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
         let e = most.min(scene.spill.most_e).sqrt().max(spilt_e(scene));
-        let most = digits(most);
+        let most = three_digits(most);
         let because = format!("charge comes in electrons, up to {most} in a pixel");
-        Need::new(because, Loss::of_pixel(e), price_ms(scene))
+        Assessment::new(because, ErrorBound::of_pixel(e), estimated_ms(scene))
     };
     let switch = Switch::within(fidelity.poisson_tv);
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (level, key, first) = (tile.level, tile.key, tile.first);
         kernels::shot_noise(level, key, STREAM, first, switch, tile.electrons);
     }));
-    (need, pass)
+    (assessment, pass)
 }
 
 /// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that
@@ -68,7 +68,7 @@ const LOOKED_AT: usize = 256;
 
 /// Estimated time of drawing, ms, from the means of some pixels, at a step that is no multiple of
 /// the columns.
-fn price_ms(scene: &Scene) -> f64 {
+fn estimated_ms(scene: &Scene) -> f64 {
     let pixels = scene.view.camera.detector.pixels();
     let step = (pixels / LOOKED_AT) | 1;
     let looked = (0..pixels).step_by(step);

@@ -12,18 +12,18 @@
 //! Validity: body rates are constant during the exposure; an object's own track is a parabola.
 //! Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
-use super::cause::{STILL_IN_FLOOD, digits};
-use super::{Effect, Loss, Need};
+use super::cause::{STILL_IN_FLOOD, three_digits};
+use super::{Assessment, Effect, ErrorBound};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{Change, STEEPEST, areas_changed_e, changed_e, dimming_px, rolled};
+use crate::scene::bounds::{BoundChange, STEEPEST, areas_changed_e, changed_e, dimming_px, rolled};
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, areas_smear_ms, work};
 
 /// Motion during the exposure.
-pub const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", judge, change);
+pub const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", assess, change);
 
-fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
+fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     if view.still_in_flood {
-        return Need::none(STILL_IN_FLOOD);
+        return Assessment::none(STILL_IN_FLOOD);
     }
     let length_px = view.longest_track_px(view.exposure.duration_s);
     let swing_px = view.areas_swing_px(view.exposure.duration_s);
@@ -33,29 +33,29 @@ fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'stati
         readout_s => view.longest_track_px(readout_s) / 2.0,
     };
     if length_px + swing_px == 0.0 {
-        return Need::none("the body's rates are 0, and no object moves across the field");
+        return Assessment::none("the body's rates are 0, and no object moves across the field");
     }
     let moving_ms = |seconds: f64| work(view, seconds, fidelity).moving_ms;
     // Tracks below the tolerance are points.
-    let price_ms = if length_px <= fidelity.skip_px {
+    let estimated_ms = if length_px <= fidelity.skip_px {
         0.0
     } else if simulated.has(EffectId::AberrationDrift) {
         moving_ms(view.exposure.duration_s) - moving_ms(0.0)
     } else {
         moving_ms(view.exposure.duration_s)
     };
-    let most_px = digits(length_px.max(swing_px));
+    let most_px = three_digits(length_px.max(swing_px));
     let because = format!("images move by up to {most_px} px");
-    let error = Loss {
+    let error = ErrorBound {
         // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is
         // below 0.7 of a pixel's.
         e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
         px: length_px / 2.0 + rolled_px,
     };
-    Need::new(because, error, price_ms + areas_smear_ms(view))
+    Assessment::new(because, error, estimated_ms + areas_smear_ms(view))
 }
 
-fn change(scene: &Scene, loss: &Loss) -> Loss {
+fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let simulated = &scene.simulated;
     // Without smear images have the ends of their true tracks, unless they drift.
     let own = simulated.has(EffectId::Smear) || !simulated.has(EffectId::AberrationDrift);
@@ -72,7 +72,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let moved_px = if simulated.has(EffectId::Smear) {
         scene.view.longest_track_px(scene.view.camera.readout_s()) / 2.0
     } else {
-        loss.px
+        bound.px
     };
     let dimming = dimming_px(scene);
     let beside = |_: &Source| Some(moved_px + 1.0);
@@ -80,7 +80,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let (length_px, bend_px) = if own {
             (image.length_px, image.bend_px())
         } else {
-            (2.0 * loss.px, 2.0 * loss.px)
+            (2.0 * bound.px, 2.0 * bound.px)
         };
         let (rolled_px, longer) = rolled(scene, image, length_px);
         let moved = if simulated.has(EffectId::Smear) {
@@ -92,12 +92,12 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let e = image.spread_e(image.still_e, length_px)
             + image.moved_e(image.still_e, STEEPEST, bend_px + rolled_px)
             + all_e * (longer + dimming * (moved + length_px / 2.0)).min(1.0);
-        Change {
+        BoundChange {
             e: e.min(all_e),
             beside_px: moved + 1.0,
         }
     });
     let swing_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
-    let e = e + areas_changed_e(scene, &other, (2.0 * loss.px + swing_px).powi(2) / 3.0);
-    Loss { e, ..*loss }
+    let e = e + areas_changed_e(scene, &other, (2.0 * bound.px + swing_px).powi(2) / 3.0);
+    ErrorBound { e, ..*bound }
 }

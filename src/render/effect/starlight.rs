@@ -12,14 +12,14 @@
 //! sampled place, and the passes over the pixels.
 
 use super::Effect;
-use super::area::{judge, up_to};
+use super::area::{assess, up_to};
 use super::background::{EARTH_FILLS, behind_the_earth};
 use crate::scene::{EffectId, Found, Surroundings, View, World};
 use nalgebra::Vector3;
 
 /// Starlight below the catalogue's limit.
 pub const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
-    judge(scene, EffectId::Starlight, up_to, 330.0)
+    assess(scene, EffectId::Starlight, up_to, 330.0)
 })
 .found_by(find, EARTH_FILLS);
 

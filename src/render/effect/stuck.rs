@@ -11,19 +11,19 @@
 //! Price: by their number.
 
 use super::cause::counted;
-use super::{Effect, Loss, Need, Pass};
+use super::{Assessment, Effect, ErrorBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::held_of;
 use crate::scene::{EffectId, Scene};
 
 /// Stuck pixels.
-pub const STUCK_PIXELS: Effect = Effect::digits(EffectId::StuckPixels, "stuck pixels", judge);
+pub const STUCK_PIXELS: Effect = Effect::of_dn(EffectId::StuckPixels, "stuck pixels", assess);
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
+fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (stuck, dn) = (detector.pattern.stuck(), detector.stuck_dn);
-    let need = if stuck.is_empty() {
-        Need::none("the detector has no stuck pixels")
+    let assessment = if stuck.is_empty() {
+        Assessment::none("the detector has no stuck pixels")
     } else {
         let gain = detector.gain_e_per_dn;
         let instead_e = (f64::from(dn) - detector.offset_dn) * gain;
@@ -44,15 +44,15 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             });
         let because = format!("{} at {dn} DN", counted(stuck.len(), "stuck pixel"));
         // Digits are whole.
-        let error = Loss::of_pixel(off.fold(0.0, f64::max) + gain);
-        Need::new(because, error, stuck.len() as f64 * 2e-6)
+        let error = ErrorBound::of_pixel(off.fold(0.0, f64::max) + gain);
+        Assessment::new(because, error, stuck.len() as f64 * 2e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
-        let (first, pixels) = (tile.first, tile.digits.len());
+        let (first, pixels) = (tile.first, tile.dn.len());
         let from = stuck.partition_point(|pixel| (*pixel as usize) < first);
         let here = stuck[from..].iter().map(|pixel| *pixel as usize);
         here.take_while(|pixel| *pixel < first + pixels)
-            .for_each(|pixel| tile.digits[pixel - first] = dn);
+            .for_each(|pixel| tile.dn[pixel - first] = dn);
     }));
-    (need, pass)
+    (assessment, pass)
 }

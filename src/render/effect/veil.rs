@@ -15,8 +15,8 @@
 //! Price: the passes over the pixels.
 
 use super::Effect;
-use super::area::{judge, up_to};
-use super::cause::digits;
+use super::area::{assess, up_to};
+use super::cause::three_digits;
 use crate::scene::{
     AreaLight, EffectId, Found, NO_ORBIT, Radiance, Scene, Surroundings, View, World, moons_light,
 };
@@ -32,17 +32,17 @@ const LOOK_NS: f64 = 45.0;
 
 /// Sunlight.
 pub const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scene, _| {
-    judge(scene, EffectId::Sunlight, |area| sun(scene, area), LOOK_NS)
+    assess(scene, EffectId::Sunlight, |area| sun(scene, area), LOOK_NS)
 })
 .found_by(sunlight, NOTHING);
 /// Moonglow.
 pub const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
-    judge(scene, EffectId::Moonglow, scatters, LOOK_NS)
+    assess(scene, EffectId::Moonglow, scatters, LOOK_NS)
 })
 .found_by(moonglow, NOTHING);
 /// Earthshine.
 pub const EARTHSHINE: Effect = Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
-    judge(scene, EffectId::Earthshine, scatters, LOOK_NS)
+    assess(scene, EffectId::Earthshine, scatters, LOOK_NS)
 })
 .found_by(earthshine, NOTHING);
 
@@ -53,7 +53,7 @@ fn scatters(area: &AreaLight) -> String {
 fn sun(scene: &Scene, area: &AreaLight) -> String {
     let sun = &scene.view.sun;
     let [angle, exclusion] = [sun.angle, scene.view.camera.optics.stray.sun_exclusion];
-    let [angle, exclusion] = [angle, exclusion].map(|rad| digits(rad.to_degrees()));
+    let [angle, exclusion] = [angle, exclusion].map(|rad| three_digits(rad.to_degrees()));
     if sun.excluded {
         format!(
             "the Sun is {angle} deg from the boresight, within the exclusion angle of {exclusion}: the frame saturates"

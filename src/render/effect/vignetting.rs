@@ -18,35 +18,41 @@
 //!
 //! Price: a few products, or the arc tangent of a table, each time a track is looked at.
 
-use super::cause::digits;
-use super::{Effect, Loss, Need};
+use super::cause::three_digits;
+use super::{Assessment, Effect, ErrorBound};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{Change, areas_changed_e, areas_taken_e, changed_e, lines_of_sight};
+use crate::scene::bounds::{
+    BoundChange, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
+};
 use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_looks, work};
 
 /// The transmission off the boresight.
-pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", judge, change);
+pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", assess, change);
 
-fn judge(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Need<'static> {
+fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
-        return Need::none("the optics have no vignetting");
+        return Assessment::none("the optics have no vignetting");
     }
     let [least, most] = vignetting.range(view.camera.cone_rad(0.0));
     let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs())
         + areas_e(view, simulated, 1.0 - least);
     if e == 0.0 {
-        return Need::none(why_none(view, simulated));
+        return Assessment::none(why_none(view, simulated));
     }
     let ns = match vignetting {
         Vignetting::Table(_) => 22.0,
         _ => 4.0,
     };
     let px = view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0);
-    let [least, most] = [least, most].map(|part| digits(100.0 * part));
+    let [least, most] = [least, most].map(|part| three_digits(100.0 * part));
     let because = format!("{least} to {most} % of the light passes");
-    Need::new(because, Loss { e, px }, looks(view, fidelity) * ns * 1e-6)
+    Assessment::new(
+        because,
+        ErrorBound { e, px },
+        looks(view, fidelity) * ns * 1e-6,
+    )
 }
 
 /// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass
@@ -96,7 +102,7 @@ fn looks(view: &View, fidelity: &Fidelity) -> f64 {
     still_looks(view) + moving + rolling
 }
 
-fn change(scene: &Scene, loss: &Loss) -> Loss {
+fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let (vignetting, simulated) = (&scene.view.camera.optics.vignetting, &scene.simulated);
     let moves = simulated.moves_images();
     let seen = lines_of_sight(scene);
@@ -137,7 +143,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             } else {
                 image.height_e()
             };
-            Change {
+            BoundChange {
                 e: clear_e * taken.min(1.0),
                 beside_px: 0.0,
             }
@@ -147,9 +153,9 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let e = if simulated.has(EffectId::Vignetting) {
         e + areas_changed_e(scene, &other, 0.0)
     } else {
-        e.max(loss.e)
+        e.max(bound.e)
     };
-    Loss {
+    ErrorBound {
         e,
         px: off_px.fold(0.0, f64::max),
     }

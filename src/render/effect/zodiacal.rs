@@ -12,7 +12,7 @@
 //! the table for each sampled place, and the passes over the pixels.
 
 use super::Effect;
-use super::area::{judge, up_to};
+use super::area::{assess, up_to};
 use super::background::{EARTH_FILLS, behind_the_earth};
 use crate::scene::{EffectId, Found, Surroundings, View, World};
 use crate::sky::zodiacal::{ZodiacalLight, distance_factor};
@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 /// Zodiacal light.
 pub const ZODIACAL_LIGHT: Effect =
     Effect::light(EffectId::ZodiacalLight, "zodiacal light", |scene, _| {
-        judge(scene, EffectId::ZodiacalLight, up_to, 260.0)
+        assess(scene, EffectId::ZodiacalLight, up_to, 260.0)
     })
     .found_by(find, EARTH_FILLS);
 

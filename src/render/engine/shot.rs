@@ -65,14 +65,14 @@ impl Shot {
 }
 
 /// Observes a frame while it is made, on the thread that makes it.
-pub trait Witness: Sync {
+pub trait FrameObserver: Sync {
     /// The label is complete.
     fn labelled(&self, _: Opening) {}
 
     /// Rows are complete: the first pixel (row-major), and the pixel values from there on. Not
     /// called if all rows complete together.
-    fn developed(&self, _first: usize, _digits: &[u16]) {}
+    fn rows_done(&self, _first: usize, _digits: &[u16]) {}
 }
 
 /// Observes nothing.
-impl Witness for () {}
+impl FrameObserver for () {}

@@ -169,7 +169,7 @@ knobs! {
 impl Fidelity {
     /// The share (1) of the light of a source of so many `electrons` that may fall outside its
     /// stamp, where its wings are narrow.
-    pub fn loss(&self, electrons: f64) -> f64 {
+    pub fn bound(&self, electrons: f64) -> f64 {
         const MOST: f64 = 1e-4;
         if self.loss_e > 0.0 {
             (self.loss_e / electrons).min(MOST).max(self.psf_loss)

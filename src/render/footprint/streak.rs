@@ -78,7 +78,7 @@ impl Footprint {
             return Some(Footprint::default());
         };
         let sides = [camera.detector.width as i32, camera.detector.height as i32];
-        let footprint = if fidelity.loss(light.electrons) < LITTLE {
+        let footprint = if fidelity.bound(light.electrons) < LITTLE {
             let light =
                 rows.laid(|sheet| kernels::lay_dots_finely(level, double, &circle, &dots, sheet));
             rows.cut(&light, sides)

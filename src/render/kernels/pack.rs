@@ -2,15 +2,15 @@
 
 /// Pixels that are packed at a time, and their octets.
 const PIXELS: usize = 8;
-const OCTETS: usize = 12;
+const BYTES: usize = 12;
 
 /// Packs pixels of 12 bits, first bit first (`AAAAAAAA AAAABBBB BBBBBBBB`), an odd last one into
 /// two octets: four pixels are one number of 48 bits.
 #[inline(always)]
-pub fn body(pixels: &[u16], octets: &mut [u8]) {
+pub fn body(pixels: &[u16], bytes: &mut [u8]) {
     let (blocks, rest) = pixels.as_chunks::<PIXELS>();
-    let (whole, tail) = octets.split_at_mut((blocks.len() * OCTETS).min(octets.len()));
-    for (octets, block) in whole.as_chunks_mut::<OCTETS>().0.iter_mut().zip(blocks) {
+    let (whole, tail) = bytes.split_at_mut((blocks.len() * BYTES).min(bytes.len()));
+    for (bytes, block) in whole.as_chunks_mut::<BYTES>().0.iter_mut().zip(blocks) {
         let mut pairs = [0u32; PIXELS / 2];
         for i in 0..PIXELS / 2 {
             pairs[i] = u32::from(block[2 * i]) << 12 | u32::from(block[2 * i + 1]);
@@ -18,20 +18,20 @@ pub fn body(pixels: &[u16], octets: &mut [u8]) {
         let four = |i: usize| (u64::from(pairs[i]) << 24 | u64::from(pairs[i + 1])) << 16;
         let [first, second] = [four(0).to_be_bytes(), four(2).to_be_bytes()];
         // The first's two last octets are none: the second takes their place.
-        octets[..8].copy_from_slice(&first);
-        octets[6..].copy_from_slice(&second[..6]);
+        bytes[..8].copy_from_slice(&first);
+        bytes[6..].copy_from_slice(&second[..6]);
     }
     twin(rest, tail);
 }
 
 /// The same, pair by pair.
 #[inline(always)]
-pub fn twin(pixels: &[u16], octets: &mut [u8]) {
-    for (octets, pair) in octets.chunks_mut(3).zip(pixels.chunks(2)) {
+pub fn twin(pixels: &[u16], bytes: &mut [u8]) {
+    for (octets, pair) in bytes.chunks_mut(3).zip(pixels.chunks(2)) {
         let [a, b] = [pair[0], pair.get(1).copied().unwrap_or_default()];
         let packed = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, b as u8];
-        for (octet, packed) in octets.iter_mut().zip(packed) {
-            *octet = packed;
+        for (byte, packed) in octets.iter_mut().zip(packed) {
+            *byte = packed;
         }
     }
 }
@@ -44,17 +44,17 @@ mod tests {
     #[test]
     fn all_levels_pack_as_the_wire_has_it() {
         // X-Val: by hand, from the bits.
-        let mut octets = [0xFF; 5];
-        pack_12(None, &[0xABC, 0x123, 0xFED], &mut octets);
-        assert_eq!(octets, [0xAB, 0xC1, 0x23, 0xFE, 0xD0]);
+        let mut bytes = [0xFF; 5];
+        pack_12(None, &[0xABC, 0x123, 0xFED], &mut bytes);
+        assert_eq!(bytes, [0xAB, 0xC1, 0x23, 0xFE, 0xD0]);
         for count in (0u32..70).chain([1023]) {
             let pixels: Vec<u16> = (0..count)
                 .map(|i| (i.wrapping_mul(2_654_435_761) >> 20) as u16)
                 .collect();
             let packed = |level: Option<Level>| {
-                let mut octets = vec![0xFF; (pixels.len() * 3).div_ceil(2)];
-                pack_12(level, &pixels, &mut octets);
-                octets
+                let mut bytes = vec![0xFF; (pixels.len() * 3).div_ceil(2)];
+                pack_12(level, &pixels, &mut bytes);
+                bytes
             };
             let twin = packed(None);
             for level in Level::available() {

@@ -3,13 +3,13 @@
 use super::coordinates::km;
 use super::fidelity::FidelityLabel;
 use super::object::{ObjectLabel, object};
-use super::objects::{OCTETS, Objects};
+use super::objects::{BYTES, Objects};
 use super::rounded::{e4, e6, some_bound, some_e4, some_short};
 use super::visible::is_listed;
 use super::{empty, spot, unseen};
 use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
-use crate::effect::{Verdict, name_of};
+use crate::effect::{Decision, name_of};
 use crate::plan::{Plan, Step};
 use crate::scene::{EffectId, Scene, Source, World, flooded_by};
 use nalgebra::Vector3;
@@ -135,11 +135,13 @@ pub struct EffectLabel {
 impl EffectLabel {
     /// The verdict of one of a plan's steps.
     pub fn new(plan: &Plan<'_>, step: &Step<'_>) -> EffectLabel {
-        let (why, error, price_ms) = match &step.verdict {
-            Verdict::Off { why } => (*why, None, None),
-            Verdict::Skip { why } => (&**why, plan.error(step), None),
-            Verdict::Run {
-                because, price_ms, ..
+        let (why, error, price_ms) = match &step.decision {
+            Decision::Off { why } => (*why, None, None),
+            Decision::Skip { why } => (&**why, plan.error(step), None),
+            Decision::Run {
+                because,
+                estimated_ms: price_ms,
+                ..
             } => (&**because, None, Some(*price_ms)),
         };
         EffectLabel {
@@ -260,7 +262,7 @@ impl Label {
     pub fn to_json_in(&self, memory: String) -> String {
         let mut text = memory.into_bytes();
         text.clear();
-        text.reserve(4096 + OCTETS * self.objects.len());
+        text.reserve(4096 + BYTES * self.objects.len());
         let text = match self.write(&mut text) {
             Ok(()) => String::from_utf8(text).map_err(|error| error.to_string()),
             Err(error) => Err(error.to_string()),

@@ -7,7 +7,7 @@ use serde_json::{Result, to_writer};
 use std::ops::{Deref, DerefMut};
 
 /// Octets that an object's text has at most, but for few.
-pub(super) const OCTETS: usize = 1024;
+pub(super) const BYTES: usize = 1024;
 
 /// Objects whose texts one thread makes at least.
 const TASK: usize = 64;
@@ -85,7 +85,7 @@ fn write_all<T: Sync>(
         return append(all, text);
     }
     let texts = all.par_chunks(TASK).map(|some| {
-        let mut text = Vec::with_capacity(OCTETS * some.len());
+        let mut text = Vec::with_capacity(BYTES * some.len());
         append(some, &mut text).map(|()| text)
     });
     for part in texts.collect::<Result<Vec<Vec<u8>>>>()? {

@@ -161,9 +161,9 @@ impl Imaging<'_> {
     fn disc(&self, elements: &[Element], candidate: &Candidate) -> Point {
         let view = self.view;
         // The part that is not drawn would show, of so much light.
-        let loss = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
+        let bound = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
         let fidelity = &Fidelity {
-            psf_loss: self.fidelity.psf_loss.min(loss),
+            psf_loss: self.fidelity.psf_loss.min(bound),
             ..*self.fidelity
         };
         let imaging = Imaging { fidelity, ..*self };

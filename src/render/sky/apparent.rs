@@ -166,7 +166,7 @@ impl Observer {
 
 /// A star's place and way at the catalogue's epoch, ICRS: what its direction is computed from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StarWay {
+pub struct StarMotion {
     /// [`catalogue_direction`].
     pub direction: Vector3<f64>,
     /// The change of the direction by proper motion, rad per Julian year.
@@ -175,15 +175,15 @@ pub struct StarWay {
     pub parallax_rad: f64,
 }
 
-impl StarWay {
+impl StarMotion {
     /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east
     /// and north.
-    pub fn of(place: &StarPlace) -> StarWay {
+    pub fn of(place: &StarPlace) -> StarMotion {
         let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
         let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
         let east = Vector3::new(-sin_ra, cos_ra, 0.0);
         let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
-        StarWay {
+        StarMotion {
             direction: catalogue_direction(place),
             motion: east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr,
             parallax_rad: place.parallax_rad,
@@ -217,7 +217,7 @@ impl<'a> Sight<'a> {
 
     /// The direction of a star: unit vector, axes of the ICRF. Within 2 milliarcsec of independent
     /// libraries for stars without radial velocity (see the head of this file).
-    pub fn of_star(&self, star: &StarWay) -> Vector3<f64> {
+    pub fn of_star(&self, star: &StarMotion) -> Vector3<f64> {
         // Uniform space motion and parallax, in units of the star's distance at the catalogue's
         // epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au

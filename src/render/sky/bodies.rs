@@ -65,10 +65,10 @@ impl Bodies {
     /// km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec from the Earth's centre.
     pub fn after(&self, dt_s: f64) -> Self {
         // The Sun's own way is 13 m/s.
-        let way_m = self.earth_barycentric_velocity_m_s * dt_s;
+        let path_m = self.earth_barycentric_velocity_m_s * dt_s;
         Self {
-            earth_barycentric_m: self.earth_barycentric_m + way_m,
-            sun_geocentric_m: self.sun_geocentric_m - way_m,
+            earth_barycentric_m: self.earth_barycentric_m + path_m,
+            sun_geocentric_m: self.sun_geocentric_m - path_m,
             moon_geocentric_m: self.moon_geocentric_m + self.moon_geocentric_velocity_m_s * dt_s,
             ..*self
         }

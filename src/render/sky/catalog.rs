@@ -195,11 +195,11 @@ fn decode(record: &[u8]) -> Star {
 
 /// `len` octets from `at`, little-endian.
 fn unsigned(record: &[u8], at: usize, len: usize) -> u32 {
-    let octets = record.get(at..at + len).unwrap_or_default();
-    octets
+    let bytes = record.get(at..at + len).unwrap_or_default();
+    bytes
         .iter()
         .rev()
-        .fold(0, |value, &octet| value << 8 | u32::from(octet))
+        .fold(0, |value, &byte| value << 8 | u32::from(byte))
 }
 
 /// The same in two's complement.

@@ -131,15 +131,15 @@ impl Field<'_> {
         let to_teme = rotation.transpose();
         let observer = to_teme * mid.position_m * 1e-3;
         let half_s = self.duration_s() / 2.0;
-        let way_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
-        let way_km = way_km + BOUND_KM + ROUNDING_KM;
+        let path_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
+        let path_km = path_km + BOUND_KM + ROUNDING_KM;
         let axis = (to_teme * self.axis).into();
         let angle = (self.angle + WANDER).min(PI);
         // An observer inside the Earth looks through it.
-        let outside = observer.norm() > EARTH_KM + 100.0 + way_km;
+        let outside = observer.norm() > EARTH_KM + 100.0 + path_km;
         Test {
             sun_km: to_teme * mid.bodies.sun_apparent_m() * 1e-3,
-            cone: Cone::new(observer.into(), axis, angle, way_km),
+            cone: Cone::new(observer.into(), axis, angle, path_km),
             sides: self
                 .sides
                 .iter()
@@ -148,7 +148,7 @@ impl Field<'_> {
                     (to_teme * side.inward, libm::sin(beyond))
                 })
                 .collect(),
-            earth_km: if outside { EARTH_KM - way_km } else { 0.0 },
+            earth_km: if outside { EARTH_KM - path_km } else { 0.0 },
             reach_km: self.reach_m * 1e-3,
             bright,
         }
@@ -220,7 +220,7 @@ impl Look for Test<'_> {
 impl Test<'_> {
     /// The result for one object by its state (TEME) and the bound of its light: none if it is not
     /// in the field, else why it is not seen. An object faster than any bound orbit always remains.
-    pub fn judge(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
+    pub fn assess(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
         if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
             return Some(Ok(()));
         }
@@ -240,7 +240,7 @@ impl Test<'_> {
         // An object `b` rad beyond a plane at distance r is r sin b below it; if it moves by w it
         // may have been further away, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
-            line.dot(inward) >= -(range + self.cone.way_km) * sin - self.cone.way_km
+            line.dot(inward) >= -(range + self.cone.path_km) * sin - self.cone.path_km
         };
         if !self.sides.iter().all(inside) {
             return None;
@@ -264,9 +264,9 @@ impl Test<'_> {
         // At the smallest phase angle of the exposure, where it is brightest.
         let to_sun = self.sun_km - observer - line;
         let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
-        let turn = PI * self.cone.way_km / range + WANDER;
+        let turn = PI * self.cone.path_km / range + WANDER;
         let area = bright.reflective_area((libm::acos(phase) - turn).max(0.0));
         let reach_km = self.reach_km * area.sqrt();
-        (range - self.cone.way_km > reach_km).then_some(Unseen::TooFaint)
+        (range - self.cone.path_km > reach_km).then_some(Unseen::TooFaint)
     }
 }

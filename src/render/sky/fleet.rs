@@ -78,8 +78,8 @@ impl Fleet {
     }
 
     /// Bytes of memory that they take.
-    pub fn octets(&self) -> usize {
-        self.tracks.octets()
+    pub fn bytes(&self) -> usize {
+        self.tracks.bytes()
             + self.sets.capacity() * size_of::<(u32, u32)>()
             + self.bright.capacity() * size_of::<Bright>()
     }

@@ -38,9 +38,9 @@ impl Population {
 
     /// Bytes of memory that the objects take, names and looks included, with 16 for each
     /// allocation.
-    pub fn octets(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         let fleet = self.fleet.get().and_then(|fleet| fleet.lock().ok());
-        self.objects.bytes() + fleet.map_or(0, |fleet| fleet.octets())
+        self.objects.bytes() + fleet.map_or(0, |fleet| fleet.bytes())
     }
 
     /// Indices of the objects that may be in the field at some time of the exposure, in no order;

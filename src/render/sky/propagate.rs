@@ -124,7 +124,7 @@ impl Propagation<'_> {
         };
         let teme = state.rotated(&self.at.rotations[1].transpose());
         let bright = population.brightest(index as usize);
-        if let Err(why) = self.test.judge(&teme, bright)? {
+        if let Err(why) = self.test.assess(&teme, bright)? {
             return Some(Close::Unseen(index as usize, why));
         }
         if !self.field.may_hold(&state) {

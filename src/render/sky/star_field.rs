@@ -1,7 +1,7 @@
 //! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's
 //! band.
 
-use super::apparent::{Corrections, Observer, Sight, StarPlace, StarWay};
+use super::apparent::{Corrections, Observer, Sight, StarMotion, StarPlace};
 use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
@@ -29,7 +29,7 @@ pub struct StarField {
 struct Entry {
     /// Into the catalogue.
     index: u32,
-    way: StarWay,
+    way: StarMotion,
     /// Magnitude in the camera's band.
     band_mag: f64,
     /// See [`Band::wavelength_ratio`].
@@ -97,8 +97,8 @@ impl Group {
 
 /// The order in which stars that follow each other stand together, by their indices: strip by
 /// strip, around the pole in each.
-fn order(stars: &[StarWay]) -> Vec<u32> {
-    let key = |(index, star): (usize, &StarWay)| {
+fn order(stars: &[StarMotion]) -> Vec<u32> {
+    let key = |(index, star): (usize, &StarMotion)| {
         let at = &star.direction;
         (
             (at.z / STRIP).floor(),
@@ -141,7 +141,7 @@ impl StarField {
             }
         };
         let places = stars.par_iter().map(place);
-        let ways: Vec<StarWay> = places.map(|place| StarWay::of(&place)).collect();
+        let ways: Vec<StarMotion> = places.map(|place| StarMotion::of(&place)).collect();
         let entry = |index: u32| {
             let star = &stars[index as usize];
             Entry {

@@ -87,7 +87,7 @@ fn photon_transfer_recovers_gain_and_read_noise() {
         emulator.camera_mut().exposure_s = exposure_s;
         let (mut means, mut variances) = (0.0, 0.0);
         for pair in 0..4 {
-            let [a, b] = [0, 1].map(|i| shoot(&mut emulator, sequence + 2 * pair + i).frame.digits);
+            let [a, b] = [0, 1].map(|i| shoot(&mut emulator, sequence + 2 * pair + i).frame.dn);
             let pairs = a.iter().zip(&b);
             let both = || pairs.clone().map(|(a, b)| (f64::from(*a), f64::from(*b)));
             means += mean(both().map(|(a, b)| (a + b) / 2.0)) / 4.0;
@@ -130,9 +130,9 @@ fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
         assert!((warm / cold / 4.0 - 1.0).abs() < 1e-6, "{warm} {cold}");
     }
     // 4000 e-/s and 1 % of 500, in digits, within the scatter of the pattern and of the frame.
-    let digits = mean(warm.frame.digits.iter().map(|dn| f64::from(*dn))) - 200.0;
+    let dn = mean(warm.frame.dn.iter().map(|dn| f64::from(*dn))) - 200.0;
     let error = 4000.0 * 0.4 / 51_200f64.sqrt();
-    assert!((2.5 * digits - 4005.0).abs() < 5.0 * error, "{digits}");
+    assert!((2.5 * dn - 4005.0).abs() < 5.0 * error, "{dn}");
     let told = warm.label.background_e_px;
     assert!((told - mean(all(&warm).iter().map(|e| f64::from(*e)))).abs() < 0.01);
     assert!((told / cold.label.background_e_px - 4.0).abs() < 1e-6);
@@ -149,14 +149,14 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
     );
     let mut emulator = emulator(&text(false, &keys, ""));
     let shot = shoot(&mut emulator, 3);
-    let at = |x: usize, y: usize| shot.frame.digits[y * 256 + x];
+    let at = |x: usize, y: usize| shot.frame.dn[y * 256 + x];
     assert_eq!((at(0, 0), at(3, 5)), (12345, 12345));
     // Offset 200 and read noise of 3.6 DN, against 1800 of their neighbours.
     for (x, y) in [(3, 4), (255, 199)] {
         assert!((180..220).contains(&at(x, y)), "{}", at(x, y));
     }
     let pattern = &shot.camera.detector.pattern;
-    let dark = (0..51_200).filter(|i| shot.frame.digits[*i as usize] < 1000);
+    let dark = (0..51_200).filter(|i| shot.frame.dn[*i as usize] < 1000);
     let dead = pattern.dead();
     assert_eq!(dark.collect::<Vec<u32>>(), dead);
     assert!((400..640).contains(&dead.len()), "{}", dead.len());

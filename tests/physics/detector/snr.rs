@@ -96,11 +96,11 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
     }
     assert!(filters.len() > 20, "{}", filters.len());
     for sequence in 1..=frames {
-        let digits = shoot(&mut emulator, sequence).frame.digits;
+        let dn = shoot(&mut emulator, sequence).frame.dn;
         for filter in &mut filters {
             let (mut top, mut bottom) = (0.0, 0.0);
             for (i, signal, without, weight) in &filter.pixels {
-                top += weight * ((f64::from(digits[*i]) - offset_dn) * gain - without);
+                top += weight * ((f64::from(dn[*i]) - offset_dn) * gain - without);
                 bottom += weight * signal;
             }
             filter.amplitudes.push(top / bottom);

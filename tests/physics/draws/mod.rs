@@ -55,7 +55,7 @@ fn every_level_draws_what_single_pixels_draw() {
         let pixels = (first..).zip(&single);
         let read = pixels.map(|(pixel, e)| e + sigma * normal(word(KEY, 6, pixel)));
         let read: Vec<f32> = read.collect();
-        let digits: Vec<u16> = read.iter().map(|e| converter.digit(*e)).collect();
+        let dn: Vec<u16> = read.iter().map(|e| converter.digit(*e)).collect();
         assert!(single.iter().all(|k| *k >= 0.0 && k.is_finite()));
         let levels = Level::available().into_iter().map(Some);
         for level in levels.chain([None]) {
@@ -66,7 +66,7 @@ fn every_level_draws_what_single_pixels_draw() {
             assert_eq!(pixels, read, "{level:?}");
             let mut dn = vec![7; count];
             kernels::digitise(level, &converter, &pixels, &mut dn);
-            assert_eq!(dn, digits, "{level:?}");
+            assert_eq!(dn, dn, "{level:?}");
         }
     }
     for e in [f32::NAN, f32::NEG_INFINITY, -1e9] {

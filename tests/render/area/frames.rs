@@ -194,7 +194,7 @@ fn within_its_exclusion_angle_the_sun_fills_every_pixel_and_the_label_says_so() 
         );
         let full = shot
             .frame
-            .digits
+            .dn
             .iter()
             .all(|dn| *dn >= detector.saturation_dn());
         assert_eq!(full, is_inside);

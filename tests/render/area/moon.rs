@@ -168,7 +168,7 @@ fn a_moon_that_fills_the_frame_is_in_the_label() {
     for (exposure_s, is_full) in [(SHORT_S, false), (1.0, true)] {
         let shot = shoot_from(None, FULL, 1000.0, 256, [0.0, exposure_s]);
         let most = (1u32 << shot.camera.detector.bits) - 1;
-        let full = shot.frame.digits.iter().all(|dn| u32::from(*dn) == most);
+        let full = shot.frame.dn.iter().all(|dn| u32::from(*dn) == most);
         assert_eq!(full, is_full);
         assert_eq!(moon(&shot).snr == 0.0, is_full);
     }

@@ -80,12 +80,12 @@ fn frame(bench: &Bench<'_>, choice: &Choice) -> [Vec<f64>; 3] {
     };
     let frame = bench.frame(&quiet, 0).unwrap();
     let gain = bench.camera.detector.gain_e_per_dn;
-    let digits = frame.digits.iter().map(|dn| f64::from(*dn) * gain);
+    let dn = frame.dn.iter().map(|dn| f64::from(*dn) * gain);
     let [charge, expected] = [frame.charge_e, frame.expected_e].map(|e| {
         let e = e.unwrap().into_iter();
         e.map(f64::from).collect()
     });
-    [charge, digits.collect(), expected]
+    [charge, dn.collect(), expected]
 }
 
 fn most(e: &[f64]) -> f64 {
@@ -122,7 +122,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
                 let measured = bench.error_e(effect, &case.choice).unwrap();
                 (measured, measured)
             } else {
-                let kind = usize::from(effect.stage == Stage::Digits);
+                let kind = usize::from(effect.stage == Stage::Dn);
                 let off = frame(bench, &without(&case.choice, effect));
                 let brightest = most(&with[2]).max(most(&off[2]));
                 (difference(&with[kind], &off[kind]), brightest)

@@ -1,7 +1,7 @@
 //! How each knob's error is measured, in the unit that its bound is stated in.
 
 use super::Lights;
-use skyloop::effect::{Judge, Stage, Verdict};
+use skyloop::effect::{Assess, Decision, Stage};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::measure::Bench;
 use skyloop::plan::{Plan, Step};
@@ -202,7 +202,7 @@ fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
     let skipped = |scene: &Scene, fidelity: &Fidelity| -> Vec<EffectId> {
         let plan = Plan::new(scene, fidelity, &Choice::default());
         let steps = plan.steps.iter();
-        let skipped = steps.filter(|step| matches!(step.verdict, Verdict::Skip { .. }));
+        let skipped = steps.filter(|step| matches!(step.decision, Decision::Skip { .. }));
         skipped.map(|step| step.effect.id).collect()
     };
     let always = skipped(truth, &Fidelity::REFERENCE);
@@ -230,7 +230,7 @@ fn skipped(bench: &Bench<'_>) -> Vec<&'static skyloop::effect::Effect> {
     let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, &choice);
     let scene = scene.unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), &choice);
-    let is_skipped = |step: &&Step<'_>| matches!(step.verdict, Verdict::Skip { .. });
+    let is_skipped = |step: &&Step<'_>| matches!(step.decision, Decision::Skip { .. });
     let loses = |step: &&Step<'_>| {
         let error = plan.error(step).unwrap();
         error.e > 0.0 || error.px > 0.0
@@ -258,7 +258,7 @@ fn skipped_e(bench: &Bench<'_>) -> f64 {
 fn skipped_px(bench: &Bench<'_>) -> f64 {
     let effects = skipped(bench).into_iter();
     let images = effects.filter(|effect| {
-        effect.stage == Stage::Images && matches!(effect.judge, Judge::Images(..))
+        effect.stage == Stage::Images && matches!(effect.assess, Assess::Images(..))
     });
     let errors = images.map(|effect| bench.error_px(effect, &ALL).unwrap());
     errors.fold(0.0, f64::max)

@@ -101,7 +101,7 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
             assert!((object.mag - mag).abs() < 1e-9, "{}", object.mag);
             let miss = object.electrons / expected - 1.0;
             assert!(miss.abs() < 1e-9, "{mag}: {}", object.electrons);
-            let most = *shot.frame.digits.iter().max().unwrap();
+            let most = *shot.frame.dn.iter().max().unwrap();
             // X-Val: the plain camera: 60,000 e- at 1 e-/DN, over an offset of 100 DN.
             const OFFSET: u16 = 100;
             const FULL: u16 = 60_000 + OFFSET;

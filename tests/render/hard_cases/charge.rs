@@ -40,7 +40,7 @@ fn without_expectation_there_is_no_charge() {
     let mut emulator = dark(0.0, "", &[]);
     let shot = shoot(&mut emulator);
     assert!(shot.frame.charge_e.unwrap().iter().all(|e| *e == 0.0));
-    assert!(shot.frame.digits.iter().all(|dn| *dn == 100));
+    assert!(shot.frame.dn.iter().all(|dn| *dn == 100));
 }
 
 /// Reference: `DN = round(N / gain + offset)`, held to what the bits hold, and N to the full well. Without noise, every digit, but for what the
@@ -84,13 +84,12 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
                     let held = f64::from((mean as f32).min(well as f32));
                     let read = held / gain + offset + 0.5;
                     let expected = read.floor().clamp(0.0, top as f64) as u16;
-                    let digits = shoot(&mut emulator).frame.digits;
-                    let what =
-                        format!("{bits} bits {gain} {mean} {well}: {} {expected}", digits[0]);
-                    assert!(digits.iter().all(|dn| dn.abs_diff(expected) <= 1), "{what}");
+                    let dn = shoot(&mut emulator).frame.dn;
+                    let what = format!("{bits} bits {gain} {mean} {well}: {} {expected}", dn[0]);
+                    assert!(dn.iter().all(|dn| dn.abs_diff(expected) <= 1), "{what}");
                     let step = (read - read.round()).abs();
                     let exact = step > 1e-9 * read || mean.fract() == 0.0 && gain == 1.0;
-                    assert!(!exact || digits.iter().all(|dn| *dn == expected), "{what}");
+                    assert!(!exact || dn.iter().all(|dn| *dn == expected), "{what}");
                 }
             }
         }
@@ -102,9 +101,9 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
 fn what_is_read_below_nothing_is_nothing() {
     let keys = "detector.read_noise_e = 50.0; detector.offset_dn = 0.0";
     let mut emulator = dark(0.0, keys, &[]);
-    let digits = shoot(&mut emulator).frame.digits;
-    let none = digits.iter().filter(|dn| **dn == 0).count() as f64 / PIXELS as f64;
+    let dn = shoot(&mut emulator).frame.dn;
+    let none = dn.iter().filter(|dn| **dn == 0).count() as f64 / PIXELS as f64;
     // What rounds to 0 reaches up to half a digit: 1/2 + 0.5 / (50 sqrt(2 pi)) = 0.5040, five standard errors of 0.002.
     assert!((none - 0.5040).abs() < 0.01, "{none}");
-    assert!(digits.iter().all(|dn| *dn < 400));
+    assert!(dn.iter().all(|dn| *dn < 400));
 }

@@ -237,7 +237,7 @@ fn lights_that_are_no_numbers_light_nothing() {
                 let off = Light::new(direction, good.electrons);
                 let both = light(&emulator, &vehicle, &[off, good]);
                 assert_eq!(both.expected_e, alone.expected_e, "{off:?}");
-                assert_eq!(both.digits, alone.digits);
+                assert_eq!(both.dn, alone.dn);
             }
         }
         let dark = Light::new(good.direction, f64::NAN);
@@ -258,7 +258,7 @@ fn objects_at_the_ends_of_numbers_leave_frames_whole() {
                 });
                 let shot = emulator.shoot(&in_low_orbit(), 0).unwrap();
                 check_numbers(&shot, &format!("{far_km:e} km, {fast_km_s:e} km/s"));
-                assert!(shot.frame.digits.iter().all(|dn| *dn == 100));
+                assert!(shot.frame.dn.iter().all(|dn| *dn == 100));
             }
         }
     }

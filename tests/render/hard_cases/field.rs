@@ -264,8 +264,8 @@ fn next_to_the_fold_the_inverse_is_one() {
                 let radius = at[0].hypot(at[1]);
                 assert!(miss <= 1e-13 * (1.0 + radius), "{what}: {miss:e}");
                 let off = (back - direction).norm();
-                let digits = f64::EPSILON * (1.0 + radius) / radius;
-                let most = (digits / (2.0 * 10f64.powi(-i))).min(digits.sqrt());
+                let dn = f64::EPSILON * (1.0 + radius) / radius;
+                let most = (dn / (2.0 * 10f64.powi(-i))).min(dn.sqrt());
                 worst = worst.max(off / end / most);
                 assert!(off <= 4.0 * most * end, "{what}: {off:e}");
             }

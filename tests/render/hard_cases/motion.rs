@@ -199,9 +199,9 @@ fn mean_of_stills(
     still_one: &mut Emulator,
     vehicle: &VehicleState,
     exposure_s: f64,
-    way_px: f64,
+    path_px: f64,
 ) -> Vec<f64> {
-    let steps = 2 * ((10.0 * way_px).ceil() as usize).max(1);
+    let steps = 2 * ((10.0 * path_px).ceil() as usize).max(1);
     let mut mean = vec![0.0; 64 * 64];
     for k in 0..=steps {
         let weight = simpson(k, steps);
@@ -324,7 +324,7 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
             emulator.choice.noise = noise;
             let shot = emulator.shoot(vehicle, 0).unwrap();
             check_numbers(&shot, &format!("{lights:?} {exposure_s} s"));
-            assert!(shot.frame.digits.iter().all(|digit| *digit <= 60_100));
+            assert!(shot.frame.dn.iter().all(|digit| *digit <= 60_100));
             if !noise {
                 return shot;
             }

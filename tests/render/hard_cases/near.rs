@@ -74,7 +74,7 @@ fn an_object_at_the_sensors_own_place_is_the_sensor() {
             for axis in [Vector3::x(), -Vector3::x(), Vector3::z()] {
                 let own = shot(axis * off_m, orbits);
                 assert!(own.label.objects.is_empty(), "{off_m}");
-                assert_eq!(own.frame.digits, far.frame.digits);
+                assert_eq!(own.frame.dn, far.frame.dn);
                 assert_eq!(own.unknown.count, 0);
             }
         }

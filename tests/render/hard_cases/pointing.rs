@@ -109,7 +109,7 @@ fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
         let mut emulator = starry(camera, Fidelity::REALTIME);
         let [a, b] =
             [&one, &other].map(|q| emulator.shoot(&vehicle(q, [0.3, 0.2, -0.1]), 0).unwrap());
-        assert_eq!(a.frame.digits, b.frame.digits);
+        assert_eq!(a.frame.dn, b.frame.dn);
         assert!(a.label.objects.len() > 3);
     }
 }

@@ -125,8 +125,8 @@ fn frames_of_cameras_that_are_no_numbers() {
             emulator.camera_mut().clone_from(&configured);
             field(emulator.camera_mut(), bad);
             let shot = emulator.shoot(&vehicle(), 0);
-            let digits = shot.map_or(0, |shot| shot.frame.digits.len());
-            assert!(digits == 0 || digits == 64 * 64);
+            let dn = shot.map_or(0, |shot| shot.frame.dn.len());
+            assert!(dn == 0 || dn == 64 * 64);
             // What comes after is not the worse for it.
             emulator.camera_mut().clone_from(&configured);
             expected(emulator.shoot(&vehicle(), 0).unwrap())

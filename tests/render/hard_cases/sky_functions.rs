@@ -11,7 +11,7 @@ use skyloop::light_curve::{Point, Span, point_from};
 use skyloop::orbit::StateVector;
 use skyloop::output::{Dot, Scatter, write_light_curve, write_scatter};
 use skyloop::scene::{Exposure, turn_at};
-use skyloop::sky::apparent::{Sight, StarPlace, StarWay};
+use skyloop::sky::apparent::{Sight, StarMotion, StarPlace};
 use skyloop::sky::atmosphere::air::{Air, chapman, cross_section_m2, phase_function};
 use skyloop::sky::bodies::{AU_M, Bodies, aberrate};
 use skyloop::sky::body_attitude::BodyAttitude;
@@ -344,7 +344,7 @@ fn directions_of_no_place() {
                     pm_ra_cosdec_rad_yr: east,
                     pm_dec_rad_yr: north,
                 };
-                Sight::of(&observer, &corrections).of_star(&StarWay::of(&place));
+                Sight::of(&observer, &corrections).of_star(&StarMotion::of(&place));
             }
             Vec::new()
         }),

@@ -128,7 +128,7 @@ fn template() -> Candidate {
 pub struct Lit {
     pub scene: Scene,
     pub expected_e: Vec<f64>,
-    pub digits: Vec<u16>,
+    pub dn: Vec<u16>,
     /// The effects of its plan.
     pub choice: Choice,
 }
@@ -179,7 +179,7 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
     let expected_e = frame.expected_e.unwrap().into_iter().map(f64::from);
     Lit {
         expected_e: expected_e.collect(),
-        digits: frame.digits,
+        dn: frame.dn,
         scene,
         choice,
     }

@@ -63,17 +63,17 @@ fn digits_and_electrons_come_back_with_what_describes_them() {
     let mut label = label(&camera, 7, &numbers.attitude());
     label.objects = field(&camera, 20, &mut numbers).into();
     let mut frame = frame(&camera, &label, &mut numbers);
-    frame.digits[0] = 0;
-    frame.digits[1] = 65535;
+    frame.dn[0] = 0;
+    frame.dn[1] = 65535;
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), &camera, &label, &frame);
 
     let (hdu, stored) = read(&dir.path().join("frame_00007.fits"));
     assert_eq!(number(&hdu, "BITPIX"), 16.0);
     let (zero, scale) = (number(&hdu, "BZERO"), number(&hdu, "BSCALE"));
-    let digits: Vec<f64> = stored.iter().map(|v| zero + scale * v).collect();
-    let due: Vec<f64> = frame.digits.iter().map(|dn| f64::from(*dn)).collect();
-    assert!(digits == due);
+    let dn: Vec<f64> = stored.iter().map(|v| zero + scale * v).collect();
+    let due: Vec<f64> = frame.dn.iter().map(|dn| f64::from(*dn)).collect();
+    assert!(dn == due);
 
     for (key, value) in [
         ("BUNIT", "adu"),

@@ -43,7 +43,7 @@ fn the_png_holds_the_digits_row_0_first() {
     let mut label = label(&camera, 0, &numbers.attitude());
     label.objects = field(&camera, 20, &mut numbers).into();
     let mut frame = frame(&camera, &label, &mut numbers);
-    frame.digits[..2].copy_from_slice(&[0, 65535]);
+    frame.dn[..2].copy_from_slice(&[0, 65535]);
     let mut writer = Writer::create(dir.path(), 1).unwrap();
     writer.write_frame(&camera, &label, "{}", &frame).unwrap();
     let open = |name: &str| image::open(dir.path().join(name)).unwrap();
@@ -51,7 +51,7 @@ fn the_png_holds_the_digits_row_0_first() {
         panic!("not 16-bit grey");
     };
     assert_eq!((picture.width(), picture.height()), (1280, 1024));
-    assert_eq!(picture.as_raw(), &frame.digits);
+    assert_eq!(picture.as_raw(), &frame.dn);
     // The preview: the same pixels in 8 bits, black at no light and white where they are full.
     let DynamicImage::ImageLuma8(preview) = open("frame_00000_preview.png") else {
         panic!("not 8-bit grey");

@@ -40,7 +40,7 @@ pub fn flat(width: usize, height: usize) -> Frame {
     Frame {
         width,
         height,
-        digits: vec![100; width * height],
+        dn: vec![100; width * height],
         expected_e: None,
         charge_e: None,
     }
@@ -187,7 +187,7 @@ pub fn frame(camera: &Camera, label: &Label, numbers: &mut Numbers) -> Frame {
         }
     }
     let detector = &camera.detector;
-    let digits = electrons
+    let dn = electrons
         .iter()
         .map(|e| {
             let noise = (e + detector.read_noise_e.powi(2)).sqrt() * numbers.normal();
@@ -198,7 +198,7 @@ pub fn frame(camera: &Camera, label: &Label, numbers: &mut Numbers) -> Frame {
     Frame {
         width,
         height,
-        digits,
+        dn,
         expected_e: Some(electrons.iter().map(|e| *e as f32).collect()),
         charge_e: None,
     }

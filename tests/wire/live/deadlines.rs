@@ -134,17 +134,17 @@ fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
                 is_it
             });
             let (header, packets, end) = parcel;
-            let mut octets = Vec::new();
+            let mut bytes = Vec::new();
             for packet in &packets {
                 match Reply::decode(packet).unwrap().1 {
-                    Reply::Labels(part) => octets.extend_from_slice(part.text),
-                    Reply::Objects(part) => octets.extend_from_slice(part.data),
+                    Reply::Labels(part) => bytes.extend_from_slice(part.text),
+                    Reply::Objects(part) => bytes.extend_from_slice(part.data),
                     _ => {}
                 }
             }
-            assert_eq!(octets.len(), header.label_bytes as usize, "{output:?}");
+            assert_eq!(bytes.len(), header.label_bytes as usize, "{output:?}");
             if labels == L::Text {
-                let label: Value = serde_json::from_slice(&octets).unwrap();
+                let label: Value = serde_json::from_slice(&bytes).unwrap();
                 assert!(number(&label, "last_pixel_ms") > 0.0);
                 assert_eq!(label["frame"], end.frame);
             }

@@ -134,22 +134,22 @@ fn frame_of<L: Line>(client: &mut Client<L>, sequence: u32) -> Received {
 
 /// The next frame that comes whole, whatever is left of others before it.
 fn whole_frame<L: Line>(client: &mut Client<L>) -> u32 {
-    let mut under_way = None;
+    let mut in_flight = None;
     loop {
         let packet = client.next(true);
         match Reply::decode(&packet).unwrap().1 {
             Reply::FrameHeader(header) => {
                 let due = header.blocks_due().unwrap_or(header.blocks);
-                under_way = Some((header.frame, due + u32::from(header.label_parts)));
+                in_flight = Some((header.frame, due + u32::from(header.label_parts)));
             }
             Reply::FrameEnd(end) => {
-                if under_way == Some((end.frame, 0)) {
+                if in_flight == Some((end.frame, 0)) {
                     return end.frame;
                 }
-                under_way = None;
+                in_flight = None;
             }
             _ => {
-                under_way = under_way.and_then(|(frame, left)| Some((frame, left.checked_sub(1)?)))
+                in_flight = in_flight.and_then(|(frame, left)| Some((frame, left.checked_sub(1)?)))
             }
         }
     }

@@ -86,10 +86,10 @@ impl Airy {
     }
 
     /// A radius outside of which less than `loss` of the light falls.
-    pub fn reach(&self, loss: f64) -> f64 {
+    pub fn reach(&self, bound: f64) -> f64 {
         // The light outside swings around its mean by a part that falls with r; less than 1 is
         // outside anywhere.
-        1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * loss)
+        1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * bound)
     }
 
     /// A radius outside of which the light of a unit of area is below `share`, its rings averaged.

@@ -72,9 +72,9 @@ impl Gaussian {
     ///
     /// f falls: from a k that is too great, the first's, it leads to one that is too small, and
     /// from there to one that is hardly too great.
-    pub fn reach_px(&self, loss: f64) -> f64 {
+    pub fn reach_px(&self, bound: f64) -> f64 {
         // Of no loss at all there would be no end.
-        let loss = nearest(loss, LEAST_LOSS..=1.0);
+        let loss = nearest(bound, LEAST_LOSS..=1.0);
         let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
         let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
         // Of more than a hundredth the tail is not that far out.
@@ -88,8 +88,8 @@ impl Gaussian {
 
     /// The radius (px) of the circle outside of which `loss` of the light falls,
     /// `exp(-r^2 / (2 sigma^2))`.
-    pub fn circle_px(&self, loss: f64) -> f64 {
-        self.sigma_px * (-2.0 * libm::log(nearest(loss, LEAST_LOSS..=1.0))).sqrt()
+    pub fn circle_px(&self, bound: f64) -> f64 {
+        self.sigma_px * (-2.0 * libm::log(nearest(bound, LEAST_LOSS..=1.0))).sqrt()
     }
 
     /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that
@@ -180,10 +180,10 @@ mod tests {
     #[test]
     fn less_than_the_loss_falls_outside_the_reach() {
         let psf = Gaussian { sigma_px: 0.7 };
-        for loss in [9.9e-3, 1e-3, 1e-6, 1e-9] {
-            let k = psf.reach_px(loss) / psf.sigma_px;
+        for bound in [9.9e-3, 1e-3, 1e-6, 1e-9] {
+            let k = psf.reach_px(bound) / psf.sigma_px;
             let inside = libm::erf(k / std::f64::consts::SQRT_2).powi(2);
-            assert!(1.0 - inside < loss && 1.0 - inside > 0.8 * loss);
+            assert!(1.0 - inside < bound && 1.0 - inside > 0.8 * bound);
         }
     }
 }

@@ -226,9 +226,9 @@ impl Psf {
     }
 
     /// The greatest [`LocalPsf::reach_px`] of the field and of all colours.
-    pub fn reach_px(&self, loss: f64) -> f64 {
+    pub fn reach_px(&self, bound: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
-            .reach_px(loss)
+            .reach_px(bound)
     }
 
     /// The greatest [`LocalPsf::drawn_px`] of the field and of all colours.
@@ -243,7 +243,7 @@ impl Psf {
     pub fn circle_px(&self, fidelity: &Fidelity, electrons: f64) -> Option<f64> {
         match self.shape {
             Shape::Gaussian(sigma_px) if self.lines.is_some() => {
-                Some(Gaussian { sigma_px }.circle_px(fidelity.loss(electrons)))
+                Some(Gaussian { sigma_px }.circle_px(fidelity.bound(electrons)))
             }
             _ => None,
         }
@@ -294,11 +294,11 @@ impl Psf {
 impl LocalPsf<'_> {
     /// Half the side (px) of the square outside of which less than `loss` of the light falls; but
     /// for a Gaussian's at most [`FURTHEST_PX`].
-    pub fn reach_px(&self, loss: f64) -> f64 {
+    pub fn reach_px(&self, bound: f64) -> f64 {
         let reach = match self.shape {
-            Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(loss),
-            Shape::Airy(airy, width_px) => self.scale * width_px * airy.reach(loss),
-            Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(loss),
+            Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(bound),
+            Shape::Airy(airy, width_px) => self.scale * width_px * airy.reach(bound),
+            Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(bound),
             Shape::Images(images) => images.reach_px(),
         };
         nearest(reach, 0.0..=FURTHEST_PX)
@@ -318,7 +318,7 @@ impl LocalPsf<'_> {
                 let width_px = self.scale * width_px;
                 width_px * moffat.faint(share * width_px * width_px)
             }
-            Shape::Gaussian(_) => return self.reach_px(fidelity.loss(electrons)),
+            Shape::Gaussian(_) => return self.reach_px(fidelity.bound(electrons)),
             Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
         };
         self.reach_px(fidelity.psf_loss)

@@ -38,8 +38,9 @@ pub struct Blur<'a> {
 impl<'a> Blur<'a> {
     /// For light up to `most_e` in a pixel. Without edges nothing is spread.
     pub fn new(camera: &'a Camera, most_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
-        let loss = (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
-        let reach = (camera.optics.psf.reach_px(loss).ceil() as usize).clamp(1, FURTHEST);
+        let bound =
+            (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
+        let reach = (camera.optics.psf.reach_px(bound).ceil() as usize).clamp(1, FURTHEST);
         Blur {
             camera,
             reach,

@@ -7,7 +7,7 @@
 //! compared pixels is limited (`Compared::spare`), because forming images is expensive.
 
 use super::cells::{CELL, cells};
-use super::image::{Change, Image, changes, lines_of_sight};
+use super::image::{BoundChange, Image, changes, lines_of_sight};
 use crate::camera::Detector;
 use crate::fidelity::Fidelity;
 use crate::scene::content::Scene;
@@ -80,7 +80,7 @@ pub fn compare<'a>(
     other: &EffectSet,
     enters: bool,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
-    change: impl Fn(&Image<'_>) -> Change + Sync,
+    change: impl Fn(&Image<'_>) -> BoundChange + Sync,
 ) -> Compared<'a> {
     let (detector, now) = (&scene.view.camera.detector, &scene.simulated);
     let columns = detector.width.div_ceil(CELL);

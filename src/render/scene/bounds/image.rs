@@ -173,7 +173,7 @@ impl Image<'_> {
 
 /// Bound of the change of an image.
 #[derive(Default)]
-pub struct Change {
+pub struct BoundChange {
     /// Change of any pixel, e-.
     pub e: f64,
     /// How far from the present image it reaches, px.
@@ -186,7 +186,7 @@ pub struct Change {
 pub fn changes(
     scene: &Scene,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
-    change: impl Fn(&Image<'_>) -> Change + Sync,
+    change: impl Fn(&Image<'_>) -> BoundChange + Sync,
 ) -> Vec<(&Source, f64, usize)> {
     let (optics, detector) = (&scene.view.camera.optics, &scene.view.camera.detector);
     let widest = detector.width.max(detector.height) as f64;
@@ -208,7 +208,7 @@ pub fn changes(
     let mut shining: Vec<(&Source, f64)> = shining.map(|source| (source, all_e(source))).collect();
     let beside = |px: f64| px.min(widest).ceil() as usize;
     let bound = |stamp: &mut Stamp, source| {
-        let Change { e, beside_px } = change(&image_of(scene, source, stamp));
+        let BoundChange { e, beside_px } = change(&image_of(scene, source, stamp));
         (source, e, beside(beside_px))
     };
     let bright = BRIGHT.min(shining.len());

@@ -24,7 +24,9 @@ pub mod wells;
 
 pub use areas::{areas_changed_e, areas_taken_e, straightened_e};
 pub use brightest::{area_lit_e, lit_e, lit_where, trail_of};
-pub use image::{Change, Image, STEEPEST, STEEPEST_STREAK, dimming_px, lines_of_sight, rolled};
+pub use image::{
+    BoundChange, Image, STEEPEST, STEEPEST_STREAK, dimming_px, lines_of_sight, rolled,
+};
 pub use points::changed_e;
 pub use wells::{
     DROWNED, apart, find_spill, greatest, held_e, held_of, is_drowned, of_cells, shown_e,

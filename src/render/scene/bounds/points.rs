@@ -2,7 +2,7 @@
 
 use super::cells::CELL;
 use super::compared::{Compared, Peak, compare};
-use super::image::{Change, Image};
+use super::image::{BoundChange, Image};
 use super::wells::{apart, fill};
 use crate::scene::charge::{light_e, turn};
 use crate::scene::content::Scene;
@@ -26,7 +26,7 @@ pub fn changed_e(
     other: &EffectSet,
     enters: bool,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
-    change: impl Fn(&Image<'_>) -> Change + Sync,
+    change: impl Fn(&Image<'_>) -> BoundChange + Sync,
 ) -> f64 {
     let mut compared = compare(scene, other, enters, faint, change);
     // Of columns of cells that fill up: the known final change, and the number of full pixels.

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 /// Packets queued and sent so far, and marks at the ends of frames.
 #[derive(Debug, Default)]
-pub struct Departed {
+pub struct TxComplete {
     /// Packets put into the queue so far, modulo 2^32.
     queued: AtomicU32,
     /// Packets that have left it for good, sent or lost, likewise.
@@ -74,7 +74,7 @@ struct Marked {
     left: Option<Exit>,
 }
 
-impl Departed {
+impl TxComplete {
     pub(super) fn queued(&self) {
         self.queued.fetch_add(1, Ordering::SeqCst);
     }
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_mark_is_reached_when_all_before_it_has_left() {
-        let departed = Departed::default();
+        let departed = TxComplete::default();
         // Over the wrap of the counts.
         for count in [&departed.queued, &departed.done] {
             count.store(u32::MAX - 1, Ordering::SeqCst);
@@ -218,7 +218,7 @@ mod tests {
     /// However often a full queue is asked, and however many queues a packet goes through.
     #[test]
     fn what_is_refused_or_handed_on_has_not_left() {
-        let departed = Departed::default();
+        let departed = TxComplete::default();
         (0..3).for_each(|_| departed.queued());
         let mark = departed.mark(0);
         for _ in 0..100 {
@@ -246,7 +246,7 @@ mod tests {
     /// Two packets leave at once, and the later mark is reached first.
     #[test]
     fn a_mark_that_is_reached_first_hides_no_older_one() {
-        let departed = Departed::default();
+        let departed = TxComplete::default();
         (0..2).for_each(|_| departed.queued());
         let at = Instant::now();
         let marks = [1, 2].map(|last| Mark {
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn what_has_left_already_is_reached_at_once_and_what_is_forgotten_never() {
-        let departed = Departed::default();
+        let departed = TxComplete::default();
         departed.queued();
         departed.done();
         let mark = departed.mark(0);
@@ -294,7 +294,7 @@ mod tests {
             ),
         ] {
             for marked_late in [false, true] {
-                let departed = Departed::default();
+                let departed = TxComplete::default();
                 let leave = |places: std::ops::Range<u32>| {
                     places.for_each(|place| match lost.iter().find(|(at, _)| *at == place) {
                         None => departed.done(),
