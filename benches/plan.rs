@@ -16,9 +16,9 @@ mod scenes;
 use scenes::scenes;
 
 /// Most that a price may be off, either way.
-const MOST_OFF: f64 = 2.0;
+const MAX_OFF: f64 = 2.0;
 /// Prices below this (ms) are below what a clock and its caches can tell.
-const LEAST_MS: f64 = 0.02;
+const MIN_MS: f64 = 0.02;
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -48,7 +48,7 @@ fn report(path: &Path) -> bool {
     let mut frames: Vec<f64> = (0..9)
         .map(|_| {
             let started = thread_ms();
-            emulator.shoot(&vehicle, 0).unwrap();
+            emulator.expose(&vehicle, 0).unwrap();
             thread_ms() - started
         })
         .collect();
@@ -81,8 +81,7 @@ fn report(path: &Path) -> bool {
             continue;
         };
         let ratio = price / measured.ms;
-        let fair =
-            (1.0 / MOST_OFF..=MOST_OFF).contains(&ratio) || price.max(measured.ms) < LEAST_MS;
+        let fair = (1.0 / MAX_OFF..=MAX_OFF).contains(&ratio) || price.max(measured.ms) < MIN_MS;
         kept &= fair;
         println!(
             "  {:<18} price {price:8.3} ms, measured {:8.3} +- {:.3} ms, ratio {ratio:5.2}{}",

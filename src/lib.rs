@@ -85,10 +85,10 @@ pub use skyloop_orbit::{self as orbit};
 pub use skyloop_protocols as protocols;
 pub use skyloop_render::attitude::{Attitude, VehicleState};
 pub use skyloop_render::camera::Camera;
-pub use skyloop_render::engine::{Emulator, Shot};
+pub use skyloop_render::engine::{Emulator, ExposedFrame};
 pub use skyloop_render::frame::Frame;
 pub use skyloop_render::label::Label;
 pub use skyloop_render::{
-    attitude, camera, crew, effect, engine, fidelity, footprint, frame, kernels, label,
-    light_curve, plan, render, scene, sensitivity, sky, track,
+    attitude, camera, effect, engine, fidelity, footprint, frame, kernels, label, light_curve,
+    plan, render, render_pool, scene, sensitivity, sky, track,
 };

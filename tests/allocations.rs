@@ -112,8 +112,12 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
             // The first has none of what it needs.
             assert!(measure(&mut frame).count_total > 0);
             for number in 1..4 {
-                let asked = measure(&mut frame);
-                assert_eq!(asked.count_total, 0, "{}, {number}: {asked:?}", case.camera);
+                let requested = measure(&mut frame);
+                assert_eq!(
+                    requested.count_total, 0,
+                    "{}, {number}: {requested:?}",
+                    case.camera
+                );
             }
         });
     }
@@ -125,8 +129,8 @@ fn scene_plan_and_label_allocate_no_more_than_they_did() {
         let (mut emulator, vehicle) = before(case);
         let (first, second) = on_one_thread(|| {
             let mut frame = || {
-                let shot = emulator.shoot(&vehicle, 0).unwrap();
-                emulator.take_back(shot);
+                let exposed = emulator.expose(&vehicle, 0).unwrap();
+                emulator.take_back(exposed);
             };
             (measure(&mut frame), measure(&mut frame))
         });

@@ -8,7 +8,7 @@ use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
-use skyloop::fidelity::{KNOBS, PRESETS, Value};
+use skyloop::fidelity::{PRESETS, TOLERANCES, Value};
 use skyloop::link::{self, Options, Roles};
 use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
 use skyloop::serve::Server;
@@ -123,16 +123,16 @@ fn the_knobs_are_listed_with_what_presets_have() {
     let rows = section(&page, "## Fidelity").lines();
     let rows = rows.filter(|row| row.starts_with("| `"));
     let rows: Vec<Vec<&str>> = rows.map(cells).collect();
-    assert_eq!(rows.len(), KNOBS.len());
-    for (row, knob) in rows.iter().zip(KNOBS) {
-        assert_eq!(row[0].trim_matches('`'), knob.name);
+    assert_eq!(rows.len(), TOLERANCES.len());
+    for (row, tolerance) in rows.iter().zip(TOLERANCES) {
+        assert_eq!(row[0].trim_matches('`'), tolerance.name);
         for (cell, (preset, fidelity)) in row[2..].iter().zip(PRESETS) {
             let said = match cell.parse() {
                 Ok(number) => Value::Number(number).to_string(),
                 Err(_) => cell.trim_matches('`').to_string(),
             };
-            let value = (knob.get)(fidelity).to_string();
-            assert_eq!(said, value, "{} of {preset}", knob.name);
+            let value = (tolerance.get)(fidelity).to_string();
+            assert_eq!(said, value, "{} of {preset}", tolerance.name);
         }
     }
 }
@@ -251,7 +251,7 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
     assert_eq!(run.latency_s.take(), Some(0.1));
     assert_eq!(run.metrics.take().as_deref(), Some("127.0.0.1:9464"));
     assert_eq!(run.realtime.priority.take(), Some(50));
-    let heads = std::mem::take(&mut config.heads);
+    let heads = std::mem::take(&mut config.cameras);
     assert_eq!((heads.len(), heads[0].name.as_str()), (1, "B"));
     // All else is as without a file.
     let built = Config::defaults().unwrap();

@@ -32,9 +32,9 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
     let effects = EFFECTS.iter().map(|effect| effect.name);
     emulator.choice.off = effects.filter(|name| !kept(name)).collect();
     emulator.choice.all = true;
-    let with = emulator.shoot(&vehicle, 0)?.frame;
+    let with = emulator.expose(&vehicle, 0)?.frame;
     emulator.choice.off.push(picture.effect);
-    let without = emulator.shoot(&vehicle, 0)?.frame;
+    let without = emulator.expose(&vehicle, 0)?.frame;
     let detector = &emulator.camera().detector;
     let corner = [detector.width, detector.height].map(|pixels| (pixels - SIDE) / 2);
     let electrons = |frame: Frame| -> Vec<f64> {

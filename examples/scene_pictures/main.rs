@@ -16,7 +16,7 @@ const WIDEST_PX: usize = 512;
 /// Greys follow asinh of so many times the light between black and white.
 const SOFT: f64 = 5.0;
 /// From black to white at least, DN.
-const LEAST_DN: f64 = 20.0;
+const MIN_DN: f64 = 20.0;
 /// Scenes with light all over the field, of which black is no charge.
 const FULL: &[&str] = &["earth-by-day"];
 /// Which frame is drawn, where that is not the first.
@@ -50,12 +50,12 @@ fn draw(name: &str, scene: &Path, number: u32, file: &Path) -> Result<(), Box<dy
     let mut config = Config::load(scene)?;
     let mission = flight::mission(&config)?;
     let mut emulator = Emulator::new(&mut config);
-    let shot = emulator.shoot(&flight::vehicle(&mission, number)?, 0)?;
-    let step = shot.frame.width.div_ceil(WIDEST_PX);
-    let offset_dn = shot.camera.detector.offset_dn;
+    let exposed = emulator.expose(&flight::vehicle(&mission, number)?, 0)?;
+    let step = exposed.frame.width.div_ceil(WIDEST_PX);
+    let offset_dn = exposed.camera.detector.offset_dn;
     let black = FULL.contains(&name).then_some(offset_dn);
-    let mut picture = stretched(&shot.frame, step, black);
-    for object in &shot.label.objects.sources {
+    let mut picture = stretched(&exposed.frame, step, black);
+    for object in &exposed.label.objects.sources {
         if object.kind == "rso" && object.visible {
             let at = [object.x_px, object.y_px].map(|px| ((px + 0.5) / step as f64) as i64);
             mark(&mut picture, at);
@@ -88,7 +88,7 @@ fn stretched(frame: &Frame, step: usize, black: Option<f64>) -> GrayImage {
     let (dark, white) = (quantile(0.25), quantile(0.999));
     let black = black.unwrap_or(dark);
     let grey = |value: f64| {
-        let part = (value - black) / (white - black).max(LEAST_DN);
+        let part = (value - black) / (white - black).max(MIN_DN);
         (255.0 * (SOFT * part).asinh() / SOFT.asinh()).clamp(0.0, 255.0) as u8
     };
     GrayImage::from_fn(columns as u32, rows as u32, |x, y| {

@@ -109,11 +109,16 @@ pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<
     let (mut stats, mut absent) = (RunStats::default(), Absent::default());
     let started = Instant::now();
     for number in 0..images {
-        let shot = emulator.shoot(&flight::vehicle(&mission, number)?, 0)?;
-        absent.report(&shot);
-        stats.add(&shot);
-        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
-        emulator.recycle(shot.frame);
+        let exposed = emulator.expose(&flight::vehicle(&mission, number)?, 0)?;
+        absent.report(&exposed);
+        stats.add(&exposed);
+        writer.write_frame(
+            &exposed.camera,
+            &exposed.label,
+            &exposed.json,
+            &exposed.frame,
+        )?;
+        emulator.recycle(exposed.frame);
     }
     writer.finish()?;
     Ok(Took {

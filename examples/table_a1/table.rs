@@ -107,7 +107,7 @@ pub fn reproduce(mut config: Config) -> anyhow::Result<Vec<Row>> {
         .map(|number| {
             anyhow::Ok(
                 emulator
-                    .shoot(&flight::vehicle(&mission, number)?, 0)?
+                    .expose(&flight::vehicle(&mission, number)?, 0)?
                     .label,
             )
         })

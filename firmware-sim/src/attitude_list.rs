@@ -15,7 +15,7 @@ use crate::text::{parse_quaternion, quaternion};
 pub struct AttitudeList {
     /// In the order of the file; where two hold an epoch, the first counts.
     segments: Vec<Segment>,
-    remarks: Vec<String>,
+    comments: Vec<String>,
 }
 
 /// Attitudes between which there may be a slerp, two at least.
@@ -96,7 +96,7 @@ impl AttitudeList {
         };
         Ok(Self {
             segments: vec![segment],
-            remarks: Vec::new(),
+            comments: Vec::new(),
         })
     }
 
@@ -134,21 +134,21 @@ impl AttitudeList {
             line,
             reason,
         };
-        let AttitudeMessage { segments, remarks } = aem::parse(text).map_err(refused)?;
+        let AttitudeMessage { segments, comments } = aem::parse(text).map_err(refused)?;
         let segments = segments.iter();
         let segments = segments.map(|segment| Segment::of(segment).map_err(refused));
-        let remarks = remarks.iter();
-        let remarks = remarks.map(|(line, remark)| format!("{name}:{line}: {remark}"));
+        let comments = comments.iter();
+        let comments = comments.map(|(line, comment)| format!("{name}:{line}: {comment}"));
         Ok(Self {
             segments: segments.collect::<Result<_, _>>()?,
-            remarks: remarks.collect(),
+            comments: comments.collect(),
         })
     }
 
     /// What of the file is not used, or was assumed: a line each.
     #[must_use]
-    pub fn remarks(&self) -> &[String] {
-        &self.remarks
+    pub fn comments(&self) -> &[String] {
+        &self.comments
     }
 
     /// Attitude and rates at `epoch`.

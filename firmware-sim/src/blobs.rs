@@ -5,9 +5,9 @@ use crate::signal::Signal;
 /// Noise of the smoothed image in units of a pixel's: the square root of the sum of the squared weights, 6/16.
 const SMOOTHED_NOISE: f32 = 0.375;
 /// More connected pixels than any star has: stray light or a damaged frame.
-const MOST_PIXELS: usize = 50_000;
+const MAX_PIXELS: usize = 50_000;
 /// Most stars that one blob is parted into.
-const MOST_PEAKS: usize = 32;
+const MAX_PEAKS: usize = 32;
 
 /// Pixels that belong together.
 pub(crate) struct Blob {
@@ -49,7 +49,7 @@ impl Blobs {
                     }
                 }
             }
-            if connected.len() <= MOST_PIXELS {
+            if connected.len() <= MAX_PIXELS {
                 blobs.part(signal, &smoothed, connected);
             }
         }
@@ -115,7 +115,7 @@ fn peaks(signal: &Signal, smoothed: &[f32], connected: &[usize]) -> Vec<usize> {
             let lowest = between.fold(height, f32::min);
             lowest < VALLEY * height && height - lowest > SIGNIFICANT * noise
         };
-        if peaks.len() < MOST_PEAKS && peaks.iter().all(stands_apart) {
+        if peaks.len() < MAX_PEAKS && peaks.iter().all(stands_apart) {
             peaks.push(top);
         }
     }

@@ -19,7 +19,7 @@ impl Default for Burst {
 }
 
 /// Datagrams that one buffer is cut into at most, and octets that it has at most (udp(7), and what an IPv4 datagram holds).
-const MOST: usize = 64;
+const MAX: usize = 64;
 const BYTES: usize = 65_000;
 
 impl Burst {
@@ -64,7 +64,7 @@ fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
     if length == 0 {
         return 1;
     }
-    let most = MOST.min(BYTES / length);
+    let most = MAX.min(BYTES / length);
     let lengths = packets.iter().take(most).map(|one| one.as_ref().len());
     let equal = lengths.clone().take_while(|one| *one == length).count();
     let shorter = lengths.skip(equal).take(1);
@@ -144,8 +144,8 @@ mod tests {
     #[test]
     fn what_leaves_together_arrives_one_by_one() {
         let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let patience = Duration::from_secs(20);
-        receiver.set_read_timeout(Some(patience)).unwrap();
+        let timeout = Duration::from_secs(20);
+        receiver.set_read_timeout(Some(timeout)).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let to = receiver.local_addr().unwrap();
         let packets: Vec<Vec<u8>> = (0..20u8)

@@ -117,16 +117,16 @@ fn parse_positions(text: &str) -> Result<Positions> {
 /// Reads `AFTER:S`, both in seconds.
 pub fn parse_pause(text: &str) -> Result<Pause> {
     /// As long as anybody would wait.
-    const MOST_S: f64 = 1e6;
+    const MAX_S: f64 = 1e6;
     let time = |text: &str| {
         let seconds: f64 = text.trim().parse().ok()?;
-        let fits = (0.0..=MOST_S).contains(&seconds);
+        let fits = (0.0..=MAX_S).contains(&seconds);
         fits.then(|| Duration::from_secs_f64(seconds))
     };
     let times = text.split_once(':');
     let times = times.and_then(|(after, lasts)| Some((time(after)?, time(lasts)?)));
     let (after, lasts) =
-        times.ok_or_else(|| anyhow!("\"{text}\" is not AFTER:S, both 0 to {MOST_S} s, as 5:30"))?;
+        times.ok_or_else(|| anyhow!("\"{text}\" is not AFTER:S, both 0 to {MAX_S} s, as 5:30"))?;
     Ok(Pause { after, lasts })
 }
 

@@ -258,8 +258,8 @@ mod tests {
         let mut buffer = vec![0; 1 << 16];
         for joined in [true, false] {
             let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-            let patience = std::time::Duration::from_secs(20);
-            socket.set_read_timeout(Some(patience)).unwrap();
+            let timeout = std::time::Duration::from_secs(20);
+            socket.set_read_timeout(Some(timeout)).unwrap();
             let mut datagrams = Datagrams::of(&socket).unwrap();
             if joined {
                 datagrams.join();

@@ -261,11 +261,11 @@ impl Window {
         const WINGS: f64 = 0.3;
         const BRIGHT: f64 = 0.9;
         /// Four sigma of the window, but no window is wider than this: a streak is cut rather than searched for ever.
-        const MOST_REACH: f64 = 60.0;
+        const MAX_REACH: f64 = 60.0;
         let wider = WINGS + BRIGHT * shot;
         let (xx, xy, yy) = (blob.xx + wider, blob.xy, blob.yy + wider);
         let determinant = xx * yy - xy * xy;
-        let reach = (4.0 * xx.max(yy).sqrt()).ceil().min(MOST_REACH) as isize;
+        let reach = (4.0 * xx.max(yy).sqrt()).ceil().min(MAX_REACH) as isize;
         Self {
             inverse: [yy / determinant, -xy / determinant, xx / determinant],
             reach,

@@ -126,14 +126,14 @@ impl Exchange {
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
         /// A command damaged on the way is sent again at once, but not for ever.
-        const MOST_DAMAGED: usize = 16;
-        let mut asked = Vec::new();
+        const MAX_DAMAGED: usize = 16;
+        let mut requested = Vec::new();
         let mut damaged = Vec::new();
         for wait in waits {
             for command in before {
                 self.command(command)?;
             }
-            asked.push((command.apid(), self.command(command)?));
+            requested.push((command.apid(), self.command(command)?));
             let deadline = Instant::now() + *wait;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
@@ -143,7 +143,7 @@ impl Exchange {
                 if tick().is_break() {
                     return Ok(Answer::Stopped);
                 }
-                let is_ours = |apid, count| asked.contains(&(apid, count));
+                let is_ours = |apid, count| requested.contains(&(apid, count));
                 match self.receive(left.min(TICK))? {
                     Some(Incoming::Ack(ack)) if is_ours(ack.apid, ack.sequence_count) => {
                         return Ok(Answer::Done);
@@ -153,8 +153,8 @@ impl Exchange {
                     }
                     Some(Incoming::Damaged(nack)) if is_ours(nack.apid, nack.sequence_count) => {
                         damaged.push(nack);
-                        if damaged.len() < MOST_DAMAGED {
-                            asked.push((command.apid(), self.command(command)?));
+                        if damaged.len() < MAX_DAMAGED {
+                            requested.push((command.apid(), self.command(command)?));
                         }
                     }
                     _ => {}
@@ -322,7 +322,7 @@ impl Exchange {
         report.dropped += self.port.dropped();
         report.missing_packets += self.pacing.missing();
         report.assembly.add_all(&self.assembler.counts());
-        report.recovery.asked += self.recovery.asked;
+        report.recovery.requested += self.recovery.requested;
         report.recovery.refused += self.recovery.refused;
         report.recovery.damaged += self.recovery.damaged;
     }

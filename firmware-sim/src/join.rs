@@ -98,11 +98,11 @@ impl Joiner {
                 number: 0,
             });
         }
-        let news = brought.without(half.has);
+        let notices = brought.without(half.has);
         let has = half.has.with(brought);
-        let frame = if news.pixels {
+        let frame = if notices.pixels {
             frame.with_labels_of(half.frame)
-        } else if news.labels {
+        } else if notices.labels {
             half.frame.with_labels_of(frame)
         } else {
             self.duplicates += 1;

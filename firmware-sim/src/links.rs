@@ -25,7 +25,7 @@ pub(crate) struct Links {
     /// Which link to listen to first.
     turn: usize,
     /// The link that was asked last.
-    asked: usize,
+    requested: usize,
 }
 
 struct End {
@@ -47,15 +47,15 @@ impl End {
 impl Links {
     /// Links with their roles, on which frames bring `output`, if that is known.
     pub(crate) fn new(ports: Vec<(Box<dyn Port + Send>, Roles)>, output: Option<Output>) -> Self {
-        let asked = output.map_or(Roles::ALL, |o| Roles::brought(o.pixels, o.labels));
-        let asked = Roles {
+        let requested = output.map_or(Roles::ALL, |o| Roles::brought(o.pixels, o.labels));
+        let requested = Roles {
             truth: false,
-            ..asked
+            ..requested
         };
         let end = |(port, roles): (_, Roles)| End {
             exchange: Exchange::new(port),
             roles,
-            brings: roles.and(asked),
+            brings: roles.and(requested),
         };
         let ends: Vec<End> = ports.into_iter().map(end).collect();
         Self {
@@ -63,7 +63,7 @@ impl Links {
             ends,
             output,
             turn: 0,
-            asked: 0,
+            requested: 0,
         }
     }
 
@@ -89,7 +89,7 @@ impl Links {
         let ending = faults.iter().filter(|fault| fault.value == 0.0);
         let ending: Vec<Command> = ending.map(|fault| Command::Fault(*fault)).collect();
         for (at, end) in self.ends.iter_mut().enumerate() {
-            self.asked = at;
+            self.requested = at;
             let answer = end.exchange.open(&ending, timeout, &mut tick)?;
             if matches!(answer, Answer::Silence | Answer::Stopped) {
                 return Ok(answer);
@@ -108,7 +108,7 @@ impl Links {
     ) -> Result<Answer, PortError> {
         let ends = self.ends.iter_mut().enumerate();
         for (at, end) in ends.filter(|(_, end)| end.roles.bring_frames()) {
-            self.asked = at;
+            self.requested = at;
             let output = output.map(|mut output| {
                 if !end.roles.pixels {
                     output.pixels = PixelLevel::None;
@@ -141,7 +141,7 @@ impl Links {
         let command = Command::Fault(fault);
         let stops = fault.kind.is_switch() && fault.value > 0.0;
         for (at, end) in self.ends.iter_mut().enumerate() {
-            self.asked = at;
+            self.requested = at;
             let exchange = &mut end.exchange;
             let answer = if stops {
                 exchange.ask_after(&[], &command, &[ONCE], &mut tick)?
@@ -183,9 +183,9 @@ impl Links {
 
     /// What the link that was asked last is called, and whether its system has said that nobody listens there.
     pub(crate) fn unanswered(&self) -> (String, bool) {
-        let asked = self.ends.get(self.asked).map(|end| &end.exchange);
-        asked.map_or_else(Default::default, |asked| {
-            (asked.port.name().into(), asked.port.is_unheard())
+        let requested = self.ends.get(self.requested).map(|end| &end.exchange);
+        requested.map_or_else(Default::default, |requested| {
+            (requested.port.name().into(), requested.port.is_unheard())
         })
     }
 

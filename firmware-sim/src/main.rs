@@ -148,7 +148,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> R
     let links = args.link.iter().map(|link| link::open(link));
     let mut links = links.collect::<Result<Vec<_>, _>>()?;
     for (link, _) in &mut links {
-        link.on_news(Box::new(|news| note(news)));
+        link.on_notice(Box::new(|notices| note(notices)));
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let flight_computer = FlightComputer::on_links(links, mission)

@@ -90,8 +90,8 @@ impl Pacing {
     /// This frees a link on which a whole window was lost, when no gap can show it.
     pub(crate) fn rebase(&mut self, packets_sent: u32) -> bool {
         let lost = packets_sent.wrapping_sub(self.left);
-        let news = (1..=self.granted.wrapping_sub(self.left)).contains(&lost);
-        if news {
+        let notices = (1..=self.granted.wrapping_sub(self.left)).contains(&lost);
+        if notices {
             self.missing += u64::from(lost);
             self.left = packets_sent;
             // Where no count is known, none will tell of these packets.
@@ -99,7 +99,7 @@ impl Pacing {
                 self.foretold += lost;
             }
         }
-        news
+        notices
     }
 
     /// After a frame was given up: its packets will not come, and the next `Status` is the new

@@ -44,7 +44,7 @@ pub trait Port {
     }
 
     /// Sets the callback for a line that goes down or comes back; it is called from any thread.
-    fn on_news(&mut self, _tell: Tell) {}
+    fn on_notice(&mut self, _tell: Tell) {}
 
     /// Whether the other end's system has reported that no process listens there.
     fn is_unheard(&self) -> bool {

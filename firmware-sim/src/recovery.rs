@@ -19,7 +19,7 @@ const SILENCE: Duration = Duration::from_millis(50);
 /// The same before the usual time between packets is known.
 const FIRST_SILENCE: Duration = Duration::from_millis(300);
 /// The silence before the next round doubles so often at most.
-const MOST_DOUBLINGS: u32 = 5;
+const MAX_DOUBLINGS: u32 = 5;
 /// Requests whose refusal is known as such.
 const REMEMBERED: usize = 64;
 
@@ -52,7 +52,7 @@ pub(crate) struct Recovery {
     /// The attitude whose frames are wanted; none: all.
     pub(crate) attitude: Option<u32>,
     /// Requests so far.
-    pub(crate) asked: u64,
+    pub(crate) requested: u64,
     /// Requests that were refused: too late.
     pub(crate) refused: u64,
     /// Packets of ours that came damaged at the emulator.
@@ -104,7 +104,7 @@ impl Recovery {
             Some(_) => SILENCE,
             None => FIRST_SILENCE,
         };
-        least.max(3 * self.spacing()) * (1 << self.rounds.min(MOST_DOUBLINGS))
+        least.max(3 * self.spacing()) * (1 << self.rounds.min(MAX_DOUBLINGS))
     }
 
     /// How long to wait for packets before looking again, while a frame is under way.
@@ -151,7 +151,7 @@ impl Recovery {
     }
 
     pub(crate) fn requested(&mut self, sequence_count: u16, frame: u32) {
-        self.asked += 1;
+        self.requested += 1;
         if self.requests.len() >= REMEMBERED {
             self.requests.pop_front();
         }
@@ -253,7 +253,7 @@ mod tests {
         let mut recovery = Recovery::new(64, Duration::ZERO);
         recovery.requested(5, 77);
         assert_eq!((recovery.refusal(5), recovery.refusal(6)), (Some(77), None));
-        assert_eq!((recovery.asked, recovery.refused), (1, 1));
+        assert_eq!((recovery.requested, recovery.refused), (1, 1));
         recovery.stop();
         assert!(recovery.demand(Instant::now()).is_none());
     }

@@ -5,7 +5,7 @@ use std::fmt;
 use skyloop_protocols::{Reason, Status};
 
 use crate::contents::Contents;
-use crate::control::ControlAccount;
+use crate::control::ControlTelemetry;
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
 use crate::times::Times;
@@ -63,7 +63,7 @@ pub struct Report {
     /// The scores of all frames added up.
     pub totals: Totals,
     /// What came of the closed loop, if one was flown.
-    pub control: Option<ControlAccount>,
+    pub control: Option<ControlTelemetry>,
     /// How many Nacks came.
     pub nack_count: u64,
     /// The first hundred of them.
@@ -90,7 +90,7 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecoveryCounts {
     /// Requests for missing packets. What came of them: [`AssemblyCounts::recovered`].
-    pub asked: u64,
+    pub requested: u64,
     /// Attitudes sent again because nothing came of them.
     pub attitudes: u64,
     /// Frames that came a second time: both copies of the attitude had arrived.
@@ -258,7 +258,7 @@ impl Report {
              {refused} contradictory or early; {bad_pixels} frames damaged, {incomplete} incomplete"
         )?;
         let RecoveryCounts {
-            asked,
+            requested,
             attitudes,
             duplicates,
             refused,
@@ -267,7 +267,7 @@ impl Report {
         if self.recovery != RecoveryCounts::default() {
             writeln!(
                 f,
-                "asked again      {asked} times, {recovered} packets came; {attitudes} attitudes sent again, \
+                "asked again      {requested} times, {recovered} packets came; {attitudes} attitudes sent again, \
                  {duplicates} duplicate frames; {refused} too late, {damaged} damaged on the way there"
             )?;
         }

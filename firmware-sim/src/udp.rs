@@ -51,7 +51,7 @@ impl UdpPort {
             .map_err(|error| PortError::io(&link, "cannot open a socket", error))?;
         let unheard = Arc::new(AtomicBool::new(false));
         let refused = Arc::clone(&unheard);
-        let mut window = LEAST_WINDOW;
+        let mut window = MIN_WINDOW;
         let reader = socket
             .try_clone()
             .and_then(|socket| {
@@ -99,14 +99,14 @@ impl UdpPort {
 /// it holds.
 const ROOM: usize = 4 << 20;
 const TAKES: usize = 2304;
-const MOST_WINDOW: u32 = 512;
+const MAX_WINDOW: u32 = 512;
 /// What the least buffer holds that systems give.
-const LEAST_WINDOW: u32 = 64;
+const MIN_WINDOW: u32 = 64;
 
 /// Window for a receive buffer of so many bytes: three quarters of the packets that fit.
 fn window_of(room: Option<usize>) -> u32 {
     let fit = room.map_or(0, |bytes| bytes / TAKES * 3 / 4);
-    u32::try_from(fit).map_or(MOST_WINDOW, |fit| fit.clamp(LEAST_WINDOW, MOST_WINDOW))
+    u32::try_from(fit).map_or(MAX_WINDOW, |fit| fit.clamp(MIN_WINDOW, MAX_WINDOW))
 }
 
 /// Whether a packet is a Challenge, which is returned at once (ICD, section 5.1).

@@ -210,9 +210,9 @@ impl Limits {
     /// A verdict on the frames, and one for each limit. What was not measured keeps no limit.
     #[must_use]
     pub fn judge(&self, report: &Report) -> Vec<Verdict> {
-        let (came, asked) = (report.frames, report.requested);
-        let frames = format!("{came} of {asked} frames came whole");
-        let mut verdicts = vec![Verdict::new("frames", came >= asked, frames)];
+        let (came, requested) = (report.frames, report.requested);
+        let frames = format!("{came} of {requested} frames came whole");
+        let mut verdicts = vec![Verdict::new("frames", came >= requested, frames)];
         verdicts.extend(self.max_centroid_rms.map(|most| centroids(most, report)));
         let totals = &report.totals;
         let missed = ("missed", "bright labelled objects missed", totals.missed);

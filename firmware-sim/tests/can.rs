@@ -339,12 +339,12 @@ fn a_bus_that_goes_is_opened_again() {
 #[test]
 fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
     let mut rig = Rig::new("bitrate=1000000");
-    let (tell, news) = channel();
-    rig.client.on_news(Box::new(move |text| {
+    let (tell, notices) = channel();
+    rig.client.on_notice(Box::new(move |text| {
         let _ = tell.send(text.to_string());
     }));
     rig.bus.set(|state| state.down = true);
-    let text = news.recv_timeout(LONG).unwrap();
+    let text = notices.recv_timeout(LONG).unwrap();
     for part in [
         "warning: ",
         "the line has gone (",
@@ -361,13 +361,13 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
     let gone = rig.client.gone().unwrap().to_string();
     assert!(gone.contains("the line has gone ("), "{gone}");
     rig.bus.set(|state| state.down = false);
-    let text = news.recv_timeout(LONG).unwrap();
+    let text = notices.recv_timeout(LONG).unwrap();
     assert!(text.ends_with("the line is back"), "{text}");
     assert!(rig.client.gone().is_none());
     rig.client.send(&long(2)).unwrap();
     assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(2));
     rig.bus.set(|state| state.down = true);
-    news.recv_timeout(LONG).unwrap();
+    notices.recv_timeout(LONG).unwrap();
     let begin = Instant::now();
     drop(rig.client);
     assert!(begin.elapsed() < LONG, "it ends at once");
@@ -399,9 +399,9 @@ fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
     rig.note(|note| matches!(note, Note::Back));
     // Whichever end met the refusals: both are there in the end.
     let begin = Instant::now();
-    let patience = Duration::from_millis(100);
+    let timeout = Duration::from_millis(100);
     rig.client.send(&command(&Command::Ping)).unwrap();
-    while rig.received.recv_timeout(patience).is_err() {
+    while rig.received.recv_timeout(timeout).is_err() {
         assert!(begin.elapsed() < LONG);
         rig.client.send(&command(&Command::Ping)).unwrap();
     }

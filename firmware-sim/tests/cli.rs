@@ -137,8 +137,8 @@ fn ends_with_its_report(signal: &str) {
         .stderr(std::process::Stdio::piped())
         .spawn();
     let mut running = Running(child.unwrap());
-    let patience = Some(Duration::from_secs(10));
-    socket.set_read_timeout(patience).unwrap();
+    let timeout = Some(Duration::from_secs(10));
+    socket.set_read_timeout(timeout).unwrap();
     let mut buffer = [0; 2048];
     // Three frames, then the signal; the second Reset ends the exchange.
     while emulator.resets < 2 {

@@ -126,7 +126,7 @@ fn an_emulator_without_resend_is_asked_once() {
     let report = fly(port, within(Duration::from_secs(1), 4));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (1, 3));
-    assert!((1..4).contains(&report.recovery.asked), "{report}");
+    assert!((1..4).contains(&report.recovery.requested), "{report}");
     assert_eq!(report.nack_count, 0, "a request too late is no refusal");
 }
 
@@ -210,7 +210,11 @@ fn a_rest_of_the_line_is_no_loss() {
         let report = fly(Slow::new(port, Duration::from_millis(6), rest), mission(2));
         let emulator = thread.join().unwrap();
         assert_eq!((report.frames, report.lost), (2, 0));
-        assert_eq!((emulator.resent, report.recovery.asked), (0, 0), "{before}");
+        assert_eq!(
+            (emulator.resent, report.recovery.requested),
+            (0, 0),
+            "{before}"
+        );
         assert_eq!(report.missing_packets, 0);
     }
 }

@@ -147,7 +147,7 @@ fn each_link_is_asked_for_its_share_of_the_output() {
     assert_eq!((report.frames, report.contents.windows), (3, 60));
     assert!(seen.iter().all(|frame| frame.3 == 12), "{seen:?}");
     assert_eq!(report.totals.matched, 36);
-    let asked: Vec<Output> = thread.join().unwrap().iter().map(|e| e.output).collect();
+    let requested: Vec<Output> = thread.join().unwrap().iter().map(|e| e.output).collect();
     // The truth's link brings no frames.
     let pixels = Output {
         labels: LabelLevel::None,
@@ -157,7 +157,7 @@ fn each_link_is_asked_for_its_share_of_the_output() {
         pixels: PixelLevel::None,
         ..WINDOWS
     };
-    assert_eq!(asked, [Output::default(), pixels, labels]);
+    assert_eq!(requested, [Output::default(), pixels, labels]);
 
     // Labels alone: the link for pixels brings nothing, and is not waited for.
     let (links, thread) = over_memory(&["truth+labels", "pixels"], |_, _| {});
@@ -227,7 +227,7 @@ fn a_part_of_which_nothing_came_is_asked_for_when_the_other_has_come() {
     let (report, seen) = fly(links, mission(3));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost, seen.len()), (3, 0, 3));
-    assert!(report.recovery.asked >= 1, "{report}");
+    assert!(report.recovery.requested >= 1, "{report}");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use crate::common::emulator::Emulator;
 use crate::common::loops::{by_wall, computer, mission, over_memory};
 use nalgebra::{UnitQuaternion, Vector3};
-use skyloop_firmware_sim::control::{ControlAccount, ControlSettings};
+use skyloop_firmware_sim::control::{ControlSettings, ControlTelemetry};
 use skyloop_firmware_sim::flight_computer::RunError;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::port::Port;
@@ -33,7 +33,7 @@ fn fly(port: impl Port + Send + 'static, mission: Mission) -> Result<Report, Run
     crate::common::loops::fly(computer(port, mission).with_control(Some(settings)))
 }
 
-fn account(report: &Report) -> &ControlAccount {
+fn account(report: &Report) -> &ControlTelemetry {
     report.control.as_ref().expect("a loop was flown")
 }
 

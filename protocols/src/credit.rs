@@ -79,21 +79,21 @@ mod tests {
     /// ICD, section 5.3: at most 2^31 - 1 ahead of the number sent, here 9.
     #[test]
     fn a_grant_is_late_or_at_most_half_the_circle_ahead_of_what_was_sent() {
-        const MOST: u32 = 9 + 0x7FFF_FFFF;
+        const MAX: u32 = 9 + 0x7FFF_FFFF;
         for (before, packets, taken, granted) in [
             (None, 9, true, 9),
-            (None, MOST, true, MOST),
-            (None, MOST + 1, false, 0),
+            (None, MAX, true, MAX),
+            (None, MAX + 1, false, 0),
             (None, 8, false, 0),
-            (Some(20), MOST, true, MOST),
-            (Some(20), MOST + 1, false, 20),
+            (Some(20), MAX, true, MAX),
+            (Some(20), MAX + 1, false, 20),
             (Some(20), 19, true, 20),
             (Some(20), 5, true, 20),
-            (Some(MOST), 9, true, MOST),
-            (Some(MOST), 8, true, MOST),
-            (Some(MOST), 5, false, MOST),
-            (Some(MOST), MOST + 1, false, MOST),
-            (Some(MOST), u32::MAX, false, MOST),
+            (Some(MAX), 9, true, MAX),
+            (Some(MAX), 8, true, MAX),
+            (Some(MAX), 5, false, MAX),
+            (Some(MAX), MAX + 1, false, MAX),
+            (Some(MAX), u32::MAX, false, MAX),
         ] {
             let mut account = CreditAccount {
                 granted: before,

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use hifitime::Epoch;
 use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
-use skyloop::fidelity::KNOBS;
+use skyloop::fidelity::TOLERANCES;
 use skyloop::measure::cost::{Chosen, Effort, Report, Unmeasured};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::decimal;
@@ -97,17 +97,18 @@ pub(super) fn chosen_text(budget_ms: f64, chosen: &Chosen<'_>) -> String {
 /// The setting as the key `fidelity` has it.
 fn in_file(chosen: &Chosen<'_>) -> String {
     let row = chosen.row;
-    match (row.knob, row.value) {
-        (Some(knob), Some(value)) => {
-            let is_word = KNOBS.iter().any(|other| {
-                other.name == knob && matches!(other.allowed, skyloop::fidelity::Allowed::Words(_))
+    match (row.tolerance, row.value) {
+        (Some(tolerance), Some(value)) => {
+            let is_word = TOLERANCES.iter().any(|other| {
+                other.name == tolerance
+                    && matches!(other.allowed, skyloop::fidelity::Allowed::Words(_))
             });
             let value = if is_word {
                 format!("{:?}", value.to_string())
             } else {
                 value.to_string()
             };
-            format!("{{ preset = \"realtime\", {knob} = {value} }}")
+            format!("{{ preset = \"realtime\", {tolerance} = {value} }}")
         }
         _ => format!("{:?}", row.setting),
     }

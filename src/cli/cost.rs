@@ -132,9 +132,9 @@ pub(super) fn spread(mission: &Mission, most: u32) -> anyhow::Result<Vec<Vehicle
 
 fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
     // What only chance tells from a preset needs no name.
-    let presets = || report.rows.iter().filter(|row| row.knob.is_none());
+    let presets = || report.rows.iter().filter(|row| row.tolerance.is_none());
     let is_named = |row: &Row| {
-        row.knob.is_none() || row.is_front || !presets().any(|preset| preset.is_alike(row))
+        row.tolerance.is_none() || row.is_front || !presets().any(|preset| preset.is_alike(row))
     };
     let dot = |row: &Row| Dot {
         at: [row.p50_ms, row.errors.frame_rms_e],
@@ -143,7 +143,7 @@ fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
         } else {
             String::new()
         },
-        is_large: row.knob.is_none(),
+        is_large: row.tolerance.is_none(),
         is_front: row.is_front,
     };
     Scatter {

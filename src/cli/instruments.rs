@@ -92,11 +92,11 @@ pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
         .into_iter()
         .find(|(_, pixels, labels)| level == (*pixels, *labels));
     let output = level.map_or(format!("{output:?}"), |(name, ..)| name.to_string());
-    let (preset, knobs) = emulator.fidelity().told();
-    let knobs = knobs
+    let (preset, tolerances) = emulator.fidelity().told();
+    let tolerances = tolerances
         .iter()
         .map(|(name, value)| format!(", {name} = {value}"));
-    let fidelity = preset.to_string() + &knobs.collect::<String>();
+    let fidelity = preset.to_string() + &tolerances.collect::<String>();
     let version = env!("CARGO_PKG_VERSION").to_string();
     let settings = [
         ("version", version),
@@ -258,12 +258,12 @@ impl Instruments {
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
         // On CAN the flow control of each long packet is waited for.
         let flow_control = Duration::from_micros(Parameters::FD.timeout_us);
-        let patience = if self.buses.contains(&true) {
-            needs.patience.min(flow_control)
+        let timeout = if self.buses.contains(&true) {
+            needs.timeout.min(flow_control)
         } else {
-            needs.patience
+            needs.timeout
         };
-        book.stopped(since, &Needs { patience, ..needs })
+        book.stopped(since, &Needs { timeout, ..needs })
     }
 
     /// The row in the table of the run.

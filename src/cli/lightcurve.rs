@@ -45,7 +45,7 @@ pub struct Args {
     records: Records,
 }
 
-const MOST_POINTS: f64 = 1e6;
+const MAX_POINTS: f64 = 1e6;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
@@ -184,10 +184,10 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     }
     // The last instant counts, whatever a division rounds to.
     let points = (length_s / step_s * (1.0 + 1e-12)).floor() + 1.0;
-    if points > MOST_POINTS {
+    if points > MAX_POINTS {
         let step = named("--step", args.step.is_some(), step_s.to_string());
         bail!(
-            "{step}, {ends}: these are {points:.0} points, at most {MOST_POINTS:.0} are written; enlarge --step"
+            "{step}, {ends}: these are {points:.0} points, at most {MAX_POINTS:.0} are written; enlarge --step"
         );
     }
     Ok(Span {

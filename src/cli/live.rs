@@ -33,20 +33,23 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let metrics = match address {
         None => None,
         Some(address) => {
-            let heads = config.heads.iter().map(|head| Metrics::of_head(&head.name));
-            let places: Vec<_> = std::iter::once(Metrics::default()).chain(heads).collect();
+            let cameras = config
+                .cameras
+                .iter()
+                .map(|head| Metrics::of_head(&head.name));
+            let places: Vec<_> = std::iter::once(Metrics::default()).chain(cameras).collect();
             let serving = metrics::serve(address, places.clone()).context(from)?;
             Some((places, serving))
         }
     };
-    let asked = &run.realtime;
+    let requested = &run.realtime;
     let mut rendering = Vec::new();
-    if !asked.is_nothing() {
+    if !requested.is_nothing() {
         // Threads of the pool may exist already, since files are read in parallel.
-        let thread = asked.of_thread();
+        let thread = requested.of_thread();
         rendering = rayon::broadcast(|_| realtime::ask(&thread));
     }
-    let mut granted = realtime::ask(asked);
+    let mut granted = realtime::ask(requested);
     granted.add_refused(rendering);
     Ok(Help { metrics, granted })
 }
@@ -64,7 +67,7 @@ pub fn link_options(run: &Run, bus: Option<BusInstruments>) -> link::Options {
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
     let file = path_text(file);
     link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;
-    for head in &config.heads {
+    for head in &config.cameras {
         let of_head = || format!("{file}: link of head {}", head.name);
         link::check_further(&head.links).with_context(of_head)?;
     }

@@ -11,7 +11,7 @@ use clap::Args as ClapArgs;
 use indicatif::ProgressBar;
 use skyloop::config::Config;
 use skyloop::effect::counted;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::link::fault::{Needs, Stop};
 use skyloop::link::{self, Roles};
 use skyloop::orbit::path_text;
@@ -108,7 +108,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let pixels = config.run.output.pixels;
     let needs = Needs {
-        patience: mission.timeout,
+        timeout: mission.timeout,
         long_packets: matches!(pixels, PixelLevel::Frame | PixelLevel::Compressed),
     };
     let mut session = Session::new(config);
@@ -213,15 +213,15 @@ fn exchange(
     bar: &ProgressBar,
 ) -> anyhow::Result<Flown> {
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
+    let (shots, to_write) = sync_channel::<ExposedFrame>(WRITE_QUEUE);
     let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
             // The flight computer closes the link when it has its frames, and reports every other
             // end.
-            let ended = server.run(&stop, None, |shot| {
+            let ended = server.run(&stop, None, |exposed| {
                 // A writer that has failed has dropped its end; its error is reported below.
-                let _ = shots.send(shot.clone());
+                let _ = shots.send(exposed.clone());
             });
             drop(shots);
             over.store(true, Ordering::Relaxed);
@@ -248,7 +248,7 @@ fn exchange(
         (report, emulator.join(), writing.join())
     });
     bar.finish_and_clear();
-    let (Ok((stats, Ended::AsAsked | Ended::LinkGone)), Ok(written)) = (served, written) else {
+    let (Ok((stats, Ended::AsRequested | Ended::LinkGone)), Ok(written)) = (served, written) else {
         bail!(PANICKED);
     };
     written.context("writing the frames")?;
@@ -327,9 +327,14 @@ fn blamed(
     Ok((report, Some(why)))
 }
 
-fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
-    for shot in shots {
-        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
+fn write(mut writer: Writer, shots: Receiver<ExposedFrame>) -> Result<(), OutputError> {
+    for exposed in shots {
+        writer.write_frame(
+            &exposed.camera,
+            &exposed.label,
+            &exposed.json,
+            &exposed.frame,
+        )?;
     }
     writer.finish()
 }

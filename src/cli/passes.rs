@@ -58,7 +58,7 @@ pub struct Args {
     csv: bool,
 }
 
-const MOST_DAYS: f64 = 31.0;
+const MAX_DAYS: f64 = 31.0;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
@@ -190,8 +190,8 @@ fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
     if days <= 0.0 {
         bail!("{ends}: the end must lie after the start");
     }
-    if days > MOST_DAYS {
-        bail!("{ends}: these are {days:.1} days, at most {MOST_DAYS} are searched");
+    if days > MAX_DAYS {
+        bail!("{ends}: these are {days:.1} days, at most {MAX_DAYS} are searched");
     }
     if !(1e-3..=10.0).contains(&args.shortest) {
         bail!(

@@ -12,7 +12,9 @@ pub struct Ready<'a> {
     pub pid: u32,
     /// Where the first camera listens: addresses with the ports and names that the system gave.
     pub links: Vec<String>,
-    pub heads: Vec<Head<'a>>,
+    /// Further cameras.
+    #[serde(rename = "heads")]
+    pub cameras: Vec<Head<'a>>,
     /// Where figures are served.
     pub metrics: Option<String>,
 }

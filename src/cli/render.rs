@@ -91,11 +91,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let bar = progress(mission.frames, "frames");
     for number in 0..mission.frames {
         let vehicle = flight::vehicle(&mission, number)?;
-        let shot = emulator.shoot(&vehicle, 0)?;
-        bar.suspend(|| absent.report(&shot));
-        stats.add(&shot);
-        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
-        emulator.take_back(shot);
+        let exposed = emulator.expose(&vehicle, 0)?;
+        bar.suspend(|| absent.report(&exposed));
+        stats.add(&exposed);
+        writer.write_frame(
+            &exposed.camera,
+            &exposed.label,
+            &exposed.json,
+            &exposed.frame,
+        )?;
+        emulator.take_back(exposed);
         bar.inc(1);
     }
     writer.finish()?;

@@ -33,7 +33,7 @@ pub struct Args {
     output: Option<String>,
     /// Fail if one step, such as a frame, takes longer than this
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "600", allow_negative_numbers = true)]
-    patience: Duration,
+    timeout: Duration,
 }
 
 /// An emulator that has nothing to do for this long does not come where the recorded one was. It
@@ -171,12 +171,12 @@ fn wait(
         if replay.idle() > SILENCE {
             replay.give_up();
         }
-        if replay.still() > args.patience {
+        if replay.still() > args.timeout {
             bail!(
                 "{}: after {} that came back the same, the emulator works on what comes next for more than {} s (--patience); {hint}",
                 path_text(&args.file),
                 same(),
-                args.patience.as_secs_f64()
+                args.timeout.as_secs_f64()
             );
         }
     }

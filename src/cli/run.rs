@@ -103,7 +103,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         drop(ready);
         let reported = report(&config, &served, instruments);
         let ended = match served.ended {
-            Ended::AsAsked => ended_in_time(&args, served.cut, served.counters.frames_delivered),
+            Ended::AsRequested => {
+                ended_in_time(&args, served.cut, served.counters.frames_delivered)
+            }
             Ended::Panicked => Err(anyhow!(PANICKED)),
             Ended::LinkGone => Err(anyhow!(
                 "link {}: it has gone (see the log above); open it again",
@@ -136,7 +138,7 @@ fn open_links(
 ) -> anyhow::Result<(Vec<Links>, Arc<AtomicBool>)> {
     let options = live::link_options(&config.run, Some(instruments.bus()));
     let first = instruments.around(link::open_all(urls, &options).context(key)?)?;
-    let further = config.heads.iter().map(|head| {
+    let further = config.cameras.iter().map(|head| {
         let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
         link::open_further(&head.links, &options).with_context(beside)
     });
@@ -167,7 +169,7 @@ fn introduce(
         cameras.first.levels(),
         cameras.first.addresses().join(" and ")
     ))?;
-    for (head, at) in config.heads.iter().zip(&cameras.further) {
+    for (head, at) in config.cameras.iter().zip(&cameras.further) {
         say(format_args!(
             "head {}: {}, {}, {}\n",
             head.name,
@@ -188,15 +190,15 @@ fn ready_file(
     let Some(file) = &args.ready_file else {
         return Ok(None);
     };
-    let heads = config.heads.iter().zip(&cameras.further);
-    let heads = heads.map(|(head, at)| Head {
+    let further = config.cameras.iter().zip(&cameras.further);
+    let further = further.map(|(head, at)| Head {
         name: &head.name,
         links: at.addresses()[1..].to_vec(),
     });
     let ready = Ready {
         pid: std::process::id(),
         links: cameras.first.addresses(),
-        heads: heads.collect(),
+        cameras: further.collect(),
         metrics,
     };
     ReadyFile::prepare(file, &ready).map(Some)
@@ -210,7 +212,7 @@ struct Served {
     stats: RunStats,
     counters: Counters,
     /// In the order of the run file.
-    heads: Vec<(RunStats, Counters)>,
+    cameras: Vec<(RunStats, Counters)>,
 }
 
 /// Serves all cameras until the run ends.
@@ -230,35 +232,39 @@ fn serve(
     let timeout = args.timeout.map(Duration::try_from_secs_f64);
     let until = timeout.and_then(|timeout| begin.checked_add(timeout.ok()?));
     server.end_by(until);
-    let (mut ended, heads, cut) = std::thread::scope(|scope| {
-        let heads = config.heads.iter().zip(further).map(|(head, mut server)| {
-            let (ended, name) = (&ended_flag, &head.name);
-            server.end_by(until);
-            scope.spawn(move || {
-                let _of = live::of_head(name).entered();
-                let served = server.run(ended, None, |_| {});
-                if served == Ended::Panicked {
-                    stop.store(true, Ordering::Relaxed);
-                }
-                (served, server.close())
-            })
-        });
-        let heads: Vec<_> = heads.collect();
+    let (mut ended, cameras, cut) = std::thread::scope(|scope| {
+        let cameras = config
+            .cameras
+            .iter()
+            .zip(further)
+            .map(|(head, mut server)| {
+                let (ended, name) = (&ended_flag, &head.name);
+                server.end_by(until);
+                scope.spawn(move || {
+                    let _of = live::of_head(name).entered();
+                    let served = server.run(ended, None, |_| {});
+                    if served == Ended::Panicked {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    (served, server.close())
+                })
+            });
+        let cameras: Vec<_> = cameras.collect();
         let limits = scope.spawn(|| limit(args, begin, [seen, &ended_flag], stop));
         let served = server.run(stop, args.frames, |_| {});
         ended_flag.store(true, Ordering::Relaxed);
         limits.thread().unpark();
-        let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
-        (served, heads, limits.join().ok().flatten())
+        let cameras: Vec<_> = cameras.into_iter().map(|head| head.join()).collect();
+        (served, cameras, limits.join().ok().flatten())
     });
-    let of_heads = heads.into_iter().map(|head| {
+    let of_cameras = cameras.into_iter().map(|head| {
         let (served, figures) = head.unwrap_or((Ended::Panicked, Default::default()));
         if served == Ended::Panicked {
             ended = Ended::Panicked;
         }
         figures
     });
-    let heads = of_heads.collect();
+    let cameras = of_cameras.collect();
     let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
     Served {
@@ -267,7 +273,7 @@ fn serve(
         gone,
         stats,
         counters,
-        heads,
+        cameras,
     }
 }
 
@@ -276,7 +282,7 @@ fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow
     let mut first = rows(&served.stats, &served.counters, clock);
     first.extend(instruments.row());
     say(format_args!("\n{}", table(&first)))?;
-    for (head, (stats, counters)) in config.heads.iter().zip(&served.heads) {
+    for (head, (stats, counters)) in config.cameras.iter().zip(&served.cameras) {
         let table = table(&rows(stats, counters, clock));
         say(format_args!("\nhead {}\n{table}", head.name))?;
     }
@@ -342,7 +348,7 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()>
 /// Warns of rates of further cameras whose frames follow packets.
 fn warn_of_rates(config: &Config) {
     let asks = asks(&config.run).filter(|_| config.run.clock == Clock::Stepped);
-    for head in config.heads.iter().filter(|head| head.has_own_rate) {
+    for head in config.cameras.iter().filter(|head| head.has_own_rate) {
         let Some(asks) = asks else { return };
         let _of = live::of_head(&head.name).entered();
         tracing::warn!(

@@ -104,12 +104,12 @@ impl Session {
             }
         };
         warm_up(&mut emulator);
-        let heads = (1..).zip(&config.heads).map(|(number, head)| {
+        let cameras = (1..).zip(&config.cameras).map(|(number, head)| {
             let mut emulator = emulator.beside(&head.camera, number);
             warm_up(&mut emulator);
             emulator
         });
-        let further: Vec<_> = heads.collect();
+        let further: Vec<_> = cameras.collect();
         let mut links = links.into_iter();
         let (own, run) = (links.next().unwrap_or_default(), &config.run);
         let mut first = Server::new(emulator, own, run.output, run.clock, &NATIVE);
@@ -120,7 +120,7 @@ impl Session {
             first,
             further: Vec::new(),
         };
-        for ((head, emulator), own) in config.heads.iter().zip(further).zip(links) {
+        for ((head, emulator), own) in config.cameras.iter().zip(further).zip(links) {
             let _of = of_head(&head.name).entered();
             let mut server = cameras.first.head(emulator, own, run);
             help.serve(cameras.further.len() + 1, &mut server);

@@ -4,7 +4,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use skyloop_base::load::{Check, ConfigError, END, advice};
-use skyloop_render::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
+use skyloop_render::fidelity::{Allowed, Coarser, Fidelity, PRESETS, TOLERANCES, Tolerance, Value};
 use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
@@ -14,7 +14,7 @@ pub struct RawFidelity {
     /// Where the preset stands.
     key: &'static str,
     preset: String,
-    knobs: Vec<(&'static Knob, Raw)>,
+    tolerances: Vec<(&'static Tolerance, Raw)>,
 }
 
 /// What a knob is to be set to.
@@ -30,14 +30,14 @@ enum Raw {
 /// A key of the table.
 enum Key {
     Preset,
-    Knob(&'static Knob),
+    Tolerance(&'static Tolerance),
 }
 
 const PRESET: &str = "preset";
 
 /// All of them.
 static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
-    let knobs = KNOBS.iter().map(|knob| knob.name);
+    let knobs = TOLERANCES.iter().map(|tolerance| tolerance.name);
     [PRESET].into_iter().chain(knobs).collect()
 });
 
@@ -49,16 +49,16 @@ impl JsonSchema for RawFidelity {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
         let mut keys = json_schema!({ PRESET: { "enum": names } });
-        for knob in KNOBS {
-            let mut schema = match knob.allowed {
+        for tolerance in TOLERANCES {
+            let mut schema = match tolerance.allowed {
                 Allowed::Numbers([least, most]) => {
                     json_schema!({ "type": "number", "minimum": least, "maximum": most })
                 }
                 Allowed::Words(words) => json_schema!({ "enum": words }),
             };
-            let text = format!("{} ({})", knob.bounds, knob.unit);
+            let text = format!("{} ({})", tolerance.bounds, tolerance.unit);
             schema.insert("description".to_string(), text.into());
-            keys.insert(knob.name.to_string(), schema.into());
+            keys.insert(tolerance.name.to_string(), schema.into());
         }
         json_schema!({
             "description": "Error tolerances of the renderer: a preset, or a table of a preset and the keys that differ from it",
@@ -75,7 +75,7 @@ impl Default for RawFidelity {
         RawFidelity {
             key: "fidelity.preset",
             preset: "realtime".to_string(),
-            knobs: Vec::new(),
+            tolerances: Vec::new(),
         }
     }
 }
@@ -88,9 +88,9 @@ impl RawFidelity {
             let given = format!("{:?}", self.preset);
             check.refuse(self.key, given, format!("one of {}", names.join(", ")))
         })?;
-        for (knob, raw) in self.knobs {
-            let key = format!("fidelity.{}", knob.name);
-            (knob.set)(&mut fidelity, value(&key, knob, raw, check)?);
+        for (tolerance, raw) in self.tolerances {
+            let key = format!("fidelity.{}", tolerance.name);
+            (tolerance.set)(&mut fidelity, value(&key, tolerance, raw, check)?);
         }
         Ok(fidelity)
     }
@@ -99,15 +99,15 @@ impl RawFidelity {
 /// The form of an entry of `run.coarsen`; ranges are checked by [`steps`] alone.
 pub fn step_form() -> String {
     let presets: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-    let knobs = KNOBS.iter().map(|knob| {
-        let value = match knob.allowed {
+    let tolerances = TOLERANCES.iter().map(|tolerance| {
+        let value = match tolerance.allowed {
             Allowed::Numbers(_) => r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?".to_string(),
             Allowed::Words(words) => format!("\"*({})\"*", words.join("|")),
         };
-        format!(r"\s*{}\s*=\s*{value}\s*", knob.name)
+        format!(r"\s*{}\s*=\s*{value}\s*", tolerance.name)
     });
-    let knobs: Vec<String> = knobs.collect();
-    format!("^({}|{}){END}", presets.join("|"), knobs.join("|"))
+    let tolerances: Vec<String> = tolerances.collect();
+    format!("^({}|{}){END}", presets.join("|"), tolerances.join("|"))
 }
 
 /// What each of `run.coarsen` asks for: a preset, or a knob.
@@ -130,8 +130,8 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
             return Err(check.refuse(&key, format!("{text:?}"), allowed));
         };
         let (name, given) = (name.trim(), given.trim());
-        let knob = Knob::named(name).ok_or_else(|| {
-            let names: Vec<&str> = KNOBS.iter().map(|knob| knob.name).collect();
+        let tolerance = Tolerance::named(name).ok_or_else(|| {
+            let names: Vec<&str> = TOLERANCES.iter().map(|tolerance| tolerance.name).collect();
             let reason = format!("unknown knob `{name}`{}", advice(name, &names));
             check.explain(&key, reason)
         })?;
@@ -139,20 +139,20 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
             Ok(number) => Raw::Number(number),
             Err(_) => Raw::Word(given.trim_matches('"').to_string()),
         };
-        let value = value(name, knob, raw, check).map_err(|error| match error {
+        let value = value(name, tolerance, raw, check).map_err(|error| match error {
             ConfigError::Value { value, allowed, .. } => {
                 check.explain(&key, format!("{name} = {value}: must be {allowed}"))
             }
             other => other,
         });
-        Ok(Coarser::Knob(knob, value?))
+        Ok(Coarser::Tolerance(tolerance, value?))
     };
     texts.iter().enumerate().map(step).collect()
 }
 
 /// What `knob` is set to by `key`.
-fn value(key: &str, knob: &Knob, raw: Raw, check: &Check) -> Result<Value, ConfigError> {
-    match (knob.allowed, raw) {
+fn value(key: &str, tolerance: &Tolerance, raw: Raw, check: &Check) -> Result<Value, ConfigError> {
+    match (tolerance.allowed, raw) {
         (Allowed::Numbers([least, most]), Raw::Number(number)) => {
             let number = check.range(key, number, least..=most)?;
             Ok(Value::Number(number))
@@ -170,7 +170,7 @@ fn value(key: &str, knob: &Knob, raw: Raw, check: &Check) -> Result<Value, Confi
             };
             let refused = || {
                 let allowed = match allowed {
-                    Allowed::Numbers([least, most]) => match knob.unit {
+                    Allowed::Numbers([least, most]) => match tolerance.unit {
                         "1" => format!("{least} to {most}"),
                         unit => format!("{least} to {most} {unit}"),
                     },
@@ -198,7 +198,7 @@ impl<'de> Deserialize<'de> for RawFidelity {
                 Ok(RawFidelity {
                     key: "fidelity",
                     preset: preset.to_string(),
-                    knobs: Vec::new(),
+                    tolerances: Vec::new(),
                 })
             }
 
@@ -207,8 +207,8 @@ impl<'de> Deserialize<'de> for RawFidelity {
                 while let Some(key) = map.next_key::<Key>()? {
                     match key {
                         Key::Preset => raw.preset = map.next_value()?,
-                        Key::Knob(knob) => {
-                            raw.knobs.push((knob, map.next_value()?));
+                        Key::Tolerance(tolerance) => {
+                            raw.tolerances.push((tolerance, map.next_value()?));
                         }
                     }
                 }
@@ -226,7 +226,7 @@ impl<'de> Deserialize<'de> for Key {
         if name == PRESET {
             return Ok(Key::Preset);
         }
-        let knob = Knob::named(&name).map(Key::Knob);
-        knob.ok_or_else(|| D::Error::unknown_field(&name, &KEYS))
+        let tolerance = Tolerance::named(&name).map(Key::Tolerance);
+        tolerance.ok_or_else(|| D::Error::unknown_field(&name, &KEYS))
     }
 }

@@ -75,12 +75,12 @@ pub(super) fn validate(
     check: &Check,
     folder: &Folder,
 ) -> Result<Vec<Head>, ConfigError> {
-    let heads = raw.into_iter().enumerate();
-    let heads: Vec<Head> = heads
+    let cameras = raw.into_iter().enumerate();
+    let cameras: Vec<Head> = cameras
         .map(|(at, head)| head.validate(at, check, folder))
         .collect::<Result<_, _>>()?;
-    for (at, head) in heads.iter().enumerate() {
-        let mut others = heads.iter().take(at);
+    for (at, head) in cameras.iter().enumerate() {
+        let mut others = cameras.iter().take(at);
         let other = others.position(|other| other.name == head.name);
         if head.name == camera.name || other.is_some() {
             let key = format!("heads[{at}].name");
@@ -90,5 +90,5 @@ pub(super) fn validate(
             return Err(error.needs(&[other.as_deref().unwrap_or("camera")]));
         }
     }
-    Ok(heads)
+    Ok(cameras)
 }

@@ -18,7 +18,7 @@ use heads::RawHead;
 pub use look_at::{LookAt, Target, Up};
 use nalgebra::Vector3;
 use objects::{Objects, RawObjects};
-pub use realtime::Asked;
+pub use realtime::Requested;
 use run::RawRun;
 pub use run::metrics_address;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
@@ -75,7 +75,7 @@ pub struct Config {
     /// Links, clock and limits of a live run.
     pub run: Run,
     /// Further cameras of the same vehicle, in a live run.
-    pub heads: Vec<Head>,
+    pub cameras: Vec<Head>,
 }
 
 /// Where a run's observer is.
@@ -291,11 +291,11 @@ impl Raw {
         let sequence = sequence.map(|s| s.validate(&camera, &objects, check, folder));
         let sequence = sequence.transpose()?;
         let attitude_file = sequence.as_ref().and_then(|s| s.attitude_file.as_ref());
-        let remarks = attitude_file.map(AttitudeFile::remarks);
-        findings.notices.extend(remarks.unwrap_or_default());
+        let comments = attitude_file.map(AttitudeFile::comments);
+        findings.notices.extend(comments.unwrap_or_default());
         Ok(Config {
             seed: raw.seed,
-            heads: heads::validate(raw.heads, &camera, check, folder)?,
+            cameras: heads::validate(raw.heads, &camera, check, folder)?,
             camera,
             fidelity,
             choice: raw.effects.validate(check)?,

@@ -2,7 +2,7 @@
 
 /// The requested settings.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Asked {
+pub struct Requested {
     /// SCHED_FIFO with this priority (1 to 99).
     pub priority: Option<u8>,
     /// Whether touched memory is locked.
@@ -11,7 +11,7 @@ pub struct Asked {
     pub cpus: Vec<usize>,
 }
 
-impl Asked {
+impl Requested {
     /// Whether nothing is requested.
     #[must_use]
     pub fn is_nothing(&self) -> bool {

@@ -1,7 +1,7 @@
 //! How a live run listens and keeps time: the table `[run]`.
 
 use super::fidelity;
-use crate::realtime::Asked;
+use crate::realtime::Requested;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
 use skyloop_base::load::Allowed::{Count, Form, Number, Word};
@@ -46,7 +46,7 @@ pub struct Run {
     /// Where the figures of the run can be fetched, if anywhere.
     pub metrics: Option<String>,
     /// What is asked of the system for a run in real time.
-    pub realtime: Asked,
+    pub realtime: Requested,
 }
 
 /// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
@@ -148,7 +148,7 @@ impl Default for Run {
             out_of_order: raw.out_of_order,
             holdover_s: raw.holdover_s,
             metrics: None,
-            realtime: Asked::default(),
+            realtime: Requested::default(),
         }
     }
 }
@@ -426,7 +426,7 @@ impl RawRun {
                 .metrics
                 .map(|text| listening(text, check))
                 .transpose()?,
-            realtime: Asked {
+            realtime: Requested {
                 priority: self
                     .priority
                     .map(|priority| priority_of(priority, check))

@@ -218,12 +218,12 @@ impl RawSequence {
 
 impl AttitudeFile {
     /// What of it is not used, or was assumed: a line each. What is wrong with it is reported when it is flown.
-    pub(super) fn remarks(&self) -> Vec<String> {
+    pub(super) fn comments(&self) -> Vec<String> {
         let Some(Ok(message)) = aem::is_message(&self.text).then(|| aem::parse(&self.text)) else {
             return Vec::new();
         };
-        let remarks = message.remarks.iter();
-        let shown = remarks.map(|(line, remark)| format!("{}:{line}: {remark}", self.name));
+        let comments = message.comments.iter();
+        let shown = comments.map(|(line, comment)| format!("{}:{line}: {comment}", self.name));
         shown.collect()
     }
 }

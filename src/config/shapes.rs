@@ -149,7 +149,7 @@ pub const LIMITS: &[Limit] = &[
         Number(-36000.0..=36000.0),
     ),
     ("objects[].attitude", Allowed::Kind("mode", MODES)),
-    ("shapes.*.parts", Count(1..=MOST_PARTS)),
+    ("shapes.*.parts", Count(1..=MAX_PARTS)),
     ("shapes.*.parts[].area_m2", Number(1e-6..=1e6)),
     ("shapes.*.parts[].size_m[]", Number(LENGTHS)),
     ("shapes.*.parts[].diameter_m", Number(LENGTHS)),
@@ -181,7 +181,7 @@ fn ends() -> Vec<&'static str> {
 /// Directions nearer to each other than this (rad) are the same.
 const ALONG: f64 = 1e-6;
 /// Parts that a shape may have: their light is worked out in up to hundreds of instants a frame.
-const MOST_PARTS: usize = 200;
+const MAX_PARTS: usize = 200;
 
 impl RawSphere {
     pub fn validate(
@@ -225,8 +225,8 @@ fn no_more_than_all(
 impl RawShape {
     pub fn validate(self, key: &str, check: &Check) -> Result<Shape, ConfigError> {
         let key = format!("{key}.parts");
-        if !(1..=MOST_PARTS).contains(&self.parts.len()) {
-            let allowed = format!("1 to {MOST_PARTS} parts, such as {{ kind = \"plate\", ... }}");
+        if !(1..=MAX_PARTS).contains(&self.parts.len()) {
+            let allowed = format!("1 to {MAX_PARTS} parts, such as {{ kind = \"plate\", ... }}");
             let given = format!("{} parts", self.parts.len());
             return Err(check.refuse(&key, given, allowed));
         }

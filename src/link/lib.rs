@@ -48,7 +48,7 @@ pub use relay::{Relay, relay};
 pub use skyloop_firmware_sim::address::Address;
 pub use skyloop_firmware_sim::roles::Roles;
 pub use tally::{Airtime, Tally};
-pub use tally::{Harm, SOON, Standstill, is_of_frame, patience};
+pub use tally::{Harm, SOON, Standstill, is_of_frame, timeout};
 pub use tx_complete::{Exit, Mark, Unsent};
 pub use wire::Wire;
 
@@ -238,12 +238,12 @@ pub(crate) mod fixture {
     use skyloop_protocols::slip;
     use std::time::Duration;
 
-    pub const PATIENCE: Duration = Duration::from_secs(20);
+    pub const TIMEOUT: Duration = Duration::from_secs(20);
 
     /// Packets of the native language and no bus.
     pub fn options() -> Options {
         Options {
-            idle: PATIENCE,
+            idle: TIMEOUT,
             personality: &NATIVE,
             bus: None,
         }

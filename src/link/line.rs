@@ -34,7 +34,7 @@ pub(super) fn start(
     name: &str,
     address: String,
     tally: &Arc<Tally>,
-    read: impl FnOnce(Ear, &AtomicBool) + Send + 'static,
+    read: impl FnOnce(PacketReader, &AtomicBool) + Send + 'static,
     write: impl FnOnce(&Receiver<Outbound>, &dyn Fn() -> bool) + Send + 'static,
 ) -> Result<Wire, LinkError> {
     let (arrivals, inbox) = inbox(tally.clone());
@@ -43,8 +43,8 @@ pub(super) fn start(
     let ended = Arc::new(AtomicBool::new(false));
     let stop = ended.clone();
     let wanted = arrivals.watch();
-    let ear = Ear::new(arrivals, tally.clone());
-    thread(url, &format!("{name}-read"), move || read(ear, &stop))?;
+    let reader = PacketReader::new(arrivals, tally.clone());
+    thread(url, &format!("{name}-read"), move || read(reader, &stop))?;
     let sender = thread(url, &format!("{name}-write"), move || {
         write(&departures, &wanted);
         ended.store(true, Ordering::Relaxed);
@@ -56,7 +56,7 @@ pub(super) fn start(
 }
 
 /// Bytes to packets.
-pub(super) struct Ear {
+pub(super) struct PacketReader {
     decoder: slip::Decoder<{ slip::BUFFER }>,
     /// Frames without a packet since the last packet.
     bad: u32,
@@ -66,9 +66,9 @@ pub(super) struct Ear {
     tally: Arc<Tally>,
 }
 
-impl Ear {
-    pub fn new(arrivals: Intake, tally: Arc<Tally>) -> Ear {
-        Ear {
+impl PacketReader {
+    pub fn new(arrivals: Intake, tally: Arc<Tally>) -> PacketReader {
+        PacketReader {
             decoder: slip::Decoder::new(),
             bad: 0,
             heard: false,
@@ -83,7 +83,7 @@ impl Ear {
     }
 
     /// Queues the packets that end in `octets`; counts the frames that hold none.
-    pub fn hear(&mut self, bytes: &[u8], exchange: u32) -> Result<(), Gone> {
+    pub fn receive(&mut self, bytes: &[u8], exchange: u32) -> Result<(), Gone> {
         for byte in bytes {
             match self.decoder.push(*byte) {
                 None => {}
@@ -153,13 +153,13 @@ pub(super) fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::{PATIENCE, framed};
+    use crate::fixture::{TIMEOUT, framed};
 
     #[test]
     fn a_line_ends_with_its_emulator() {
         let url = Address::parse("serial://none").unwrap();
         let (done, ended) = std::sync::mpsc::channel();
-        let read = move |_: Ear, stop: &AtomicBool| {
+        let read = move |_: PacketReader, stop: &AtomicBool| {
             while !stop.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(1));
             }
@@ -170,7 +170,7 @@ mod tests {
         };
         let wire = start(&url, "line", String::new(), &Arc::default(), read, write).unwrap();
         drop(wire);
-        ended.recv_timeout(PATIENCE).unwrap();
+        ended.recv_timeout(TIMEOUT).unwrap();
     }
 
     #[test]
@@ -183,7 +183,7 @@ mod tests {
     fn what_is_no_packet_is_counted_by_its_kind_and_passed_over() {
         let tally = Arc::new(Tally::default());
         let (intake, inbox) = inbox(tally.clone());
-        let mut ear = Ear::new(intake, tally.clone());
+        let mut reader = PacketReader::new(intake, tally.clone());
         let good = framed(b"packet");
         let mut damaged = good.clone();
         damaged[2] ^= 1;
@@ -195,7 +195,7 @@ mod tests {
             (&good, [1, 1, 1, 1]),
         ];
         for (frame, expected) in frames {
-            ear.hear(frame, 5).unwrap();
+            reader.receive(frame, 5).unwrap();
             let found = tally.counters();
             let counts = [
                 found.runts,

@@ -25,7 +25,7 @@ pub enum Outbound {
         /// Which exchange.
         exchange: u32,
         /// When the client asked for it.
-        asked: Instant,
+        requested: Instant,
     },
 }
 

@@ -1,7 +1,7 @@
 //! Octets through pseudo-terminals at the pace of a baud rate.
 
 use super::pace::{Pace, sleep_until};
-use super::pseudo::{Heard, Pseudo, Written};
+use super::pseudo::{MasterRead, Pseudo, Written};
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -11,25 +11,25 @@ pub(super) const PIECE: Duration = Duration::from_millis(1);
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Hears a pseudo-terminal at the pace of a line.
-pub(super) struct PacedEar {
+pub(super) struct PacedReader {
     pace: Pace,
     buffer: Vec<u8>,
 }
 
-impl PacedEar {
-    pub fn new(baud: u32) -> PacedEar {
+impl PacedReader {
+    pub fn new(baud: u32) -> PacedReader {
         let pace = Pace::of_baud(baud);
-        PacedEar {
+        PacedReader {
             buffer: vec![0; pace.bytes_in(PIECE).min(4096)],
             pace,
         }
     }
 
     /// The next octets, once the last of them has passed; with what else happened.
-    pub fn hear(&mut self, pseudo: &Pseudo) -> io::Result<(Heard, &[u8])> {
-        let heard = pseudo.hear(&mut self.buffer, LOOK)?;
+    pub fn receive(&mut self, pseudo: &Pseudo) -> io::Result<(MasterRead, &[u8])> {
+        let heard = pseudo.receive(&mut self.buffer, LOOK)?;
         let now = Instant::now();
-        let Heard::Octets { length, waited } = heard else {
+        let MasterRead::Octets { length, waited } = heard else {
             self.pace.rest(now);
             return Ok((heard, &[]));
         };
@@ -52,7 +52,7 @@ pub(super) fn write_all(
     let mut waited = false;
     while !bytes.is_empty() {
         match to.write(bytes, client)? {
-            Written::Nobody => return Ok(None),
+            Written::NoReader => return Ok(None),
             Written::Octets(0) if !wanted() => return Ok(None),
             Written::Octets(0) => {
                 waited = true;
@@ -72,11 +72,11 @@ pub(super) fn relay(
     baud: u32,
     wanted: &dyn Fn() -> bool,
 ) -> io::Result<()> {
-    let mut ear = PacedEar::new(baud);
+    let mut reader = PacedReader::new(baud);
     while wanted() {
-        let (_, bytes) = ear.hear(from)?;
+        let (_, bytes) = reader.receive(from)?;
         if let Some(true) = write_all(to, bytes, None, wanted)? {
-            ear.pace.rest(Instant::now());
+            reader.pace.rest(Instant::now());
         }
     }
     Ok(())

@@ -43,7 +43,7 @@ struct State {
 
 /// What the master heard.
 #[derive(Debug, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum MasterRead {
     /// So many octets; whether they had to be waited for.
     Octets { length: usize, waited: bool },
     /// Nothing.
@@ -51,7 +51,7 @@ pub(super) enum Heard {
     /// The client has gone.
     Left,
     /// Nobody holds the other end.
-    Nobody,
+    NoReader,
 }
 
 /// What became of octets written.
@@ -60,7 +60,7 @@ pub(super) enum Written {
     /// So many have left; the others find no room.
     Octets(usize),
     /// The client has gone.
-    Nobody,
+    NoReader,
 }
 
 impl Pseudo {
@@ -92,14 +92,14 @@ impl Pseudo {
     }
 
     /// Reads what has come, waiting `wait` at most. For one thread: it notices clients come and go.
-    pub fn hear(&self, buffer: &mut [u8], wait: Duration) -> io::Result<Heard> {
+    pub fn receive(&self, buffer: &mut [u8], wait: Duration) -> io::Result<MasterRead> {
         let master = lock(&self.state).master.clone();
         let mut waited = false;
         loop {
             match rustix::io::read(&master, &mut *buffer) {
                 Ok(length) if length > 0 => {
                     lock(&self.state).come();
-                    return Ok(Heard::Octets { length, waited });
+                    return Ok(MasterRead::Octets { length, waited });
                 }
                 Err(Errno::INTR) => continue,
                 Err(Errno::AGAIN) => {}
@@ -108,7 +108,7 @@ impl Pseudo {
                 Err(error) => return Err(error.into()),
             }
             if waited {
-                return Ok(Heard::Silence);
+                return Ok(MasterRead::Silence);
             }
             waited = true;
             let events = ready(&master, PollFlags::IN, wait)?;
@@ -119,12 +119,12 @@ impl Pseudo {
         }
     }
 
-    fn hung_up(&self, wait: Duration) -> io::Result<Heard> {
+    fn hung_up(&self, wait: Duration) -> io::Result<MasterRead> {
         let mut state = lock(&self.state);
         if !std::mem::take(&mut state.held) {
             drop(state);
             std::thread::sleep(SOON.min(wait));
-            return Ok(Heard::Nobody);
+            return Ok(MasterRead::NoReader);
         }
         if let Err(error) = calm(&state.master, &state.device) {
             // It was left in exclusive use: only a new one can be opened again.
@@ -135,7 +135,7 @@ impl Pseudo {
             }
             (state.master, state.device) = (Arc::new(master), device);
         }
-        Ok(Heard::Left)
+        Ok(MasterRead::Left)
     }
 
     /// Writes what fits, if client number `client` (none: any) holds the other end.
@@ -147,12 +147,12 @@ impl Pseudo {
             state.come();
         }
         if !state.held || client.is_some_and(|client| client != state.clients) {
-            return Ok(Written::Nobody);
+            return Ok(Written::NoReader);
         }
         match rustix::io::write(&state.master, bytes) {
             Ok(length) => Ok(Written::Octets(length)),
             Err(Errno::AGAIN | Errno::INTR) => Ok(Written::Octets(0)),
-            Err(Errno::IO) => Ok(Written::Nobody),
+            Err(Errno::IO) => Ok(Written::NoReader),
             Err(error) => Err(error.into()),
         }
     }
@@ -256,9 +256,10 @@ mod tests {
     }
 
     /// Hears until something happens.
-    fn event(pseudo: &Pseudo, buffer: &mut [u8]) -> Heard {
-        let heard = (0..200).map(|_| pseudo.hear(buffer, WAIT).unwrap());
-        let mut events = heard.filter(|heard| !matches!(heard, Heard::Silence | Heard::Nobody));
+    fn event(pseudo: &Pseudo, buffer: &mut [u8]) -> MasterRead {
+        let heard = (0..200).map(|_| pseudo.receive(buffer, WAIT).unwrap());
+        let mut events =
+            heard.filter(|heard| !matches!(heard, MasterRead::Silence | MasterRead::NoReader));
         events.next().unwrap()
     }
 
@@ -268,12 +269,18 @@ mod tests {
         let name = folder.path().join("port");
         let pseudo = Pseudo::open(Some(&name)).unwrap_or_else(|e| panic!("{}", e.source));
         let mut buffer = [0; 100];
-        assert_eq!(pseudo.hear(&mut buffer, WAIT).unwrap(), Heard::Nobody);
-        assert_eq!(pseudo.write(b"lost", None).unwrap(), Written::Nobody);
+        assert_eq!(
+            pseudo.receive(&mut buffer, WAIT).unwrap(),
+            MasterRead::NoReader
+        );
+        assert_eq!(pseudo.write(b"lost", None).unwrap(), Written::NoReader);
         for round in 1..=3 {
             let mut port = client(&pseudo);
             if round == 1 {
-                assert_eq!(pseudo.hear(&mut buffer, WAIT).unwrap(), Heard::Silence);
+                assert_eq!(
+                    pseudo.receive(&mut buffer, WAIT).unwrap(),
+                    MasterRead::Silence
+                );
                 assert_eq!(pseudo.clients(), 1);
             }
             let unread = port.read(&mut buffer).unwrap_err();
@@ -284,7 +291,7 @@ mod tests {
             );
             assert_eq!(
                 pseudo.write(b"-", Some(round - 1)).unwrap(),
-                Written::Nobody
+                Written::NoReader
             );
             assert_eq!(port.read(&mut buffer).unwrap(), 2);
             // Until there is no room; all of it stays unread.
@@ -293,8 +300,8 @@ mod tests {
             drop(port);
             // What a client has written before it went is heard.
             let heard = event(&pseudo, &mut buffer);
-            assert!(matches!(heard, Heard::Octets { length: 4, .. }));
-            assert_eq!(event(&pseudo, &mut buffer), Heard::Left);
+            assert!(matches!(heard, MasterRead::Octets { length: 4, .. }));
+            assert_eq!(event(&pseudo, &mut buffer), MasterRead::Left);
         }
         drop(pseudo);
         assert!(name.symlink_metadata().is_err());
@@ -313,7 +320,7 @@ mod tests {
         std::fs::remove_file(&name).unwrap();
         std::os::unix::fs::symlink("/dev/pts/none", &name).unwrap();
         drop(port);
-        assert_eq!(event(&pseudo, &mut [0; 9]), Heard::Left);
+        assert_eq!(event(&pseudo, &mut [0; 9]), MasterRead::Left);
         assert_ne!(lock(&pseudo.state).device, before);
         let _port = client(&pseudo);
         assert_eq!(pseudo.write(b"-", Some(2)).unwrap(), Written::Octets(1));

@@ -3,12 +3,12 @@
 
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
-use super::line::{self, Ear, Put, airtime, write};
+use super::line::{self, PacketReader, Put, airtime, write};
 use super::name::is_one;
 use super::outbox::{Outbound, Outbox};
 use super::pace::{Pace, sleep_until};
-use super::paced::{PIECE, PacedEar, relay, write_all};
-use super::pseudo::{Heard, Pseudo};
+use super::paced::{PIECE, PacedReader, relay, write_all};
+use super::pseudo::{MasterRead, Pseudo};
 use super::tally::{Tally, count};
 use super::tx_complete::Unsent;
 use super::wire::Wire;
@@ -67,8 +67,8 @@ fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     let tally = Arc::new(Tally::default());
     let last = Arc::new(AtomicBool::new(last));
     let (reading, heard, parting) = (pseudo.clone(), tally.clone(), last.clone());
-    let read = move |ear: Ear, stop: &AtomicBool| {
-        if let Err(error) = read(&reading, baud, ear, &heard, [stop, &parting]) {
+    let read = move |reader: PacketReader, stop: &AtomicBool| {
+        if let Err(error) = read(&reading, baud, reader, &heard, [stop, &parting]) {
             tracing::error!(%error, "{} can no longer be read", reading.name());
         }
     };
@@ -125,22 +125,22 @@ impl Drop for NamedOutbox {
 fn read(
     pseudo: &Pseudo,
     baud: u32,
-    mut ear: Ear,
+    mut reader: PacketReader,
     tally: &Tally,
     [stop, last]: [&AtomicBool; 2],
 ) -> io::Result<()> {
-    let mut paced = PacedEar::new(baud);
+    let mut paced = PacedReader::new(baud);
     let mut clients = 0;
     while !stop.load(Ordering::Relaxed) {
-        let (heard, bytes) = paced.hear(pseudo)?;
-        if heard == Heard::Left {
+        let (heard, bytes) = paced.receive(pseudo)?;
+        if heard == MasterRead::Left {
             tally.end(clients);
             if last.load(Ordering::Relaxed) {
                 tracing::debug!("no client holds {} any more", pseudo.name());
             } else {
                 tracing::warn!("no client holds {} any more: waiting", pseudo.name());
             }
-            ear.restart();
+            reader.restart();
         }
         let before = std::mem::replace(&mut clients, pseudo.clients());
         if clients != before && before > 0 {
@@ -148,7 +148,7 @@ fn read(
             tracing::warn!("{} has its next client", pseudo.name());
         }
         // Each client opens an exchange of its own.
-        if ear.hear(bytes, clients).is_err() {
+        if reader.receive(bytes, clients).is_err() {
             break;
         }
     }
@@ -229,13 +229,13 @@ impl Pair {
 mod tests {
     use super::*;
     use crate::Standstill;
-    use crate::fixture::{PATIENCE, framed, offer, options};
+    use crate::fixture::{TIMEOUT, framed, offer, options};
     use serialport::{ClearBuffer, SerialPort, TTYPort};
     use std::io::{Read, Write};
     use std::sync::mpsc::RecvTimeoutError;
 
     fn client(name: &str) -> TTYPort {
-        let port = serialport::new(name, 115_200).timeout(PATIENCE);
+        let port = serialport::new(name, 115_200).timeout(TIMEOUT);
         port.open_native().unwrap()
     }
 
@@ -249,7 +249,7 @@ mod tests {
         for exchange in 1..=3 {
             let mut port = client(&name);
             port.write_all(&framed(b"hello")).unwrap();
-            let inbound = wire.inbox.recv_timeout(PATIENCE).unwrap();
+            let inbound = wire.inbox.recv_timeout(TIMEOUT).unwrap();
             assert_eq!(&inbound.packet[..], b"hello");
             assert_eq!(inbound.exchange, exchange);
             assert_eq!(wire.tally.counters().reconnects, exchange - 1);
@@ -280,12 +280,12 @@ mod tests {
         let takes = Duration::from_micros(110_416);
         let sent = Instant::now();
         port.send(&[b'a'; 100]).unwrap();
-        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        wire.inbox.recv_timeout(TIMEOUT).unwrap();
         let (there, back) = (sent.elapsed(), Instant::now());
         offer(&mut wire, 1, &[b'a'; 100]);
-        wire.close(Standstill::of(&wire.tally, PATIENCE));
+        wire.close(Standstill::of(&wire.tally, TIMEOUT));
         drop(wire);
-        assert_eq!(port.recv(PATIENCE).unwrap(), Some(vec![b'a'; 100]));
+        assert_eq!(port.recv(TIMEOUT).unwrap(), Some(vec![b'a'; 100]));
         assert!(there >= takes && back.elapsed() >= takes, "{there:?}");
     }
 

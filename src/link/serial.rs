@@ -2,7 +2,7 @@
 
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
-use super::line::{self, Ear, Put, READ_TIMEOUT, airtime, write};
+use super::line::{self, PacketReader, Put, READ_TIMEOUT, airtime, write};
 use super::lock::lock;
 #[cfg(target_os = "linux")]
 use super::low_latency;
@@ -65,7 +65,7 @@ fn start(
         "serial",
         address,
         &tally,
-        move |ear, stop| read(&reading, input, ear, stop),
+        move |reader, stop| read(&reading, input, reader, stop),
         move |departures, wanted| {
             write(departures, &sent, |_, bytes, _| line.put(bytes, wanted));
         },
@@ -158,7 +158,7 @@ impl Line {
 }
 
 /// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
-fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
+fn read(line: &Line, port: Port, mut reader: PacketReader, stop: &AtomicBool) {
     let path = &line.device.path;
     let mut buffer = [0; 4096];
     let mut input = Some(port);
@@ -194,7 +194,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
                     count(&line.tally.reconnects);
                     tracing::warn!("the serial line {path} is back");
                 }
-                if ear.hear(&buffer[..length], 0).is_err() {
+                if reader.receive(&buffer[..length], 0).is_err() {
                     return;
                 }
             }
@@ -205,7 +205,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
                 line.lose(known);
                 *lock(&line.output) = None;
                 input = None;
-                ear.restart();
+                reader.restart();
             }
         }
     }
@@ -264,7 +264,7 @@ fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
 mod tests {
     use super::*;
     use crate::Standstill;
-    use crate::fixture::{PATIENCE, framed, offer};
+    use crate::fixture::{TIMEOUT, framed, offer};
     use serialport::TTYPort;
     use std::io::{Read, Write};
     use std::path::Path;
@@ -286,7 +286,7 @@ mod tests {
     }
 
     fn heard(wire: &Wire) -> Vec<u8> {
-        wire.inbox.recv_timeout(PATIENCE).unwrap().packet.to_vec()
+        wire.inbox.recv_timeout(TIMEOUT).unwrap().packet.to_vec()
     }
 
     #[test]
@@ -306,7 +306,7 @@ mod tests {
             assert_eq!(quiet, RecvTimeoutError::Timeout, "the link lives on");
             offer(&mut wire, 0, b"meanwhile");
             (client, device) = named(&path);
-            client.set_timeout(PATIENCE).unwrap();
+            client.set_timeout(TIMEOUT).unwrap();
             let mut line = [0; 15];
             client.read_exact(&mut line).unwrap();
             assert_eq!(&line[1..10], b"meanwhile", "the queue waits with it");

@@ -33,7 +33,7 @@ pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
 #[derive(Debug, Default)]
 pub struct Tally {
     /// Packets that went into the outbound queue, and that have left it for good.
-    pub departed: TxComplete,
+    pub tx_complete: TxComplete,
     /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
     /// Why waiting packets were given up; unset before that.
@@ -99,18 +99,18 @@ impl Tally {
 
     /// Books a packet put into the outbound queue.
     pub(super) fn queued(&self) {
-        self.departed.queued();
+        self.tx_complete.queued();
     }
 
     /// Puts a packet into the outbound queue. Booked first: it may leave before `try_send` returns.
     pub(super) fn queue<E>(&self, try_send: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
         self.queued();
-        try_send().inspect_err(|_| self.departed.refused())
+        try_send().inspect_err(|_| self.tx_complete.refused())
     }
 
     /// Books a packet that has left the queue for good.
     pub(super) fn done(&self) {
-        self.departed.done();
+        self.tx_complete.done();
     }
 
     /// Books a packet that has left the queue and was not sent. Its frame is not delivered.
@@ -125,9 +125,9 @@ impl Tally {
     /// Books a packet, of a frame or not, that has left the queue, was not sent, and is counted.
     pub(super) fn let_go(&self, is_of_frame: bool, why: Unsent) {
         if is_of_frame {
-            self.departed.lost(self.why_given_up().unwrap_or(why));
+            self.tx_complete.lost(self.why_given_up().unwrap_or(why));
         } else {
-            self.departed.done();
+            self.tx_complete.done();
         }
     }
 
@@ -213,7 +213,7 @@ impl Tally {
 
     /// Packets that have not left yet.
     pub fn waiting(&self) -> u32 {
-        self.departed.waiting()
+        self.tx_complete.waiting()
     }
 
     /// Bytes that have left, modulo 2^32.
@@ -240,7 +240,7 @@ pub(super) fn count(counter: &AtomicU32) {
 /// Waits while bytes leave, and some time longer.
 pub struct Standstill {
     tally: Arc<Tally>,
-    patience: Duration,
+    timeout: Duration,
     bytes: u32,
     begun: Instant,
     /// When bytes left last, as far as is known.
@@ -255,7 +255,7 @@ pub const SOON: Duration = Duration::from_millis(500);
 
 /// Silence after which a link stands still: `least`, or twice the time of a packet, which may leave
 /// in one piece.
-pub fn patience(airtime: Option<&Airtime>, least: Duration) -> Duration {
+pub fn timeout(airtime: Option<&Airtime>, least: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
     least.max(2 * packet)
 }
@@ -266,7 +266,7 @@ impl Standstill {
     pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
         Standstill {
             tally: tally.clone(),
-            patience,
+            timeout: patience,
             bytes: tally.bytes(),
             begun: Instant::now(),
             moved: Instant::now(),
@@ -295,7 +295,7 @@ impl Standstill {
             Unsent::HeldBack
         } else if self.tally.awaits_proof() {
             Unsent::NotProved
-        } else if self.moved.elapsed() < patience(airtime, SOON) {
+        } else if self.moved.elapsed() < timeout(airtime, SOON) {
             Unsent::RunEnded
         } else {
             Unsent::NotRead
@@ -323,6 +323,6 @@ impl Standstill {
             );
         }
         // Frames do not leave without proof.
-        self.tally.awaits_proof() || self.since.elapsed() >= self.patience || now >= self.until
+        self.tally.awaits_proof() || self.since.elapsed() >= self.timeout || now >= self.until
     }
 }

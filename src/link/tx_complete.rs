@@ -190,92 +190,96 @@ mod tests {
 
     #[test]
     fn a_mark_is_reached_when_all_before_it_has_left() {
-        let departed = TxComplete::default();
+        let tx_complete = TxComplete::default();
         // Over the wrap of the counts.
-        for count in [&departed.queued, &departed.done] {
+        for count in [&tx_complete.queued, &tx_complete.done] {
             count.store(u32::MAX - 1, Ordering::SeqCst);
         }
-        (0..3).for_each(|_| departed.queued());
-        let mark = departed.mark(u32::MAX - 1);
-        departed.queued();
-        let later = departed.mark(1);
-        assert_eq!((departed.waiting(), departed.left(mark)), (4, None));
-        (0..2).for_each(|_| departed.done());
-        assert_eq!(departed.left(mark), None);
+        (0..3).for_each(|_| tx_complete.queued());
+        let mark = tx_complete.mark(u32::MAX - 1);
+        tx_complete.queued();
+        let later = tx_complete.mark(1);
+        assert_eq!((tx_complete.waiting(), tx_complete.left(mark)), (4, None));
+        (0..2).for_each(|_| tx_complete.done());
+        assert_eq!(tx_complete.left(mark), None);
         let before = Instant::now();
-        departed.done();
+        tx_complete.done();
         let after = Instant::now();
-        departed.lost(Unsent::Failed);
-        assert_eq!(departed.left(later), None, "the oldest first");
-        let left = departed.left(mark).unwrap();
+        tx_complete.lost(Unsent::Failed);
+        assert_eq!(tx_complete.left(later), None, "the oldest first");
+        let left = tx_complete.left(mark).unwrap();
         assert!((before..=after).contains(&left.at) && left.lost.is_none());
-        assert_eq!(departed.left(mark), None, "forgotten");
-        let left = departed.left(later).unwrap();
+        assert_eq!(tx_complete.left(mark), None, "forgotten");
+        let left = tx_complete.left(later).unwrap();
         assert!(left.at >= after && left.lost == Some(Unsent::Failed));
-        assert_eq!(departed.open.load(Ordering::SeqCst), 0);
+        assert_eq!(tx_complete.open.load(Ordering::SeqCst), 0);
     }
 
     /// However often a full queue is asked, and however many queues a packet goes through.
     #[test]
     fn what_is_refused_or_handed_on_has_not_left() {
-        let departed = TxComplete::default();
-        (0..3).for_each(|_| departed.queued());
-        let mark = departed.mark(0);
+        let tx_complete = TxComplete::default();
+        (0..3).for_each(|_| tx_complete.queued());
+        let mark = tx_complete.mark(0);
         for _ in 0..100 {
-            departed.queued();
-            departed.refused();
+            tx_complete.queued();
+            tx_complete.refused();
         }
         for is_taken in [true, false, true, true] {
             let offer = || {
-                departed.queued();
+                tx_complete.queued();
                 if !is_taken {
-                    departed.refused();
+                    tx_complete.refused();
                 }
                 is_taken
             };
-            departed.hand_on(offer, |is_taken| *is_taken);
+            tx_complete.hand_on(offer, |is_taken| *is_taken);
         }
-        assert_eq!((departed.waiting(), departed.left(mark)), (3, None));
-        (0..2).for_each(|_| departed.done());
-        assert_eq!(departed.left(mark), None);
-        departed.done();
-        assert!(departed.left(mark).is_some());
-        assert_eq!(departed.waiting(), 0);
+        assert_eq!((tx_complete.waiting(), tx_complete.left(mark)), (3, None));
+        (0..2).for_each(|_| tx_complete.done());
+        assert_eq!(tx_complete.left(mark), None);
+        tx_complete.done();
+        assert!(tx_complete.left(mark).is_some());
+        assert_eq!(tx_complete.waiting(), 0);
     }
 
     /// Two packets leave at once, and the later mark is reached first.
     #[test]
     fn a_mark_that_is_reached_first_hides_no_older_one() {
-        let departed = TxComplete::default();
-        (0..2).for_each(|_| departed.queued());
+        let tx_complete = TxComplete::default();
+        (0..2).for_each(|_| tx_complete.queued());
         let at = Instant::now();
         let marks = [1, 2].map(|last| Mark {
             before: last - 1,
             last,
         });
         for (mark, left) in marks.into_iter().zip([None, Some(Exit { at, lost: None })]) {
-            let marks = &mut lock(&departed.book).marks;
+            let marks = &mut lock(&tx_complete.book).marks;
             marks.push_back(Marked { mark, left });
         }
-        departed.open.store(1, Ordering::SeqCst);
-        (0..2).for_each(|_| departed.done());
-        assert!(marks.iter().all(|mark| departed.left(*mark).is_some()));
+        tx_complete.open.store(1, Ordering::SeqCst);
+        (0..2).for_each(|_| tx_complete.done());
+        assert!(marks.iter().all(|mark| tx_complete.left(*mark).is_some()));
     }
 
     #[test]
     fn what_has_left_already_is_reached_at_once_and_what_is_forgotten_never() {
-        let departed = TxComplete::default();
-        departed.queued();
-        departed.done();
-        let mark = departed.mark(0);
-        assert!(departed.left(mark).is_some_and(|left| left.lost.is_none()));
-        departed.queued();
-        let mark = departed.mark(1);
-        departed.forget(mark);
-        departed.done();
-        assert_eq!(departed.left(mark), None);
-        assert_eq!(departed.open.load(Ordering::SeqCst), 0);
-        assert_eq!(lock(&departed.book).marks.len(), 0);
+        let tx_complete = TxComplete::default();
+        tx_complete.queued();
+        tx_complete.done();
+        let mark = tx_complete.mark(0);
+        assert!(
+            tx_complete
+                .left(mark)
+                .is_some_and(|left| left.lost.is_none())
+        );
+        tx_complete.queued();
+        let mark = tx_complete.mark(1);
+        tx_complete.forget(mark);
+        tx_complete.done();
+        assert_eq!(tx_complete.left(mark), None);
+        assert_eq!(tx_complete.open.load(Ordering::SeqCst), 0);
+        assert_eq!(lock(&tx_complete.book).marks.len(), 0);
     }
 
     /// Frames of three packets; an answer precedes the second. A frame is lost with its own packets
@@ -294,25 +298,27 @@ mod tests {
             ),
         ] {
             for marked_late in [false, true] {
-                let departed = TxComplete::default();
+                let tx_complete = TxComplete::default();
                 let leave = |places: std::ops::Range<u32>| {
                     places.for_each(|place| match lost.iter().find(|(at, _)| *at == place) {
-                        None => departed.done(),
-                        Some((_, why)) => departed.lost(*why),
+                        None => tx_complete.done(),
+                        Some((_, why)) => tx_complete.lost(*why),
                     });
                 };
                 let mut marks = Vec::new();
                 for (before, packets, places) in [(0, 3, 0..3), (4, 4, 3..7)] {
-                    (0..packets).for_each(|_| departed.queued());
+                    (0..packets).for_each(|_| tx_complete.queued());
                     if marked_late {
                         leave(places);
                     }
-                    marks.push(departed.mark(before));
+                    marks.push(tx_complete.mark(before));
                 }
                 if !marked_late {
                     leave(0..7);
                 }
-                let found = marks.iter().map(|mark| departed.left(*mark).unwrap().lost);
+                let found = marks
+                    .iter()
+                    .map(|mark| tx_complete.left(*mark).unwrap().lost);
                 assert_eq!(found.collect::<Vec<_>>(), expected, "{lost:?}");
             }
         }

@@ -239,7 +239,7 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
             };
             open.retain(|connection| !connection.state.is_over());
             if open.len() >= AT_ONCE {
-                let silent = open.iter().position(|one| !one.state.has_asked());
+                let silent = open.iter().position(|one| !one.state.has_requested());
                 let oldest = open.remove(silent.unwrap_or(0));
                 oldest.into_iter().for_each(Connection::close);
             }

@@ -12,7 +12,7 @@
 mod linux;
 
 use serde::Serialize;
-pub use skyloop_config::Asked;
+pub use skyloop_config::Requested;
 use std::fmt;
 
 /// One setting.
@@ -105,9 +105,9 @@ impl fmt::Display for Granted {
 ///
 /// Absent processors are reported, and the others used.
 #[must_use]
-pub fn ask(asked: &Asked) -> Granted {
+pub fn ask(requested: &Requested) -> Granted {
     let mut grants = Vec::new();
-    if let Some(priority) = asked.priority {
+    if let Some(priority) = requested.priority {
         let refused = match priority {
             1..=99 => system::schedule(priority).err(),
             _ => Some("not a priority: 1 to 99 are".to_string()),
@@ -115,12 +115,12 @@ pub fn ask(asked: &Asked) -> Granted {
         let help = Help::Priority(priority);
         grants.push(Grant { help, refused });
     }
-    if asked.lock_memory {
+    if requested.lock_memory {
         let refused = system::lock_memory().err();
         let help = Help::Memory;
         grants.push(Grant { help, refused });
     }
-    let mut cpus = asked.cpus.clone();
+    let mut cpus = requested.cpus.clone();
     cpus.sort_unstable();
     cpus.dedup();
     if !cpus.is_empty() {
@@ -222,8 +222,8 @@ mod tests {
 
     #[test]
     fn nothing_is_asked_of_the_system_unless_it_is_asked_for() {
-        assert!(Asked::default().is_nothing());
-        let none = ask(&Asked::default());
+        assert!(Requested::default().is_nothing());
+        let none = ask(&Requested::default());
         assert!(none.grants.is_empty() && none.is_all());
         assert_eq!(none.to_string(), "none asked for");
     }
@@ -245,9 +245,9 @@ mod tests {
     #[test]
     fn a_priority_that_is_none_is_refused_without_asking() {
         for priority in [0, 100, 255] {
-            let granted = ask(&Asked {
+            let granted = ask(&Requested {
                 priority: Some(priority),
-                ..Asked::default()
+                ..Requested::default()
             });
             let text = granted.to_string();
             assert!(!granted.is_all() && text.contains("1 to 99"), "{text}");
@@ -256,14 +256,14 @@ mod tests {
 
     #[test]
     fn a_thread_of_a_pool_asks_for_all_but_the_memory() {
-        let asked = Asked {
+        let requested = Requested {
             priority: Some(10),
             lock_memory: true,
             cpus: vec![1],
         };
-        let of_thread = asked.of_thread();
+        let of_thread = requested.of_thread();
         assert!(!of_thread.lock_memory && !of_thread.is_nothing());
-        assert_eq!(of_thread.priority, asked.priority);
-        assert_eq!(of_thread.cpus, asked.cpus);
+        assert_eq!(of_thread.priority, requested.priority);
+        assert_eq!(of_thread.cpus, requested.cpus);
     }
 }

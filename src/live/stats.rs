@@ -4,11 +4,11 @@ mod frames;
 
 use crate::timing::Latencies;
 pub use crate::timing::{row, text as times};
-pub use frames::FrameAccount;
+pub use frames::FrameCounters;
 pub(crate) use frames::{Pending, Request};
 use skyloop_firmware_sim::times::Times;
 use skyloop_render::effect::counted;
-use skyloop_render::engine::Shot;
+use skyloop_render::engine::ExposedFrame;
 use std::collections::BTreeMap;
 
 /// Statistics of a run.
@@ -37,7 +37,7 @@ pub struct RunStats {
     /// Objects in the field that labels omit, by reason.
     pub unseen: BTreeMap<&'static str, usize>,
     /// The accounts of the links that bring frames, by address.
-    pub accounts: Vec<(String, FrameAccount)>,
+    pub accounts: Vec<(String, FrameCounters)>,
     /// Frames that are full of one light.
     pub flooded: u32,
     /// Objects that had no state at some frame.
@@ -50,16 +50,16 @@ pub struct RunStats {
 
 impl RunStats {
     /// Adds one frame.
-    pub fn add(&mut self, shot: &Shot) {
+    pub fn add(&mut self, exposed: &ExposedFrame) {
         self.frames += 1;
-        self.render.add(shot.render_time);
-        self.flooded += u32::from(shot.label.flooded_by.is_some());
-        self.without_state += shot.unknown.news.len();
-        self.objects = shot.population;
-        for (why, count) in &shot.label.unseen_counts {
+        self.render.add(exposed.render_time);
+        self.flooded += u32::from(exposed.label.flooded_by.is_some());
+        self.without_state += exposed.unknown.notices.len();
+        self.objects = exposed.population;
+        for (why, count) in &exposed.label.unseen_counts {
             *self.unseen.entry(why).or_default() += count;
         }
-        for object in &shot.label.objects {
+        for object in &exposed.label.objects {
             let (labelled, visible) = match object.kind {
                 "star" => (&mut self.stars, &mut self.stars_visible),
                 "rso" => (&mut self.rsos, &mut self.rsos_visible),
@@ -178,45 +178,45 @@ impl Absent {
     const NEAR_KM: f64 = 10.0;
 
     /// Counts the objects of a frame without a state, and logs each condition once.
-    pub fn report(&mut self, shot: &Shot) {
-        if let Some(more) = shot.label.particles_left_out.filter(|_| !self.crowded) {
+    pub fn report(&mut self, exposed: &ExposedFrame) {
+        if let Some(more) = exposed.label.particles_left_out.filter(|_| !self.crowded) {
             self.crowded = true;
             tracing::warn!(
                 "frame {}: {more:.0} more particles than can be drawn would cross the detector in an exposure; labels say \
                  so (particles_left_out): shorten timing.exposure_s or radiation.readout_s",
-                shot.number
+                exposed.number
             );
         }
-        if let Some(light) = shot.label.flooded_by.filter(|_| !self.flooded) {
+        if let Some(light) = exposed.label.flooded_by.filter(|_| !self.flooded) {
             self.flooded = true;
             tracing::warn!(
                 "frame {}: {light} fills every pixel, nothing else is seen; labels say so (flooded_by): turn away, shorten \
                  timing.exposure_s, or give the camera a better baffle (optics.stray)",
-                shot.number
+                exposed.number
             );
         }
-        if let Some(ages) = &shot.old {
-            tracing::warn!("frame {}: {ages}", shot.number);
+        if let Some(ages) = &exposed.old {
+            tracing::warn!("frame {}: {ages}", exposed.number);
         }
-        if let Some(near) = beside(shot).filter(|_| !self.near) {
+        if let Some(near) = beside(exposed).filter(|_| !self.near) {
             self.near = true;
-            tracing::warn!("frame {}: {near}", shot.number);
+            tracing::warn!("frame {}: {near}", exposed.number);
         }
-        self.count = self.count.wrapping_add(shot.unknown.count as u32);
+        self.count = self.count.wrapping_add(exposed.unknown.count as u32);
         let mut more = 0;
-        for error in &shot.unknown.news {
+        for error in &exposed.unknown.notices {
             self.named += 1;
             if self.named <= Self::NAMED {
-                tracing::warn!("frame {}: not shown: {error}", shot.number);
+                tracing::warn!("frame {}: not shown: {error}", exposed.number);
             } else {
-                tracing::info!("frame {}: not shown: {error}", shot.number);
+                tracing::info!("frame {}: not shown: {error}", exposed.number);
                 more += 1;
             }
         }
         if more > 0 {
             tracing::warn!(
                 "frame {}: {} more without a state, not shown; -v names them",
-                shot.number,
+                exposed.number,
                 counted(more, "object")
             );
         }
@@ -224,8 +224,8 @@ impl Absent {
 }
 
 /// Objects in the field that may be docked to the observer.
-fn beside(shot: &Shot) -> Option<String> {
-    let near = shot.label.objects.iter().filter_map(|object| {
+fn beside(exposed: &ExposedFrame) -> Option<String> {
+    let near = exposed.label.objects.iter().filter_map(|object| {
         let range_km = object.rso.as_ref()?.range_km;
         let name = object.names.first().unwrap_or(&object.id);
         (range_km < Absent::NEAR_KM).then(|| format!("{name} at {range_km:.3} km"))
@@ -283,7 +283,7 @@ mod tests {
         stats.unseen = [("too faint", 2), ("behind the Earth", 3)].into();
         let said = "5 (3 behind the Earth, 2 too faint)".to_string();
         assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", said)));
-        let account = |delivered, withheld: &[_]| FrameAccount {
+        let account = |delivered, withheld: &[_]| FrameCounters {
             requested: 9,
             delivered,
             withheld: withheld.iter().copied().collect(),

@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 
 /// Rounds that are asked for, and at least made.
 pub const ROUNDS: usize = 101;
-const LEAST_ROUNDS: usize = 5;
+const MIN_ROUNDS: usize = 5;
 
 /// What was measured of a scene.
 #[derive(Debug, Clone, Serialize)]
@@ -151,19 +151,19 @@ fn times(
     let mut times = vec![Vec::new(); settings.len()];
     let each = vehicles.iter().cycle().take(effort.rounds).enumerate();
     for (round, vehicle) in each {
-        if round >= LEAST_ROUNDS && started.elapsed() > effort.limit {
+        if round >= MIN_ROUNDS && started.elapsed() > effort.limit {
             break;
         }
         emulator.set_fidelity(Fidelity::REALTIME);
-        emulator.shoot(vehicle, 0)?;
+        emulator.expose(vehicle, 0)?;
         for i in order(round, settings.len()) {
             emulator.set_fidelity(settings[i].fidelity);
             let before_ms = thread_ms();
-            let shot = emulator.shoot(vehicle, 0)?;
+            let exposed = emulator.expose(vehicle, 0)?;
             times[i].push(if effort.one_core {
                 thread_ms() - before_ms
             } else {
-                shot.render_time.as_secs_f64() * 1e3
+                exposed.render_time.as_secs_f64() * 1e3
             });
         }
         go_on(told(round + 1))?;

@@ -216,9 +216,9 @@ impl Work {
         let later = Unit::Second * (STEP_S * f64::from(self.made));
         self.made += 1;
         let vehicle = self.vehicle.at(self.vehicle.epoch + later);
-        if let Ok(shot) = self.emulator.shoot(&vehicle, 0) {
-            black_box(&shot);
-            self.emulator.take_back(shot);
+        if let Ok(exposed) = self.emulator.expose(&vehicle, 0) {
+            black_box(&exposed);
+            self.emulator.take_back(exposed);
         }
     }
 }

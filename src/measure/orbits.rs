@@ -18,7 +18,7 @@ use skyloop_orbit::sgp4;
 use skyloop_orbit::sgp4_batch::{Batch, Level, States};
 use skyloop_orbit::synth::{Synthetic, population};
 use skyloop_orbit::tracks::{Look, Places, Tracks};
-use skyloop_render::crew;
+use skyloop_render::render_pool;
 use std::f64::consts::PI;
 use std::hint::black_box;
 
@@ -37,7 +37,7 @@ const ROUNDS: usize = 31;
 const FRAMES: usize = 300;
 const WARM: usize = 40;
 /// What the whole step may take, ms, in 99 of 100 frames, and what memory an object may, B.
-const MOST_MS: f64 = 10.0;
+const MAX_MS: f64 = 10.0;
 const MAX_BYTES: f64 = 700.0;
 /// Longest period of a near-Earth orbit, min.
 const NEAR_MIN: f64 = 225.0;
@@ -73,7 +73,8 @@ pub struct Step {
     pub exact_p50_ms: f64,
     /// Candidates, unseen and labelled objects of a frame, on average.
     pub found: [f64; 3],
-    /// Octets of memory an object, with its name.
+    /// Bytes of memory an object, with its name.
+    #[serde(rename = "octets")]
     pub bytes: f64,
 }
 
@@ -137,8 +138,8 @@ impl super::Report for Report {
             ..
         } = self.step;
         let rows = self.rows.iter().filter_map(Row::broken);
-        let step = (p99_ms > MOST_MS)
-            .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MOST_MS} ms"));
+        let step = (p99_ms > MAX_MS)
+            .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MAX_MS} ms"));
         let memory = (octets > MAX_BYTES)
             .then(|| format!("memory: {octets:.0} B an object are more than {MAX_BYTES} B"));
         rows.chain(step).chain(memory).collect()
@@ -202,7 +203,7 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Option<Row> {
         [sets.len() * LONG; 2],
         |round| {
             let all = || calls(round).for_each(|call| batch.propagate(at(call), &mut states));
-            two.install(|| crew::together(all))
+            two.install(|| render_pool::together(all))
         },
         |round| {
             one.install(|| calls(round).for_each(|call| other.propagate(at(call), &mut others)))

@@ -25,7 +25,7 @@ pub struct AttitudeMessage {
     /// In the order of the file.
     pub segments: Vec<AttitudeSegment>,
     /// Lines of the file, and what of it is not used or was assumed there.
-    pub remarks: Vec<(usize, String)>,
+    pub comments: Vec<(usize, String)>,
 }
 
 /// Attitudes that one interpolation may run through.
@@ -150,8 +150,8 @@ impl Reader {
             let stop = segment.stop.min(last.epoch);
             Some((time::tai_ns(start), time::tai_ns(stop), segment.line))
         });
-        if let Some((line, remark)) = overlap(spans.collect()) {
-            self.remark(line, remark);
+        if let Some((line, comment)) = overlap(spans.collect()) {
+            self.comment(line, comment);
         }
     }
 
@@ -177,17 +177,17 @@ impl Reader {
             false => "REF_FRAME_B",
         })?)?;
         for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
-            self.remark(meta.line, assumed);
+            self.comment(meta.line, assumed);
         }
         if let Some((method, line)) = meta.find("INTERPOLATION_METHOD")
             && !method.eq_ignore_ascii_case("LINEAR")
         {
             let method = shorten(method);
-            let remark = format!(
+            let comment = format!(
                 "INTERPOLATION_METHOD {method}: attitudes are slerped between neighbours instead, which is off by an eighth of \
                  the angular acceleration times the square of their distance in time at most"
             );
-            self.remark(line, remark);
+            self.comment(line, comment);
         }
         Ok(Data {
             clock,
@@ -229,19 +229,19 @@ impl Reader {
             return Err((line, reason));
         };
         if *more > 0 {
-            let remark = format!(
+            let comment = format!(
                 "ATTITUDE_TYPE {name}: attitudes are slerped and have the rates of the slerp, those of the file are not used"
             );
-            self.remark(line, remark);
+            self.comment(line, comment);
         }
         Ok(*more)
     }
 
     /// What is said of one segment is not said of each.
-    fn remark(&mut self, line: usize, remark: String) {
-        let remarks = &mut self.message.remarks;
-        if remarks.iter().all(|(_, known)| *known != remark) {
-            remarks.push((line, remark));
+    fn comment(&mut self, line: usize, comment: String) {
+        let comments = &mut self.message.comments;
+        if comments.iter().all(|(_, known)| *known != comment) {
+            comments.push((line, comment));
         }
     }
 

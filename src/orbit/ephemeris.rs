@@ -23,7 +23,7 @@ pub(crate) struct Segment {
     pub start_ns: i128,
     pub stop_ns: i128,
     /// Lines of the file, and what was assumed there.
-    pub remarks: Vec<(usize, String)>,
+    pub comments: Vec<(usize, String)>,
 }
 
 /// Interpolation and its number of nodes. Near the ends of a segment the nodes lie to one side; a
@@ -91,9 +91,9 @@ impl Ephemeris {
 
     /// Assumptions where the file leaves something open, such as the Earth's rotation: the line of
     /// the first segment with it, and the text.
-    pub fn remarks(&self) -> Vec<(usize, &str)> {
+    pub fn comments(&self) -> Vec<(usize, &str)> {
         let mut all: Vec<(usize, &str)> = Vec::new();
-        for (line, text) in self.segments.iter().flat_map(|segment| &segment.remarks) {
+        for (line, text) in self.segments.iter().flat_map(|segment| &segment.comments) {
             if all.iter().all(|(_, known)| known != text) {
                 all.push((*line, text));
             }

@@ -58,7 +58,7 @@ impl Format {
     /// The format of a text, by its first line that says something; nothing where it is none of these.
     pub(crate) fn of(text: &str) -> Option<Format> {
         let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
-        let first = lines.find(|line| !lines::is_remark(line))?;
+        let first = lines.find(|line| !lines::is_comment(line))?;
         match first.as_bytes().first()? {
             b'<' if omm::xml::looks_like(text) => Some(Format::OmmXml),
             b'<' => oem::xml::looks_like(text).then_some(Format::OemXml),

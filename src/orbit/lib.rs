@@ -241,10 +241,10 @@ impl Object {
     }
 
     /// Assumptions where its ephemeris leaves something open: a line of its file and a text each.
-    pub fn remarks(&self) -> Vec<(usize, &str)> {
+    pub fn comments(&self) -> Vec<(usize, &str)> {
         match &self.orbit {
             Orbit::Elements(..) => Vec::new(),
-            Orbit::Ephemeris(ephemeris) => ephemeris.remarks(),
+            Orbit::Ephemeris(ephemeris) => ephemeris.comments(),
         }
     }
 

@@ -24,14 +24,14 @@ pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clon
 }
 
 /// Blank lines and comments, which may stand before anything.
-pub(crate) fn is_remark(line: &str) -> bool {
+pub(crate) fn is_comment(line: &str) -> bool {
     line.is_empty() || line.starts_with('#') || line.split_whitespace().next() == Some("COMMENT")
 }
 
 /// The offset of the first line that says something.
 pub(crate) fn start(text: &str) -> usize {
     let mut lines = numbered(text).map(|(_, line)| line.trim_start());
-    let first = lines.find(|line| !is_remark(line));
+    let first = lines.find(|line| !is_comment(line));
     first.map_or(text.len(), |line| {
         line.as_ptr().addr() - text.as_ptr().addr()
     })

@@ -86,7 +86,7 @@ impl Clock {
 /// Whether a line of a message is read: not where it is blank or a comment, unless it is one of the metadata, which may give UT1 - UTC.
 pub(crate) fn is_significant(line: &str, in_metadata: bool) -> bool {
     let is_comment = || line.split_whitespace().next() == Some("COMMENT");
-    !lines::is_remark(line) || in_metadata && is_comment()
+    !lines::is_comment(line) || in_metadata && is_comment()
 }
 
 /// Reports segments whose usable times overlap, against the standards (CCSDS 502.0-B-3, Table 5-3,
@@ -110,11 +110,11 @@ pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, Str
         0 => String::new(),
         count => format!(" ({count} more overlaps)"),
     };
-    let remark = format!(
+    let comment = format!(
         "the segments of lines {first} and {second} overlap from {start} to {stop}{more}: the earlier in the file is used there; set \
          USEABLE_START_TIME and USEABLE_STOP_TIME"
     );
-    Some((second, remark))
+    Some((second, comment))
 }
 
 impl Meta {
@@ -327,13 +327,13 @@ impl Meta {
             return Err((line, reason));
         }
         let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1.utc_s.is_none();
-        let remark = is_assumed.then(|| {
+        let comment = is_assumed.then(|| {
             format!(
                 "{key} {name} without Earth-orientation data: UT1 is taken as UTC, which turns it by up to 13.5 arcsec (460 m at 7,000 km \
                  from the Earth's centre, 2.8 km at the geostationary belt), and the pole's motion is left out (0.6 arcsec, 20 m and 120 m); \
                  {GIVE_UT1}, or give the data in GCRF"
             )
         });
-        Ok((axes, remark))
+        Ok((axes, comment))
     }
 }

@@ -27,7 +27,7 @@ const FASTEST_M_S: f64 = 1e5;
 /// circle the mean of two velocities and the chord differ by its square over 12, here 2 %.
 const SHORT_STEP: f64 = 0.5;
 /// Steps must be longer than this, m, to tell it: positions may be rounded to 1 m.
-const LEAST_STEP_M: f64 = 1e3;
+const MIN_STEP_M: f64 = 1e3;
 /// Share of the speed by which they may differ at most. Velocities against inertial axes in an Earth-fixed frame are 7 % off.
 const VELOCITY_TOLERANCE: f64 = 0.05;
 
@@ -162,10 +162,10 @@ impl<'a> Messages<'a> {
             let spans = segments
                 .iter()
                 .map(|one| (one.start_ns, one.stop_ns, one.line));
-            if let Some((line, remark)) = overlap(spans.collect())
+            if let Some((line, comment)) = overlap(spans.collect())
                 && let Some(segment) = segments.iter_mut().find(|segment| segment.line == line)
             {
-                segment.remarks.push((line, remark));
+                segment.comments.push((line, comment));
             }
         }
     }
@@ -214,7 +214,7 @@ impl Data {
         let (start, stop) = meta.span(clock)?;
         let (axes, assumed) = meta.axes("REF_FRAME", ut1)?;
         let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, stop)?);
-        let mut remarks: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
+        let mut comments: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
         Ok(Data {
             id: meta.object("OBJECT_ID")?,
             name: meta.object("OBJECT_NAME")?,
@@ -225,10 +225,10 @@ impl Data {
             segment: Segment {
                 line: meta.line,
                 nodes: Vec::new(),
-                method: method(meta, &mut remarks)?,
+                method: method(meta, &mut comments)?,
                 start_ns: time::tai_ns(start),
                 stop_ns: time::tai_ns(stop),
-                remarks,
+                comments,
             },
         })
     }
@@ -286,10 +286,10 @@ impl Data {
         let has = segment.nodes.len();
         let (Method::Lagrange(count) | Method::Hermite(count)) = segment.method;
         if let Some(line) = self.degree_line.filter(|_| has < count) {
-            let remark = format!(
+            let comment = format!(
                 "INTERPOLATION_DEGREE takes {count} states, and the segment has {has}: the degree is lower"
             );
-            segment.remarks.push((line, remark));
+            segment.comments.push((line, comment));
         }
         converge(&mut segment, self.degree_line);
         Ok((self.id, self.name, segment))
@@ -307,18 +307,18 @@ fn converge(segment: &mut Segment, degree_line: Option<usize>) {
     let Some((off_m, lower)) = farthest_m else {
         return;
     };
-    let remark = format!(
+    let comment = format!(
         "interpolation of degree {degree} does not converge on these states (half way between two it is {:.1} km off that of degree \
          {lower}): degree {} is taken; give states at even times, or a lower INTERPOLATION_DEGREE",
         off_m / 1e3,
         segment.method.degree()
     );
     let line = degree_line.unwrap_or(segment.line);
-    segment.remarks.push((line, remark));
+    segment.comments.push((line, comment));
 }
 
 /// The interpolation that metadata ask for: without INTERPOLATION Hermite's, without a degree that of 7.
-fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
+fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
     let mut degree = DEFAULT_DEGREE;
     if let Some((text, line)) = meta.find("INTERPOLATION_DEGREE") {
         let given = text
@@ -337,8 +337,8 @@ fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
     match name.to_ascii_uppercase().as_str() {
         "LINEAR" => {
             if degree > 1 && meta.find("INTERPOLATION_DEGREE").is_some() {
-                let remark = format!("of degree 1, not {degree}: 1 is taken");
-                remarks.push((line, format!("INTERPOLATION LINEAR is {remark}")));
+                let comment = format!("of degree 1, not {degree}: 1 is taken");
+                comments.push((line, format!("INTERPOLATION LINEAR is {comment}")));
             }
             Ok(Method::Lagrange(2))
         }
@@ -348,8 +348,9 @@ fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
             let states = (degree / 2 + 1).max(2);
             let taken = 2 * states - 1;
             if taken != degree {
-                let remark = format!("of degree 3, 5, 7 and so on, not {degree}: {taken} is taken");
-                remarks.push((line, format!("INTERPOLATION HERMITE is {remark}")));
+                let comment =
+                    format!("of degree 3, 5, 7 and so on, not {degree}: {taken} is taken");
+                comments.push((line, format!("INTERPOLATION HERMITE is {comment}")));
             }
             Ok(Method::Hermite(states))
         }
@@ -370,7 +371,7 @@ fn agree(a: &Node, b: &Node) -> Result<(), String> {
     let mean_m_s = (a.state.velocity_m_s + b.state.velocity_m_s) / 2.0;
     // Either may be the wrong one: a long way round ends near where it began, too.
     let path_m = step_m.norm().max(mean_m_s.norm() * seconds);
-    if path_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < LEAST_STEP_M {
+    if path_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < MIN_STEP_M {
         return Ok(());
     }
     let chord_m_s = step_m / seconds;

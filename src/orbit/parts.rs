@@ -37,7 +37,7 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     let mut lines = lines.peekable();
     while let Some((number, whole)) = lines.next() {
         let line = whole.trim_start();
-        if lines::is_remark(line) {
+        if lines::is_comment(line) {
             continue;
         }
         let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();

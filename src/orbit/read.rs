@@ -19,7 +19,7 @@ pub const LARGEST_PIPE: u64 = 256 << 20;
 /// Bytes that decide whether a file has the expected kind of contents.
 const HEAD: u64 = 1 << 16;
 /// Longest wait for the next bytes of a pipe.
-const PIPE_PATIENCE: Duration = Duration::from_secs(10);
+const PIPE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A file that this process has read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -200,13 +200,13 @@ impl Pipe {
 impl Read for Pipe {
     fn read(&mut self, to: &mut [u8]) -> Result<usize> {
         if self.chunk.position() as usize >= self.chunk.get_ref().len() {
-            match self.chunks.recv_timeout(PIPE_PATIENCE) {
+            match self.chunks.recv_timeout(PIPE_TIMEOUT) {
                 Ok(chunk) => self.chunk = Cursor::new(chunk?),
                 Err(RecvTimeoutError::Disconnected) => return Ok(0),
                 Err(RecvTimeoutError::Timeout) => {
                     let why = format!(
                         "nothing has come through this pipe for {} s: start the program that writes to it first",
-                        PIPE_PATIENCE.as_secs()
+                        PIPE_TIMEOUT.as_secs()
                     );
                     return Err(Error::new(ErrorKind::TimedOut, why));
                 }

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 /// Bytes of an answer that are read.
 const LONGEST: usize = 1 << 16;
 /// Lines of an answer in plain text.
-const MOST_LINES: usize = 4;
+const MAX_LINES: usize = 4;
 /// Characters of it that a message quotes.
 const SHOWN: usize = 200;
 /// Keys that servers give their reasons in.
@@ -68,7 +68,7 @@ pub(crate) fn words(text: &str, source: &str) -> Option<String> {
             let start: String = text.chars().take(40).collect();
             let start = start.to_lowercase();
             let is_answer = BEGINNINGS.iter().any(|known| start.starts_with(known));
-            if is_answer && text.lines().nth(MOST_LINES).is_none() {
+            if is_answer && text.lines().nth(MAX_LINES).is_none() {
                 text.to_owned()
             } else {
                 String::new()

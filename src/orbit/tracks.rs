@@ -17,7 +17,7 @@
 use crate::StateVector;
 use crate::cone::{Cone, FASTEST_KM_S, Leeway, Moved};
 use crate::elements::{Elements, ModelError};
-use crate::sgp4_batch::{Asked, BLOCK, Batch, BlockStates, Level, Row};
+use crate::sgp4_batch::{BLOCK, Batch, BlockStates, Level, Requested, Row};
 use hifitime::{Duration, Epoch};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -194,18 +194,18 @@ impl Tracks {
         let chunks = segments.zip(self.watches.par_chunks_mut(CHUNK)).enumerate();
         let found = chunks.map(|(chunk, (segments, watches))| {
             let first = chunk * CHUNK;
-            let (mut asked, mut begun) = (Vec::new(), Vec::new());
+            let (mut requested, mut begun) = (Vec::new(), Vec::new());
             for (i, watch) in watches.iter_mut().enumerate() {
                 if exact {
                     watch.middle_ns = NEVER;
                 } else if !watch.holds(ns) && frame.is_due(first + i, watch) {
                     begun.push(i);
-                    asked.extend(watch.begin(first + i, ns));
+                    requested.extend(watch.begin(first + i, ns));
                 }
             }
-            if !asked.is_empty() {
-                let mut states = vec![BlockStates::NONE; asked.len()];
-                batch.blocks_asked(&asked, &mut states);
+            if !requested.is_empty() {
+                let mut states = vec![BlockStates::NONE; requested.len()];
+                batch.blocks_requested(&requested, &mut states);
                 let (states, _) = states.as_chunks::<INSTANTS>();
                 for (i, states) in begun.into_iter().zip(states) {
                     segments[i].lay(states);
@@ -317,7 +317,7 @@ impl Watch {
     }
 
     /// Begins the segment of `block` that contains `ns`, and returns the instants that it needs.
-    fn begin(&mut self, block: usize, ns: i64) -> [Asked; INSTANTS] {
+    fn begin(&mut self, block: usize, ns: i64) -> [Requested; INSTANTS] {
         // The golden section distributes the starts of any number of blocks evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let phase = ((block as f64 * GOLDEN).fract() * (2 * HALF_NS) as f64) as i64;
@@ -326,7 +326,7 @@ impl Watch {
         self.middle_ns = middle;
         [-HALF_NS, -HALF_NS / 2, 0, HALF_NS / 2, HALF_NS].map(|offset| {
             let t = Duration::from_total_nanoseconds(i128::from(middle + offset));
-            Asked::of(block, Epoch::from_tai_duration(t))
+            Requested::of(block, Epoch::from_tai_duration(t))
         })
     }
 }

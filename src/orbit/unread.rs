@@ -180,7 +180,7 @@ fn known(text: &str) -> Option<Known> {
     if let [b'#', b'a'..=b'd', b'P' | b'V', b'0'..=b'9', ..] = top.as_bytes() {
         return Some(SP3);
     }
-    let first = all.find(|line| !lines::is_remark(line))?;
+    let first = all.find(|line| !lines::is_comment(line))?;
     if let Some((_, known)) = BEGINNINGS
         .iter()
         .find(|(begins, _)| first.starts_with(begins))

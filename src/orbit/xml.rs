@@ -101,7 +101,7 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
         let is_known = |tag: &Tag| ROOTS.contains(&tag.name) || tag.name.starts_with(['?', '!']);
         let next = tags.peek().filter(|next| is_known(next));
         let end = next.map_or(text.len(), |next| next.start);
-        let rest = skip_remarks(text.get(tag.end..end).unwrap_or_default());
+        let rest = skip_comments(text.get(tag.end..end).unwrap_or_default());
         if !rest.is_empty() {
             found.push((end - rest.len(), rest));
         }
@@ -110,7 +110,7 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
 }
 
 /// A text without the blanks and comments that it begins with.
-fn skip_remarks(mut text: &str) -> &str {
+fn skip_comments(mut text: &str) -> &str {
     loop {
         text = text.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
         let inside = text.strip_prefix("<!--");

@@ -203,7 +203,7 @@ fn real(value: f64) -> String {
     };
     // FITS wants a decimal point before an exponent too.
     match text.split_once('E') {
-        Some((dn, exponent)) if !dn.contains('.') => format!("{dn}.0E{exponent}"),
+        Some((digits, exponent)) if !digits.contains('.') => format!("{digits}.0E{exponent}"),
         _ => text,
     }
 }

@@ -18,7 +18,7 @@ pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);
 /// RSOs that show.
 pub const RSO: Rgb888 = Rgb888::new(255, 170, 50);
 /// The Moon and planets.
-pub const WANDERER: Rgb888 = Rgb888::new(150, 230, 150);
+pub const PLANET: Rgb888 = Rgb888::new(150, 230, 150);
 /// RSOs that do not.
 pub const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
 
@@ -100,7 +100,7 @@ fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
     let wanderers = wanderers.map(|body| Mark {
         text: Some(shown(body).to_string()),
         must: true,
-        ..mark(body, scale, WANDERER)
+        ..mark(body, scale, PLANET)
     });
     rsos.chain(wanderers).chain(stars).collect()
 }

@@ -1,7 +1,7 @@
 //! The contact sheet: up to twelve annotated frames of a run in one picture.
 
 use super::canvas::{Canvas, text_size};
-use super::panel::{self, HIDDEN, RINGED, RSO, STAR, WANDERER};
+use super::panel::{self, HIDDEN, PLANET, RINGED, RSO, STAR};
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
@@ -125,7 +125,7 @@ fn legend() -> [(Rgb888, bool, String); 4] {
         (STAR, false, star),
         (RSO, false, "RSO".to_string()),
         (HIDDEN, true, "RSO, not visible".to_string()),
-        (WANDERER, false, "Moon, planet".to_string()),
+        (PLANET, false, "Moon, planet".to_string()),
     ]
 }
 

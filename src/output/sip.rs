@@ -10,7 +10,7 @@ use skyloop_render::camera::{Camera, Optics};
 /// A residual (px) that no star's place shows.
 const ENOUGH_PX: f64 = 1e-4;
 /// The highest order that the convention has.
-const MOST: usize = 9;
+const MAX: usize = 9;
 /// Points a side that are fitted.
 const SIDE: usize = 24;
 
@@ -53,7 +53,7 @@ impl Sip {
             .map(|(_, by)| libm::hypot(by[0], by[1]))
             .fold(0.0, f64::max);
         let mut best: Option<Sip> = None;
-        for order in 2..=MOST {
+        for order in 2..=MAX {
             let (ahead, behind) = (fit(&forward, 2, order), fit(&back, 1, order));
             let (Some((forward, a)), Some((back, b))) = (ahead, behind) else {
                 continue;

@@ -17,7 +17,7 @@ use skyloop_render::sky::shadow::Earth;
 const KNOTS: usize = 5;
 
 /// The observer during all of a search.
-pub(super) struct Course<'a> {
+pub(super) struct ObserverTrack<'a> {
     flight: &'a Flight,
     from: Epoch,
     step_s: f64,
@@ -41,7 +41,7 @@ pub(super) struct Step {
     knots: [StateVector; KNOTS],
 }
 
-impl<'a> Course<'a> {
+impl<'a> ObserverTrack<'a> {
     /// From `from` on for `length_s`, in steps of at most `step_s`; rates are sampled every
     /// `look_s`.
     pub(super) fn new(
@@ -53,17 +53,17 @@ impl<'a> Course<'a> {
     ) -> Result<Self, NoPasses> {
         let count = (length_s / step_s).ceil().max(1.0);
         let step_s = length_s / count;
-        let mut course = Self {
+        let mut observer_track = Self {
             flight,
             from,
             step_s,
             steps: Vec::new(),
         };
         for number in 0..count as usize {
-            let step = course.step(number as f64 * step_s, look_s)?;
-            course.steps.push(step);
+            let step = observer_track.step(number as f64 * step_s, look_s)?;
+            observer_track.steps.push(step);
         }
-        Ok(course)
+        Ok(observer_track)
     }
 
     /// The instant so many seconds after the beginning.

@@ -10,9 +10,9 @@ use skyloop_render::sky::Population;
 /// A stay is looked at every so many seconds, for what is least and what is dark,
 const LOOK_S: f64 = 1.0;
 /// and at so many instants at most.
-const MOST_LOOKS: f64 = 1000.0;
+const MAX_LOOKS: f64 = 1000.0;
 /// Its brightness is that of so many instants at most.
-const MOST_LIGHTS: f64 = 100.0;
+const MAX_LIGHTS: f64 = 100.0;
 /// The base of an image's rate, s.
 const RATE_S: f64 = 0.01;
 /// Where states end, light is asked for so much before that, s.
@@ -74,7 +74,7 @@ impl Seeker<'_> {
         [start, end]: [f64; 2],
         search: &Search,
     ) -> Result<Option<Pass>, NoPasses> {
-        let looks = ((end - start) / LOOK_S).ceil().clamp(4.0, MOST_LOOKS);
+        let looks = ((end - start) / LOOK_S).ceil().clamp(4.0, MAX_LOOKS);
         let times = |count: f64| {
             (0..=count as usize).map(move |i| start + (end - start) * i as f64 / count)
         };
@@ -109,7 +109,7 @@ impl Seeker<'_> {
         };
         let mut brightest: Option<Glimpse> = None;
         let magnitude = |one: &Glimpse| one.point.band_mag().unwrap_or(f64::INFINITY);
-        for t_s in times(looks.min(MOST_LIGHTS)).chain([nearest_s, closest_s]) {
+        for t_s in times(looks.min(MAX_LIGHTS)).chain([nearest_s, closest_s]) {
             // Light takes long to work out: not where none arrives.
             let dark = |sight: Sight| sight.hidden.is_some();
             if !self.sight(t_s)?.is_none_or(dark)
@@ -125,7 +125,7 @@ impl Seeker<'_> {
             exit,
             nearest,
             brightest,
-            closest: (self.course.epoch(closest_s), closest.range_m),
+            closest: (self.observer_track.epoch(closest_s), closest.range_m),
             rate_px_s: self.rate_px_s(nearest_s, [start, end])?,
             lit: self.lit(&seen, [start, end])?,
             begun_before: start <= 0.0,
@@ -146,9 +146,9 @@ impl Seeker<'_> {
             point_from(
                 population,
                 index,
-                self.course.at(t_s).state(t_s),
+                self.observer_track.at(t_s).state(t_s),
                 self.corrections,
-                self.course.epoch(t_s),
+                self.observer_track.epoch(t_s),
                 exposure_s,
             )
         };
@@ -191,8 +191,8 @@ impl Seeker<'_> {
         let mut from = start;
         let mut part = |to: f64, hidden| {
             parts.push(Lit {
-                from: self.course.epoch(from),
-                to: self.course.epoch(to),
+                from: self.observer_track.epoch(from),
+                to: self.observer_track.epoch(to),
                 hidden,
             });
             from = to;

@@ -17,7 +17,7 @@ mod search;
 pub use crossing::{Glimpse, Lit, Pass};
 pub use request::{NoPasses, Search};
 
-use course::Course;
+use course::ObserverTrack;
 use field::Field;
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
@@ -109,20 +109,20 @@ fn through(
             unpointed: Vec::new(),
         });
     };
-    let course = Course::new(
+    let observer_track = ObserverTrack::new(
         flight,
         search.from,
         search.length_s(),
         STEP_S,
         search.shortest_s,
     )?;
-    let (candidates, mut unknown) = candidates(&course, camera, population, tick);
+    let (candidates, mut unknown) = candidates(&observer_track, camera, population, tick);
     let field = Field::new(camera);
     let found: Result<Vec<_>, NoPasses> = candidates
         .par_iter()
         .map(|(index, steps)| {
             let seeker = Seeker {
-                course: &course,
+                observer_track: &observer_track,
                 field: &field,
                 camera,
                 corrections,
@@ -187,7 +187,7 @@ fn has_states(object: &Object, search: &Search) -> bool {
 /// elsewhere.
 #[allow(clippy::type_complexity)]
 fn candidates(
-    course: &Course,
+    observer_track: &ObserverTrack,
     camera: &Camera,
     population: &Population,
     tick: &impl Fn(f64),
@@ -198,7 +198,7 @@ fn candidates(
     let ends = |object: &Object| matches!(object.orbit, Orbit::Ephemeris(_));
     let mut may_lack: BTreeSet<usize> = (0..objects.len()).filter(|&i| ends(&objects[i])).collect();
     let mut by_label: BTreeMap<String, usize> = BTreeMap::new();
-    for (number, step) in course.steps.iter().enumerate() {
+    for (number, step) in observer_track.steps.iter().enumerate() {
         let pointing = step.vehicle.attitude.then(&camera.mounting);
         let axis = pointing.matrix().transpose() * Vector3::z();
         let reach = cone + step.rate * (step.end_s - step.start_s) / 2.0;
@@ -236,7 +236,7 @@ fn candidates(
                 }
             }
         }
-        tick(0.5 * number as f64 / course.steps.len() as f64);
+        tick(0.5 * number as f64 / observer_track.steps.len() as f64);
     }
     (candidates, unknown)
 }

@@ -1,7 +1,7 @@
 //! When an object is in the field: instants are bisected where its image, at its highest possible
 //! speed, may reach the edge.
 
-use super::course::{Course, Step};
+use super::course::{ObserverTrack, Step};
 use super::field::Field;
 use super::known::{self, NoState};
 use super::request::{NoPasses, Search};
@@ -26,7 +26,7 @@ const SECTION: f64 = 0.618_033_988_749_894_9;
 
 /// An object before a camera.
 pub(super) struct Seeker<'a> {
-    pub(super) course: &'a Course<'a>,
+    pub(super) observer_track: &'a ObserverTrack<'a>,
     pub(super) field: &'a Field<'a>,
     pub(super) camera: &'a Camera,
     pub(super) corrections: &'a Corrections,
@@ -79,10 +79,10 @@ impl Seeker<'_> {
             Ok(())
         };
         for (i, number) in steps.iter().enumerate() {
-            let step = &self.course.steps[*number];
+            let step = &self.observer_track.steps[*number];
             self.pieces(step, search.shortest_s, &mut turn)?;
             // What follows is a step without it, or the end of all.
-            let last = *number + 1 == self.course.steps.len();
+            let last = *number + 1 == self.observer_track.steps.len();
             if last || steps.get(i + 1) != Some(&(number + 1)) {
                 turn(Piece {
                     start_s: step.end_s,
@@ -125,7 +125,7 @@ impl Seeker<'_> {
     /// Whether it is in the field for `half_s` before and after an instant; none where that or its
     /// states may change.
     fn throughout(&self, step: &Step, t_s: f64, half_s: f64) -> Result<Option<bool>, NoPasses> {
-        let epoch = self.course.epoch(t_s);
+        let epoch = self.observer_track.epoch(t_s);
         let state = match self.state(step, epoch) {
             Ok(state) => state,
             Err(error) => {
@@ -134,7 +134,7 @@ impl Seeker<'_> {
                 return Ok((!near).then_some(false));
             }
         };
-        let vehicle = self.course.vehicle(t_s)?;
+        let vehicle = self.observer_track.vehicle(t_s)?;
         let observer = step.state(t_s);
         let line = state.position_m - observer.position_m;
         let range = line.norm();
@@ -186,8 +186,8 @@ impl Seeker<'_> {
 
     /// How it is seen; none where it has no state, or is the observer itself.
     pub(super) fn sight(&self, t_s: f64) -> Result<Option<Sight>, NoPasses> {
-        let step = self.course.at(t_s);
-        let observer = step.observer(self.course.epoch(t_s), t_s);
+        let step = self.observer_track.at(t_s);
+        let observer = step.observer(self.observer_track.epoch(t_s), t_s);
         let state = |epoch| self.state(step, epoch);
         let Ok(seen) = object_direction(state, &observer, self.corrections) else {
             return Ok(None);
@@ -196,7 +196,7 @@ impl Seeker<'_> {
             return Ok(None);
         }
         let pointing = self
-            .course
+            .observer_track
             .vehicle(t_s)?
             .attitude
             .then(&self.camera.mounting);

@@ -1,20 +1,20 @@
 //! The engine: one vehicle state in, one labelled frame out.
 
+mod exposed;
 mod setup;
-mod shot;
 
+pub use exposed::{ExposedFrame, FrameObserver, Opening};
 pub use setup::{Setup, Sky};
-pub use shot::{FrameObserver, Opening, Shot};
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::crew;
 use crate::effect::area_kinds;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::{Frame, Memory};
 use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
+use crate::render_pool;
 use crate::scene::{
     EffectId, Exposure, Faint, OBJECT_NS, Scene, Unobservable, World, add_areas, build_scene,
     build_view, is_flooded,
@@ -178,23 +178,28 @@ impl Emulator {
     /// the same attitude message before; the same number gives the same noise.
     ///
     /// Fails only where [`Emulator::scene`] does.
-    pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
-        self.shoot_before(&(), &self.camera(), vehicle, repeat)
+    pub fn expose(
+        &mut self,
+        vehicle: &VehicleState,
+        repeat: u32,
+    ) -> Result<ExposedFrame, Unobservable> {
+        self.expose_before(&(), &self.camera(), vehicle, repeat)
     }
 
     /// [`Emulator::shoot`] with other settings of the camera, observed by `witness`. Fails with
     /// [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
-    pub fn shoot_before(
+    pub fn expose_before(
         &mut self,
         observer: &dyn FrameObserver,
         camera: &Arc<Camera>,
         vehicle: &VehicleState,
         repeat: u32,
-    ) -> Result<Shot, Unobservable> {
+    ) -> Result<ExposedFrame, Unobservable> {
         // The log's span is carried to another thread.
         let span = tracing::Span::current();
-        let made =
-            crew::together(|| span.in_scope(|| self.made(observer, camera, vehicle, repeat)));
+        let made = render_pool::together(|| {
+            span.in_scope(|| self.made(observer, camera, vehicle, repeat))
+        });
         // An abandoned frame has a number too: later numbers do not depend on how far it came.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
@@ -208,7 +213,7 @@ impl Emulator {
         camera: &Arc<Camera>,
         vehicle: &VehicleState,
         repeat: u32,
-    ) -> Result<Shot, Unobservable> {
+    ) -> Result<ExposedFrame, Unobservable> {
         let started = Instant::now();
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
         let scene = scene.unless_cancelled()?;
@@ -249,7 +254,7 @@ impl Emulator {
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
         let scene = scene.unless_cancelled()?;
-        Ok(Shot {
+        Ok(ExposedFrame {
             number,
             frame,
             label,
@@ -275,7 +280,7 @@ impl Emulator {
         for (repeat, (leader, alone)) in (0..).zip(leads) {
             // Not number 0, whose plan is logged.
             self.next_frame = next_frame.max(1);
-            let shot = crew::led_by(leader, alone, || self.shoot(vehicle, repeat));
+            let shot = render_pool::follows(leader, alone, || self.expose(vehicle, repeat));
             if let Some(Ok(shot)) = shot {
                 self.take_back(shot);
             }
@@ -285,7 +290,7 @@ impl Emulator {
     }
 
     /// Reuses the memory of a shot for the next.
-    pub fn take_back(&mut self, shot: Shot) {
+    pub fn take_back(&mut self, shot: ExposedFrame) {
         self.recycle(shot.frame);
         // A text that is still in use is not reused.
         let text = Arc::into_inner(shot.json).unwrap_or_default();
@@ -302,9 +307,9 @@ impl Emulator {
     /// The ages of element sets, if most are of another time: reported once, checked again after
     /// each day of the scene's time.
     fn old(&mut self, at: Epoch) -> Option<Ages> {
-        let (asked, told) = self.ages;
-        let is_near = |asked: Epoch| (asked - at).abs() < Unit::Day * 1;
-        if told || asked.is_some_and(is_near) {
+        let (requested, told) = self.ages;
+        let is_near = |requested: Epoch| (requested - at).abs() < Unit::Day * 1;
+        if told || requested.is_some_and(is_near) {
             return None;
         }
         let ages = Ages::of(self.world.population.objects(), at).filter(Ages::are_old);

@@ -9,5 +9,5 @@ mod value;
 pub use choice::Choice;
 pub use coarser::Coarser;
 pub use orbits::Orbits;
-pub use tolerances::{Fidelity, KNOBS, Knob, PRESETS};
+pub use tolerances::{Fidelity, PRESETS, TOLERANCES, Tolerance};
 pub use value::{Allowed, Setting, Value};

@@ -46,7 +46,7 @@ impl Wings {
 
 /// Light that is ignored, e-: its shares are near the subnormal numbers of single precision, which
 /// are slow.
-const LEAST_E: f64 = 1e-20;
+const MIN_E: f64 = 1e-20;
 
 /// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds,
 /// memory that is new.
@@ -296,7 +296,7 @@ impl Footprint {
         let spans = self.within(&rows);
         let first = (self.first_row + spans.start).saturating_sub(rows.start);
         let spans = &self.spans[spans];
-        if !spans.is_empty() && electrons.abs() >= LEAST_E {
+        if !spans.is_empty() && electrons.abs() >= MIN_E {
             // What is added nowhere is 0 times that.
             let electrons = (electrons as f32).min(f32::MAX);
             kernels::add_light(level, electrons, spans, &self.shares, first, width, pixels);
@@ -327,15 +327,15 @@ impl Footprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::track::{Course, Place, Rows};
+    use crate::track::{Place, Rows, TrackSpec};
     use skyloop_base::load::Folder;
 
     fn line(from: [f64; 2], to: [f64; 2], fidelity: &Fidelity) -> Track {
-        let place = |t: f64| {
+        let position = |t: f64| {
             let at = [0, 1].map(|k| from[k] + (to[k] - from[k]) * t);
             Some(Place { at, light: 1.0 })
         };
-        let course = Course {
+        let track_spec = TrackSpec {
             pieces: 2,
             even: None,
             step_px: fidelity.track_step_sigma * 0.7,
@@ -348,7 +348,7 @@ mod tests {
             },
             rows: Rows::together(256),
         };
-        Track::sample(place, &course, fidelity).unwrap()
+        Track::sample(position, &track_spec, fidelity).unwrap()
     }
 
     fn spread(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {

@@ -14,7 +14,6 @@
 
 pub mod attitude;
 pub mod camera;
-pub mod crew;
 pub mod effect;
 pub mod engine;
 pub mod fidelity;
@@ -22,10 +21,11 @@ pub mod footprint;
 pub mod frame;
 pub mod kernels;
 pub mod label;
-mod lanes;
 pub mod light_curve;
 pub mod plan;
+mod reduce;
 pub mod render;
+pub mod render_pool;
 pub mod scene;
 pub mod sensitivity;
 pub mod sky;

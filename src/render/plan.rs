@@ -13,7 +13,7 @@ pub struct Step<'s> {
     /// The decision.
     pub decision: Decision<'s>,
     /// Error bound by its assessment; of an effect that shapes images, before they were formed.
-    asked: LazyBound<'s>,
+    requested: LazyBound<'s>,
     /// Change of the drawn electrons without it, e-.
     drawn_e: f64,
 }
@@ -92,10 +92,12 @@ fn refusal(
 }
 
 /// The error bound without `effect`, assessed as `asked`, now that the images are formed.
-fn changed(effect: &Effect, scene: &Scene, asked: ErrorBound) -> ErrorBound {
+fn changed(effect: &Effect, scene: &Scene, requested: ErrorBound) -> ErrorBound {
     match &effect.assess {
-        Assess::Images(_, change) if asked != ErrorBound::default() => change(scene, &asked),
-        _ => asked,
+        Assess::Images(_, change) if requested != ErrorBound::default() => {
+            change(scene, &requested)
+        }
+        _ => requested,
     }
 }
 
@@ -107,7 +109,7 @@ impl<'s> Plan<'s> {
                 return Step {
                     effect,
                     decision: Decision::Off { why },
-                    asked: ErrorBound::default().into(),
+                    requested: ErrorBound::default().into(),
                     drawn_e: 0.0,
                 };
             }
@@ -137,7 +139,7 @@ impl<'s> Plan<'s> {
             Step {
                 effect,
                 decision,
-                asked: assessment.error,
+                requested: assessment.error,
                 drawn_e: assessment.drawn_e,
             }
         };
@@ -157,7 +159,7 @@ impl<'s> Plan<'s> {
     /// run it may take as long as forming the images, and no frame needs it.
     pub fn error(&self, step: &Step<'_>) -> Option<ErrorBound> {
         let is_off = matches!(step.decision, Decision::Off { .. });
-        (!is_off).then(|| changed(step.effect, self.scene, *step.asked))
+        (!is_off).then(|| changed(step.effect, self.scene, *step.requested))
     }
 
     /// The drawn electrons that need an effect which no pixel's expectation needs, e-; none
@@ -165,7 +167,7 @@ impl<'s> Plan<'s> {
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
         let fidelity = self.scene.fidelity();
         let runs = matches!(step.decision, Decision::Run { .. });
-        (runs && step.drawn_e > fidelity.skip_e && step.asked.is_within(fidelity))
+        (runs && step.drawn_e > fidelity.skip_e && step.requested.is_within(fidelity))
             .then_some(step.drawn_e)
     }
 

@@ -65,9 +65,9 @@ impl StillStar {
         /// Light that is lost outside of the square.
         const LOSS: f64 = 1e-4;
         /// Half the square's side at most, px.
-        const MOST_PX: f64 = 40.0;
+        const MAX_PX: f64 = 40.0;
         let psf = camera.optics.psf.at([0.0; 2], 1.0);
-        let reach = psf.reach_px(LOSS).min(MOST_PX).ceil() as i32;
+        let reach = psf.reach_px(LOSS).min(MAX_PX).ceil() as i32;
         let mut stamp = Stamp::default();
         let mut shares = Vec::new();
         for row in -reach..=reach {

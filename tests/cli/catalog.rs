@@ -27,13 +27,13 @@ fn folder() -> Folder {
     let later = VANGUARD
         .replace("00179", "00189")
         .replace("  4753", "  4754");
-    let spoilt = DELTA.replace("15.56387291", "15.56387292");
+    let corrupted = DELTA.replace("15.56387291", "15.56387292");
     let here = Folder::with(&[
         ("delta.3le", DELTA),
         ("orbits/a.txt", VANGUARD),
         ("orbits/b.csv", NEW),
         ("orbits/readme.txt", "Nothing that moves.\n"),
-        ("orbits/c.3le", &format!("{later}{spoilt}")),
+        ("orbits/c.3le", &format!("{later}{corrupted}")),
     ]);
     std::fs::create_dir(here.join("orbits/below")).unwrap();
     here

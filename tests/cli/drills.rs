@@ -5,7 +5,7 @@
 use crate::run::Process;
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, PATIENCE, always, attitude, await_that};
+use crate::support::{EPOCH, TIMEOUT, always, attitude, await_that};
 use crate::{Folder, has, rows};
 use skyloop::link::capture::pcapng;
 use skyloop_protocols::{Command, Reply};
@@ -286,7 +286,7 @@ fn held(id: u32) -> [usize; 3] {
 fn be_heard(client: &mut Client<UdpLine>) {
     await_that("the client is heard", || {
         client.send(Command::Ping);
-        client.recv(PATIENCE / 400).is_some()
+        client.recv(TIMEOUT / 400).is_some()
     });
     let last = client.send(Command::Ping);
     let is_last = |packet: Vec<u8>| match Reply::decode(&packet).unwrap().1 {

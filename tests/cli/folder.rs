@@ -1,6 +1,6 @@
 //! A folder where a test runs the program, and checks of what it did.
 
-use crate::support::PATIENCE;
+use crate::support::TIMEOUT;
 use crate::table::rows;
 use assert_cmd::Command;
 use serde_json::Value;
@@ -112,7 +112,7 @@ impl Folder {
     /// What it does with these arguments.
     pub fn run_args(&self, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
-        let command = command.args(args).current_dir(self).timeout(PATIENCE * 3);
+        let command = command.args(args).current_dir(self).timeout(TIMEOUT * 3);
         Outcome::of(&args.join(" "), command.output().unwrap())
     }
 

@@ -111,7 +111,7 @@ fn it_says_what_labels_say() {
 
 fn is_labelled(here: &Folder, name: &str, config: Config) {
     let rows = table(here);
-    let label = Frames::of(config).shoot(7).label;
+    let label = Frames::of(config).expose(7).label;
     let is_meant = |object: &&ObjectLabel| object.names.iter().any(|n| n == name);
     let object = label.objects.iter().find(is_meant).unwrap();
     let rso = object.rso.as_ref().unwrap();

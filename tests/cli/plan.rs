@@ -124,7 +124,7 @@ fn a_terminal_sees_what_is_being_measured() {
     let (mut near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();
     let terminal = std::fs::File::options().write(true).open(device).unwrap();
-    serialport::SerialPort::set_timeout(&mut near, crate::support::PATIENCE).unwrap();
+    serialport::SerialPort::set_timeout(&mut near, crate::support::TIMEOUT).unwrap();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_skyloop"));
     command.args(["plan", "--measure", "--camera", "fai-630"]);
     let command = command

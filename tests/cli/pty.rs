@@ -2,7 +2,7 @@
 #![cfg(target_os = "linux")]
 
 use crate::run::{Process, serves_until};
-use crate::support::PATIENCE;
+use crate::support::TIMEOUT;
 use crate::support::line::{PtyLine, open_port};
 use crate::{Folder, repository};
 use serialport::SerialPort;
@@ -41,7 +41,7 @@ fn a_pair_carries_octets_both_ways_until_ctrl_c() {
     for _ in 0..2 {
         let mut ends = names.each_ref().map(|name| {
             let mut port = open_port(name, 921_600);
-            port.set_timeout(PATIENCE).unwrap();
+            port.set_timeout(TIMEOUT).unwrap();
             port
         });
         let text: Vec<u8> = (0..=255).collect();

@@ -3,7 +3,7 @@
 
 use crate::support::client::Client;
 use crate::support::line::{Line, PtyLine, UdpLine};
-use crate::support::{PATIENCE, await_that};
+use crate::support::{TIMEOUT, await_that};
 use crate::{Folder, Outcome, has, repository, rows};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -188,7 +188,7 @@ fn the_last_frame_of_a_limited_run_arrives_whole() {
     client.good_frame(1);
     client.good_frame(2);
     process.end().exits(0);
-    assert!(client.line.recv(PATIENCE / 1000).is_none());
+    assert!(client.line.recv(TIMEOUT / 1000).is_none());
     // A serial client may read late.
     let (line, device) = PtyLine::new();
     let link = format!("serial://{device}?baud=921600");

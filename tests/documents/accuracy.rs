@@ -1,7 +1,7 @@
 //! `docs/explanation/cost.md` has the bounds of the knobs, and all pages the same figures of what `reference` takes.
 
-use super::{DEFAULT_TOML, KNOBS, Value, cells, section};
-use skyloop::fidelity::{Fidelity, Knob};
+use super::{DEFAULT_TOML, TOLERANCES, Value, cells, section};
+use skyloop::fidelity::{Fidelity, Tolerance};
 
 const COST: &str = include_str!("../../docs/explanation/cost.md");
 
@@ -14,10 +14,10 @@ fn rows(heading: &str) -> Vec<Vec<&'static str>> {
 }
 
 /// What a preset's value of a knob stands for, with so many digits as the table has.
-fn bound(knob: &Knob, preset: &Fidelity) -> String {
-    let bound = match (knob.get)(preset) {
-        Value::Number(value) => (knob.bound)(value),
-        Value::Word(_) => (knob.bound)(0.0),
+fn bound(tolerance: &Tolerance, preset: &Fidelity) -> String {
+    let bound = match (tolerance.get)(preset) {
+        Value::Number(value) => (tolerance.bound)(value),
+        Value::Word(_) => (tolerance.bound)(0.0),
     };
     format!("{bound:.1e}")
 }
@@ -26,15 +26,23 @@ fn bound(knob: &Knob, preset: &Fidelity) -> String {
 fn the_table_of_knobs_has_their_bounds() {
     let rows = rows("## What each knob bounds, and what is measured");
     // It says itself why that one is not among them.
-    let knobs: Vec<&Knob> = KNOBS.iter().filter(|of| of.name != "poisson_tv").collect();
-    assert_eq!(rows.len(), knobs.len());
-    for (row, knob) in rows.iter().zip(knobs) {
-        assert_eq!(row[0].split('`').nth(1), Some(knob.name));
+    let tolerances: Vec<&Tolerance> = TOLERANCES
+        .iter()
+        .filter(|of| of.name != "poisson_tv")
+        .collect();
+    assert_eq!(rows.len(), tolerances.len());
+    for (row, tolerance) in rows.iter().zip(tolerances) {
+        assert_eq!(row[0].split('`').nth(1), Some(tolerance.name));
         for (at, preset) in [(2, Fidelity::FAST), (4, Fidelity::REALTIME)] {
             let [said, measured]: [f64; 2] = [at, at + 1].map(|at| row[at].parse().unwrap());
-            assert_eq!(format!("{said:.1e}"), bound(knob, &preset), "{}", knob.name);
+            assert_eq!(
+                format!("{said:.1e}"),
+                bound(tolerance, &preset),
+                "{}",
+                tolerance.name
+            );
             let is_near = measured <= said && said <= 10.0 * measured;
-            assert!(is_near, "{}: {measured} of {said}", knob.name);
+            assert!(is_near, "{}: {measured} of {said}", tolerance.name);
         }
     }
 }

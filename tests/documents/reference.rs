@@ -24,7 +24,7 @@ fn lists(path: &str, names: &Names) {
 
 /// The fields of the labels of some frames that have everything.
 fn label_fields() -> Names {
-    let first = |config: Config| Frames::of(config).shoot(0);
+    let first = |config: Config| Frames::of(config).expose(0);
     let mut label = first(Config::builtin().unwrap()).label;
     let too_faint = vec!["NORAD 5".to_string()];
     label.unseen.insert("too faint", too_faint);
@@ -47,7 +47,7 @@ fn label_fields() -> Names {
         label.to_json(),
         first(flawed).json.to_string(),
         first(scene("moon-in-field.toml")).json.to_string(),
-        near_sun.shoot(last).json.to_string(),
+        near_sun.expose(last).json.to_string(),
     ];
     let labels = texts.map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());
     let [label, flaws, moon, sun] = &labels;

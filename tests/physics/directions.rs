@@ -209,11 +209,11 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
         // The Moon 20 px off the middle.
         let boresight = (theirs + theirs.cross(&Vector3::z()).normalize() * 8e-3).normalize();
         let vehicle = vehicle(&seen_by, boresight, orbit);
-        let label = emulator.shoot(&vehicle, 0).unwrap().label;
+        let label = emulator.expose(&vehicle, 0).unwrap().label;
         let Some(moon) = label.objects.iter().find(|object| object.kind == "moon") else {
             continue;
         };
-        let body = moon.wanderer.as_ref().unwrap();
+        let body = moon.planet.as_ref().unwrap();
         let centre = unit(body.centre_ra_deg, body.centre_dec_deg);
         assert!(arcsec(centre, theirs) < 10.0, "{row:?}");
         // By the label's own matrix; the series of the Moon is within 10 arcsec, 0.12 px.
@@ -282,9 +282,9 @@ fn labels_have_geometric_ranges_and_phases_of_planets() {
         let seen_by = at_the_earths_centre(epoch);
         for (name, range_km, phase_deg) in planets {
             let vehicle = vehicle(&seen_by, planet(name, &seen_by).direction, None);
-            let label = emulator.shoot(&vehicle, 0).unwrap().label;
+            let label = emulator.expose(&vehicle, 0).unwrap().label;
             let object = label.objects.iter().find(|object| object.id == name);
-            let body = object.and_then(|object| object.wanderer.as_ref());
+            let body = object.and_then(|object| object.planet.as_ref());
             let body = body.unwrap_or_else(|| panic!("no {name} at {epoch}"));
             // 1 km: TT stands for TDB.
             let off = [body.range_km - range_km, body.phase_deg - phase_deg];

@@ -22,11 +22,11 @@ fn label(epoch: &str, state: &str, pointing: &str, frame: u32) -> Label {
         "camera = \"cots-wide\"\n[observer]\nstate = {state}\n[sequence]\nepoch = \"{epoch}\"\nframes = 3\nperiod_s = 60.0\n{pointing}\n"
     );
     let config = Config::parse("scene.toml", &text, &Folder::current());
-    shoot(config.unwrap_or_else(|error| panic!("{error}")), frame)
+    expose(config.unwrap_or_else(|error| panic!("{error}")), frame)
 }
 
-fn shoot(config: Config, frame: u32) -> Label {
-    Frames::of(config).shoot(frame).label
+fn expose(config: Config, frame: u32) -> Label {
+    Frames::of(config).expose(frame).label
 }
 
 fn object<'a>(label: &'a Label, id: &str) -> &'a ObjectLabel {
@@ -84,7 +84,7 @@ fn an_object_is_followed_without_a_streak() {
         let camera = &config.camera;
         let middle = camera.optics.principal_px;
         let mounting = camera.mounting;
-        let label = shoot(config, 7);
+        let label = expose(config, 7);
         let seen = object(&label, &id);
         let off = (seen.x_px - middle[0]).hypot(seen.y_px - middle[1]);
         let moved = moved_px(seen);
@@ -196,7 +196,7 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
     // From the Earth's centre what has a direction there can be looked at.
     let config = parse("look_at = \"Moon\"").unwrap();
     let middle = config.camera.optics.principal_px;
-    let label = shoot(config, 0);
+    let label = expose(config, 0);
     let moon = object(&label, "Moon");
     // To the Moon's light, px of 389 arcsec.
     assert!((moon.x_px - middle[0]).hypot(moon.y_px - middle[1]) < 15.0);

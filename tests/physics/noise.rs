@@ -93,7 +93,7 @@ fn vehicle(sequence: u32) -> VehicleState {
 }
 
 fn dn(emulator: &mut Emulator, sequence: u32) -> Vec<u16> {
-    emulator.shoot(&vehicle(sequence), 0).unwrap().frame.dn
+    emulator.expose(&vehicle(sequence), 0).unwrap().frame.dn
 }
 
 /// Mean and variance of `pixels`, each as (measured, theory, standard error).
@@ -179,7 +179,7 @@ fn correlation(a: &[u16], b: &[u16]) -> f64 {
 fn frames_seeds_and_neighbouring_pixels_are_independent() {
     let mut emulator = NOISY.emulator(7);
     let first = dn(&mut emulator, 10);
-    let again = emulator.shoot(&vehicle(10), 1).unwrap().frame.dn;
+    let again = emulator.expose(&vehicle(10), 1).unwrap().frame.dn;
     let of_seed = |seed: u64| dn(&mut NOISY.emulator(seed), 10);
     for (what, other) in [
         ("the next sequence number", dn(&mut emulator, 11)),
@@ -211,15 +211,15 @@ fn the_sequence_number_decides_never_a_count() {
 /// The built-in scene with and without its objects' light.
 #[test]
 fn an_objects_light_changes_only_the_pixels_that_it_lights() {
-    let shot = |reflectance: f64| {
+    let exposed = |reflectance: f64| {
         let mut config = Config::builtin().unwrap();
         config.sphere.reflectance = reflectance;
         let mut frames = Frames::of(config);
         frames.emulator.keep_expected = true;
-        let frame = frames.shoot(20).frame;
+        let frame = frames.expose(20).frame;
         (frame.expected_e.unwrap(), frame.dn)
     };
-    let ((lit_e, lit), (dark_e, dark)) = (shot(0.2), shot(0.0));
+    let ((lit_e, lit), (dark_e, dark)) = (exposed(0.2), exposed(0.0));
     let (mut touched, mut changed) = (0, 0);
     for i in 0..lit.len() {
         let (is_touched, is_changed) = (lit_e[i] != dark_e[i], lit[i] != dark[i]);

@@ -9,7 +9,7 @@ mod page;
 use keys::Keys;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::fidelity::{KNOBS, PRESETS};
+use skyloop::fidelity::{PRESETS, TOLERANCES};
 use skyloop::load::DEFAULT_TOML;
 
 fn check(page: &str, part: &str, text: &str) {
@@ -49,11 +49,14 @@ fn the_page_of_the_configuration_is_current() {
 fn presets() -> String {
     let names = PRESETS.iter().map(|(name, _)| page::code(name));
     let names: Vec<String> = [String::from("Key")].into_iter().chain(names).collect();
-    let rows = KNOBS.iter().map(|knob| {
+    let rows = TOLERANCES.iter().map(|tolerance| {
         let values = PRESETS
             .iter()
-            .map(|(_, preset)| (knob.get)(preset).to_string());
-        let cells: Vec<String> = [page::code(knob.name)].into_iter().chain(values).collect();
+            .map(|(_, preset)| (tolerance.get)(preset).to_string());
+        let cells: Vec<String> = [page::code(tolerance.name)]
+            .into_iter()
+            .chain(values)
+            .collect();
         page::row(&cells)
     });
     page::head(&names) + &rows.collect::<String>()

@@ -50,8 +50,10 @@ fn frames(orbits: Orbits, off: Option<&'static str>) -> Vec<(Label, Vec<u16>)> {
     // Forward, and back again: a jump in time.
     let numbers = (0..FRAMES).chain([3, 40]);
     let vehicles = numbers.map(|number| flight::vehicle(&mission, number).unwrap());
-    let shots = vehicles.map(|vehicle| emulator.shoot(&vehicle, 0).unwrap());
-    shots.map(|shot| (shot.label, shot.frame.dn)).collect()
+    let shots = vehicles.map(|vehicle| emulator.expose(&vehicle, 0).unwrap());
+    shots
+        .map(|exposed| (exposed.label, exposed.frame.dn))
+        .collect()
 }
 
 fn labels(orbits: Orbits, off: Option<&'static str>) -> Vec<Label> {

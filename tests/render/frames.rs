@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::flight;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop_protocols::crc::Crc32;
@@ -12,24 +12,24 @@ use skyloop_protocols::crc::Crc32;
 /// CRC-32 of the pixels, each as a big-endian number of 16 bits, of frames of the scenes in `configs/scenes`.
 const CHECKSUMS: &str = include_str!("../reference/frames.csv");
 /// Of each scene its first frame, and the last of at most so many.
-const MOST_FRAMES: u32 = 5;
+const MAX_FRAMES: u32 = 5;
 
 /// Those frames with their labels, and their numbers.
-fn shots(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Shot)> {
+fn shots(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, ExposedFrame)> {
     let mut config = Config::load(scene).unwrap();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
     (emulator.level, emulator.keep_expected) = (level, keep);
-    let mut numbers = vec![0, mission.frames.min(MOST_FRAMES) - 1];
+    let mut numbers = vec![0, mission.frames.min(MAX_FRAMES) - 1];
     numbers.dedup();
     let shots = numbers.into_iter().map(|number| {
         let vehicle = flight::vehicle(&mission, number).unwrap();
-        let shot = emulator.shoot(&vehicle, 0).unwrap();
+        let exposed = emulator.expose(&vehicle, 0).unwrap();
         // A frame that is made in the memory of another has nothing of it.
-        let again = emulator.shoot(&vehicle, 0).unwrap().frame;
-        assert!(again.dn == shot.frame.dn);
+        let again = emulator.expose(&vehicle, 0).unwrap().frame;
+        assert!(again.dn == exposed.frame.dn);
         emulator.recycle(again);
-        (number, shot)
+        (number, exposed)
     });
     shots.collect()
 }
@@ -73,8 +73,8 @@ fn levels_threads_and_fusing_give_the_same_bytes_and_those_written_down() {
                 assert_eq!(differing(&a.json, &b.json), None, "{what}");
             }
         }
-        for (number, shot) in plain {
-            let crc = Crc32::new().update_pixels(&shot.frame.dn).finish();
+        for (number, exposed) in plain {
+            let crc = Crc32::new().update_pixels(&exposed.frame.dn).finish();
             table += &format!("{},{number},{crc:08x}\n", name(&scene));
         }
     }

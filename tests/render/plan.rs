@@ -201,7 +201,7 @@ fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
     let mut seen = vec![[false; 2]; EFFECTS.len()];
     for path in scenes() {
         let (mut emulator, [first, _]) = load(&path);
-        let label = emulator.shoot(&first, 0).unwrap().label;
+        let label = emulator.expose(&first, 0).unwrap().label;
         for (seen, verdict) in seen.iter_mut().zip(&label.effects) {
             seen[usize::from(verdict.run)] = true;
         }
@@ -261,7 +261,7 @@ fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
         }
     }
     emulator.choice.off = vec![particles];
-    let label = emulator.shoot(&vehicle, 0).unwrap().label;
+    let label = emulator.expose(&vehicle, 0).unwrap().label;
     let mut effects = label.effects.iter();
     let off = effects.find(|of| of.effect == particles).unwrap();
     assert_eq!((off.run, off.error_e, off.error_px), (false, None, None));

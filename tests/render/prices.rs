@@ -5,11 +5,11 @@ use crate::fixtures::Frames;
 use skyloop::measure::Bench;
 
 /// What takes less than this (ms) is below what a clock and its caches can tell.
-const LEAST_MS: f64 = 0.02;
+const MIN_MS: f64 = 0.02;
 /// These only add to tracks: differences of times that are much longer.
 const ONLY_TRACKS: [&str; 2] = ["distortion", "vignetting"];
 /// A price is within this of what the frame's others say, either way.
-const MOST_OFF: f64 = 5.0;
+const MAX_OFF: f64 = 5.0;
 /// Prices are those of an optimised build on a common core; so much dearer or cheaper may all of them be together.
 const MACHINES: std::ops::Range<f64> = 0.05..4.0;
 
@@ -25,7 +25,7 @@ fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
     let verdicts = bench.verdicts(&emulator.choice).unwrap().into_iter();
     let costs = bench.costs(&emulator.choice).unwrap().into_iter();
     let priced = verdicts.zip(costs).filter_map(|(verdict, cost)| {
-        let told = cost.ms >= LEAST_MS && !ONLY_TRACKS.contains(&verdict.effect);
+        let told = cost.ms >= MIN_MS && !ONLY_TRACKS.contains(&verdict.effect);
         let price = verdict.price_ms.filter(|_| told)?;
         Some((verdict.effect, price / cost.ms))
     });
@@ -53,7 +53,7 @@ fn timed_no_price_is_far_from_what_the_others_say() {
             let off = ratio / median;
             let what = format!("{scene}, {effect}: {off:.2} of the others' {median:.2}");
             println!("{what}");
-            assert!((1.0 / MOST_OFF..=MOST_OFF).contains(&off), "{what}");
+            assert!((1.0 / MAX_OFF..=MAX_OFF).contains(&off), "{what}");
             seen.push(effect);
         }
     }

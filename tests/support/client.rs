@@ -1,7 +1,7 @@
 //! A flight computer written by hand against the ICD.
 
 use super::line::Line;
-use super::{EPOCH, PATIENCE, attitude, await_that};
+use super::{EPOCH, TIMEOUT, attitude, await_that};
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{
@@ -134,7 +134,7 @@ impl<L: Line> Client<L> {
         }
         let started = Instant::now();
         loop {
-            let left = PATIENCE.saturating_sub(started.elapsed());
+            let left = TIMEOUT.saturating_sub(started.elapsed());
             let packet = self.recv(left).expect("the packet comes");
             assert!(!left.is_zero(), "only other packets come");
             if wanted(&packet) {
@@ -196,7 +196,7 @@ impl<L: Line> Client<L> {
         let ping = self.send(Command::Ping);
         let mut is_answered = false;
         loop {
-            let packet = self.recv(PATIENCE).expect("a Ping is answered");
+            let packet = self.recv(TIMEOUT).expect("a Ping is answered");
             match Reply::decode(&packet) {
                 Ok((_, Reply::Ack(ack))) if ack.sequence_count == ping => is_answered = true,
                 Ok((_, Reply::Status(_))) if is_answered => break,

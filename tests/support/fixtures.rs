@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::flight;
 use skyloop::load::Folder;
 use skyloop::sky::catalog::Selection;
@@ -79,9 +79,9 @@ impl Frames {
         flight::vehicle(&self.mission, number).unwrap()
     }
 
-    pub fn shoot(&mut self, number: u32) -> Shot {
+    pub fn expose(&mut self, number: u32) -> ExposedFrame {
         let vehicle = self.vehicle(number);
-        self.emulator.shoot(&vehicle, 0).unwrap()
+        self.emulator.expose(&vehicle, 0).unwrap()
     }
 }
 

@@ -7,7 +7,7 @@ pub mod line;
 use client::Client;
 use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::link::{self, Roles, Wire};
 use skyloop::metrics::{self, Metrics};
 use skyloop::serve::{Ended, Server};
@@ -26,7 +26,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything; nothing should come near it.
-pub const PATIENCE: Duration = Duration::from_secs(20);
+pub const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// 2019-06-15T23:35:50 UTC, the first epoch of the built-in scene.
 // X-Val: the worked example of protocols/docs/icd.md, octets 6-13.
@@ -77,7 +77,7 @@ pub fn system_time() -> WireTime {
 
 /// An emulator that serves in a thread of its own.
 pub struct Running {
-    pub shots: Receiver<Shot>,
+    pub shots: Receiver<ExposedFrame>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Server>>,
 }
@@ -123,15 +123,15 @@ impl Running {
             prepare(&mut server);
             let _ = ready.send(());
             // A client may have hung up before it is told to end.
-            let ended = server.run(&stopped, None, |shot| {
-                let _ = to_test.send(shot.clone());
+            let ended = server.run(&stopped, None, |exposed| {
+                let _ = to_test.send(exposed.clone());
             });
             assert_ne!(ended, Ended::Panicked);
             server
         });
         // What a test waits for is not the catalogue of stars.
         is_ready
-            .recv_timeout(PATIENCE)
+            .recv_timeout(TIMEOUT)
             .expect("the emulator is there");
         Running {
             shots,
@@ -159,9 +159,9 @@ impl Running {
     }
 
     /// The next frame that was delivered or abandoned.
-    pub fn shot(&self) -> Shot {
+    pub fn exposed(&self) -> ExposedFrame {
         self.shots
-            .recv_timeout(PATIENCE)
+            .recv_timeout(TIMEOUT)
             .expect("the emulator makes the frame")
     }
 }
@@ -309,7 +309,7 @@ pub fn always(direction: &str, kind: &str, value: f64) -> String {
 pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
     let started = Instant::now();
     while !done() {
-        assert!(started.elapsed() < PATIENCE, "waited too long for: {what}");
+        assert!(started.elapsed() < TIMEOUT, "waited too long for: {what}");
     }
 }
 
@@ -325,7 +325,7 @@ pub fn with_metrics(config: Config, clock: Clock, wire: Wire) -> (Running, metri
 /// The samples of a run's page of metrics by name.
 pub fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
     let mut stream = TcpStream::connect(from).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     stream
         .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
         .unwrap();

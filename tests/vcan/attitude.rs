@@ -72,8 +72,8 @@ fn cansend_points_the_camera_and_candump_sees_the_answer() {
     client.window = None;
     let over_can = client.frame();
     assert_eq!(over_can.header.attitude_sequence, 7);
-    let shot = emulator.shot();
-    assert!(over_can.pixels == shot.frame.dn && over_can.labels == *shot.json);
+    let exposed = emulator.exposed();
+    assert!(over_can.pixels == exposed.frame.dn && over_can.labels == *exposed.json);
     let counters = emulator.end();
     assert_eq!((counters.attitudes, counters.incomplete), (1, 1));
     assert_eq!(counters.sequence_gaps, 0, "the counts are in the frames");

@@ -216,8 +216,8 @@ fn the_kernel_puts_whole_frames_together() {
     let emulator = emulator(VCAN0, FD);
     let mut client = Client::new(KernelLine::new(VCAN0, Settings { fd: true, ..PLAIN }));
     let frame = client.good_frame(7);
-    let shot = emulator.shot();
-    assert!(frame.pixels == shot.frame.dn && frame.labels == *shot.json);
+    let exposed = emulator.exposed();
+    assert!(frame.pixels == exposed.frame.dn && frame.labels == *exposed.json);
     println!(
         "{} packets of a frame by the kernel's ISO-TP",
         frame.packets

@@ -54,18 +54,18 @@ pub fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option
 
 /// How long an answer to a Ping takes, and then a Reset's, after which the frame is abandoned.
 fn answered(client: &mut Client<MemoryLine>) -> [Duration; 3] {
-    let asked = Instant::now();
+    let requested = Instant::now();
     let status = client.status();
-    let ping = asked.elapsed();
+    let ping = requested.elapsed();
     let made = (status.next_frame, status.counters.frames_rendered);
     assert_eq!(made, (0, 0), "the frame was made already: this is no test");
-    let asked = Instant::now();
+    let requested = Instant::now();
     client.done(Command::Reset);
-    let reset = asked.elapsed();
+    let reset = requested.elapsed();
     while client.counters().frames_abandoned == 0 {
-        assert!(asked.elapsed() < SOON, "the frame is not abandoned");
+        assert!(requested.elapsed() < SOON, "the frame is not abandoned");
     }
-    [ping, reset, asked.elapsed()]
+    [ping, reset, requested.elapsed()]
 }
 
 #[test]
@@ -98,9 +98,9 @@ fn timed_answers_come_within_a_tenth_of_a_second() {
     let took = answered(&mut client);
     client.point(turning(2), later(EPOCH, 1.0));
     client.status();
-    let asked = Instant::now();
+    let requested = Instant::now();
     emulator.end();
-    let end = asked.elapsed();
+    let end = requested.elapsed();
     println!("Ping, Reset, abandoned: {took:?}; end: {end:?}");
     assert!(took.iter().all(|took| *took < LIMIT) && end < LIMIT);
 }

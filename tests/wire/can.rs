@@ -1,7 +1,7 @@
 //! CAN frames as text on a serial line: bad lines are counted, and a line that comes back is used.
 
 use crate::support::client::moved;
-use crate::support::{PATIENCE, Running, await_that, options, scene};
+use crate::support::{Running, TIMEOUT, await_that, options, scene};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -54,7 +54,7 @@ impl Far {
                 break place + wanted.len();
             }
             let text = &self.text;
-            assert!(started.elapsed() < PATIENCE, "no {wanted:?} in {text:?}");
+            assert!(started.elapsed() < TIMEOUT, "no {wanted:?} in {text:?}");
             if let Ok(length) = self.line.read(&mut buffer) {
                 self.text
                     .push_str(std::str::from_utf8(&buffer[..length]).unwrap());
@@ -154,7 +154,7 @@ fn no_bytes_on_the_line_make_the_link_deaf() {
                 if far.finds("t2104") {
                     break;
                 }
-                assert!(started.elapsed() < PATIENCE, "deaf after {bytes:02X?}");
+                assert!(started.elapsed() < TIMEOUT, "deaf after {bytes:02X?}");
             }
             emulator.end();
         }

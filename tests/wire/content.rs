@@ -27,9 +27,9 @@ fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
     for (link, emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let frame = client.good_frame(1);
-        let shot = emulator.shot();
-        assert!(frame.labels == *shot.json, "{link}: byte for byte");
-        assert!(frame.pixels == shot.frame.dn, "{link}");
+        let exposed = emulator.exposed();
+        assert!(frame.labels == *exposed.json, "{link}: byte for byte");
+        assert!(frame.pixels == exposed.frame.dn, "{link}");
         assert!(frame.header.label_parts > 1, "{link}: {:?}", frame.header);
         let epoch_mid = frame.label()["epoch_mid"].clone();
         assert_eq!(epoch_mid, "2019-06-15T23:35:50.000Z", "{link}");

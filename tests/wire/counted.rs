@@ -5,7 +5,7 @@ use crate::support::client::{Client, moved};
 #[cfg(target_os = "linux")]
 use crate::support::line::PtyLine;
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, PATIENCE, Running, attitude, memory_client, on_pty, options, scene};
+use crate::support::{EPOCH, Running, TIMEOUT, attitude, memory_client, on_pty, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::link;
 use skyloop::load::Folder;
@@ -97,8 +97,8 @@ fn a_flood_loses_its_oldest_attitudes() {
     client.send(Command::Ping);
     // By the wall clock: attitudes need not wait for frames.
     let _emulator = Running::start(scene(), Clock::Wall, wire);
-    client.line.recv(PATIENCE).expect("the Ack");
-    let status = client.line.recv(PATIENCE).expect("the Status");
+    client.line.recv(TIMEOUT).expect("the Ack");
+    let status = client.line.recv(TIMEOUT).expect("the Status");
     let Ok((_, Reply::Status(status))) = Reply::decode(&status) else {
         panic!("no Status");
     };
@@ -115,7 +115,7 @@ fn a_client_that_closes_its_port_makes_room_for_the_next() {
     let counters = || {
         let counters = Client::new(PtyLine::at(&name)).counters();
         // A client that opens the port at once continues the exchange of the one before.
-        std::thread::sleep(PATIENCE / 20);
+        std::thread::sleep(TIMEOUT / 20);
         counters
     };
     let (first, second, third) = (counters(), counters(), counters());

@@ -50,7 +50,7 @@ fn what_a_client_reads_at_last_is_not_lost() {
     client.window = None;
     client.send(Command::Attitude(attitude(0)));
     // Some 40 kB in the link's queue, of which the pseudo-terminal swallows 20.
-    emulator.shot();
+    emulator.exposed();
     let ending = std::thread::spawn(move || emulator.end());
     std::thread::sleep(Duration::from_millis(300));
     client.frame();

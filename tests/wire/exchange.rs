@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, UdpLine};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, scene, udp_client,
+    EPOCH, Running, TIMEOUT, attitude, await_that, later, on_udp, options, scene, udp_client,
 };
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
@@ -84,7 +84,7 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
     let mut second = line.another();
     let mut first = Client::new(line);
     second.send(b"hello, are you an emulator?");
-    let answer = second.recv(PATIENCE).expect("he is told what is wrong");
+    let answer = second.recv(TIMEOUT).expect("he is told what is wrong");
     let (header, _) = Reply::decode(&answer).unwrap();
     assert_eq!(header.apid, apid::NACK);
     // An hour of silence is not needed: the exchange is free.
@@ -143,11 +143,14 @@ fn frames_are_made_in_the_memory_of_those_before() {
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     let (stop, mut rooms) = (AtomicBool::new(false), Vec::new());
     std::thread::scope(|scope| {
-        let serving =
-            scope.spawn(|| server.run(&stop, Some(3), |shot| rooms.push(shot.frame.dn.capacity())));
+        let serving = scope.spawn(|| {
+            server.run(&stop, Some(3), |exposed| {
+                rooms.push(exposed.frame.dn.capacity())
+            })
+        });
         let mut client = Client::new(MemoryLine(port));
         (1..=3).for_each(|sequence| drop(client.good_frame(sequence)));
-        assert_eq!(serving.join().unwrap(), Ended::AsAsked);
+        assert_eq!(serving.join().unwrap(), Ended::AsRequested);
     });
     assert!(rooms.iter().all(|room| *room >= ROOM), "{rooms:?}");
     assert_eq!(rooms.len(), 3);

@@ -3,7 +3,7 @@
 use crate::support::client::{Client, moved, packet};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
-    EPOCH, PATIENCE, Running, always, attitude, fault, memory_client, on_pty, options, scene,
+    EPOCH, Running, TIMEOUT, always, attitude, fault, memory_client, on_pty, options, scene,
     scene_at,
 };
 use bytes::Bytes;
@@ -130,7 +130,7 @@ fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
         let (wire, mut line) = with_faults(link, &always("in", "delay", 0.02));
         // A first packet makes the client known, and time run.
         line.send(b"hello");
-        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        wire.inbox.recv_timeout(TIMEOUT).unwrap();
         let received = |timeout| {
             let inbound = wire.inbox.recv_timeout(timeout).ok()?;
             Some((inbound.packet.to_vec(), inbound.arrived))
@@ -141,7 +141,7 @@ fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
 
         let (mut wire, mut line) = with_faults(link, &always("out", "delay", 0.02));
         line.send(b"hello");
-        let exchange = wire.inbox.recv_timeout(PATIENCE).unwrap().exchange;
+        let exchange = wire.inbox.recv_timeout(TIMEOUT).unwrap().exchange;
         let outbox = &mut wire.outbox;
         let mut send = |packet: Vec<u8>| {
             let mut waiting = Some(Outbound::Packet {
@@ -215,7 +215,7 @@ fn a_live_fault_is_acknowledged_acts_and_ends() {
 /// Whether the next packet is the Ack of this command. Other lost packets do not matter.
 fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) -> bool {
     let count = client.send(command);
-    let Some(answer) = client.line.recv(PATIENCE) else {
+    let Some(answer) = client.line.recv(TIMEOUT) else {
         return false;
     };
     let answers = |ack: Ack| (ack.apid, ack.sequence_count) == (command.apid(), count);
@@ -224,7 +224,7 @@ fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) 
 
 /// So many packets.
 fn awaited(client: &mut Client<Box<dyn Line + Send>>, packets: usize) -> Vec<Vec<u8>> {
-    let packets = (0..packets).map(|_| client.line.recv(PATIENCE).expect("it comes"));
+    let packets = (0..packets).map(|_| client.line.recv(TIMEOUT).expect("it comes"));
     packets.collect()
 }
 
@@ -368,7 +368,7 @@ fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
         let emulator = Running::start(scene_at("labels"), Clock::Stepped, wire);
         let mut line = PtyLine::at(&name);
         line.send(&packet(&Command::Attitude(attitude(0)), 0, EPOCH));
-        emulator.shot();
+        emulator.exposed();
         let ending = std::thread::spawn(move || emulator.end());
         std::thread::sleep(Duration::from_millis(200));
         let came = std::iter::from_fn(|| line.recv(Duration::from_millis(500)));

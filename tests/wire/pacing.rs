@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::Line;
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, memory_client, scene, serial_client, udp_client,
+    EPOCH, Running, TIMEOUT, attitude, await_that, memory_client, scene, serial_client, udp_client,
 };
 use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
@@ -162,7 +162,7 @@ fn without_reading(emulator: &Running, client: &mut Client<impl Line>, frames: u
         client.send(Command::Attitude(attitude(sequence)));
     }
     for sequence in 0..frames {
-        assert_eq!(emulator.shot().key.sequence, sequence);
+        assert_eq!(emulator.exposed().key.sequence, sequence);
     }
 }
 
@@ -213,7 +213,7 @@ fn answers_wait_for_room_behind_an_unpaced_frame() {
     client.window = None;
     client.point(attitude(0), EPOCH);
     // The frame fills the queue of 256 packets, which has no room for 200 answers.
-    let header = client.line.recv(PATIENCE).expect("the frame begins");
+    let header = client.line.recv(TIMEOUT).expect("the frame begins");
     assert!(matches!(
         Reply::decode(&header),
         Ok((_, Reply::FrameHeader(_)))
@@ -222,7 +222,7 @@ fn answers_wait_for_room_behind_an_unpaced_frame() {
         client.send(Command::Ping);
     }
     assert_eq!(answers(&mut client), (100, 100));
-    emulator.shot();
+    emulator.exposed();
     client.has_counted(&[("frames_delivered", 1), ("lost_outbound", 0)]);
 }
 

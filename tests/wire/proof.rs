@@ -4,7 +4,7 @@ use crate::abandoned::{limited, turning};
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_memory, on_udp, options, quick,
+    EPOCH, Running, TIMEOUT, attitude, await_that, later, on_memory, on_udp, options, quick,
     role_clients, scene, udp_client,
 };
 use crate::withheld::balance;
@@ -76,19 +76,19 @@ fn a_client_that_sends_nothing_any_more_gets_no_stream() {
     // Credit is not what holds the stream back.
     client.send(Command::Credit { packets: 1 << 30 });
     // From now on it returns nothing.
-    let mut deaf = Silent(client.line);
+    let mut muted = Silent(client.line);
     let started = Instant::now();
     // Challenges go on, as far as three times what was sent allows.
     let mut last = started;
     while last.elapsed() < Duration::from_secs(2) {
-        let came = deaf.recv(Duration::from_millis(100));
+        let came = muted.recv(Duration::from_millis(100));
         if came.is_some_and(|packet| !is_challenge(&packet)) {
             last = Instant::now();
         }
-        assert!(started.elapsed() < PATIENCE, "the stream goes on");
+        assert!(started.elapsed() < TIMEOUT, "the stream goes on");
     }
     // Whoever sends the Challenges back has it again.
-    let mut client = Client::new(deaf.0).unpaced();
+    let mut client = Client::new(muted.0).unpaced();
     client.await_answer();
 }
 
@@ -165,16 +165,16 @@ fn last_challenge(line: &mut Silent) -> Vec<u8> {
 #[test]
 fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
-    let mut deaf = Client::new(Silent(line));
-    deaf.point(attitude(0), EPOCH);
-    drop(emulator.shot());
-    let challenge = last_challenge(&mut deaf.line);
-    deaf.line.send(&challenge);
-    let late = std::iter::from_fn(|| deaf.line.recv(Duration::from_millis(300)));
+    let mut muted = Client::new(Silent(line));
+    muted.point(attitude(0), EPOCH);
+    drop(emulator.exposed());
+    let challenge = last_challenge(&mut muted.line);
+    muted.line.send(&challenge);
+    let late = std::iter::from_fn(|| muted.line.recv(Duration::from_millis(300)));
     let frames =
         late.filter(|packet| !is_challenge(packet) && identify(packet).unwrap().0 != STATUS);
     assert_eq!(frames.count(), 0);
-    let mut client = Client::new(deaf.line.0);
+    let mut client = Client::new(muted.line.0);
     // Nothing of it was sent.
     client.send(Command::Resend {
         frame: 0,
@@ -197,27 +197,27 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     let emulator = Running::at(quick(1.0), Clock::Stepped, links);
     let mut client = Client::new(line);
     client.status();
-    let mut deaf = Client::new(Silent(client.line)).unpaced();
+    let mut muted = Client::new(Silent(client.line)).unpaced();
     for _ in 0..300 {
-        deaf.send(Command::Credit { packets: 1 << 30 });
+        muted.send(Command::Credit { packets: 1 << 30 });
         std::thread::sleep(Duration::from_millis(1));
     }
-    deaf.point(attitude(0), EPOCH);
-    drop(emulator.shot());
+    muted.point(attitude(0), EPOCH);
+    drop(emulator.exposed());
     let is_of_frame = |packet: &[u8]| PAID.contains(&identify(packet).unwrap().0);
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(2500) {
-        let came = deaf.line.recv(Duration::from_millis(50));
+        let came = muted.line.recv(Duration::from_millis(50));
         let is_late = begun.elapsed() > Duration::from_millis(1500);
         assert!(!(is_late && came.is_some_and(|packet| is_of_frame(&packet))));
     }
     // Nor does it come again.
-    deaf.send(Command::Resend {
+    muted.send(Command::Resend {
         frame: 0,
         first: 0,
         count: 1,
     });
-    let mut came = std::iter::from_fn(|| deaf.line.recv(PATIENCE));
+    let mut came = std::iter::from_fn(|| muted.line.recv(TIMEOUT));
     let answer = came.find(|packet| !is_challenge(packet)).unwrap();
     let (_, reply) = Reply::decode(&answer).unwrap();
     assert!(
@@ -242,7 +242,7 @@ fn a_link_whose_client_proves_late_gets_the_next_frames() {
         late.send(Command::Ping);
         client.point(attitude(0), EPOCH);
         client.parcel();
-        drop(emulator.shot());
+        drop(emulator.exposed());
         let mut expected = vec![(&"address not proved", &1)];
         if is_refused {
             // It costs too much.
@@ -260,10 +260,10 @@ fn a_link_whose_client_proves_late_gets_the_next_frames() {
         });
         client.point(attitude(2), later(EPOCH, 2.0));
         await_that("pixels come", || {
-            late.line.recv(PATIENCE).as_ref().is_some_and(is_pixels)
+            late.line.recv(TIMEOUT).as_ref().is_some_and(is_pixels)
         });
         client.parcel();
-        drop(emulator.shot());
+        drop(emulator.exposed());
         let (stats, _) = emulator.measured();
         let account = &stats.accounts[1].1;
         let withheld: Vec<_> = account.withheld.iter().collect();

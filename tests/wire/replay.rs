@@ -2,7 +2,7 @@
 
 use crate::support::client::packet;
 use crate::support::line::{Line, UdpLine, is_challenge};
-use crate::support::{EPOCH, PATIENCE, Running, attitude, fault, later, options, scene};
+use crate::support::{EPOCH, Running, TIMEOUT, attitude, fault, later, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Replay, Same, load};
@@ -128,7 +128,7 @@ pub fn replay(file: &Path, mut config: Config) -> Progress {
         let serving = scope.spawn(|| server.run(replay.over(), None, |_| {}));
         while !serving.is_finished() {
             std::thread::sleep(Duration::from_millis(1));
-            if started.elapsed() > PATIENCE {
+            if started.elapsed() > TIMEOUT {
                 replay.give_up();
             }
         }
@@ -159,9 +159,9 @@ fn differs(file: &Path, says: &[&str], choose: impl Fn(&Reply<'_>) -> Option<usi
     let mut windows = bytes.windows(packet.len());
     let at = windows.position(|window| window == &packet[..]).unwrap();
     bytes[at + byte] ^= 1;
-    let spoilt = file.with_file_name("spoilt.pcapng");
-    std::fs::write(&spoilt, bytes).unwrap();
-    has(&replay(&spoilt, small()).difference.unwrap(), says);
+    let corrupted = file.with_file_name("spoilt.pcapng");
+    std::fs::write(&corrupted, bytes).unwrap();
+    has(&replay(&corrupted, small()).difference.unwrap(), says);
 }
 
 #[track_caller]
@@ -229,7 +229,7 @@ fn says(line: &mut UdpLine, commands: &[Command]) {
 
 /// Takes the Challenge and sends it back: no frame is sent before.
 fn return_challenge(line: &mut UdpLine) {
-    line.0.set_read_timeout(Some(PATIENCE)).unwrap();
+    line.0.set_read_timeout(Some(TIMEOUT)).unwrap();
     let mut buffer = [0; MAX_PACKET];
     let length = line.0.recv(&mut buffer).expect("a Challenge comes");
     assert!(is_challenge(&buffer[..length]));
@@ -243,12 +243,12 @@ fn several_links_are_replayed_together() {
     let (emulator, mut lines, capture) = two_recorded(&file);
     let grant = Command::Credit { packets: 100_000 };
     says(&mut lines[1], &[grant, Command::Ping]);
-    assert!(lines[1].recv(PATIENCE).is_some(), "the Ping's Ack");
+    assert!(lines[1].recv(TIMEOUT).is_some(), "the Ping's Ack");
     says(&mut lines[0], &[grant]);
     return_challenge(&mut lines[0]);
     for i in 0..3 {
         says(&mut lines[0], &[Command::Attitude(attitude(i))]);
-        emulator.shot();
+        emulator.exposed();
     }
     for line in &mut lines {
         while line.recv(Duration::from_millis(200)).is_some() {}
@@ -267,7 +267,7 @@ fn several_links_are_replayed_together() {
 /// Sends a command and awaits the reason of its refusal; none if it is obeyed.
 fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason, String)> {
     line.send(&packet(command, count, EPOCH));
-    let packet = line.recv(PATIENCE).expect("an answer");
+    let packet = line.recv(TIMEOUT).expect("an answer");
     match Reply::decode(&packet).unwrap().1 {
         Reply::Nack(nack) => Some((nack.reason, nack.detail.to_string())),
         Reply::Ack(_) => None,
@@ -329,10 +329,10 @@ fn a_frame_that_was_given_up_is_given_up_again() {
     says(&mut line, &[Command::Credit { packets: 5 }]);
     return_challenge(&mut line);
     says(&mut line, &[Command::Attitude(attitude(0))]);
-    emulator.shot();
+    emulator.exposed();
     says(&mut line, &[Command::Credit { packets: 50_000 }]);
     says(&mut line, &[Command::Attitude(attitude(1))]);
-    emulator.shot();
+    emulator.exposed();
     while line.recv(Duration::from_millis(200)).is_some() {}
     emulator.ends_with(&[("frames_abandoned", 1), ("frames_delivered", 1)]);
     capture.finish().unwrap();

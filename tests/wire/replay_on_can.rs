@@ -4,7 +4,7 @@
 use crate::replay::{replay, small};
 use crate::support::client::packet;
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, PATIENCE, attitude, later, on_memory};
+use crate::support::{EPOCH, TIMEOUT, attitude, later, on_memory};
 use skyloop::config::Clock;
 use skyloop::link::capture::replay::load;
 use skyloop::link::capture::{Record, candump};
@@ -83,7 +83,7 @@ impl Recorded {
     /// Takes so many packets.
     fn hear(&mut self, packets: u32) {
         for _ in 0..packets {
-            let packet = self.line.recv(PATIENCE).expect("the packet comes");
+            let packet = self.line.recv(TIMEOUT).expect("the packet comes");
             self.exchange.push((Direction::Out, packet));
         }
     }
@@ -180,19 +180,19 @@ fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
     client.say(grant(1000));
     client.say(Command::Attitude(attitude(0)));
     let packets = client.frame();
-    emulator.shot();
+    emulator.exposed();
     client.exchange.remove(2 + 4);
     client.say(Command::Reset);
     client.hear(1);
     client.say(grant(5));
     client.say(Command::Attitude(attitude(1)));
     client.hear(5);
-    emulator.shot();
+    emulator.exposed();
     // Enough for the next one (as long, a few more), and not for the rest of the one before too.
     client.say(grant(5 + packets + 2));
     client.say(Command::Attitude(attitude(2)));
     client.frame();
-    emulator.shot();
+    emulator.exposed();
     client.say(Command::Reset);
     client.hear(1);
     client.say(grant(4));
@@ -203,10 +203,10 @@ fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
     client.say(Command::Reset);
     client.exchange[reset - 2..].rotate_right(1);
     client.hear(1);
-    emulator.shot();
+    emulator.exposed();
     client.say(Command::Attitude(attitude(4)));
     client.frame();
-    emulator.shot();
+    emulator.exposed();
 
     let mut exchange = client.exchange;
     let folder = tempfile::tempdir().unwrap();

@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, options, role_clients, scene_at,
+    EPOCH, Running, TIMEOUT, attitude, await_that, options, role_clients, scene_at,
 };
 use crate::table::rows;
 use skyloop::config::Clock;
@@ -101,7 +101,7 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
         assert_eq!(truth.parcel().0.attitude_sequence, sequence);
     }
     // X-Val: without that each would take 2 s.
-    assert!(begin.elapsed() < PATIENCE);
+    assert!(begin.elapsed() < TIMEOUT);
     pixels.send(Command::Credit { packets: 1000 });
     pixels.done(Command::Ping);
     pixels.next(false);

@@ -160,7 +160,7 @@ fn a_frame_larger_than_the_window_comes_whole() {
     let flight = crate::flight::fly(course, "pty?baud=100000", "frame", "");
     let (report, counters) = (&flight.report, &flight.counters);
     assert_eq!((report.frames, report.recovery.attitudes), (1, 0));
-    assert_eq!((report.recovery.asked, counters.resent_blocks), (0, 0));
+    assert_eq!((report.recovery.requested, counters.resent_blocks), (0, 0));
     assert_eq!(counters.frames_abandoned, 0);
     assert!(report.bytes > 80 * 1400, "{}", report.bytes);
 }

@@ -17,7 +17,7 @@ use std::time::Duration;
 #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
 fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
     /// Fewer say nothing about the loop: the machine was too slow.
-    const LEAST: u32 = 40;
+    const MIN: u32 = 40;
     let mut config = scene();
     config.camera.exposure_s = 0.05;
     config.camera.rate_hz = 10.0;
@@ -51,8 +51,8 @@ fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
     println!("{report}");
     let account = report.control.as_ref().expect("a loop was flown");
     assert!(
-        account.used >= LEAST,
-        "{} of 80 frames came whole and {} were steered by: fewer than {LEAST} tell nothing of the loop",
+        account.used >= MIN,
+        "{} of 80 frames came whole and {} were steered by: fewer than {MIN} tell nothing of the loop",
         report.frames,
         account.used
     );

@@ -4,7 +4,7 @@ use crate::proof::Silent;
 use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
-    EPOCH, PATIENCE, Running, attitude, await_that, later, on_pty, options, quick, udp_client,
+    EPOCH, Running, TIMEOUT, attitude, await_that, later, on_pty, options, quick, udp_client,
 };
 use crate::withheld::{balance, beside};
 use skyloop::config::Clock;
@@ -38,14 +38,14 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
         let mut other = Client::new(line).unpaced();
         other.send(Command::Ping);
         await_that("it is heard", || client.counters().commands >= 2);
-        let (begun, mut asked, mut packets) = (Instant::now(), 0, 1 << 20);
+        let (begun, mut requested, mut packets) = (Instant::now(), 0, 1 << 20);
         // The queue of the link takes three of twelve frames. 2 s for each of the others are 18 s.
         await_that("all frames have ended", || {
             let counters = client.counters();
             let ended = counters.frames_delivered + counters.frames_abandoned;
-            if ended == asked && asked < 12 {
-                client.point(attitude(asked), later(EPOCH, f64::from(asked)));
-                asked += 1;
+            if ended == requested && requested < 12 {
+                client.point(attitude(requested), later(EPOCH, f64::from(requested)));
+                requested += 1;
             }
             packets += 10;
             other.send(command.unwrap_or(Command::Credit { packets }));
@@ -145,7 +145,7 @@ fn a_late_attitude_withholds_no_frame_by_the_wall_clock() {
     let before = client.counters().frames_delivered;
     assert_eq!(client.status().withheld, Withheld::None);
     await_that("frames go on", || {
-        assert!(begun.elapsed() < PATIENCE);
+        assert!(begun.elapsed() < TIMEOUT);
         client.counters().frames_delivered > before
     });
 }

@@ -9,7 +9,7 @@ use crate::support::{
 };
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
-use skyloop::stats::FrameAccount;
+use skyloop::stats::FrameCounters;
 use skyloop_protocols::personality::{NATIVE, Personality};
 use skyloop_protocols::{Command, Counters, EncodeError, Reply, Withheld};
 use std::time::{Duration, Instant};
@@ -30,7 +30,7 @@ pub fn balance(
     let found = &stats.accounts;
     assert_eq!(found.len(), links.len(), "{name}: {found:?}");
     for ((_, account), (delivered, withheld)) in found.iter().zip(links) {
-        let expected = FrameAccount {
+        let expected = FrameCounters {
             requested,
             delivered: *delivered,
             withheld: withheld.iter().copied().collect(),
@@ -128,7 +128,7 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     for sequence in 0..3 {
         client.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
     }
-    (0..3).for_each(|_| drop(emulator.shot()));
+    (0..3).for_each(|_| drop(emulator.exposed()));
     balance("queue", emulator, 3, &[(0, &[("client does not read", 3)])]);
 }
 

@@ -34,7 +34,7 @@ pub const SLCAN: Scheme = Scheme {
 const REMEDY: &str =
     "check the adapter's cable, the interface (ip link), or what made the line (skyloop pty)";
 /// A line that goes and comes all the time is told of so often.
-const MOST_NEWS: u32 = 20;
+const MAX_NOTICES: u32 = 20;
 /// Packets that may wait to be sent.
 const OUTBOUND: usize = 16;
 /// Packets that may wait to be read: many credit windows.
@@ -127,7 +127,7 @@ impl CanPort {
             outbound,
             inbound,
             shared: Arc::clone(&shared),
-            news: 0,
+            notices: 0,
         };
         let node = Node::new(Side::Client, settings.fd);
         let opens_again = opener.is_some();
@@ -155,7 +155,7 @@ struct End {
     outbound: Receiver<Vec<u8>>,
     inbound: SyncSender<Vec<u8>>,
     shared: Arc<Shared>,
-    news: u32,
+    notices: u32,
 }
 
 impl End {
@@ -169,8 +169,8 @@ impl End {
             None => format!("{}: the line is back", self.link),
         };
         *self.shared.gone() = error;
-        self.news += 1;
-        if self.news <= MOST_NEWS
+        self.notices += 1;
+        if self.notices <= MAX_NOTICES
             && let Some(tell) = &*self.shared.tell()
         {
             tell(&text);
@@ -228,8 +228,8 @@ impl Port for CanPort {
         let Some(to_bus) = &self.to_bus else {
             return Err(PortError::Closed);
         };
-        let patience = if self.stuck { 0 } else { 1 };
-        let deadline = Instant::now() + SEND_TIMEOUT * patience;
+        let timeout = if self.stuck { 0 } else { 1 };
+        let deadline = Instant::now() + SEND_TIMEOUT * timeout;
         let mut packet = packet.to_vec();
         loop {
             // Until the line is back it is lost like any other.
@@ -301,7 +301,7 @@ impl Port for CanPort {
         })
     }
 
-    fn on_news(&mut self, tell: Tell) {
+    fn on_notice(&mut self, tell: Tell) {
         *self.shared.tell() = Some(tell);
     }
 }
@@ -313,12 +313,12 @@ impl Drop for CanPort {
         let Some(thread) = self.thread.take() else {
             return;
         };
-        let patience = if self.is_silent() {
+        let timeout = if self.is_silent() {
             SILENT_CLOSE_TIMEOUT
         } else {
             CLOSE_TIMEOUT
         };
-        let deadline = Instant::now() + patience;
+        let deadline = Instant::now() + timeout;
         // What waits for a line that has gone, or that takes nothing, does not leave any more.
         while !thread.is_finished()
             && !self.stuck

@@ -3,14 +3,14 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use nalgebra::Vector3;
-use skyloop_firmware_sim::control::{ControlAccount, ControlSettings};
+use skyloop_firmware_sim::control::{ControlSettings, ControlTelemetry};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::{parse_numbers, within};
 use skyloop_protocols::PixelLevel;
 
 /// Fastest drift about each axis, deg/s: a fifth of what is steered.
-const MOST_DRIFT_DEG_S: f64 = 0.1;
+const MAX_DRIFT_DEG_S: f64 = 0.1;
 /// Drift of a body that nothing is said about, deg/s.
 const USUAL_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
 
@@ -78,7 +78,7 @@ impl LoopArgs {
 impl LoopArgs {
     /// Why the loop has not held what `--max-error` asks for.
     #[must_use]
-    pub fn broken(&self, control: &ControlAccount) -> Option<String> {
+    pub fn broken(&self, control: &ControlTelemetry) -> Option<String> {
         let most = self.max_error?;
         match control.rms_rad().map(|rms| rms.to_degrees() * 3600.0) {
             None => Some(format!("--max-error {most}: the loop was never closed")),
@@ -91,9 +91,9 @@ impl LoopArgs {
 
 fn parse_drift(text: &str) -> Result<Vector3<f64>, String> {
     let rates = parse_numbers::<3>(text).map_err(|why| format!("{why}: give x,y,z in deg/s"))?;
-    if rates.iter().any(|rate| rate.abs() > MOST_DRIFT_DEG_S) {
+    if rates.iter().any(|rate| rate.abs() > MAX_DRIFT_DEG_S) {
         return Err(format!(
-            "each must be -{MOST_DRIFT_DEG_S} to {MOST_DRIFT_DEG_S} deg/s"
+            "each must be -{MAX_DRIFT_DEG_S} to {MAX_DRIFT_DEG_S} deg/s"
         ));
     }
     Ok(Vector3::from(rates).map(f64::to_radians))
@@ -111,7 +111,7 @@ mod tests {
             drift: None,
             max_error,
         };
-        let account = ControlAccount::default();
+        let account = ControlTelemetry::default();
         let broken = args(Some(10.0)).broken(&account).unwrap();
         assert!(broken.contains("never closed"), "{broken}");
         assert_eq!(args(None).broken(&account), None);

@@ -91,8 +91,8 @@ impl ProfileArgs {
                 anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w, or a CCSDS AEM")
             })?;
             let list = AttitudeList::parse(&text, &name)?;
-            for remark in list.remarks() {
-                eprintln!("skyloop-fc: {}", printable_line(remark));
+            for comment in list.comments() {
+                eprintln!("skyloop-fc: {}", printable_line(comment));
             }
             return Ok(Profile::List(list));
         }

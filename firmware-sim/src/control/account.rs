@@ -5,14 +5,14 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use super::estimator::{Estimate, LEAST_STARS};
+use super::estimator::{Estimate, MIN_STARS};
 use crate::times::Times;
 
 const ARCSEC: f64 = 648_000.0 / std::f64::consts::PI;
 
 /// The figures of a closed loop.
 #[derive(Clone, Debug, Default)]
-pub struct ControlAccount {
+pub struct ControlTelemetry {
     /// The drift's size, rad/s.
     pub drift_rad_s: f64,
     /// Stars of the frame that was to be held; 0 before there is one.
@@ -41,7 +41,7 @@ pub struct ControlAccount {
     residuals_px: f64,
 }
 
-impl ControlAccount {
+impl ControlTelemetry {
     pub(super) fn new(drift_rad_s: f64) -> Self {
         Self {
             drift_rad_s,
@@ -104,7 +104,7 @@ impl ControlAccount {
     }
 }
 
-impl fmt::Display for ControlAccount {
+impl fmt::Display for ControlTelemetry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             used,
@@ -117,7 +117,7 @@ impl fmt::Display for ControlAccount {
         let (Some(rms), Some(across)) = (self.rms_rad(), self.across_rms_rad()) else {
             return writeln!(
                 f,
-                "closed loop      not begun: none of {starless} frames had {LEAST_STARS} stars; expose longer, or hold \
+                "closed loop      not begun: none of {starless} frames had {MIN_STARS} stars; expose longer, or hold \
                  another attitude"
             );
         };
@@ -168,8 +168,8 @@ fn total(pieces: &[(f64, u64)]) -> (f64, u64) {
 
 impl Series {
     fn add(&mut self, at_s: f64, value: f64) {
-        const MOST: usize = 4096;
-        while at_s / self.piece_s >= MOST as f64 {
+        const MAX: usize = 4096;
+        while at_s / self.piece_s >= MAX as f64 {
             self.piece_s *= 2.0;
             self.pieces = self.pieces.chunks(2).map(total).collect();
         }
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn the_last_half_is_that_of_the_whole_flight_however_long() {
         for seconds in [1.0, 100.0, 1e5] {
-            let mut account = ControlAccount::new(1e-4);
+            let mut account = ControlTelemetry::new(1e-4);
             assert!(account.to_string().contains("not begun"));
             account.begins(5.0, 10);
             for index in 0..2000 {

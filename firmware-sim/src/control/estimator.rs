@@ -11,7 +11,7 @@ use crate::detector::{Detection, Detections};
 use crate::pointing::turn;
 
 /// Fewer matched stars than this tell nothing.
-pub const LEAST_STARS: usize = 4;
+pub const MIN_STARS: usize = 4;
 
 /// What is known of a camera: boresight +Z, columns along +X, rows along +Y, no distortion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,13 +62,13 @@ impl Star {
     /// The detections that the frame does not cut, brightest first; what they are called nobody knows here.
     pub(super) fn of_all(detections: &Detections) -> Vec<Self> {
         /// More would cost time and tell little.
-        const MOST: usize = 300;
+        const MAX: usize = 300;
         let whole = detections.list().iter().filter(|found| !found.edge);
         let star = |found: &Detection| Self {
             at_px: [found.x_px, found.y_px],
             snr: found.snr,
         };
-        whole.map(star).take(MOST).collect()
+        whole.map(star).take(MAX).collect()
     }
 
     /// Square of the centroid's noise, px^2: a pixel over the signal to noise, and what the pixels' grid leaves.
@@ -122,7 +122,7 @@ pub fn estimate(
         let matched = matched.map(|(of, to)| (directions[of], &reference[of], &seen[to]));
         (turned, kept) = fit(pinhole, turned, matched.collect())?;
     }
-    if kept.len() < LEAST_STARS.max(reference.len().min(seen.len()) / 4) {
+    if kept.len() < MIN_STARS.max(reference.len().min(seen.len()) / 4) {
         return None;
     }
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -159,7 +159,7 @@ fn fit<'a>(
         let limit = (MEDIANS * median).max(TOLERATED_PX);
         let agrees = |pair: &Pair<'_>| off(pair) <= limit;
         kept = pairs.iter().copied().filter(agrees).collect();
-        if kept.len() < LEAST_STARS {
+        if kept.len() < MIN_STARS {
             return None;
         }
         turned = turn(step(pinhole, &turned, &kept)?) * turned;

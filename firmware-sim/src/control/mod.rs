@@ -23,8 +23,8 @@ use std::time::Duration;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 
-pub use self::account::ControlAccount;
-pub use self::estimator::{Estimate, LEAST_STARS, Pinhole, Star, estimate};
+pub use self::account::ControlTelemetry;
+pub use self::estimator::{Estimate, MIN_STARS, Pinhole, Star, estimate};
 pub use self::law::Law;
 use crate::detector::Detections;
 use crate::pointing::{Pointing, rate_between};
@@ -63,7 +63,7 @@ pub struct Control {
     reference: Vec<Star>,
     /// The latest messages: s after `start`, and what they said.
     said: VecDeque<(f64, Pointing)>,
-    account: ControlAccount,
+    account: ControlTelemetry,
 }
 
 impl Control {
@@ -79,7 +79,7 @@ impl Control {
             law: Law::default(),
             reference: Vec::new(),
             said: VecDeque::new(),
-            account: ControlAccount::new(settings.drift_rad_s.norm()),
+            account: ControlTelemetry::new(settings.drift_rad_s.norm()),
         }
     }
 
@@ -112,7 +112,7 @@ impl Control {
     fn see_stars(&mut self, exposed: &Exposed, stars: Vec<Star>) {
         let [mid_s, taken_s] = [exposed.mid, exposed.taken].map(|at| self.since_start(at));
         if self.reference.is_empty() {
-            if stars.len() < LEAST_STARS {
+            if stars.len() < MIN_STARS {
                 self.account.starless += 1;
                 return;
             }
@@ -138,13 +138,13 @@ impl Control {
 
     /// What came of it so far.
     #[must_use]
-    pub fn account(&self) -> &ControlAccount {
+    pub fn account(&self) -> &ControlTelemetry {
         &self.account
     }
 
     /// What came of it.
     #[must_use]
-    pub fn into_account(self) -> ControlAccount {
+    pub fn into_account(self) -> ControlTelemetry {
         self.account
     }
 

@@ -171,12 +171,12 @@ impl FlightComputer {
             Pace::Wall { rate_hz } => self.run_wall(Some(rate_hz), &mut watch),
             Pace::Listen => self.run_wall(None, &mut watch),
         };
-        let patience = match flown {
+        let timeout = match flown {
             Ok(ControlFlow::Continue(())) => STATUS_TIMEOUT,
             _ => HURRIED_STATUS_TIMEOUT,
         };
         if self.links.gone().is_none() {
-            let _ = self.ask_status(patience);
+            let _ = self.ask_status(timeout);
         }
         // Frees the emulator: the next client need not wait until this one counts as silent.
         self.links.release();
@@ -369,8 +369,8 @@ impl FlightComputer {
     /// Ends the run if nothing at all has come for many attitudes; each of them was asked after by a Ping.
     fn hear_silence(&mut self) -> Result<(), RunError> {
         /// Attitudes in a row, and how long at least.
-        const MOST: u32 = 5;
-        const LEAST: Duration = Duration::from_secs(10);
+        const MAX: u32 = 5;
+        const MIN: Duration = Duration::from_secs(10);
         let last = self.links.last_packet().max(Some(self.begin));
         let silent = last.map(|at| at.elapsed()).unwrap_or_default();
         if silent < self.mission.timeout {
@@ -381,8 +381,8 @@ impl FlightComputer {
         // A fault of this run's own may stop the line for its time.
         let faults = self.faults.iter().map(|fault| fault.seconds);
         let silent_s = silent.as_secs_f64();
-        let least_s = LEAST.as_secs_f64() + faults.fold(0.0, f64::max);
-        if self.silent_attitudes < MOST || silent_s < least_s {
+        let least_s = MIN.as_secs_f64() + faults.fold(0.0, f64::max);
+        if self.silent_attitudes < MAX || silent_s < least_s {
             return Ok(());
         }
         Err(match self.links.gone() {
@@ -419,14 +419,14 @@ impl FlightComputer {
     }
 
     /// Asks for the emulator's account at the end. An emulator that has gone already gives none.
-    fn ask_status(&mut self, patience: Duration) -> Result<(), PortError> {
+    fn ask_status(&mut self, timeout: Duration) -> Result<(), PortError> {
         /// The question or its answer may be lost.
         const TRIES: u32 = 4;
         let mut pings = Vec::new();
         let mut answered = false;
         for _ in 0..TRIES {
             pings.push(self.links.command(&Command::Ping)?);
-            let deadline = Instant::now() + patience / TRIES;
+            let deadline = Instant::now() + timeout / TRIES;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {

@@ -36,7 +36,7 @@ impl FlightComputer {
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
         /// Copies of an attitude that may come damaged at the emulator, before that counts as a refusal.
-        const MOST_DAMAGED: u32 = 16;
+        const MAX_DAMAGED: u32 = 16;
         let epoch = self.mission.epoch(sequence);
         let mut copies = vec![self.send_attitude(sequence, epoch)?];
         self.links.want(Some(sequence));
@@ -59,9 +59,9 @@ impl FlightComputer {
                 return Ok(ControlFlow::Break(()));
             }
             moved = moved.max(heard.unwrap_or(begin));
-            let patience = self.patience(sequence) * copies.len() as u32;
+            let timeout = self.timeout(sequence) * copies.len() as u32;
             let silent = moved.elapsed();
-            if silent >= patience {
+            if silent >= timeout {
                 // The emulator makes the same frame again.
                 copies.push(self.send_attitude(sequence, epoch)?);
                 self.report.recovery.attitudes += 1;
@@ -69,7 +69,7 @@ impl FlightComputer {
                 moved = Instant::now();
                 continue;
             }
-            let wait = left.min(GRANT_AGAIN).min(patience - silent);
+            let wait = left.min(GRANT_AGAIN).min(timeout - silent);
             let flow = match self.links.receive(wait)? {
                 None => {
                     if wait == GRANT_AGAIN {
@@ -95,7 +95,7 @@ impl FlightComputer {
                     if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
                 {
                     damaged += 1;
-                    if damaged > MOST_DAMAGED {
+                    if damaged > MAX_DAMAGED {
                         self.report.refused += 1;
                         return Ok(self.note_nack(nack, watch));
                     }
@@ -129,15 +129,15 @@ impl FlightComputer {
     }
 
     /// How long an attitude may stay without any answer before it is sent again.
-    fn patience(&self, sequence: u32) -> Duration {
+    fn timeout(&self, sequence: u32) -> Duration {
         /// Of the usual time to the first packet of a frame.
         const TIMES: u32 = 4;
-        const LEAST: Duration = Duration::from_millis(150);
+        const MIN: Duration = Duration::from_millis(150);
         // Of a frame that has begun, missing packets are asked for first.
         let most = self.mission.timeout / 4;
         match self.usual_answer {
             Some(usual) if !self.links.has_begun(sequence) => {
-                let least = LEAST.max(3 * self.links.spacing());
+                let least = MIN.max(3 * self.links.spacing());
                 (TIMES * usual).max(least).min(most)
             }
             None if !self.links.has_begun(sequence) => most / 2,

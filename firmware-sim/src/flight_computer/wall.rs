@@ -119,12 +119,12 @@ impl Numbers {
     /// Books a whole frame.
     fn arrived(&mut self, number: u32) {
         /// A larger step is another emulator's count.
-        const MOST: u32 = 1000;
+        const MAX: u32 = 1000;
         let ahead = self.last.map_or(1, |last| number.wrapping_sub(last));
-        if (1..=MOST).contains(&ahead) {
+        if (1..=MAX).contains(&ahead) {
             let skipped = (1..ahead).rev().map(|before| number.wrapping_sub(before));
             self.passed_over.extend(skipped);
-        } else if ahead.wrapping_neg() <= MOST {
+        } else if ahead.wrapping_neg() <= MAX {
             // It was passed over, and has been mended.
             self.passed_over.retain(|passed| *passed != number);
             return;

@@ -106,7 +106,7 @@ impl<'a> Plane<'a> {
     /// By false position (the Illinois rule), between the lines that touch spheres about the Earth's centre: one that is everywhere
     /// above the height, one that is nowhere.
     fn depression(&self, height_m: f64) -> Option<f64> {
-        const MOST: usize = 60;
+        const MAX: usize = 60;
         /// 4e-13 rad from 500 km above.
         const CLOSE_M: f64 = 1e-6;
         let radius = self.position_m.norm();
@@ -126,7 +126,7 @@ impl<'a> Plane<'a> {
             return None;
         }
         let mut last = 0.0;
-        for _ in 0..MOST {
+        for _ in 0..MAX {
             let between = above + (below - above) * too_high / (too_high - too_low);
             let error = self.tangent_m(between) - height_m;
             if error.abs() < CLOSE_M {

@@ -13,7 +13,7 @@ pub(super) struct Arrivals {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Piece {
     Missing,
-    Asked,
+    Requested,
     Here,
 }
 
@@ -22,7 +22,7 @@ pub(super) struct Arrival {
     /// A later one came before it.
     pub(super) late: bool,
     /// It was asked for again.
-    pub(super) asked: bool,
+    pub(super) requested: bool,
 }
 
 impl Arrivals {
@@ -50,15 +50,15 @@ impl Arrivals {
 
     /// Books a piece that had not come.
     pub(super) fn book(&mut self, piece: usize) -> Arrival {
-        let mut asked = false;
+        let mut requested = false;
         if let Some(state) = self.pieces.get_mut(piece) {
-            asked = *state == Piece::Asked;
+            requested = *state == Piece::Requested;
             *state = Piece::Here;
             self.missing = self.missing.saturating_sub(1);
         }
         let late = piece < self.next;
         self.next = self.next.max(piece + 1);
-        Arrival { late, asked }
+        Arrival { late, requested }
     }
 
     /// Whether a piece below `end` is missing that was not asked for.
@@ -81,7 +81,7 @@ impl Arrivals {
             return found;
         }
         for (index, piece) in self.pieces.iter_mut().enumerate().take(end) {
-            let wanted = *piece == Piece::Missing || again && *piece == Piece::Asked;
+            let wanted = *piece == Piece::Missing || again && *piece == Piece::Requested;
             if !wanted {
                 continue;
             }
@@ -94,7 +94,7 @@ impl Arrivals {
                 _ if full => break,
                 _ => found.push(index..index + 1),
             }
-            *piece = Piece::Asked;
+            *piece = Piece::Requested;
             most -= 1;
         }
         found

@@ -12,7 +12,7 @@ struct Headless {
     frame: u32,
     since: Instant,
     /// Whether the header was asked for.
-    asked: bool,
+    requested: bool,
     packets: Vec<Vec<u8>>,
 }
 
@@ -75,7 +75,7 @@ impl Early {
             self.frames.push_back(Headless {
                 frame,
                 since: Instant::now(),
-                asked: false,
+                requested: false,
                 packets: Vec::new(),
             });
             self.frames.len() - 1
@@ -90,7 +90,7 @@ impl Early {
             return (Vec::new(), false);
         };
         self.count -= early.packets.len();
-        (early.packets, early.asked)
+        (early.packets, early.requested)
     }
 
     pub(super) fn clear(&mut self) {
@@ -100,11 +100,11 @@ impl Early {
     /// The frames whose header to ask for: not asked for and missed for `wait`, or all if `again`.
     pub(super) fn ask(&mut self, now: Instant, wait: Duration, again: bool) -> Vec<u32> {
         let due = |early: &&mut Headless| {
-            again || !early.asked && now.saturating_duration_since(early.since) >= wait
+            again || !early.requested && now.saturating_duration_since(early.since) >= wait
         };
         let due = self.frames.iter_mut().filter(due);
         due.map(|early| {
-            early.asked = true;
+            early.requested = true;
             early.frame
         })
         .collect()

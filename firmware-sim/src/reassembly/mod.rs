@@ -149,10 +149,10 @@ impl Assembler {
         let mut runs: Vec<Run> = headers.into_iter().map(header).take(demand.runs).collect();
         for partial in &mut self.in_flight {
             let attitude = partial.header.attitude_sequence;
-            let asked: u32 = runs.iter().map(|run| run.count).sum();
+            let requested: u32 = runs.iter().map(|run| run.count).sum();
             let left = Demand {
                 runs: demand.runs.saturating_sub(runs.len()),
-                packets: demand.packets.saturating_sub(asked as usize),
+                packets: demand.packets.saturating_sub(requested as usize),
                 ..*demand
             };
             if demand.attitude.is_none_or(|wanted| wanted == attitude) {
@@ -203,15 +203,15 @@ impl Assembler {
             }
         };
         let labels = header.label_bytes as usize;
-        for (what, asked, limit) in [
+        for (what, requested, limit) in [
             (what, pixels, self.limits.pixels),
             ("label text", labels, self.limits.label_bytes),
         ] {
-            if asked > limit {
+            if requested > limit {
                 return Err(AssemblyError::TooLarge {
                     frame,
                     what,
-                    asked,
+                    requested,
                     limit,
                 });
             }
@@ -223,8 +223,8 @@ impl Assembler {
             self.remember(&oldest);
         }
         let mut partial = Partial::new(*header, mid_exposure, std::mem::take(&mut self.spare), now);
-        let (early, asked) = self.early.take(frame);
-        self.counts.recovered += u64::from(asked);
+        let (early, requested) = self.early.take(frame);
+        self.counts.recovered += u64::from(requested);
         for packet in early {
             // Only packets that decoded are kept.
             let taken = match Reply::decode(&packet) {

@@ -61,7 +61,7 @@ fn places<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
 impl AssemblyCounts {
     fn add(&mut self, arrival: &Arrival) {
         self.out_of_order += u64::from(arrival.late);
-        self.recovered += u64::from(arrival.asked);
+        self.recovered += u64::from(arrival.requested);
     }
 }
 

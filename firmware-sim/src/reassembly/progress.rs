@@ -86,11 +86,11 @@ pub struct Demand {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum AssemblyError {
-    #[error("frame {frame}: {what} is {asked}, at most {limit} are taken")]
+    #[error("frame {frame}: {what} is {requested}, at most {limit} are taken")]
     TooLarge {
         frame: u32,
         what: &'static str,
-        asked: usize,
+        requested: usize,
         limit: usize,
     },
     #[error("frame {frame}: {what} {number} does not fit the frame's header")]

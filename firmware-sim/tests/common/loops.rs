@@ -71,11 +71,11 @@ pub fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>
 /// The same on UDP, by its address; it ends when nothing has come for so long.
 pub fn over_udp(
     mut emulator: Emulator,
-    patience: Duration,
+    timeout: Duration,
 ) -> (std::net::SocketAddr, JoinHandle<Emulator>) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = socket.local_addr().unwrap();
-    socket.set_read_timeout(Some(patience)).unwrap();
+    socket.set_read_timeout(Some(timeout)).unwrap();
     let thread = spawn(move || {
         let mut buffer = [0; 2048];
         while let Ok((length, client)) = socket.recv_from(&mut buffer) {

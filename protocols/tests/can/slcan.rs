@@ -45,7 +45,7 @@ fn check(written: &str, line: Line) {
 #[test]
 fn lines_of_the_lawicel_manual() {
     let two = frame(0x100, &[0x11, 0x33]);
-    let asked = CanFrame {
+    let requested = CanFrame {
         remote: true,
         len: 2,
         ..frame(0x100, &[])
@@ -58,8 +58,8 @@ fn lines_of_the_lawicel_manual() {
     };
     check("t10021133\r", received(two));
     check("T0000010021133\r", extended(two));
-    check("r1002\r", received(asked));
-    check("R000001002\r", extended(asked));
+    check("r1002\r", received(requested));
+    check("R000001002\r", extended(requested));
     check("t0200\r", received(frame(0x20, &[])));
     // With time stamps on: 59,999 ms is the last before 0.
     let stamped = Line::Frame {

@@ -30,7 +30,7 @@ const FEATURES: usize = 1 << 14;
 #[derive(Default)]
 pub struct Seen {
     features: HashSet<u64>,
-    news: bool,
+    notices: bool,
 }
 
 impl Seen {
@@ -38,7 +38,7 @@ impl Seen {
         let mut hasher = DefaultHasher::new();
         feature.hash(&mut hasher);
         if self.features.len() < FEATURES && self.features.insert(hasher.finish()) {
-            self.news = true;
+            self.notices = true;
         }
     }
 
@@ -122,7 +122,7 @@ pub fn fuzz(target: &Target, inputs: u64) -> u64 {
 fn feed(target: &Target, input: &[u8], seen: &mut Seen) -> bool {
     let witness = Witness(target.name, input);
     let start = Instant::now();
-    seen.news = false;
+    seen.notices = false;
     (target.run)(input, seen);
     assert!(
         start.elapsed() < HANG,
@@ -131,7 +131,7 @@ fn feed(target: &Target, input: &[u8], seen: &mut Seen) -> bool {
         start.elapsed()
     );
     drop(witness);
-    seen.news
+    seen.notices
 }
 
 /// One input in eight is random octets, the others are one of the pool with up to eight mutations.
@@ -206,12 +206,12 @@ fn keep(target: &Target, pool: &[Vec<u8>]) {
     let mut pool: Vec<&Vec<u8>> = pool.iter().filter(|input| input.len() <= 1500).collect();
     pool.sort_by_key(|input| input.len());
     let mut seen = Seen::default();
-    let news: Vec<_> = pool
+    let notices: Vec<_> = pool
         .into_iter()
         .filter(|input| feed(target, input, &mut seen))
         .collect();
     std::fs::create_dir_all(folder(target.name)).expect("a folder");
-    for input in news.iter().step_by(news.len().div_ceil(24)) {
+    for input in notices.iter().step_by(notices.len().div_ceil(24)) {
         let mut hasher = DefaultHasher::new();
         input.hash(&mut hasher);
         let name = format!("{:016x}", hasher.finish());

@@ -40,7 +40,7 @@ impl Switch {
 const LARGEST: f32 = 1e30;
 
 /// The expansion is not asked for less.
-const LEAST: f32 = 6.0;
+const MIN: f32 = 6.0;
 
 /// A mean that can be drawn of: none where it is negative or no number.
 #[inline(always)]
@@ -52,7 +52,7 @@ pub fn mean_of(e: f32) -> f32 {
 /// The draw of a mean from 6 e- on, by its [`inverse_root`] and the normal draw `z`.
 #[inline(always)]
 pub fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
-    let mean = if mean > LEAST { mean } else { LEAST };
+    let mean = if mean > MIN { mean } else { MIN };
     let z2 = z * z;
     let third = z2.mul_add(z2.mul_add(1.0 / 270.0, 7.0 / 810.0), -8.0 / 405.0);
     let second = inverse.mul_add(third, z * z2.mul_add(-1.0 / 72.0, -1.0 / 36.0));
@@ -71,7 +71,7 @@ pub fn expanded(mean: f32, z: f32) -> f32 {
 /// take roots as slowly as they do all else of a draw).
 #[inline(always)]
 pub fn inverse_root(x: f32) -> f32 {
-    let x = if x > LEAST { x } else { LEAST };
+    let x = if x > MIN { x } else { MIN };
     let mut y = f32::from_bits(0x5F37_5A86 - (x.to_bits() >> 1));
     for _ in 0..2 {
         y *= (-0.5 * x * y).mul_add(y, 1.5);
@@ -118,10 +118,10 @@ pub fn none_quickly(mean: f32) -> f32 {
 }
 
 /// `1 / k`.
-pub const INVERSE: [f64; MOST] = {
-    let mut inverse = [0.0; MOST];
+pub const INVERSE: [f64; MAX] = {
+    let mut inverse = [0.0; MAX];
     let mut k = 1;
-    while k < MOST {
+    while k < MAX {
         inverse[k] = 1.0 / k as f64;
         k += 1;
     }
@@ -129,10 +129,10 @@ pub const INVERSE: [f64; MOST] = {
 };
 
 /// `1 / (k + 1)` in single precision.
-pub const INVERSE_QUICKLY: [f32; MOST] = {
-    let mut inverse = [0.0; MOST];
+pub const INVERSE_QUICKLY: [f32; MAX] = {
+    let mut inverse = [0.0; MAX];
     let mut k = 0;
-    while k < MOST {
+    while k < MAX {
         inverse[k] = 1.0 / (k + 1) as f32;
         k += 1;
     }
@@ -157,7 +157,7 @@ const INVERSE_FACTORIAL: [f64; 12] = {
 pub const UNSURE: f32 = 1e-5;
 
 /// More than any draw of a mean below 16: the last word's quantile is 50.
-const MOST: usize = 64;
+const MAX: usize = 64;
 
 /// The draw that `word` stands for at a mean (e-); 0 for one that is not positive.
 #[inline(always)]
@@ -173,7 +173,7 @@ pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
     let mut probability = none(mean);
     let mut cumulative = probability;
     let mut k = 0;
-    while u >= cumulative && k + 1 < MOST {
+    while u >= cumulative && k + 1 < MAX {
         k += 1;
         probability *= mean * INVERSE[k];
         cumulative += probability;

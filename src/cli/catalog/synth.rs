@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::orbit::path_text;
-use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
+use skyloop::orbit::synth::{CLASSES, MAX_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::orbit::{Format, Listing, Mark, NO_MARK, Record, files, write};
 use skyloop::output::{may_replace, remove_file, write_text};
@@ -65,7 +65,7 @@ const ENDS: [(&str, Format); 6] = [
 const FEW: usize = 1000;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
-    debug_assert!(args.objects as usize <= MOST_OBJECTS);
+    debug_assert!(args.objects as usize <= MAX_OBJECTS);
     Bodies::at(args.epoch).with_context(|| format!("--epoch {}", utc_text(args.epoch)))?;
     let target = args.out.as_deref().map(Target::of).transpose()?;
     if let Some(Target::File(file, format)) = &target {

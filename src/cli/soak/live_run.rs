@@ -29,7 +29,7 @@ type ClientEnd = (Box<dyn Port + Send>, Roles);
 pub fn open_links(link: &str, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<ClientEnd>)> {
     let options = live::link_options(&config.run, None);
     let (mut links, mut ports) = (Vec::new(), Vec::new());
-    for camera in 0..=config.heads.len() {
+    for camera in 0..=config.cameras.len() {
         let (wire, port) = link::loopback(link, &options)?;
         // Further cameras get the vehicle from the first one's client.
         let truth = camera == 0;
@@ -96,8 +96,9 @@ impl LiveRun<'_> {
         let mut servers: Vec<Server> = once(cameras.first).chain(cameras.further).collect();
         let left = observe(&mut servers);
         let (arrived, arrivals) = channel();
-        let heads = self.config.heads.iter();
-        let spans = once(tracing::Span::none()).chain(heads.map(|head| live::of_head(&head.name)));
+        let cameras = self.config.cameras.iter();
+        let spans =
+            once(tracing::Span::none()).chain(cameras.map(|head| live::of_head(&head.name)));
         let mut clients = (0..).zip(clients(ports, mission));
         let (closed, errors, joined) = std::thread::scope(|scope| {
             let joining = scope.spawn(|| self.join(left, arrivals));
@@ -144,9 +145,9 @@ impl LiveRun<'_> {
 
     /// Joins departures and arrivals until their senders have ended.
     fn join(&self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) -> Joining {
-        let heads = self.config.heads.iter().map(|head| &head.name);
+        let cameras = self.config.cameras.iter().map(|head| &head.name);
         let cameras = once(&self.config.camera.name)
-            .chain(heads)
+            .chain(cameras)
             .map(|name| Camera {
                 name: name.clone(),
                 latencies: self.limits.latencies(),
@@ -247,12 +248,12 @@ impl Flown {
 
     /// The rows of withheld frames, by camera if there are several.
     pub fn withheld_rows(&self, config: &Config) -> Vec<(String, String)> {
-        let heads = config.heads.iter().map(|head| &head.name);
-        let names = once(&config.camera.name).chain(heads);
+        let cameras = config.cameras.iter().map(|head| &head.name);
+        let names = once(&config.camera.name).chain(cameras);
         let mut rows = Vec::new();
         for ((stats, _), camera) in self.figures.iter().zip(names) {
             for (name, mut text) in stats.withheld_rows() {
-                if !config.heads.is_empty() {
+                if !config.cameras.is_empty() {
                     text += &format!(", of {camera}");
                 }
                 rows.push((name, text));
@@ -263,8 +264,8 @@ impl Flown {
 
     /// What was measured, of a command that `started` then.
     pub fn measured(self, config: &Config, started: Instant, stopped: Option<String>) -> Measured {
-        let heads = config.heads.iter().map(|head| head.camera.rate_hz);
-        let rates = once(config.camera.rate_hz).chain(heads);
+        let cameras = config.cameras.iter().map(|head| head.camera.rate_hz);
+        let rates = once(config.camera.rate_hz).chain(cameras);
         let missed = self.figures.iter().zip(rates);
         let missed = missed.map(|((_, counters), rate_hz)| {
             let period = Duration::from_secs_f64(1.0 / rate_hz);

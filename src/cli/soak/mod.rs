@@ -104,10 +104,10 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     }
     // A soak has other links, but refuses what `run` refuses.
     live::check_links(config, &args.config)?;
-    if args.link == "can" && !config.heads.is_empty() {
+    if args.link == "can" && !config.cameras.is_empty() {
         bail!(
             "--link can: there is one virtual bus, and the {} cameras of {name} need one each; give --link udp, pty or slcan",
-            1 + config.heads.len()
+            1 + config.cameras.len()
         );
     }
     let attitudes = rate_hz * 60.0 * args.minutes;

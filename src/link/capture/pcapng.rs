@@ -317,9 +317,9 @@ mod tests {
         assert!(said(&endless).contains("impossible length"));
         for at in 0..file.len() {
             for byte in [0, 0x7f, 0xff] {
-                let mut spoilt = file.clone();
-                spoilt[at] = byte;
-                let _ = read(Path::new("x"), &Bytes::from(spoilt));
+                let mut corrupted = file.clone();
+                corrupted[at] = byte;
+                let _ = read(Path::new("x"), &Bytes::from(corrupted));
             }
         }
     }

@@ -94,14 +94,14 @@ struct Found {
 /// once, no later than it was first sent.
 fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recording {
     let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
-    let mut asked = BTreeSet::new();
+    let mut requested = BTreeSet::new();
     let mut resets = Vec::new();
     let mut altered: BTreeMap<Place, Vec<Bytes>> = BTreeMap::new();
     for (at, event) in events.iter().enumerate() {
         if event.direction == Direction::In {
             match (personality.decode_command)(&event.item) {
                 Ok((_, Command::Resend { frame, .. })) => {
-                    asked.insert(frame);
+                    requested.insert(frame);
                 }
                 Ok((_, Command::Reset)) => resets.push(at),
                 _ => {}
@@ -122,7 +122,7 @@ fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recordin
         }
     }
     let all = frames.len();
-    frames.retain(|frame, found| !found.twice || asked.contains(frame));
+    frames.retain(|frame, found| !found.twice || requested.contains(frame));
     altered.retain(|place, _| frames.contains_key(&place.frame));
     let whole = |found: &&Found| found.due == u32::try_from(found.places.len()).ok();
     let moments = moments(&events, &frames, &resets);

@@ -5,7 +5,7 @@ use skyloop_protocols::{Personality, Reply};
 use std::collections::VecDeque;
 
 /// Commands whose answer is remembered at once; of more, the oldest are forgotten.
-const MOST: usize = 64;
+const MAX: usize = 64;
 
 /// Commands that have passed and whose answer has not: APID and sequence count.
 #[derive(Debug, Default)]
@@ -14,7 +14,7 @@ pub(super) struct Spared(VecDeque<(u16, u16)>);
 impl Spared {
     /// A command has passed: the next answer to it is spared.
     pub fn remember(&mut self, apid: u16, count: u16) {
-        if self.0.len() >= MOST {
+        if self.0.len() >= MAX {
             self.0.pop_front();
         }
         self.0.push_back((apid, count));

@@ -38,7 +38,7 @@ type Culprit = (FaultKind, Option<Duration>);
 #[derive(Debug, Clone, Copy)]
 pub struct Needs {
     /// How late a packet may be on both ways together.
-    pub patience: Duration,
+    pub timeout: Duration,
     /// Whether packets of the greatest length come with each frame.
     pub long_packets: bool,
 }
@@ -208,7 +208,7 @@ impl Stopped {
         let late = self.late;
         let late = late.map(|late| late.filter(|(_, _, met)| met.counts(since, now)));
         let [late_in, late_out] = late.map(|late| late.map_or(Duration::ZERO, |(delay, ..)| delay));
-        if late_in + late_out < needs.patience {
+        if late_in + late_out < needs.timeout {
             return None;
         }
         let out = late_out > late_in;
@@ -238,7 +238,7 @@ mod tests {
 
     fn needs(long_packets: bool) -> Needs {
         Needs {
-            patience: Duration::from_secs(30),
+            timeout: Duration::from_secs(30),
             long_packets,
         }
     }

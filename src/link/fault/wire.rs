@@ -249,8 +249,8 @@ impl TxPath {
             let is_packet = what.octets().is_some();
             let offer = || self.to.offer(what);
             self.stopped = if is_packet {
-                let departed = &self.shared.tally.departed;
-                departed.hand_on(offer, |kept| matches!(kept, Ok(None)))?
+                let tx_complete = &self.shared.tally.tx_complete;
+                tx_complete.hand_on(offer, |kept| matches!(kept, Ok(None)))?
             } else {
                 offer()?
             };

@@ -1,7 +1,7 @@
 //! Both directions of the socket on one thread: arrivals are stamped and passed on while departures
 //! wait.
 
-use super::exchange::{Exchange, Heard, Permit};
+use super::exchange::{Exchange, ExchangeEvent, Permit};
 use super::own::Own;
 use crate::inbox::{Inbound, Intake};
 use crate::outbox::Outbound;
@@ -270,20 +270,20 @@ fn hand_on(
     };
     counter.fetch_add(lost, Ordering::Relaxed);
     let number = exchange.number;
-    let heard = exchange.hear(from, packet, arrived);
+    let heard = exchange.receive(from, packet, arrived);
     let is_new = exchange.number != number;
     let taken = match heard {
-        Heard::Stranger => {
+        ExchangeEvent::Stranger => {
             exchange.ignore(from, arrived);
             true
         }
-        Heard::Proof => true,
-        Heard::Packet(exchange) => arrivals
+        ExchangeEvent::Proof => true,
+        ExchangeEvent::Packet(exchange) => arrivals
             .push(Inbound::new(exchange, packet, arrived))
             .is_ok(),
     };
     drop(exchange);
-    if heard == Heard::Proof || is_new {
+    if heard == ExchangeEvent::Proof || is_new {
         shared.changed.notify_waiters();
     }
     shared.challenge(arrived);
@@ -326,9 +326,15 @@ async fn send(mut out: TxPath<'_>, mut departures: Receiver<Outbound>, limit: Op
         let (mut batch, mut bytes) = (Batch::default(), 0);
         for departure in taken.drain(..) {
             match departure {
-                Outbound::Release { exchange, asked } => {
+                Outbound::Release {
+                    exchange,
+                    requested,
+                } => {
                     bytes += out.send(&mut batch).await;
-                    out.shared.exchange.borrow_mut().release(exchange, asked);
+                    out.shared
+                        .exchange
+                        .borrow_mut()
+                        .release(exchange, requested);
                 }
                 Outbound::Packet { exchange, packet } => {
                     if batch.exchange != exchange {

@@ -38,7 +38,7 @@ struct Client {
 
 /// What a datagram is.
 #[derive(Debug, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum ExchangeEvent {
     /// A packet of this exchange.
     Packet(u32),
     /// A Challenge that was returned.
@@ -76,7 +76,7 @@ impl Exchange {
 
     /// Takes a datagram; opens a new exchange if it may. The sender of a returned Challenge only
     /// replaces a client that has proved nothing.
-    pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
+    pub fn receive(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> ExchangeEvent {
         let returned = self.prover.returned(from, packet, now);
         let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
         match &self.client {
@@ -87,25 +87,25 @@ impl Exchange {
                 self.open(from, now);
             }
             // It may be late, of an exchange that has ended.
-            _ if returned.is_some() => return Heard::Stranger,
+            _ if returned.is_some() => return ExchangeEvent::Stranger,
             Some(client) if !self.yields(client, valid, now) => {
                 if valid && !self.is_proved(client, now) {
                     let personality = self.options.personality;
                     let challenge = self.prover.challenge_other(from, now, personality);
                     self.for_other = challenge.map(|challenge| (from, challenge));
                 }
-                return Heard::Stranger;
+                return ExchangeEvent::Stranger;
             }
             _ => self.open(from, now),
         }
         let Some(client) = &mut self.client else {
-            return Heard::Stranger;
+            return ExchangeEvent::Stranger;
         };
         if returned.is_some() {
             client.is_valid |= returned == Some(Party::Other);
             client.proof.returned(from, packet.len(), now);
             self.tally.await_proof(false);
-            return Heard::Proof;
+            return ExchangeEvent::Proof;
         }
         client.heard = now;
         if valid {
@@ -117,7 +117,7 @@ impl Exchange {
             client.proof.received(from, packet.len());
         }
         self.tally.await_proof(!holds);
-        Heard::Packet(self.number)
+        ExchangeEvent::Packet(self.number)
     }
 
     fn is_proved(&self, client: &Client, now: Instant) -> bool {
@@ -254,10 +254,10 @@ impl Exchange {
         }
     }
 
-    pub fn release(&mut self, number: u32, asked: Instant) {
+    pub fn release(&mut self, number: u32, requested: Instant) {
         if let Some(client) = &mut self.client
             && number == self.number
-            && client.heard <= asked
+            && client.heard <= requested
         {
             client.released = true;
         }
@@ -266,7 +266,7 @@ impl Exchange {
 
 #[cfg(test)]
 mod tests {
-    use super::Heard::{Packet, Proof as Returned, Stranger};
+    use super::ExchangeEvent::{Packet, Proof as Returned, Stranger};
     use super::*;
     use crate::fixture::options;
     use skyloop_protocols::{Command, MAX_PACKET, WireTime, apid};
@@ -301,19 +301,19 @@ mod tests {
             self.begun + Duration::from_millis(ms)
         }
 
-        fn hear(&mut self, port: u16, packet: &[u8], ms: u64) -> Heard {
+        fn receive(&mut self, port: u16, packet: &[u8], ms: u64) -> ExchangeEvent {
             let now = self.ms(ms);
-            self.exchange.hear(at(port), packet, now)
+            self.exchange.receive(at(port), packet, now)
         }
 
         /// Hears a valid packet.
-        fn good(&mut self, port: u16, ms: u64) -> Heard {
-            self.hear(port, &self.good.clone(), ms)
+        fn good(&mut self, port: u16, ms: u64) -> ExchangeEvent {
+            self.receive(port, &self.good.clone(), ms)
         }
 
         /// Hears one that is not.
-        fn bad(&mut self, port: u16, ms: u64) -> Heard {
-            self.hear(port, &self.bad.clone(), ms)
+        fn bad(&mut self, port: u16, ms: u64) -> ExchangeEvent {
+            self.receive(port, &self.bad.clone(), ms)
         }
 
         fn permit(&mut self, number: u32, packet: &[u8], ms: u64) -> Permit {
@@ -328,8 +328,8 @@ mod tests {
         }
 
         fn release(&mut self, number: u32, ms: u64) {
-            let asked = self.ms(ms);
-            self.exchange.release(number, asked);
+            let requested = self.ms(ms);
+            self.exchange.release(number, requested);
         }
     }
 
@@ -363,7 +363,7 @@ mod tests {
         rig.release(3, 81);
         // What is no valid packet takes no client's place.
         assert_eq!(rig.bad(2, 82), Stranger);
-        assert_eq!(rig.hear(2, b"junk", 9000), Stranger);
+        assert_eq!(rig.receive(2, b"junk", 9000), Stranger);
         assert_eq!(rig.good(3, 9000), Packet(4));
     }
 
@@ -383,8 +383,8 @@ mod tests {
         assert!(rig.exchange.tally.awaits_proof());
         assert_eq!(rig.good(2, 999), Stranger);
         // What another returns proves nothing of the client.
-        assert_eq!(rig.hear(2, &challenge, 999), Stranger);
-        assert_eq!(rig.hear(1, &challenge, 999), Returned);
+        assert_eq!(rig.receive(2, &challenge, 999), Stranger);
+        assert_eq!(rig.receive(1, &challenge, 999), Returned);
         assert!(!rig.exchange.tally.awaits_proof());
         assert_eq!(rig.permit(1, &of_frame, 999), Permit::All(at(1)));
         assert_eq!(rig.exchange.established(rig.ms(999)), Some(at(1)));
@@ -425,12 +425,12 @@ mod tests {
             assert_eq!(to, 2);
             for forged in [3, 4, 5] {
                 assert_eq!(rig.good(forged, 20), Stranger);
-                assert_eq!(rig.hear(forged, &challenge, 20), Stranger);
+                assert_eq!(rig.receive(forged, &challenge, 20), Stranger);
             }
             if is_proved {
-                assert_eq!(rig.hear(1, &own, 30), Returned);
+                assert_eq!(rig.receive(1, &own, 30), Returned);
             }
-            let heard = rig.hear(2, &challenge, 40);
+            let heard = rig.receive(2, &challenge, 40);
             assert_eq!(heard == Stranger, is_proved);
             let client = if is_proved { 1 } else { 2 };
             assert_eq!(rig.exchange.established(rig.ms(40)), Some(at(client)));
@@ -456,7 +456,7 @@ mod tests {
                 rig.release(1, 0);
             }
             if let (Some((_, challenge)), Some(ms)) = (challenge, returned) {
-                assert_eq!(rig.hear(1, &challenge, ms), Returned);
+                assert_eq!(rig.receive(1, &challenge, ms), Returned);
             }
             if returned == Some(5) {
                 rig.release(1, 0);
@@ -476,11 +476,11 @@ mod tests {
         assert_eq!(rig.good(1, 0), Packet(1));
         let (_, challenge) = rig.challenge(0).unwrap();
         rig.release(1, 1);
-        assert_eq!(rig.hear(1, &challenge, 2), Returned);
+        assert_eq!(rig.receive(1, &challenge, 2), Returned);
         assert_eq!(rig.good(2, 3), Packet(2));
-        assert_eq!(rig.hear(1, &challenge, 4), Stranger);
+        assert_eq!(rig.receive(1, &challenge, 4), Stranger);
         rig.exchange.end(at(2));
-        assert_eq!(rig.hear(1, &challenge, 5), Stranger);
+        assert_eq!(rig.receive(1, &challenge, 5), Stranger);
         assert!(!rig.exchange.is_held(rig.ms(5)));
     }
 

@@ -146,7 +146,7 @@ fn start(
 mod tests {
     use super::carry::BURST;
     use super::*;
-    use crate::fixture::{PATIENCE, options};
+    use crate::fixture::{TIMEOUT, options};
     use crate::outbox::Outbound;
     use crate::tally::Standstill;
     use bytes::Bytes;
@@ -160,7 +160,7 @@ mod tests {
         let (mut wire, address) = listen(&url, ANY, &options()).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();
-        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        wire.inbox.recv_timeout(TIMEOUT).unwrap();
         let packets = (mbit * 1e6 / 8.0 / BYTES as f64) as u32;
         let began = Instant::now();
         let sender = std::thread::spawn(move || {
@@ -178,7 +178,7 @@ mod tests {
                 }
             }
             // Whoever listens must not wait for a last packet that was lost.
-            wire.close(Standstill::of(&wire.tally, PATIENCE));
+            wire.close(Standstill::of(&wire.tally, TIMEOUT));
         });
         client
             .set_read_timeout(Some(Duration::from_secs(2)))
@@ -238,7 +238,7 @@ mod tests {
             taken += 1;
         }
         client.send_to(b"next", local).unwrap();
-        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        wire.inbox.recv_timeout(TIMEOUT).unwrap();
         // Each was taken, or found the system's buffer or the inbound queue full.
         let counters = wire.tally.counters();
         assert_eq!(taken + counters.overflows, SENT);

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// How long a request may take to come, and an answer to go.
-const PATIENCE: Duration = Duration::from_secs(2);
+const TIMEOUT: Duration = Duration::from_secs(2);
 /// How long a client may still send after the answer.
 const LEAVE: Duration = Duration::from_millis(200);
 /// Timeout of one read or write, after which the state is checked.
 const STEP: Duration = Duration::from_millis(50);
 /// Maximum bytes of a request's line and headers.
-const MOST: usize = 8192;
+const MAX: usize = 8192;
 /// Content type of Prometheus' text format.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 
@@ -29,14 +29,14 @@ enum Verdict {
 /// How far a connection has come.
 #[derive(Debug, Default)]
 pub(super) struct State {
-    has_asked: AtomicBool,
+    has_requested: AtomicBool,
     is_over: AtomicBool,
 }
 
 impl State {
     /// Whether its request has come whole.
-    pub fn has_asked(&self) -> bool {
-        self.has_asked.load(Ordering::Relaxed)
+    pub fn has_requested(&self) -> bool {
+        self.has_requested.load(Ordering::Relaxed)
     }
 
     /// Whether it has been answered or given up.
@@ -63,7 +63,7 @@ pub(super) fn answer(
     let Some((verdict, is_head)) = receive(&mut stream, state)? else {
         return Ok(());
     };
-    state.has_asked.store(true, Ordering::Relaxed);
+    state.has_requested.store(true, Ordering::Relaxed);
     let (head, body) = response(verdict, page);
     send(&mut stream, head.as_bytes(), state)?;
     if !is_head {
@@ -81,7 +81,7 @@ fn is_pause(error: &io::Error) -> bool {
 
 /// The status of the request, and whether it is HEAD; `None` if the connection is over.
 fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict, bool)>> {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     let mut head = Vec::new();
     let mut piece = [0; 1024];
     while !state.is_over() {
@@ -95,7 +95,7 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
         if is_whole(&head, before) {
             return Ok(Some((judge(&head), head.starts_with(b"HEAD "))));
         }
-        if head.len() > MOST {
+        if head.len() > MAX {
             return Ok(Some((Verdict::TooLong, false)));
         }
         if Instant::now() >= end {
@@ -107,9 +107,9 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
 
 /// Whether the headers are complete within [`MOST`]. The first `before` bytes were not.
 fn is_whole(head: &[u8], before: usize) -> bool {
-    let head = head.get(..MOST).unwrap_or(head);
-    let news = head.get(before.saturating_sub(3)..).unwrap_or_default();
-    let ends = |end: &[u8]| news.windows(end.len()).any(|piece| piece == end);
+    let head = head.get(..MAX).unwrap_or(head);
+    let notices = head.get(before.saturating_sub(3)..).unwrap_or_default();
+    let ends = |end: &[u8]| notices.windows(end.len()).any(|piece| piece == end);
     ends(b"\r\n\r\n") || ends(b"\n\n")
 }
 
@@ -165,7 +165,7 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
 
 /// Sends all bytes, while the client takes some.
 fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<()> {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     while !rest.is_empty() && !state.is_over() {
         match stream.write(rest) {
             Ok(count) => rest = rest.get(count..).unwrap_or_default(),
@@ -294,7 +294,7 @@ mod tests {
     #[test]
     fn a_request_that_is_too_long_is_cut_off() {
         let server = server();
-        let long = "a".repeat(2 * MOST);
+        let long = "a".repeat(2 * MAX);
         for request in [
             format!("GET /{long}"),
             format!("GET /metrics HTTP/1.1\r\nX: {long}"),
@@ -377,10 +377,10 @@ mod tests {
 
     #[test]
     fn the_headers_end_within_what_they_may_have() {
-        let mut head = vec![b'a'; MOST - 4];
+        let mut head = vec![b'a'; MAX - 4];
         head.extend(b"\r\n\r\n");
         // However the octets come.
-        for before in [0, MOST - 4, MOST - 1] {
+        for before in [0, MAX - 4, MAX - 1] {
             assert!(is_whole(&head, before), "{before}");
         }
         head.insert(0, b'a');

@@ -73,7 +73,7 @@ pub(super) fn run_on(cpus: &[usize]) -> Result<Vec<usize>, String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::realtime::{Asked, Granted, Help, ask};
+    use crate::realtime::{Granted, Help, Requested, ask};
     use rustix::process::{Resource, getrlimit};
     use rustix::thread::{CapabilitySet, capabilities, sched_getaffinity, set_capabilities};
     use thread_priority::{
@@ -87,26 +87,26 @@ mod tests {
     }
 
     /// Without capabilities, whoever runs the tests.
-    fn without_capabilities(asked: &Asked) -> Granted {
+    fn without_capabilities(requested: &Requested) -> Granted {
         alone(|| {
             let mut held = capabilities(None).unwrap();
             held.effective = CapabilitySet::empty();
             set_capabilities(None, held).unwrap();
-            ask(asked)
+            ask(requested)
         })
     }
 
-    fn priority(priority: u8) -> Asked {
-        Asked {
+    fn priority(priority: u8) -> Requested {
+        Requested {
             priority: Some(priority),
-            ..Asked::default()
+            ..Requested::default()
         }
     }
 
-    fn on(cpus: &[usize]) -> Asked {
-        Asked {
+    fn on(cpus: &[usize]) -> Requested {
+        Requested {
             cpus: cpus.to_vec(),
-            ..Asked::default()
+            ..Requested::default()
         }
     }
 
@@ -137,8 +137,8 @@ mod tests {
     /// Without capabilities it is granted where a limit allows it, and else told as refused, with
     /// the remedy.
     #[track_caller]
-    fn is_up_to_a_limit(asked: &Asked, allowed: bool, granted: &[&str], refused: &[&str]) {
-        let told = without_capabilities(asked);
+    fn is_up_to_a_limit(requested: &Requested, allowed: bool, granted: &[&str], refused: &[&str]) {
+        let told = without_capabilities(requested);
         assert_eq!(told.is_all(), allowed, "{told}");
         let text = told.to_string();
         for word in if allowed { granted } else { refused } {
@@ -160,12 +160,12 @@ mod tests {
 
     #[test]
     fn memory_is_not_locked_up_to_a_limit() {
-        let asked = Asked {
+        let requested = Requested {
             lock_memory: true,
-            ..Asked::default()
+            ..Requested::default()
         };
         is_up_to_a_limit(
-            &asked,
+            &requested,
             getrlimit(Resource::Memlock).current.is_none(),
             &["memory locked"],
             &["memory not locked", "CAP_IPC_LOCK", "ulimit -l unlimited"],

@@ -6,10 +6,10 @@ use super::reasons::{name, not_reached};
 use super::report_log::ReportLog;
 use super::telemetry::{Left, add};
 use crate::metrics::Snapshot;
-use crate::stats::{FrameAccount, Pending};
+use crate::stats::{FrameCounters, Pending};
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
-use skyloop_link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, patience};
+use skyloop_link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, timeout};
 use skyloop_orbit::time::utc_days_since_j2000;
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{Direction, MAX_PACKET, Output, Withheld};
@@ -34,7 +34,7 @@ pub(super) struct Channel {
     /// Packets that never got into the link's queue.
     pub lost: u32,
     /// How the requests for its frames ended.
-    pub frames: FrameAccount,
+    pub frames: FrameCounters,
     pub latencies: Latencies,
     /// The last frame that left whole.
     pub last: Option<Left>,
@@ -82,7 +82,7 @@ impl Channel {
             exchange,
             deliveries: VecDeque::new(),
             lost: 0,
-            frames: FrameAccount::default(),
+            frames: FrameCounters::default(),
             latencies: Latencies::default(),
             last: None,
             latest: None,
@@ -141,9 +141,12 @@ impl Channel {
                 return Ok(false);
             }
         }
-        if let Some(asked) = self.exchange.release {
+        if let Some(requested) = self.exchange.release {
             let exchange = self.exchange.number;
-            let back = self.give(Outbound::Release { exchange, asked })?;
+            let back = self.give(Outbound::Release {
+                exchange,
+                requested,
+            })?;
             if back.is_some() {
                 return Ok(false);
             }
@@ -209,7 +212,7 @@ impl Channel {
     /// longer. A fault that holds packets back is no standstill.
     pub fn stands_still(&self, least: Duration) -> bool {
         let airtime = self.wire.airtime.as_ref();
-        self.flow.moved.elapsed() >= patience(airtime, least) && !self.wire.tally.is_held_back()
+        self.flow.moved.elapsed() >= timeout(airtime, least) && !self.wire.tally.is_held_back()
     }
 
     /// Harm by injected faults to packets in and out, in this exchange.
@@ -313,7 +316,7 @@ impl Channel {
     }
 
     /// Its figures for `/metrics`; `account` includes the skipped exposures.
-    pub fn snapshot(&self, account: FrameAccount) -> Snapshot {
+    pub fn snapshot(&self, account: FrameCounters) -> Snapshot {
         let mut snapshot = Snapshot::of(&self.latencies);
         (snapshot.requested, snapshot.delivered) = (account.requested, account.delivered);
         snapshot.withheld = account.withheld.into_iter().collect();

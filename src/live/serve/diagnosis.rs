@@ -165,8 +165,8 @@ fn lost_packets(channel: &mut Channel, now: Instant) -> Option<u32> {
         return None;
     }
     // A slow line may still carry them.
-    let patience = SOON + channel.wire.packet_airtime().saturating_mul(lost);
-    *reported = now.saturating_duration_since(*since) >= patience;
+    let timeout = SOON + channel.wire.packet_airtime().saturating_mul(lost);
+    *reported = now.saturating_duration_since(*since) >= timeout;
     reported.then_some(lost)
 }
 

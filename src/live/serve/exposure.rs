@@ -161,16 +161,16 @@ pub(super) fn handle_event(
             begin_deliveries(state, at);
         }
         RenderEvent::Rows(first, dn, ready) => job.add_rows(first, dn, ready, buffers),
-        RenderEvent::Complete(shot, ..) if is_cancelled => {
-            state.frames.pool.put(shot);
+        RenderEvent::Complete(exposed, ..) if is_cancelled => {
+            state.frames.pool.put(exposed);
             abandon(state, at);
         }
         RenderEvent::Failed(_) if is_cancelled => abandon(state, at),
         RenderEvent::Abandoned => abandon(state, at),
-        RenderEvent::Complete(shot, ready, took) => {
+        RenderEvent::Complete(exposed, ready, took) => {
             state.late.learn(job.source.level, took);
-            state.telemetry.rendered(&shot, job.source.level > 0);
-            state.frames.complete(at, shot, ready);
+            state.telemetry.rendered(&exposed, job.source.level > 0);
+            state.frames.complete(at, exposed, ready);
             state.session.set_rendering(false);
             begin_deliveries(state, at);
         }

@@ -8,7 +8,7 @@ use crate::stats::Request;
 use crate::timing::spare_s;
 use crc32fast::Hasher;
 use skyloop_protocols::{FrameEnd, Overrun, Timing};
-use skyloop_render::engine::{Opening, Shot};
+use skyloop_render::engine::{ExposedFrame, Opening};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -32,7 +32,7 @@ pub(super) struct FrameJob {
     pub number: u32,
     pub source: FrameSource,
     pub opening: Option<Opening>,
-    pub shot: Option<Box<Shot>>,
+    pub exposed: Option<Box<ExposedFrame>>,
     /// Pixel values from the first pixel on, until the shot is complete.
     dn: Vec<u16>,
     /// Rows beyond a gap, by their first pixel.
@@ -60,7 +60,7 @@ impl FrameJob {
             number,
             source,
             opening: None,
-            shot: None,
+            exposed: None,
             dn,
             ahead: BTreeMap::new(),
             first_pixel: None,
@@ -86,29 +86,29 @@ impl FrameJob {
     }
 
     /// Adds the complete frame; returns the memory of its rows.
-    pub fn complete(&mut self, shot: Box<Shot>, at: Instant) -> Vec<u16> {
+    pub fn complete(&mut self, exposed: Box<ExposedFrame>, at: Instant) -> Vec<u16> {
         self.first_pixel.get_or_insert(at);
         self.last_pixel = Some(at);
-        self.opening.get_or_insert_with(|| shot.opening());
+        self.opening.get_or_insert_with(|| exposed.opening());
         // The checksum already covers the rows that came before.
-        let rest = shot.frame.dn.get(self.dn.len()..);
+        let rest = exposed.frame.dn.get(self.dn.len()..);
         update_crc(&mut self.crc, rest.unwrap_or_default());
-        self.shot = Some(shot);
+        self.exposed = Some(exposed);
         self.ahead.clear();
         std::mem::take(&mut self.dn)
     }
 
     /// The present pixel values, from the first pixel on.
     pub fn dn(&self) -> &[u16] {
-        match &self.shot {
-            Some(shot) => &shot.frame.dn,
+        match &self.exposed {
+            Some(exposed) => &exposed.frame.dn,
             None => &self.dn,
         }
     }
 
     /// Whether its deliveries have ended.
     pub fn is_done(&self) -> bool {
-        self.request.is_none() && self.open == 0 && self.shot.is_some()
+        self.request.is_none() && self.open == 0 && self.exposed.is_some()
     }
 
     /// Time from the trigger to an instant; 0 if there is none.
@@ -212,21 +212,21 @@ impl FrameJob {
     }
 
     /// The shot, with the label that clients have.
-    pub fn into_shot(self) -> Option<Box<Shot>> {
-        let mut shot = self.shot?;
+    pub fn into_shot(self) -> Option<Box<ExposedFrame>> {
+        let mut exposed = self.exposed?;
         let Some(opening) = self.opening else {
-            return Some(shot);
+            return Some(exposed);
         };
         let sent_tail = self.tail.into_inner().unwrap_or_default();
         let [head, tail] = parts(&opening, &sent_tail).map(|part| part.len());
         if tail > 0 {
             // Drops the other reference, so that the text is not copied.
             drop(opening);
-            let json = Arc::make_mut(&mut shot.json);
+            let json = Arc::make_mut(&mut exposed.json);
             json.truncate(head);
             json.push_str(&sent_tail);
         }
-        Some(shot)
+        Some(exposed)
     }
 }
 

@@ -62,26 +62,26 @@ impl FramePackets {
         let (pixels, labels) = (output.pixels, output.labels);
         let needs_shot = matches!(pixels, PixelLevel::Windows | PixelLevel::Compressed)
             || labels == LabelLevel::Objects;
-        let shot = job.shot.as_deref().filter(|_| needs_shot);
-        if needs_shot && shot.is_none() {
+        let exposed = job.exposed.as_deref().filter(|_| needs_shot);
+        if needs_shot && exposed.is_none() {
             return Ok(None);
         }
         let detector = &opening.camera.detector;
         let (width, height) = (detector.width as u16, detector.height as u16);
         let size = u16::from(output.window_size).min(width).min(height) as u8;
         let (mut selected, mut compressed, mut records) = (Vec::new(), Vec::new(), Vec::new());
-        if let Some(shot) = shot {
+        if let Some(exposed) = exposed {
             match pixels {
                 PixelLevel::Windows => {
-                    selected = windows(shot, size, output.windows, positions);
+                    selected = windows(exposed, size, output.windows, positions);
                 }
                 PixelLevel::Compressed => {
-                    compressed = compress(&shot.frame.dn, detector.bits);
+                    compressed = compress(&exposed.frame.dn, detector.bits);
                 }
                 PixelLevel::None | PixelLevel::Frame => {}
             }
             if labels == LabelLevel::Objects {
-                records = brightest_objects(shot, output.objects);
+                records = brightest_objects(exposed, output.objects);
             }
         }
         let label_bytes = match labels {
@@ -162,7 +162,7 @@ impl FramePackets {
             Some(place) => match place.checked_sub(self.header.blocks) {
                 None => self.pixels(job, place, encode),
                 // Labels and the end follow the complete pixels.
-                Some(_) if job.shot.is_none() => None,
+                Some(_) if job.exposed.is_none() => None,
                 Some(part) if part < u32::from(self.header.label_parts) => {
                     Some(self.labels(job, part as u16, backlog, encode))
                 }

@@ -13,9 +13,9 @@ use super::telemetry::{Telemetry, add};
 use super::transmit::{Step, send_packet};
 use crate::stats::{Pending, Request};
 use skyloop_base::abort::Abort;
-use skyloop_link::{LinkError, SOON, Unsent, patience};
+use skyloop_link::{LinkError, SOON, Unsent, timeout};
 use skyloop_protocols::{Counters, Withheld};
-use skyloop_render::engine::Shot;
+use skyloop_render::engine::ExposedFrame;
 use std::time::{Duration, Instant};
 
 /// A client that takes nothing and grants nothing for this long has gone: its frame is given up.
@@ -31,7 +31,7 @@ const RETRY: Duration = Duration::from_micros(200);
 pub(super) struct FrameQueue {
     pub jobs: Vec<FrameJob>,
     pub in_flight: InFlight,
-    pub pool: FramePool<Box<Shot>>,
+    pub pool: FramePool<Box<ExposedFrame>>,
     /// The frame that is being rendered.
     rendering: Option<u32>,
     /// Cancels it.
@@ -103,8 +103,8 @@ impl FrameQueue {
     }
 
     /// Completes the frame that was rendered.
-    pub fn complete(&mut self, at: usize, shot: Box<Shot>, ready: Instant) {
-        self.dn = self.jobs[at].complete(shot, ready);
+    pub fn complete(&mut self, at: usize, exposed: Box<ExposedFrame>, ready: Instant) {
+        self.dn = self.jobs[at].complete(exposed, ready);
         self.rendering = None;
         add(&mut self.next_frame, 1);
     }
@@ -259,7 +259,7 @@ impl FrameQueue {
                 // A packet on a slow link may take longer.
                 let sends = is_full && !channel.wire.tally.awaits_proof();
                 let airtime = channel.wire.airtime.as_ref().filter(|_| sends);
-                if stalled >= patience(airtime, SOON) {
+                if stalled >= timeout(airtime, SOON) {
                     report_standstill(channel, &mut delivery, !is_full);
                 }
             }
@@ -318,7 +318,7 @@ impl FrameQueue {
             if !channel.flow.in_status {
                 channel.exchange.withheld = Withheld::None;
             }
-            Some((channel.wire.tally.departed.mark(first_place), entry))
+            Some((channel.wire.tally.tx_complete.mark(first_place), entry))
         };
         let Some(job) = job else { return };
         job.open = job.open.saturating_sub(1);

@@ -74,7 +74,7 @@ impl InFlight {
         if self.0.len() > QUEUE * channels.len() {
             let oldest = self.0.remove(0);
             if let (Some((mark, _)), Some(channel)) = (&oldest.queued, channels.get(oldest.link)) {
-                channel.wire.tally.departed.forget(*mark);
+                channel.wire.tally.tx_complete.forget(*mark);
             }
             return Some((oldest, None));
         }
@@ -82,7 +82,12 @@ impl InFlight {
             let Some((mark, _)) = &frame.queued else {
                 return Some((at, None));
             };
-            let exit = channels.get(frame.link)?.wire.tally.departed.left(*mark)?;
+            let exit = channels
+                .get(frame.link)?
+                .wire
+                .tally
+                .tx_complete
+                .left(*mark)?;
             Some((at, Some(exit)))
         })?;
         Some((self.0.remove(at), exit))

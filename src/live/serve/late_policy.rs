@@ -273,7 +273,7 @@ impl LatePolicy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use skyloop_render::fidelity::{Knob, Value};
+    use skyloop_render::fidelity::{Tolerance, Value};
 
     const LATE: Decision = render(0, Some("late"));
     const FINEST: Decision = render(0, None);
@@ -313,7 +313,7 @@ mod tests {
     }
 
     fn wing_e(wing_e: f64) -> Coarser {
-        Coarser::Knob(Knob::named("wing_e").unwrap(), Value::Number(wing_e))
+        Coarser::Tolerance(Tolerance::named("wing_e").unwrap(), Value::Number(wing_e))
     }
 
     #[test]

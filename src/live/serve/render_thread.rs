@@ -4,7 +4,7 @@ use skyloop_base::abort::Abort;
 use skyloop_link::lock;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
-use skyloop_render::engine::{Emulator, FrameObserver, Opening, Shot};
+use skyloop_render::engine::{Emulator, ExposedFrame, FrameObserver, Opening};
 use skyloop_render::fidelity::Fidelity;
 use skyloop_render::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -17,7 +17,7 @@ pub(super) enum Task {
     /// Render a frame.
     Render(Box<RenderOrder>),
     /// Reuse the memory of a shot.
-    Recycle(Box<Shot>),
+    Recycle(Box<ExposedFrame>),
 }
 
 /// A frame to render.
@@ -47,7 +47,7 @@ pub(super) enum RenderEvent {
     Rows(usize, Vec<u16>, Instant),
     /// The complete frame, when it was ready, and the time since its order, which includes the
     /// turns of other cameras.
-    Complete(Box<Shot>, Instant, Duration),
+    Complete(Box<ExposedFrame>, Instant, Duration),
     /// The frame exceeds the work limit: the next coarser tolerances are used.
     Coarsened,
     /// The frame was cancelled.
@@ -160,7 +160,7 @@ impl RenderThread {
     pub fn run(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
         for task in self.tasks {
             match task {
-                Task::Recycle(shot) => emulator.take_back(*shot),
+                Task::Recycle(exposed) => emulator.take_back(*exposed),
                 Task::Render(order) => {
                     self.reporter.streams = order.streams;
                     self.reporter
@@ -187,19 +187,19 @@ fn render(
     let ordered = Instant::now();
     let turn = lock(turn);
     let mut coarser = order.coarser.iter();
-    let shot = loop {
-        let shot = emulator.shoot_before(reporter, &order.camera, &order.vehicle, order.repeat);
-        let exceeds = matches!(shot, Err(Unobservable::TooMuchWork { .. }));
+    let exposed = loop {
+        let exposed = emulator.expose_before(reporter, &order.camera, &order.vehicle, order.repeat);
+        let exceeds = matches!(exposed, Err(Unobservable::TooMuchWork { .. }));
         let Some(fidelity) = coarser.next().filter(|_| exceeds) else {
-            break shot;
+            break exposed;
         };
         emulator.set_fidelity(*fidelity);
         emulator.overrun = Some("coarsen");
         reporter.send(RenderEvent::Coarsened);
     };
     drop(turn);
-    match shot {
-        Ok(shot) => RenderEvent::Complete(Box::new(shot), Instant::now(), ordered.elapsed()),
+    match exposed {
+        Ok(exposed) => RenderEvent::Complete(Box::new(exposed), Instant::now(), ordered.elapsed()),
         Err(Unobservable::Abandoned) => RenderEvent::Abandoned,
         Err(error) => RenderEvent::Failed(error.to_string()),
     }

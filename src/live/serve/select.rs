@@ -2,23 +2,26 @@
 
 use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
-use skyloop_render::engine::Shot;
+use skyloop_render::engine::ExposedFrame;
 use skyloop_render::label::ObjectLabel;
 
 /// Stars and RSOs whose centroid is in the frame, sorted by brightness. The Moon, planets,
 /// particles and defects are only in the label's text.
-fn by_brightness(shot: &Shot, wanted: impl Fn(&ObjectLabel) -> bool) -> Vec<&ObjectLabel> {
-    let objects = shot.label.objects.sources.iter();
+fn by_brightness(
+    exposed: &ExposedFrame,
+    wanted: impl Fn(&ObjectLabel) -> bool,
+) -> Vec<&ObjectLabel> {
+    let objects = exposed.label.objects.sources.iter();
     let mut objects: Vec<&ObjectLabel> = objects
-        .filter(|object| object.in_frame && object.wanderer.is_none() && wanted(object))
+        .filter(|object| object.in_frame && object.planet.is_none() && wanted(object))
         .collect();
     objects.sort_by(|a, b| b.electrons.total_cmp(&a.electrons));
     objects
 }
 
 /// Records of the `most` brightest objects in the frame.
-pub(super) fn brightest_objects(shot: &Shot, most: u16) -> Vec<u8> {
-    by_brightness(shot, |_| true)
+pub(super) fn brightest_objects(exposed: &ExposedFrame, most: u16) -> Vec<u8> {
+    by_brightness(exposed, |_| true)
         .into_iter()
         .take(usize::from(most))
         .flat_map(|object| record(object).to_bytes())
@@ -48,12 +51,12 @@ fn record(object: &ObjectLabel) -> ObjectRecord {
 /// First pixels (column, row) of windows of `size` columns and rows: around `positions`, or around
 /// the `most` brightest stars. Each lies inside the frame: near an edge it is shifted.
 pub(super) fn windows(
-    shot: &Shot,
+    exposed: &ExposedFrame,
     size: u8,
     most: u8,
     positions: Option<&Positions>,
 ) -> Vec<[u16; 2]> {
-    let detector = &shot.camera.detector;
+    let detector = &exposed.camera.detector;
     let first = |centre: f64, pixels: usize| {
         let last = pixels as f64 - f64::from(size);
         (centre.round() - f64::from(size / 2)).clamp(0.0, last.max(0.0)) as u16
@@ -66,7 +69,7 @@ pub(super) fn windows(
             centres.collect()
         }
         None => {
-            let stars = by_brightness(shot, |object| object.rso.is_none()).into_iter();
+            let stars = by_brightness(exposed, |object| object.rso.is_none()).into_iter();
             let stars = stars.take(usize::from(most));
             stars.map(|star| place(star.x_px, star.y_px)).collect()
         }

@@ -17,7 +17,7 @@ use crate::stats::RunStats;
 use skyloop_config::{Clock as Kind, OnOverrun, Run};
 use skyloop_link::{LinkError, Roles, Wire};
 use skyloop_protocols::{Counters, Output, Personality};
-use skyloop_render::engine::{Emulator, Shot};
+use skyloop_render::engine::{Emulator, ExposedFrame};
 use skyloop_render::fidelity::Fidelity;
 use skyloop_render::render::BAND_ROWS;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 /// Maximum pause while nothing is due.
 const POLL: Duration = Duration::from_millis(20);
 /// How long the end of a run waits after a signal, for all links together.
-const STOP_PATIENCE: Duration = Duration::from_millis(1500);
+const STOP_TIMEOUT: Duration = Duration::from_millis(1500);
 
 /// The emulator at its links.
 pub struct Server {
@@ -45,7 +45,7 @@ pub struct Server {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// It was stopped, or has made its frames.
-    AsAsked,
+    AsRequested,
     /// The other end of the link has gone for good.
     LinkGone,
     /// The render thread has panicked.
@@ -209,10 +209,10 @@ impl Server {
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
-        on_shot: impl FnMut(&Shot),
+        on_shot: impl FnMut(&ExposedFrame),
     ) -> Ended {
         let Some(mut emulator) = self.emulator.take() else {
-            return Ended::AsAsked;
+            return Ended::AsRequested;
         };
         let ended = std::thread::scope(|scope| {
             let (renderer, render_thread) = renderer(std::thread::current());
@@ -249,7 +249,7 @@ impl Server {
         renderer: &Renderer,
         stop: &AtomicBool,
         limit: Option<u32>,
-        mut on_shot: impl FnMut(&Shot),
+        mut on_shot: impl FnMut(&ExposedFrame),
     ) -> Result<Ended, LinkError> {
         let state = &mut self.state;
         for channel in &state.session.channels {
@@ -261,7 +261,7 @@ impl Server {
             renderer.buffers().fill(bands, detector.width * BAND_ROWS);
         }
         let ended = run_loop(state, renderer, stop, limit, &mut on_shot);
-        if stop.load(Ordering::Relaxed) && matches!(ended, Ok(Ended::AsAsked)) {
+        if stop.load(Ordering::Relaxed) && matches!(ended, Ok(Ended::AsRequested)) {
             self.stopped = Some(Instant::now());
         }
         state.frames.end_all(&mut state.session);
@@ -280,7 +280,7 @@ impl Server {
     /// Ends the links when everything queued has left, when nothing moves for 5 s, 1.5 s after the
     /// run was stopped, or at [`Self::end_by`]. Returns what the run measured and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
-        let stopped = self.stopped.map(|stopped| stopped + STOP_PATIENCE);
+        let stopped = self.stopped.map(|stopped| stopped + STOP_TIMEOUT);
         self.state.session.close(stopped.or(self.until));
         self.state.record_tx_complete();
         self.state.book_unsent();
@@ -314,7 +314,7 @@ fn run_loop(
     renderer: &Renderer,
     stop: &AtomicBool,
     limit: Option<u32>,
-    on_shot: &mut impl FnMut(&Shot),
+    on_shot: &mut impl FnMut(&ExposedFrame),
 ) -> Result<Ended, LinkError> {
     while !stop.load(Ordering::Relaxed) {
         while !(state.frames.is_rendering() && state.session.holds_frame()) {
@@ -350,25 +350,25 @@ fn run_loop(
             return Ok(Ended::LinkGone);
         }
     }
-    Ok(Ended::AsAsked)
+    Ok(Ended::AsRequested)
 }
 
 /// Takes the frames whose deliveries have ended; whether there was one.
-fn settle(state: &mut State, renderer: &Renderer, on_shot: &mut impl FnMut(&Shot)) -> bool {
+fn settle(state: &mut State, renderer: &Renderer, on_shot: &mut impl FnMut(&ExposedFrame)) -> bool {
     state.record_tx_complete();
     let mut any = false;
     while let Some(job) = state.frames.take_done(&mut state.telemetry) {
         any = true;
-        if let Some(shot) = job.into_shot() {
-            on_shot(&shot);
-            state.frames.pool.put(shot);
+        if let Some(exposed) = job.into_shot() {
+            on_shot(&exposed);
+            state.frames.pool.put(exposed);
         }
     }
     let max = state.max_frames();
     let in_flight = state.frames.jobs.len();
-    while let Some(shot) = state.frames.pool.take_surplus(in_flight, max) {
+    while let Some(exposed) = state.frames.pool.take_surplus(in_flight, max) {
         // A thread that has ended needs no memory.
-        let _ = renderer.give(Task::Recycle(shot));
+        let _ = renderer.give(Task::Recycle(exposed));
     }
     any
 }

@@ -4,7 +4,7 @@ use super::budget;
 use super::channel::Channel;
 use super::diagnosis::book_withheld;
 use super::reasons::{PASSED_OVER, name};
-use crate::stats::{FrameAccount, Request};
+use crate::stats::{FrameCounters, Request};
 use bytes::Bytes;
 use skyloop_link::{LinkError, Roles, Standstill, Unsent, Wire};
 use skyloop_protocols::{
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal passes 4 KiB
 /// at once: 4.3 s for a client that reads at 9600 baud.
-const CLOSE_PATIENCE: Duration = Duration::from_secs(5);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The links of a run, and what frames contain by default.
 pub(super) struct Session {
@@ -200,7 +200,7 @@ impl Session {
     /// or at `until`.
     pub fn close(&mut self, until: Option<Instant>) {
         for channel in &mut self.channels {
-            let standstill = Standstill::of(&channel.wire.tally, CLOSE_PATIENCE);
+            let standstill = Standstill::of(&channel.wire.tally, CLOSE_TIMEOUT);
             channel.watch(Instant::now());
             let mut standstill = standstill.moved(channel.moved());
             if let Some(until) = until {
@@ -222,7 +222,7 @@ impl Session {
     }
 
     /// The account of a link, with the exposures that the clock skipped.
-    pub fn account(channel: &Channel, skipped: u32) -> FrameAccount {
+    pub fn account(channel: &Channel, skipped: u32) -> FrameCounters {
         let frames = channel.frames.clone();
         frames.with(skipped as usize, PASSED_OVER)
     }

@@ -5,7 +5,7 @@ use crate::metrics::{Metrics, Snapshot};
 use crate::stats::{Absent, RunStats};
 use crate::timing::FrameTimes;
 use skyloop_protocols::Counters;
-use skyloop_render::engine::{Emulator, Shot};
+use skyloop_render::engine::{Emulator, ExposedFrame};
 use skyloop_render::scene::Exposure;
 use std::time::{Duration, Instant};
 
@@ -82,13 +82,13 @@ impl Telemetry {
     }
 
     /// Counts a rendered frame.
-    pub fn rendered(&mut self, shot: &Shot, is_coarsened: bool) {
+    pub fn rendered(&mut self, exposed: &ExposedFrame, is_coarsened: bool) {
         let coarsened = u32::from(is_coarsened);
         add(&mut self.counters.frames_rendered, 1);
         add(&mut self.counters.frames_coarsened, coarsened);
-        self.stats.add(shot);
+        self.stats.add(exposed);
         add(&mut self.stats.coarsened, coarsened);
-        self.absent.report(shot);
+        self.absent.report(exposed);
     }
 
     /// Exposures without a frame, with those that the clock skipped.

@@ -84,7 +84,7 @@ fn open(channel: &mut Channel, delivery: &mut Delivery, job: &FrameJob) -> Step 
         Ok(None) => Step::NotYet(None),
         Ok(Some(packets)) => {
             channel.exchange.begin_frame(delivery.frame);
-            delivery.first_place = channel.wire.tally.departed.place();
+            delivery.first_place = channel.wire.tally.tx_complete.place();
             report_slow(channel, delivery.frame, &packets);
             delivery.packets = Some(packets);
             Step::Sent

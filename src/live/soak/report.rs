@@ -124,7 +124,7 @@ fn as_map<S: Serializer>(
 mod tests {
     use super::*;
     use crate::host::Host;
-    use crate::realtime::{Asked, ask};
+    use crate::realtime::{Requested, ask};
     use crate::soak::fixture::{limits, run};
 
     #[test]
@@ -138,7 +138,7 @@ mod tests {
             limits,
             found,
             host.since(&host),
-            ask(&Asked::default()),
+            ask(&Requested::default()),
             vec![("attitudes", 1000), ("bad_crc", 0)],
         );
         let json = serde_json::to_value(&report).unwrap();

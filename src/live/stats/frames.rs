@@ -18,7 +18,7 @@ pub(crate) struct Pending(());
 
 /// The frames of one link.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct FrameAccount {
+pub struct FrameCounters {
     /// All requests so far.
     pub requested: usize,
     /// Frames whose last packet has left the link, even if it is lost after that.
@@ -27,7 +27,7 @@ pub struct FrameAccount {
     pub withheld: BTreeMap<&'static str, usize>,
 }
 
-impl FrameAccount {
+impl FrameCounters {
     /// Opens the entry of this link for a request.
     pub(crate) fn open(&mut self, _: &Request) -> Pending {
         self.requested += 1;
@@ -46,7 +46,7 @@ impl FrameAccount {
 
     /// Adds requests that were counted elsewhere and have no frame.
     #[must_use]
-    pub fn with(mut self, withheld: usize, cause: &'static str) -> FrameAccount {
+    pub fn with(mut self, withheld: usize, cause: &'static str) -> FrameCounters {
         if withheld > 0 {
             self.requested += withheld;
             *self.withheld.entry(cause).or_default() += withheld;

@@ -11,8 +11,9 @@ use skyloop_render::fidelity::{Fidelity, Value};
 pub struct Row {
     /// The preset's name, or the knob that is moved and its value.
     pub setting: String,
-    /// The knob that is moved away from `realtime`.
-    pub knob: Option<&'static str>,
+    /// The tolerance that differs from `realtime`.
+    #[serde(rename = "knob")]
+    pub tolerance: Option<&'static str>,
     /// To what.
     pub value: Option<Value>,
     /// All its tolerances.
@@ -48,10 +49,10 @@ const SMALL: f64 = 0.01;
 pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
     let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
         let sample = Sample::new(times.iter().copied());
-        let (knob, value) = setting.moved.unzip();
+        let (tolerance, value) = setting.moved.unzip();
         Row {
             setting: setting.name,
-            knob,
+            tolerance,
             value,
             fidelity: setting.fidelity,
             errors: sums.errors(),

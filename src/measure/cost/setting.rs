@@ -1,6 +1,6 @@
 //! The settings that are measured.
 
-use skyloop_render::fidelity::{Fidelity, KNOBS, PRESETS, Value};
+use skyloop_render::fidelity::{Fidelity, PRESETS, TOLERANCES, Value};
 
 /// A setting to be measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,19 +20,19 @@ pub fn settings() -> Vec<Setting> {
         moved: None,
         fidelity: *fidelity,
     });
-    let moved = KNOBS.iter().flat_map(|knob| {
+    let moved = TOLERANCES.iter().flat_map(|tolerance| {
         let mut values: Vec<Value> = [Fidelity::FAST, Fidelity::REFERENCE]
             .iter()
-            .map(knob.get)
+            .map(tolerance.get)
             .collect();
-        values.retain(|value| *value != (knob.get)(&Fidelity::REALTIME));
+        values.retain(|value| *value != (tolerance.get)(&Fidelity::REALTIME));
         values.dedup();
         values.into_iter().map(|value| {
             let mut fidelity = Fidelity::REALTIME;
-            (knob.set)(&mut fidelity, value);
+            (tolerance.set)(&mut fidelity, value);
             Setting {
-                name: format!("{} = {value}", knob.name),
-                moved: Some((knob.name, value)),
+                name: format!("{} = {value}", tolerance.name),
+                moved: Some((tolerance.name, value)),
                 fidelity,
             }
         })
@@ -49,22 +49,22 @@ mod tests {
         let all = settings();
         for setting in all.iter().skip(PRESETS.len()) {
             let (name, value) = setting.moved.unwrap();
-            let other = |knob: &&skyloop_render::fidelity::Knob| {
-                !knob.is_same(&setting.fidelity, &Fidelity::REALTIME)
+            let other = |tolerance: &&skyloop_render::fidelity::Tolerance| {
+                !tolerance.is_same(&setting.fidelity, &Fidelity::REALTIME)
             };
-            let others: Vec<_> = KNOBS.iter().filter(other).collect();
+            let others: Vec<_> = TOLERANCES.iter().filter(other).collect();
             assert_eq!(others.len(), 1, "{}", setting.name);
             assert_eq!(
                 (others[0].name, (others[0].get)(&setting.fidelity)),
                 (name, value)
             );
         }
-        for knob in KNOBS {
+        for tolerance in TOLERANCES {
             let moves = all.iter().filter_map(|setting| setting.moved);
             assert!(
-                moves.filter(|(name, _)| *name == knob.name).count() >= 1,
+                moves.filter(|(name, _)| *name == tolerance.name).count() >= 1,
                 "{}",
-                knob.name
+                tolerance.name
             );
         }
     }

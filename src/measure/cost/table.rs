@@ -14,7 +14,7 @@ impl Report {
             format!(
                 "{},{},{value},{:e},{:e},{:e},{:e},{:e},{:e},{:.4},{:.4},{},{}\n",
                 row.setting,
-                row.knob.unwrap_or_default(),
+                row.tolerance.unwrap_or_default(),
                 errors.centroid_bias_mpx,
                 errors.centroid_rms_mpx,
                 errors.photometry_ppm,

@@ -5,12 +5,12 @@ use crate::measure::population::before;
 use crate::measure::sample::Sample;
 use hifitime::Unit;
 use skyloop_base::load::ConfigError;
-use skyloop_render::crew;
 use skyloop_render::effect::{area_kinds, name_of};
 use skyloop_render::engine::Emulator;
 use skyloop_render::fidelity::{Choice, Orbits};
 use skyloop_render::label::Label;
 use skyloop_render::plan::Plan;
+use skyloop_render::render_pool;
 use skyloop_render::scene::{Unobservable, View};
 use std::hint::black_box;
 use std::time::Instant;
@@ -64,7 +64,7 @@ fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
             Ok(())
         };
         let started = Instant::now();
-        crew::together(&mut step).map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        render_pool::together(&mut step).map_err(|error| ConfigError::Orbit(error.to_string()))?;
         times.push(started.elapsed().as_secs_f64() * 1e3);
     }
     let bytes = emulator.world().population.bytes() as f64 / CATALOGUE as f64;

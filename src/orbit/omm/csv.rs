@@ -8,7 +8,7 @@ use csv_core::{ReadRecordResult, Reader};
 use std::borrow::Cow;
 
 /// Lines that a record may have.
-const MOST_LINES: usize = 16;
+const MAX_LINES: usize = 16;
 
 /// Whether a text whose first line is this one is such a table.
 pub(crate) fn begins(line: &str) -> bool {
@@ -71,7 +71,7 @@ fn record<'a>(
     }
     let place = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
     let mut ahead = lines.clone();
-    for _ in 1..MOST_LINES {
+    for _ in 1..MAX_LINES {
         let Some((_, last)) = ahead.next() else { break };
         let record = text.get(place(line)..place(last) + last.len());
         if let Some(record) = record.filter(|record| is_closed(record)) {

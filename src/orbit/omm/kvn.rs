@@ -22,7 +22,7 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut message: Option<Message> = None;
     for (number, line) in part.lines() {
         let line = line.trim_start();
-        if lines::is_remark(line) {
+        if lines::is_comment(line) {
             continue;
         }
         let pair = line.split_once('=').map(|(k, v)| (k.trim(), v.trim()));

@@ -6,7 +6,7 @@ use super::lanes::BLOCK;
 use super::level::Level;
 use super::model::Model;
 use super::near::Near;
-use super::propagate::{Advance, Alone, Asked, Propagate, Request};
+use super::propagate::{Advance, Alone, Propagate, Request, Requested};
 use super::resonance::{Free, HalfDay, OneDay};
 use super::secular::{Instant, Instants, When};
 use super::site::Site;
@@ -79,8 +79,8 @@ impl Batch {
                 let Some(elements) = member.and_then(|&at| sets.get(at)) else {
                     continue;
                 };
-                match M::SITE.figures(elements) {
-                    Ok(figures) => block.set(i, elements, &figures),
+                match M::SITE.constants(elements) {
+                    Ok(constants) => block.set(i, elements, &constants),
                     Err(error) => drop(failed.set(error)),
                 }
             }
@@ -183,11 +183,11 @@ impl Batch {
     fn blocks_at(&self, first: usize, when: When, states: &mut [BlockStates]) {
         for (chunk, states) in states.chunks_mut(CHUNK).enumerate() {
             let first = first + chunk * CHUNK;
-            let asked: [Asked; CHUNK] = std::array::from_fn(|i| Asked {
+            let requested: [Requested; CHUNK] = std::array::from_fn(|i| Requested {
                 block: first + i,
                 when,
             });
-            self.blocks_asked(&asked[..states.len()], states);
+            self.blocks_requested(&requested[..states.len()], states);
         }
     }
 
@@ -210,7 +210,7 @@ impl Batch {
             let alone: Vec<Alone<N>> = alone.collect();
             let found = &mut found[..objects.len()];
             found.fill(BlockStates::NONE);
-            self.blocks_asked(&alone, found);
+            self.blocks_requested(&alone, found);
             for states in &*found {
                 each(std::array::from_fn(|i| states.get(i)));
             }
@@ -219,18 +219,18 @@ impl Batch {
 
     /// The states of the requested blocks, in that order. States of blocks that do not exist stay as
     /// they are.
-    pub(crate) fn blocks_asked<A: Request>(&self, asked: &[A], states: &mut [BlockStates]) {
+    pub(crate) fn blocks_requested<A: Request>(&self, requested: &[A], states: &mut [BlockStates]) {
         let ends = self.ends();
-        let kind = |asked: &A| ends.iter().filter(|end| asked.block() >= **end).count();
+        let kind = |requested: &A| ends.iter().filter(|end| requested.block() >= **end).count();
         let mut rest = states;
-        for asked in asked.chunk_by(|a, b| kind(a) == kind(b)) {
+        for requested in requested.chunk_by(|a, b| kind(a) == kind(b)) {
             let states;
-            (states, rest) = rest.split_at_mut(asked.len().min(rest.len()));
-            match kind(&asked[0]) {
-                0 => self.of_kind(&self.near, 0, asked, states),
-                1 => self.of_kind(&self.deep, ends[0], asked, states),
-                2 => self.of_kind(&self.one_day, ends[1], asked, states),
-                3 => self.of_kind(&self.half_day, ends[2], asked, states),
+            (states, rest) = rest.split_at_mut(requested.len().min(rest.len()));
+            match kind(&requested[0]) {
+                0 => self.of_kind(&self.near, 0, requested, states),
+                1 => self.of_kind(&self.deep, ends[0], requested, states),
+                2 => self.of_kind(&self.one_day, ends[1], requested, states),
+                3 => self.of_kind(&self.half_day, ends[2], requested, states),
                 _ => {}
             }
         }
@@ -256,10 +256,10 @@ impl Batch {
         &self,
         blocks: &[M],
         first: usize,
-        asked: &[A],
+        requested: &[A],
         states: &mut [BlockStates],
     ) {
-        for (asked, states) in asked.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+        for (asked, states) in requested.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
             match asked.len() {
                 1 => self.level.run(Propagate::<M, A, 1> {
                     blocks,

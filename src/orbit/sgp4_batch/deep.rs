@@ -1,7 +1,7 @@
 //! Deep-space orbits (periods of 225 min and above): Sun and Moon, Lyddane's form near the equator,
 //! resonance. Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate.
 
-use super::figures::{Figures, Method, Perturber};
+use super::constants::{Method, ModelConstants, Perturber};
 use super::lanes::{Lanes, Part, Row};
 use super::model::Model;
 use super::resonance::{Resonance, Unperturbed};
@@ -47,11 +47,11 @@ struct Effects<S: Simd> {
 }
 
 impl Pull {
-    fn set(&mut self, i: usize, figures: &Perturber) {
-        for (row, k) in self.k.iter_mut().zip(figures.k) {
+    fn set(&mut self, i: usize, constants: &Perturber) {
+        for (row, k) in self.k.iter_mut().zip(constants.k) {
             row[i] = k;
         }
-        self.mean_anomaly[i] = figures.mean_anomaly;
+        self.mean_anomaly[i] = constants.mean_anomaly;
     }
 
     #[inline(always)]
@@ -89,22 +89,22 @@ impl Pull {
 impl<R: Resonance> Model for Deep<R> {
     const SITE: Site = R::SITE;
 
-    fn set(&mut self, i: usize, elements: &Elements, figures: &Figures) {
-        self.secular.set(i, elements, figures);
-        self.inclination[i] = figures.orbit.inclination;
+    fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants) {
+        self.secular.set(i, elements, constants);
+        self.inclination[i] = constants.orbit.inclination;
         if let Method::DeepSpace {
             eccentricity_dot,
             inclination_dot,
             sun,
             moon,
             resonant,
-        } = &figures.method
+        } = &constants.method
         {
             self.inclination_dot[i] = *inclination_dot;
             self.eccentricity_dot[i] = *eccentricity_dot;
             self.sun.set(i, sun);
             self.moon.set(i, moon);
-            self.resonance.set(i, figures.orbit.mean_motion, resonant);
+            self.resonance.set(i, constants.orbit.mean_motion, resonant);
         }
     }
 

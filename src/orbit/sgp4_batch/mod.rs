@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `level` | vector instructions of the processor |
 //! | `lanes`, `trig` | arithmetic on several objects side by side |
-//! | `figures` | constants of one object |
+//! | `constants` | constants of one object |
 //! | `site` | kind of orbit |
 //! | `secular`, `near`, `deep`, `resonance` | perturbed mean elements |
 //! | `short_period` | from these to positions and velocities |
@@ -25,8 +25,8 @@
 
 mod batch;
 mod block;
+mod constants;
 mod deep;
-mod figures;
 mod lanes;
 mod level;
 mod model;
@@ -42,4 +42,4 @@ pub use batch::{Batch, States};
 pub use block::{BlockStates, DECAYED, NOBODY, TOO_FAR, UNKNOWN};
 pub use lanes::{BLOCK, Row};
 pub use level::Level;
-pub(crate) use propagate::Asked;
+pub(crate) use propagate::Requested;

@@ -1,6 +1,6 @@
 //! What blocks of every kind of orbit have in common.
 
-use super::figures::Figures;
+use super::constants::ModelConstants;
 use super::lanes::{Lanes, Part};
 use super::secular::{Secular, When};
 use super::short_period::Perturbed;
@@ -12,7 +12,7 @@ use pulp::Simd;
 pub trait Model: Default + Send + Sync {
     const SITE: Site;
 
-    fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
+    fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants);
     /// Integrates to near an instant, and keeps the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
     fn secular(&self) -> &Secular;

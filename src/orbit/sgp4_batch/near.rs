@@ -2,7 +2,7 @@
 //!
 //! Perigees below 220 km and near-circular orbits have fewer drag terms. Their coefficients are 0 here, so that all orbits are one case.
 
-use super::figures::{Elliptic, Figures, High, Method};
+use super::constants::{Elliptic, High, Method, ModelConstants};
 use super::lanes::{Lanes, Part, Row};
 use super::model::Model;
 use super::secular::Secular;
@@ -35,10 +35,10 @@ pub struct Near {
 impl Model for Near {
     const SITE: Site = Site::Near;
 
-    fn set(&mut self, i: usize, elements: &Elements, figures: &Figures) {
-        self.secular.set(i, elements, figures);
-        (self.sin_i[i], self.cos_i[i]) = libm::sincos(figures.orbit.inclination);
-        let Method::NearEarth { a0, k5, high, .. } = &figures.method else {
+    fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants) {
+        self.secular.set(i, elements, constants);
+        (self.sin_i[i], self.cos_i[i]) = libm::sincos(constants.orbit.inclination);
+        let Method::NearEarth { a0, k5, high, .. } = &constants.method else {
             return;
         };
         (self.a0[i], self.k5[i]) = (*a0, *k5);
@@ -66,7 +66,7 @@ impl Model for Near {
                 row[i] = *d;
             }
             for (row, k) in self.mean_motion_k.iter_mut().zip([k8, k9, k10]) {
-                row[i] = figures.orbit.mean_motion * k;
+                row[i] = constants.orbit.mean_motion * k;
             }
             if let Elliptic::Yes { k11, k12, k13 } = elliptic {
                 (self.k11[i], self.k12[i], self.k13[i]) = (*k11, *k12, *k13);

@@ -23,20 +23,20 @@ pub(crate) trait Request {
 
 /// A block at one instant.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Asked {
+pub(crate) struct Requested {
     pub(super) block: usize,
     pub(super) when: When,
 }
 
-impl Asked {
+impl Requested {
     /// That block at that instant.
-    pub fn of(block: usize, t: Epoch) -> Asked {
+    pub fn of(block: usize, t: Epoch) -> Requested {
         let when = When::At(Instant::of(t));
-        Asked { block, when }
+        Requested { block, when }
     }
 }
 
-impl Request for Asked {
+impl Request for Requested {
     fn block(&self) -> usize {
         self.block
     }
@@ -92,20 +92,20 @@ impl<M: Model, A: Request, const N: usize> WithSimd for Propagate<'_, M, A, N> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let mut ways = [const { Way::EMPTY }; N];
-        for (asked, way) in self.asked.iter().zip(&mut ways) {
-            if let Some(block) = self.blocks.get(asked.block() - self.first) {
-                for part in Part::first(simd, asked.places()) {
-                    asked.perturbed(block, part).long_period(part, way);
+        for (requested, way) in self.asked.iter().zip(&mut ways) {
+            if let Some(block) = self.blocks.get(requested.block() - self.first) {
+                for part in Part::first(simd, requested.places()) {
+                    requested.perturbed(block, part).long_period(part, way);
                 }
             }
         }
-        for (asked, way) in self.asked.iter().zip(&mut ways) {
-            for part in Part::first(simd, asked.places()) {
+        for (requested, way) in self.asked.iter().zip(&mut ways) {
+            for part in Part::first(simd, requested.places()) {
                 way.solve(part);
             }
         }
-        for ((asked, way), states) in self.asked.iter().zip(&ways).zip(self.states) {
-            for part in Part::first(simd, asked.places()) {
+        for ((requested, way), states) in self.asked.iter().zip(&ways).zip(self.states) {
+            for part in Part::first(simd, requested.places()) {
                 way.state(part, states);
             }
         }

@@ -4,7 +4,7 @@
 //! The integrator's state depends on the number of steps alone. It continues from its last state,
 //! and restarts at the epoch where the requested time lies before that.
 
-use super::figures;
+use super::constants;
 use super::lanes::{Lanes, Part, Row, Truth};
 use super::secular::Secular;
 use super::site::Site;
@@ -40,7 +40,7 @@ pub struct Unperturbed<S: Simd> {
 pub trait Resonance: Default + Send + Sync {
     const SITE: Site;
 
-    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant);
+    fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant);
 
     /// Integrates to near `t` min after the epoch, and keeps the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: &Secular, _: Lanes<S>) {}
@@ -64,8 +64,8 @@ pub struct Free {
 impl Resonance for Free {
     const SITE: Site = Site::Deep;
 
-    fn set(&mut self, i: usize, _: f64, figures: &figures::Resonant) {
-        if let figures::Resonant::No { a0 } = figures {
+    fn set(&mut self, i: usize, _: f64, constants: &constants::Resonant) {
+        if let constants::Resonant::No { a0 } = constants {
             self.a0[i] = *a0;
         }
     }
@@ -95,7 +95,7 @@ pub type HalfDay = Resonant<HalfDayTerms>;
 pub trait Terms: Default + Send + Sync {
     const SITE: Site;
 
-    fn set(&mut self, i: usize, figures: &figures::Resonance);
+    fn set(&mut self, i: usize, constants: &constants::Resonance);
 
     /// n' and its derivative by lambda, at lambda (rad) and `at` min after the epoch.
     fn pull<S: Simd>(
@@ -169,13 +169,13 @@ impl<T: Terms> Resonant<T> {
 impl<T: Terms> Resonance for Resonant<T> {
     const SITE: Site = T::SITE;
 
-    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
-        let figures::Resonant::Yes {
+    fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant) {
+        let constants::Resonant::Yes {
             lambda,
             lambda_dot,
             sidereal_time,
             resonance,
-        } = figures
+        } = constants
         else {
             return;
         };
@@ -274,8 +274,8 @@ pub struct OneDayTerms([Row; 3]);
 impl Terms for OneDayTerms {
     const SITE: Site = Site::OneDay;
 
-    fn set(&mut self, i: usize, figures: &figures::Resonance) {
-        if let figures::Resonance::OneDay(dr) = figures {
+    fn set(&mut self, i: usize, constants: &constants::Resonance) {
+        if let constants::Resonance::OneDay(dr) = constants {
             for (row, dr) in self.0.iter_mut().zip(dr) {
                 row[i] = *dr;
             }
@@ -313,8 +313,8 @@ pub struct HalfDayTerms {
 impl Terms for HalfDayTerms {
     const SITE: Site = Site::HalfDay;
 
-    fn set(&mut self, i: usize, figures: &figures::Resonance) {
-        if let figures::Resonance::HalfDay([d @ .., k14]) = figures {
+    fn set(&mut self, i: usize, constants: &constants::Resonance) {
+        if let constants::Resonance::HalfDay([d @ .., k14]) = constants {
             for (row, d) in self.d.iter_mut().zip(d) {
                 row[i] = *d;
             }

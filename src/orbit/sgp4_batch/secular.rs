@@ -1,6 +1,6 @@
 //! What near and deep orbits have in common before their perturbations: time, and angles that run on evenly.
 
-use super::figures::Figures;
+use super::constants::ModelConstants;
 use super::lanes::{BLOCK, Lanes, Part, Row};
 use crate::elements::Elements;
 use crate::time::DAY_NS;
@@ -91,21 +91,21 @@ pub struct Secular {
 }
 
 impl Secular {
-    pub fn set(&mut self, i: usize, elements: &Elements, figures: &Figures) {
+    pub fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants) {
         let epoch = Instant::of(elements.epoch);
-        let mean = &figures.orbit;
+        let mean = &constants.orbit;
         (self.day[i], self.minute[i]) = (epoch.day, epoch.minute);
         self.mean_anomaly[i] = mean.mean_anomaly;
-        self.mean_anomaly_dot[i] = figures.mean_anomaly_dot;
+        self.mean_anomaly_dot[i] = constants.mean_anomaly_dot;
         self.perigee[i] = mean.perigee;
-        self.perigee_dot[i] = figures.perigee_dot;
+        self.perigee_dot[i] = constants.perigee_dot;
         self.node[i] = mean.node;
-        self.node_dot[i] = figures.node_dot;
-        self.node_drag[i] = figures.k0;
+        self.node_dot[i] = constants.node_dot;
+        self.node_drag[i] = constants.k0;
         self.eccentricity[i] = mean.eccentricity;
-        self.c1[i] = figures.c1;
-        self.c4[i] = figures.c4;
-        self.mean_motion_k1[i] = mean.mean_motion * figures.k1;
+        self.c1[i] = constants.c1;
+        self.c4[i] = constants.c4;
+        self.mean_motion_k1[i] = mean.mean_motion * constants.k1;
     }
 
     /// Minutes from each epoch.

@@ -1,6 +1,6 @@
 //! Which kind of orbit an object is on.
 
-use super::figures::{Figures, Method, Resonance, Resonant};
+use super::constants::{Method, ModelConstants, Resonance, Resonant};
 use crate::elements::{Elements, ModelError};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -43,9 +43,9 @@ impl Site {
     /// The figures of an orbit that belongs here.
     ///
     /// Errors: the model cannot start from it, or the `sgp4` crate takes it for one of another kind.
-    pub fn figures(self, elements: &Elements) -> Result<Figures, ModelError> {
-        let figures = Figures::of(&elements.constants()?)?;
-        let theirs = match &figures.method {
+    pub fn constants(self, elements: &Elements) -> Result<ModelConstants, ModelError> {
+        let constants = ModelConstants::of(&elements.constants()?)?;
+        let theirs = match &constants.method {
             Method::NearEarth { .. } => Site::Near,
             Method::DeepSpace { resonant, .. } => match resonant {
                 Resonant::No { .. } => Site::Deep,
@@ -61,7 +61,7 @@ impl Site {
             );
             return Err(ModelError::new(reason));
         }
-        Ok(figures)
+        Ok(constants)
     }
 }
 
@@ -115,7 +115,7 @@ mod tests {
             for n in [low.next_down(), low, high, high.next_up()] {
                 let set = set(n, eccentricity);
                 assert!(
-                    Site::of(&set).unwrap().figures(&set).is_ok(),
+                    Site::of(&set).unwrap().constants(&set).is_ok(),
                     "{n} {eccentricity}"
                 );
             }

@@ -20,7 +20,7 @@ use std::f64::consts::{PI, TAU};
 pub const FIRST_NUMBER: u32 = 130_001;
 
 /// Objects at most: catalogue numbers have nine digits.
-pub const MOST_OBJECTS: usize = (999_999_999 - FIRST_NUMBER) as usize;
+pub const MAX_OBJECTS: usize = (999_999_999 - FIRST_NUMBER) as usize;
 
 /// km^3/s^2, WGS72.
 const GRAVITY: f64 = 398_600.8;
@@ -76,7 +76,7 @@ impl Synthetic {
 
 /// So many objects, at most [`MOST_OBJECTS`]; their elements are of the day before `epoch`, and SGP4 has a state of each at it.
 pub fn population(objects: usize, seed: u64, epoch: Epoch) -> Vec<Synthetic> {
-    let objects = objects.min(MOST_OBJECTS) as u64;
+    let objects = objects.min(MAX_OBJECTS) as u64;
     (0..objects).map(|i| object(i, seed, epoch)).collect()
 }
 

@@ -138,14 +138,14 @@ fn what_was_asked_before_does_not_matter() {
     let minutes = minutes.chain(steps.map(|step| f64::from(step) * 73.0 - 3000.0));
 
     let fresh = Batch::new(&sets()).unwrap();
-    let mut asked: Vec<Batch> = Vec::new();
+    let mut requested: Vec<Batch> = Vec::new();
     for level in Level::available() {
-        asked.push(fresh.clone());
-        asked.last_mut().unwrap().set_level(level);
+        requested.push(fresh.clone());
+        requested.last_mut().unwrap().set_level(level);
     }
     for minutes in minutes {
         let expected = after(&mut fresh.clone(), minutes);
-        for batch in &mut asked {
+        for batch in &mut requested {
             let found = after(batch, minutes);
             assert!(found == expected, "{} at {minutes} min", batch.level());
         }
@@ -172,21 +172,21 @@ fn alone_at_several_instants_an_object_is_the_same_as_among_all() {
         let mut batch = Batch::new(&sets).unwrap();
         batch.set_level(level);
         // In no order, some twice, and one that there is not.
-        let asked = (0..2 * sets.len()).map(|i| (i * 37) % (sets.len() + 1));
-        let asked: Vec<usize> = asked.collect();
+        let requested = (0..2 * sets.len()).map(|i| (i * 37) % (sets.len() + 1));
+        let requested: Vec<usize> = requested.collect();
         let mut alone = Vec::new();
-        batch.states_at(&asked, &instants, |states| alone.push(states));
-        assert_eq!(alone.len(), asked.len());
+        batch.states_at(&requested, &instants, |states| alone.push(states));
+        assert_eq!(alone.len(), requested.len());
         let mut states = States::default();
         let mut well = 0;
         for (k, t) in instants.into_iter().enumerate() {
             batch.propagate(t, &mut states);
-            for (object, alone) in asked.iter().zip(&alone) {
+            for (object, alone) in requested.iter().zip(&alone) {
                 assert_eq!(alone[k], states.get(*object), "{level} {object} {k}");
                 assert_eq!(batch.state(*object, t), states.get(*object));
                 well += usize::from(alone[k].is_ok());
             }
         }
-        assert!(well > asked.len(), "{well}");
+        assert!(well > requested.len(), "{well}");
     }
 }

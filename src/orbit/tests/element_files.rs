@@ -132,11 +132,11 @@ fn names_may_stand_behind_their_sets() {
         SPOILT;LOW;G;GEO                    | GEO     | 1
         ",
     ) {
-        let spoilt = low().replace("120.0000", "120.0001");
+        let corrupted = low().replace("120.0000", "120.0001");
         let text = lines.split(';').map(|line| match line {
             "L" => low(),
             "G" => geo(),
-            "SPOILT" => spoilt.clone(),
+            "SPOILT" => corrupted.clone(),
             line => format!("{line}\n"),
         });
         let loaded = read(&text.collect::<String>());
@@ -342,13 +342,13 @@ fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
         panic!("not an element set")
     };
     let uniform = elements.state_teme_after(61.0 / 60.0).unwrap();
-    let asked = elements.state_teme(after).unwrap();
-    assert!((uniform.position_m - asked.position_m).norm() < 1e-6);
+    let requested = elements.state_teme(after).unwrap();
+    assert!((uniform.position_m - requested.position_m).norm() < 1e-6);
     // the scale in which the epoch is written makes no difference
     for scale in [TimeScale::TAI, TimeScale::TT, TimeScale::GPST] {
         assert_eq!(
             elements.state_teme(after.to_time_scale(scale)).unwrap(),
-            asked
+            requested
         );
     }
 }

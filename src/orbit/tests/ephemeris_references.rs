@@ -23,9 +23,9 @@ fn only(text: &str) -> Object {
     loaded.objects.remove(0)
 }
 
-fn remarks(object: &Object) -> Vec<&str> {
-    let remarks = object.remarks().into_iter();
-    remarks.map(|(_, remark)| remark).collect()
+fn comments(object: &Object) -> Vec<&str> {
+    let comments = object.comments().into_iter();
+    comments.map(|(_, comment)| comment).collect()
 }
 
 /// Distances in m and m/s from a state in km and km/s.
@@ -91,7 +91,7 @@ fn states_between_states_are_those_of_an_independent_program() {
     for row in compared {
         let meta = meta(&row.method, row.degree);
         let object = orbit(&states, row.step_s, &meta);
-        assert_eq!(remarks(&object), [""; 0], "{meta}");
+        assert_eq!(comments(&object), [""; 0], "{meta}");
         let state = object.state(start() + row.t * Unit::Second).unwrap();
         let (m, m_s) = off(&state, &row.state_km);
         let what = format_args!("{meta}{} s at {}", row.step_s, row.t);
@@ -164,21 +164,21 @@ fn the_velocity_is_the_derivative_of_the_position() {
 #[test]
 fn what_is_not_as_the_file_says_is_remarked() {
     let (_, states) = rows();
-    for (method, degree, remark) in [
+    for (method, degree, comment) in [
         ("HERMITE", 8, "not 8: 9 is taken"),
         ("HERMITE", 1, "not 1: 3 is taken"),
         ("LINEAR", 5, "not 5: 1 is taken"),
         ("LAGRANGE", 15, "takes 16 states, and the segment has 12"),
     ] {
         let object = orbit(&states, 60, &meta(method, degree));
-        let all = remarks(&object);
+        let all = comments(&object);
         assert!(
-            all.len() == 1 && all[0].contains(remark),
+            all.len() == 1 && all[0].contains(comment),
             "{method} {degree}: {all:?}"
         );
-        assert!(object.remarks()[0].0 >= 3, "the line of the keyword");
+        assert!(object.comments()[0].0 >= 3, "the line of the keyword");
     }
-    assert_eq!(remarks(&orbit(&states, 60, "")), [""; 0]);
+    assert_eq!(comments(&orbit(&states, 60, "")), [""; 0]);
 }
 
 /// Two states 1 s apart along a straight line from one in m and m/s, as a message has them.
@@ -215,7 +215,7 @@ fn frames_are_turned_as_by_independent_programs() {
         for name in names {
             let meta = format!("COMMENT UT1-UTC = {ut1_utc}\n{}", meta("HERMITE", 3));
             let object = only(&message(name, &meta, &places));
-            assert_eq!(remarks(&object), [""; 0], "{name}");
+            assert_eq!(comments(&object), [""; 0], "{name}");
             let (m, m_s) = off(&object.state(epoch).unwrap(), &km);
             if source == "erfa" {
                 (worst_m, worst_m_s) = (worst_m.max(m), worst_m_s.max(m_s));
@@ -224,7 +224,7 @@ fn frames_are_turned_as_by_independent_programs() {
             // The pole's motion is left out, and without UT1 - UTC the Earth's rotation is off by it.
             pole = pole.max(m / across.hypot(numbers[2]));
             let without = only(&message(name, "", &places));
-            let said = remarks(&without).concat();
+            let said = comments(&without).concat();
             for part in ["without Earth-orientation data", "460 m at 7,000 km"] {
                 assert!(said.contains(part), "{said}");
             }
@@ -286,9 +286,11 @@ fn ut1_runs_on_over_a_leap_second() {
             );
             let states = times.iter().map(|at| format!("{at} 7000 0 0 0 0 0"));
             let object = only(&texts::oem(&meta, &states.collect::<Vec<_>>()));
-            let remarks = remarks(&object);
-            let is_reported = remarks.iter().any(|remark| remark.contains("as 0.6 s at"));
-            assert_eq!(is_reported, is_step_reported, "{system}: {remarks:?}");
+            let comments = comments(&object);
+            let is_reported = comments
+                .iter()
+                .any(|comment| comment.contains("as 0.6 s at"));
+            assert_eq!(is_reported, is_step_reported, "{system}: {comments:?}");
             for (at, expected_m) in utc.iter().zip(expected_m).skip(first) {
                 let state = object.state(parse_utc(at).unwrap()).unwrap();
                 let off_m = (state.position_m - Vector3::from(expected_m)).norm();

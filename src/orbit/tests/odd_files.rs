@@ -110,8 +110,8 @@ fn a_value_in_another_unit_is_refused() {
         let with = |other: &str| KVN.replacen(&unit_in_brackets, other, 1);
         let reason = format!("{keyword} in '{other}'; only {unit} is read");
         let reason = format!("{reason} (MADE UP, NORAD_CAT_ID 100001)");
-        let spoilt = with(&format!(" [{other}]"));
-        for text in [&spoilt, &xml(&spoilt)] {
+        let corrupted = with(&format!(" [{other}]"));
+        for text in [&corrupted, &xml(&corrupted)] {
             let found = rejections(text);
             assert!(found.len() == 1 && found[0].contains(&reason), "{found:?}");
         }
@@ -143,14 +143,14 @@ fn a_keyword_twice_is_reported_as_such() {
     let twice = "INCLINATION = 97.5 [deg]\nINCLINATION = 52\n";
     let reason = "INCLINATION twice: '97.5' and '52' (MADE UP, NORAD_CAT_ID 100001)";
     for (text, line) in [(versioned.as_str(), 12), (KVN, 11)] {
-        let spoilt = text.replace("INCLINATION = 97.5 [deg]\n", twice);
-        let both = spoilt.clone() + &text.replace("100001", "100002");
+        let corrupted = text.replace("INCLINATION = 97.5 [deg]\n", twice);
+        let both = corrupted.clone() + &text.replace("100001", "100002");
         assert_eq!(
             rejections(&both),
             [format!("odd:{line}: record 1: {reason}")]
         );
         assert_eq!(read(&both).records[0].elements.norad, 100_002);
-        assert!(rejections(&xml(&spoilt))[0].ends_with(reason));
+        assert!(rejections(&xml(&corrupted))[0].ends_with(reason));
     }
     // At the end of a message that says where it begins; one that does not is taken to end there.
     let found = rejections(&format!("{versioned}BSTAR = 1\n"));
@@ -178,17 +178,17 @@ fn a_csv_value_may_have_line_breaks() {
         assert_eq!(found.collect::<Vec<_>>(), [("TWO LINES", 2), ("ONE", 4)]);
     }
     // Half of a value is never taken for the whole.
-    for spoilt in [
+    for corrupted in [
         format!("\"TWO\nLINES\",{REST},7\n"),
         format!("\"TWO\n{REST},7,0\n"),
         format!("TWO\",{REST},7,0\n"),
     ] {
-        let contents = read(&format!("{HEAD}\n{spoilt}ONE,{REST},8,0\n"));
+        let contents = read(&format!("{HEAD}\n{corrupted}ONE,{REST},8,0\n"));
         let names: Vec<&str> = contents.records.iter().map(|it| it.name.as_str()).collect();
         let rejected = contents.rejected;
         assert_eq!(
             (names, rejected.len()),
-            (vec!["ONE"], spoilt.lines().count()),
+            (vec!["ONE"], corrupted.lines().count()),
             "{rejected:?}"
         );
         let found = rejected[0].to_string();
@@ -202,9 +202,9 @@ fn a_csv_value_may_have_line_breaks() {
 #[test]
 fn a_refusal_is_one_line_with_the_number_of_its_record() {
     let fine = json(KVN);
-    let spoilt = fine.replace("97.5", "9\\n7");
+    let corrupted = fine.replace("97.5", "9\\n7");
     let torn = fine.replacen("\",", "\" ", 1);
-    let found = rejections(&format!("[{fine},{spoilt},{fine},{torn}\n<a>\n<b>"));
+    let found = rejections(&format!("[{fine},{corrupted},{fine},{torn}\n<a>\n<b>"));
     let inclination = "INCLINATION '9\\u000a7' is not a number from 0 to 180";
     for (found, wanted) in found.iter().zip([
         format!("odd:1: record 2: {inclination} (MADE UP, NORAD_CAT_ID 100001)"),

@@ -19,7 +19,7 @@ use std::fmt;
 
 /// What a pattern is drawn from. Currents hold at the detector's temperature.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PatternFigures {
+pub struct PatternStats {
     /// The camera's serial number.
     pub serial: u64,
     /// Columns.
@@ -76,12 +76,12 @@ const HOT: u8 = 242;
 const DEAD: u8 = 243;
 const STUCK: u8 = 244;
 
-impl PatternFigures {
+impl PatternStats {
     /// With every real figure from 0 up to what single precision holds.
-    fn bounded(&self) -> PatternFigures {
-        const MOST: f64 = 1e30;
-        let bounded = |figure: f64| nearest(figure, 0.0..=MOST);
-        PatternFigures {
+    fn bounded(&self) -> PatternStats {
+        const MAX: f64 = 1e30;
+        let bounded = |figure: f64| nearest(figure, 0.0..=MAX);
+        PatternStats {
             prnu: bounded(self.prnu),
             dark_e_s: bounded(self.dark_e_s),
             dark_nonuniformity: bounded(self.dark_nonuniformity),
@@ -96,7 +96,7 @@ impl PatternFigures {
 
 impl Pattern {
     /// Draws the pattern. Figures below 0 and what is no number count as 0, more than 1e30 as that.
-    pub fn new(figures: &PatternFigures) -> Pattern {
+    pub fn new(figures: &PatternStats) -> Pattern {
         let figures = &figures.bounded();
         let pixels = (figures.width * figures.height) as u32;
         let key = NoiseKey {
@@ -235,7 +235,7 @@ impl Pattern {
 }
 
 /// Dark current of every pixel; empty where none differs.
-fn dark_map(figures: &PatternFigures, key: NoiseKey, pixels: u32, hot: &[(u32, f32)]) -> Vec<f32> {
+fn dark_map(figures: &PatternStats, key: NoiseKey, pixels: u32, hot: &[(u32, f32)]) -> Vec<f32> {
     let spread = figures.dark_nonuniformity > 0.0 && figures.dark_e_s > 0.0;
     if !spread && hot.is_empty() {
         return Vec::new();
@@ -268,7 +268,7 @@ impl fmt::Debug for Pattern {
 mod tests {
     use super::*;
 
-    const PLAIN: PatternFigures = PatternFigures {
+    const PLAIN: PatternStats = PatternStats {
         serial: 7,
         width: 500,
         height: 400,
@@ -315,7 +315,7 @@ mod tests {
     #[test]
     fn response_and_dark_current_have_the_moments_of_the_figures() {
         let (prnu, spread, share, hot_e_s) = (0.02, 0.4, 0.01, 900.0);
-        let pattern = Pattern::new(&PatternFigures {
+        let pattern = Pattern::new(&PatternStats {
             prnu,
             dark_nonuniformity: spread,
             hot_fraction: share,
@@ -355,7 +355,7 @@ mod tests {
 
     #[test]
     fn the_serial_number_decides_the_pattern() {
-        let figures = PatternFigures {
+        let figures = PatternStats {
             prnu: 0.3,
             dead_fraction: 0.001,
             stuck_fraction: 0.002,
@@ -365,7 +365,7 @@ mod tests {
         };
         let pattern = Pattern::new(&figures);
         assert_eq!(pattern, Pattern::new(&figures));
-        let other = Pattern::new(&PatternFigures {
+        let other = Pattern::new(&PatternStats {
             serial: 8,
             ..figures
         });

@@ -46,7 +46,7 @@ pub enum Model {
 /// behind a pinhole.
 const GRAZING: f64 = 1e-6;
 /// Steps of Newton's method: from the fold's neighbourhood some twenty, else five.
-const MOST_STEPS: usize = 60;
+const MAX_STEPS: usize = 60;
 
 impl Projection {
     /// The pinhole.
@@ -277,7 +277,7 @@ fn undistorted(k: &[f64; 3], p: &[f64; 2], at: [f64; 2], end: f64) -> Option<[f6
     let mut point = at.map(|c| c * start);
     let (image, mut derivatives) = distorted(k, p, point);
     let mut left = miss(image);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let [a, b, c] = derivatives;
         let det = a * c - b * b;
         let step = [
@@ -314,7 +314,7 @@ fn angle_of(k: &[f64; 4], radius: f64, end: f64) -> Option<f64> {
     }
     let (mut low, mut high) = (0.0, end);
     let mut angle = radius.min(end / 2.0);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let (value, slope) = radius_of(k, angle);
         if value < radius {
             low = angle;

@@ -26,12 +26,12 @@ use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
-pub const MOST_EVENTS: f64 = 1e5;
+pub const MAX_EVENTS: f64 = 1e5;
 /// Most pixels at which the charge of one exposure's particles may be expected to be computed:
 /// some seconds.
-pub const MOST_WORK: f64 = 1e8;
+pub const MAX_WORK: f64 = 1e8;
 /// Most pixels at which the charge of one particle may be expected to be computed.
-pub const MOST_WORK_AN_EVENT: f64 = 1e6;
+pub const MAX_WORK_AN_EVENT: f64 = 1e6;
 
 /// The noise key's identity of the particles of a frame.
 const STREAM: u8 = 3;
@@ -100,7 +100,7 @@ impl Radiation {
 
     /// Most particles that an exposure may be expected to hold.
     pub fn most_events(&self, detector: &Detector) -> f64 {
-        MOST_EVENTS.min(MOST_WORK / self.work_an_event(detector))
+        MAX_EVENTS.min(MAX_WORK / self.work_an_event(detector))
     }
 
     /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own

@@ -11,16 +11,20 @@
 
 use super::cause::three_digits;
 use super::{Assessment, ErrorBound, LazyBound, Pass};
-use crate::scene::bounds::{DROWNED, area_lit_e, is_drowned, shown_e, trail_of, with_trail};
-use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, EffectId, SPREAD_NS, Scene};
+use crate::scene::bounds::{
+    BELOW_NOISE, area_lit_e, is_below_noise, shown_e, transfer_smear_of, with_transfer_smear,
+};
+use crate::scene::{AreaLight, BLURRED_NS, EDGE_NS, EffectId, Requested, SPREAD_NS, Scene};
 
 /// ns of a pixel that is sampled or blurred, added to other areas' light and drawn; and of one that
 /// is interpolated.
 const PIXEL_NS: f64 = 3.3;
 const EVEN_NS: f64 = 0.7;
 
-fn asked_ns(asked: &Asked, light_ns: f64) -> f64 {
-    asked.lights as f64 * light_ns + asked.edges as f64 * EDGE_NS + asked.spreads as f64 * SPREAD_NS
+fn requested_ns(requested: &Requested, light_ns: f64) -> f64 {
+    requested.lights as f64 * light_ns
+        + requested.edges as f64 * EDGE_NS
+        + requested.spreads as f64 * SPREAD_NS
 }
 
 /// The assessment of an area source: `says` gives the reason, `ns` is the time of an evaluation of
@@ -38,21 +42,25 @@ pub(super) fn assess<'s>(
         return (Assessment::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
-    let blurred_ns = if area.asked.spreads > 0 {
+    let blurred_ns = if area.requested.spreads > 0 {
         BLURRED_NS
     } else {
         0.0
     };
     let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
-    let assessment = if is_drowned(scene, effect) {
-        Assessment::none(format!("{}: {DROWNED}", says(area)))
+    let assessment = if is_below_noise(scene, effect) {
+        Assessment::none(format!("{}: {BELOW_NOISE}", says(area)))
     } else if area.electrons == 0.0 {
         // Too faint to be rasterized.
         Assessment::new(says(area), ErrorBound::of_pixel(area.most_e), 0.0)
     } else {
-        let cells_e = || with_trail(scene, area_lit_e(scene, area), || trail_of(scene, area));
+        let cells_e = || {
+            with_transfer_smear(scene, area_lit_e(scene, area), || {
+                transfer_smear_of(scene, area)
+            })
+        };
         let error = LazyBound::of(move || shown_e(scene, cells_e, effect));
-        let estimated_ms = (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6;
+        let estimated_ms = (requested_ns(&area.requested, ns) + pixels_ns) * 1e-6;
         Assessment {
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
             ..Assessment::new(says(area), error, estimated_ms)

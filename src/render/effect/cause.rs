@@ -1,7 +1,7 @@
 //! Texts that several effects share: why a scene needs an effect, or not.
 
 use crate::scene::{EffectId, Hidden, MOON, Scene, Source};
-use crate::sky::field::Unseen;
+use crate::sky::field::Excluded;
 
 /// Why nothing moves in a frame over its work limit.
 pub(super) const STILL_IN_FLOOD: &str =
@@ -79,10 +79,10 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
 
 /// The objects without an image that may be before the camera.
 fn unknown(scene: &Scene) -> String {
-    let unseen = |why: Unseen| scene.view.unseen.iter().filter(|one| one.1 == why).count();
+    let unseen = |why: Excluded| scene.view.unseen.iter().filter(|one| one.1 == why).count();
     let parts = [
-        (unseen(Unseen::BehindEarth), "behind the Earth"),
-        (unseen(Unseen::TooFaint), "too faint"),
+        (unseen(Excluded::BehindEarth), "behind the Earth"),
+        (unseen(Excluded::TooFaint), "too faint"),
         (scene.view.unknown.count, "without a position at this time"),
     ];
     let parts = parts.iter().filter(|(n, _)| *n > 0);

@@ -15,7 +15,7 @@
 use super::cause::{counted, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
+use crate::scene::bounds::{BELOW_NOISE, is_below_noise, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
@@ -27,8 +27,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
     let assessment = if most == 0.0 {
         Assessment::none("the detector has no dark current (detector.dark_e_s)")
-    } else if is_drowned(scene, EffectId::DarkCurrent) {
-        Assessment::none(DROWNED)
+    } else if is_below_noise(scene, EffectId::DarkCurrent) {
+        Assessment::none(BELOW_NOISE)
     } else {
         let mut because = format!("{} e-/s a pixel", three_digits(mean));
         if !pattern.hot().is_empty() {

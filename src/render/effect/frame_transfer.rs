@@ -16,26 +16,29 @@ use super::cause::{no_light, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{DROWNED, is_drowned, of_cells, shown_e};
+use crate::scene::bounds::{BELOW_NOISE, is_below_noise, of_cells, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// The trails of frame transfer.
 pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame transfer", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
-    let trail = &scene.trail_e;
-    let most = trail.iter().copied().fold(0.0, f64::max);
+    let transfer_smear = &scene.transfer_smear_e;
+    let most = transfer_smear.iter().copied().fold(0.0, f64::max);
     let own = EffectId::FrameTransfer;
     let assessment = match scene.view.camera.shutter {
-        Shutter::FrameTransfer { .. } if is_drowned(scene, own) => Assessment::none(DROWNED),
+        Shutter::FrameTransfer { .. } if is_below_noise(scene, own) => {
+            Assessment::none(BELOW_NOISE)
+        }
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!(
                 "columns get trails of up to {} e- a pixel",
                 three_digits(most)
             );
             Assessment {
-                error: LazyBound::of(move || shown_e(scene, || of_cells(trail), own)),
-                drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
+                error: LazyBound::of(move || shown_e(scene, || of_cells(transfer_smear), own)),
+                drawn_e: transfer_smear.iter().sum::<f64>()
+                    * scene.view.camera.detector.height as f64,
                 ..Assessment::of_pixels(scene, because, 0.0, 0.17)
             }
         }
@@ -49,8 +52,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         for row in tile.electrons.chunks_mut(tile.width) {
-            for (e, trail) in row.iter_mut().zip(trail) {
-                *e += *trail as f32;
+            for (e, transfer_smear) in row.iter_mut().zip(transfer_smear) {
+                *e += *transfer_smear as f32;
             }
         }
     }));

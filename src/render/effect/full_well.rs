@@ -46,7 +46,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let brightest = scene.brightest_e();
     let most = drawn_e(brightest) + scene.struck.most_e();
     let spills = detector.blooming == Blooming::Column;
-    let assessment = if scene.spill.columns.is_empty() {
+    let assessment = if scene.blooming.columns.is_empty() {
         let [most, full] = [most, full].map(three_digits);
         Assessment::none(format!(
             "no pixel gets more than {most} of the {full} e- that it holds"
@@ -64,7 +64,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         );
         let shown_e = move || {
             let without = scene.simulated.without(EffectId::FullWell);
-            let spilling = greatest(scene, &scene.spill.columns, |columns| {
+            let spilling = greatest(scene, &scene.blooming.columns, |columns| {
                 let [a, b] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
                 apart(&a, &b)
             });
@@ -81,7 +81,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     };
     let pass = if spills {
         Pass::Frame(Box::new(move |charge| {
-            spill(charge.electrons, charge.width, full, &scene.view.limit);
+            blooming(charge.electrons, charge.width, full, &scene.view.limit);
         }))
     } else {
         Pass::Pixels(Box::new(move |tile| {
@@ -96,7 +96,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
 fn spilt(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
-    let groups = in_groups(scene, &scene.spill.columns, |columns| {
+    let groups = in_groups(scene, &scene.blooming.columns, |columns| {
         let charge = columns_e(scene, columns, &scene.simulated);
         let columns = charge.chunks_exact(detector.height);
         columns.filter(|column| column.iter().any(over)).count()
@@ -106,7 +106,7 @@ fn spilt(scene: &Scene) -> usize {
 
 /// Spills every column with an overfull pixel, until the frame is cancelled. Returns the charge
 /// that left at the columns' ends, e-.
-fn spill(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f64 {
+fn blooming(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f64 {
     let mut room = ROOM.take();
     let Room {
         overfull,
@@ -125,7 +125,7 @@ fn spill(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f
     for x in over.take_while(|_| !limit.is_cancelled()) {
         column.clear();
         column.extend(electrons[x..].iter().step_by(width));
-        left += bloom.spill(column, full).iter().sum::<f64>();
+        left += bloom.blooming(column, full).iter().sum::<f64>();
         for (to, e) in electrons[x..].iter_mut().step_by(width).zip(&*column) {
             *to = *e;
         }
@@ -136,7 +136,7 @@ fn spill(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f
 
 #[cfg(test)]
 mod tests {
-    use super::{WorkLimit, spill};
+    use super::{WorkLimit, blooming};
 
     #[test]
     fn a_frame_keeps_its_charge_and_columns_do_not_mix() {
@@ -150,7 +150,7 @@ mod tests {
         }
         frame[3 * width + 2] = 15_000.0;
         let before = frame.clone();
-        let left = spill(&mut frame, width, full, &WorkLimit::default());
+        let left = blooming(&mut frame, width, full, &WorkLimit::default());
         let column = |frame: &[f32], x: usize| -> f64 {
             frame[x..]
                 .iter()
@@ -169,7 +169,7 @@ mod tests {
         // Nothing overfull, nothing touched.
         let mut calm = before.iter().map(|e| e.min(900.0)).collect::<Vec<_>>();
         let same = calm.clone();
-        assert_eq!(spill(&mut calm, width, full, &WorkLimit::default()), 0.0);
+        assert_eq!(blooming(&mut calm, width, full, &WorkLimit::default()), 0.0);
         assert_eq!(calm, same);
     }
 }

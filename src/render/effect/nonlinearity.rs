@@ -21,7 +21,7 @@ pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-li
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
-    let held = |e: f64| e.min(scene.spill.most_e);
+    let held = |e: f64| e.min(scene.blooming.most_e);
     let missing = |e: f64| held(e) - detector.response_e(held(e));
     let brightest = scene.brightest_e();
     let assessment = if share == 0.0 {

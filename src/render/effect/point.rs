@@ -12,7 +12,7 @@
 use super::cause::{counted, none_lit, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{DROWNED, is_drowned, lit_e, shown_e, with_trail};
+use crate::scene::bounds::{BELOW_NOISE, is_below_noise, lit_e, shown_e, with_transfer_smear};
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
 /// The stars.
@@ -52,12 +52,13 @@ pub(super) fn assess<'s>(
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
         let (all, most) = (counted(drawn.len(), what), three_digits(brightest));
         let because = format!("{all} in the field, up to {most} e-");
-        if is_drowned(scene, effect) {
-            Assessment::none(format!("{because}: {DROWNED}"))
+        if is_below_noise(scene, effect) {
+            Assessment::none(format!("{because}: {BELOW_NOISE}"))
         } else {
             // Their own light, and their part of the column's trail.
             let all = drawn.clone();
-            let cells_e = move || with_trail(scene, own_e(&all), || scene.trail_e.clone());
+            let cells_e =
+                move || with_transfer_smear(scene, own_e(&all), || scene.transfer_smear_e.clone());
             // Hidden sources have images too: labels give their signal in full light.
             let made = scene.sources.iter().filter(|s| s.body.effect() == effect);
             let error = LazyBound::of(move || shown_e(scene, cells_e, effect));

@@ -68,9 +68,9 @@ fn rate(scene: &Scene) -> String {
 /// Bound of the charge that a pixel shows of all hits, e-: its own, and in spilling columns what
 /// full neighbours pass on.
 fn passed_on(scene: &Scene) -> f64 {
-    let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
-    let most = scene.struck.most_e().min(spill.most_e);
-    if !spill.spills() {
+    let (detector, blooming) = (&scene.view.camera.detector, &scene.blooming);
+    let most = scene.struck.most_e().min(blooming.most_e);
+    if !blooming.spills() {
         return most;
     }
     // For each column the charge of all its pixels, and of the one that gets most.
@@ -81,7 +81,7 @@ fn passed_on(scene: &Scene) -> f64 {
         let [all, greatest] = &mut struck[pixel as usize % detector.width];
         (*all, *greatest) = (*all + e, greatest.max(e));
     }
-    let passed = greatest(scene, &spill.columns, |columns| {
+    let passed = greatest(scene, &blooming.columns, |columns| {
         let expected = columns_e(scene, columns, &scene.simulated);
         let columns = expected.chunks_exact(detector.height).zip(columns);
         let passed = columns.map(|(expected, column)| {
@@ -93,5 +93,5 @@ fn passed_on(scene: &Scene) -> f64 {
         passed.fold(0.0, f64::max)
     });
     // Whole electrons spill.
-    most.max((passed + 2.0).min(spill.most_e))
+    most.max((passed + 2.0).min(blooming.most_e))
 }

@@ -20,7 +20,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
     // Without it there would be no digits at all: not the brightest either, charge and offset.
-    let held = scene.brightest_e().min(scene.spill.most_e);
+    let held = scene.brightest_e().min(scene.blooming.most_e);
     let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all = digit * detector.gain_e_per_dn;
     let because = format!("a frame is digits of {} bits", detector.bits);

@@ -12,7 +12,7 @@
 use super::cause::{no_light, three_digits};
 use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{DROWNED, is_drowned, lit_where, shown_e};
+use crate::scene::bounds::{BELOW_NOISE, is_below_noise, lit_where, shown_e};
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
@@ -27,8 +27,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let own = EffectId::PixelResponse;
     let worst = shown_e(scene, || lit_where(scene, off), own);
-    let assessment = if is_drowned(scene, own) {
-        Assessment::none(DROWNED)
+    let assessment = if is_below_noise(scene, own) {
+        Assessment::none(BELOW_NOISE)
     } else if worst == 0.0 {
         Assessment::none(no_light(scene))
     } else {

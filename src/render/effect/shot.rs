@@ -34,7 +34,7 @@ fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s
     let assessment = if most == 0.0 {
         Assessment::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
-        let e = most.min(scene.spill.most_e).sqrt().max(spilt_e(scene));
+        let e = most.min(scene.blooming.most_e).sqrt().max(spilt_e(scene));
         let most = three_digits(most);
         let because = format!("charge comes in electrons, up to {most} in a pixel");
         Assessment::new(because, ErrorBound::of_pixel(e), estimated_ms(scene))
@@ -51,10 +51,10 @@ fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s
 /// of all draws of its column (Efron and Stein 1981, Annals of Statistics 9, 586), of which it
 /// shows a part each.
 fn spilt_e(scene: &Scene) -> f64 {
-    if !scene.spill.spills() {
+    if !scene.blooming.spills() {
         return 0.0;
     }
-    greatest(scene, &scene.spill.columns, |columns| {
+    greatest(scene, &scene.blooming.columns, |columns| {
         let charge = columns_e(scene, columns, &scene.simulated);
         let columns = charge.chunks_exact(scene.view.camera.detector.height);
         columns

@@ -1,6 +1,6 @@
 //! What is rendered where a frame would be late: coarser and coarser, whatever a run's setting is.
 
-use super::tolerances::{Fidelity, KNOBS, Knob};
+use super::tolerances::{Fidelity, TOLERANCES, Tolerance};
 use super::value::Value;
 use std::fmt;
 
@@ -11,7 +11,7 @@ pub enum Coarser {
     /// Every knob to where the preset of this name has it.
     Preset(&'static str, Fidelity),
     /// One knob to this value.
-    Knob(&'static Knob, Value),
+    Tolerance(&'static Tolerance, Value),
 }
 
 impl Coarser {
@@ -19,18 +19,18 @@ impl Coarser {
     /// that is coarser: nothing is made finer.
     pub fn than(&self, before: &Fidelity) -> Fidelity {
         let mut after = *before;
-        let mut raise = |knob: &Knob, value: Value| {
-            if knob.is_coarser(value, (knob.get)(before)) {
-                (knob.set)(&mut after, value);
+        let mut raise = |tolerance: &Tolerance, value: Value| {
+            if tolerance.is_coarser(value, (tolerance.get)(before)) {
+                (tolerance.set)(&mut after, value);
             }
         };
         match self {
             Coarser::Preset(_, preset) => {
-                KNOBS
+                TOLERANCES
                     .iter()
-                    .for_each(|knob| raise(knob, (knob.get)(preset)));
+                    .for_each(|tolerance| raise(tolerance, (tolerance.get)(preset)));
             }
-            Coarser::Knob(knob, value) => raise(knob, *value),
+            Coarser::Tolerance(tolerance, value) => raise(tolerance, *value),
         }
         after
     }
@@ -40,7 +40,7 @@ impl fmt::Display for Coarser {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Coarser::Preset(name, _) => write!(f, "\"{name}\""),
-            Coarser::Knob(knob, value) => write!(f, "\"{} = {value}\"", knob.name),
+            Coarser::Tolerance(tolerance, value) => write!(f, "\"{} = {value}\"", tolerance.name),
         }
     }
 }
@@ -54,8 +54,8 @@ mod tests {
         Coarser::Preset(name, Fidelity::preset(name).unwrap())
     }
 
-    fn knob(name: &str, value: Value) -> Coarser {
-        Coarser::Knob(Knob::named(name).unwrap(), value)
+    fn tolerance(name: &str, value: Value) -> Coarser {
+        Coarser::Tolerance(Tolerance::named(name).unwrap(), value)
     }
 
     #[test]
@@ -82,8 +82,8 @@ mod tests {
         };
         assert_eq!(preset("fast").than(&before), wanted);
         for finer in [
-            knob("wing_e", Value::Number(0.5)),
-            knob("orbits", Value::Word("scalar")),
+            tolerance("wing_e", Value::Number(0.5)),
+            tolerance("orbits", Value::Word("scalar")),
             preset("realtime"),
         ] {
             let after = finer.than(&before);
@@ -94,13 +94,13 @@ mod tests {
             assert_eq!(after, wanted, "{finer}");
             assert_ne!(after.orbits, Orbits::Scalar, "{finer}");
         }
-        let faster = knob("orbits", Value::Word("tracked")).than(&before);
+        let faster = tolerance("orbits", Value::Word("tracked")).than(&before);
         assert_eq!(faster.orbits, Orbits::Tracked);
     }
 
     #[test]
     fn steps_are_told_as_files_have_them() {
-        let texts = [preset("fast"), knob("wing_e", Value::Number(0.5))];
+        let texts = [preset("fast"), tolerance("wing_e", Value::Number(0.5))];
         assert_eq!(
             texts.map(|step| step.to_string()),
             ["\"fast\"", "\"wing_e = 0.5\""]

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 /// One tolerance: what a configuration may set.
 #[derive(Debug)]
-pub struct Knob {
+pub struct Tolerance {
     /// Its key.
     pub name: &'static str,
     /// The unit of its value.
@@ -28,10 +28,10 @@ pub struct Knob {
     pub set: fn(&mut Fidelity, Value),
 }
 
-impl Knob {
+impl Tolerance {
     /// The knob called `name`.
-    pub fn named(name: &str) -> Option<&'static Knob> {
-        KNOBS.iter().find(|knob| knob.name == name)
+    pub fn named(name: &str) -> Option<&'static Tolerance> {
+        TOLERANCES.iter().find(|tolerance| tolerance.name == name)
     }
 
     /// Whether a frame by the one value is coarser or faster than by the other: a greater
@@ -54,7 +54,7 @@ impl Knob {
 }
 
 /// Makes of each row a field of [`Fidelity`], its value in each preset, and its [`Knob`].
-macro_rules! knobs {
+macro_rules! tolerances {
     ($($(#[$doc:meta])* $name:ident: $type:ty, $unit:literal, $allowed:expr,
        [$fast:expr, $realtime:expr, $reference:expr], $seen:literal, $bound:expr, $bounds:literal;)*) => {
         /// Error tolerances of the renderer. Each bounds one error.
@@ -73,7 +73,7 @@ macro_rules! knobs {
         }
 
         /// All knobs.
-        pub const KNOBS: &[Knob] = &[$(Knob {
+        pub const TOLERANCES: &[Tolerance] = &[$(Tolerance {
             name: stringify!($name),
             unit: $unit,
             bounds: $bounds,
@@ -110,7 +110,7 @@ fn at_kinks(value: f64) -> f64 {
 
 // Name and type, unit, what it may be, its values in `fast`, `realtime` and `reference`, whether
 // frames show it, the error that a value stands for, of what.
-knobs! {
+tolerances! {
     /// Share of a point source's light that may fall outside its stamp (1).
     psf_loss: f64, "1", Numbers([1e-12, 0.01]), [1e-4, 1e-6, 1e-12], true, itself,
         "fraction of the light of a source that is lost outside its stamp";
@@ -170,9 +170,9 @@ impl Fidelity {
     /// The share (1) of the light of a source of so many `electrons` that may fall outside its
     /// stamp, where its wings are narrow.
     pub fn bound(&self, electrons: f64) -> f64 {
-        const MOST: f64 = 1e-4;
+        const MAX: f64 = 1e-4;
         if self.loss_e > 0.0 {
-            (self.loss_e / electrons).min(MOST).max(self.psf_loss)
+            (self.loss_e / electrons).min(MAX).max(self.psf_loss)
         } else {
             self.psf_loss
         }
@@ -196,10 +196,10 @@ impl Fidelity {
     /// ```
     pub fn streak_error(&self, length: f64, height_e: f64) -> f64 {
         // What this stands for is below a hundredth of a streak's height.
-        const MOST: f64 = 5e-4;
+        const MAX: f64 = 5e-4;
         let q = length / TAU.sqrt();
         let part = profile(self.track_step_sigma) * q / (1.0 + q * q).sqrt();
-        part.max((self.track_e / height_e * q).min(MOST))
+        part.max((self.track_e / height_e * q).min(MAX))
     }
 
     /// Length of a track, in units of the PSF's sigma, for which one point stands: its profile,
@@ -214,26 +214,28 @@ impl Fidelity {
     /// that frames show.
     pub fn told(&self) -> (&'static str, Vec<(&'static str, Value)>) {
         let differing = |preset: &Fidelity| -> Vec<(&'static str, Value)> {
-            let knobs = KNOBS.iter();
-            let differing = knobs.filter(|knob| knob.is_seen && !knob.is_same(self, preset));
+            let tolerances = TOLERANCES.iter();
+            let differing = tolerances
+                .filter(|tolerance| tolerance.is_seen && !tolerance.is_same(self, preset));
             differing
-                .map(|knob| (knob.name, (knob.get)(self)))
+                .map(|tolerance| (tolerance.name, (tolerance.get)(self)))
                 .collect()
         };
         let all = PRESETS
             .iter()
             .map(|(name, preset)| (*name, differing(preset)));
-        all.min_by_key(|(_, knobs)| knobs.len()).unwrap_or_default()
+        all.min_by_key(|(_, tolerances)| tolerances.len())
+            .unwrap_or_default()
     }
 
     /// With every tolerance brought into the range of its [`Knob`]; what is no number becomes the
     /// least.
     pub fn within_ranges(mut self) -> Fidelity {
-        for knob in KNOBS {
+        for tolerance in TOLERANCES {
             if let (Numbers([least, most]), Value::Number(given)) =
-                (knob.allowed, (knob.get)(&self))
+                (tolerance.allowed, (tolerance.get)(&self))
             {
-                (knob.set)(&mut self, Value::Number(nearest(given, least..=most)));
+                (tolerance.set)(&mut self, Value::Number(nearest(given, least..=most)));
             }
         }
         self

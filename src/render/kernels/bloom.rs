@@ -30,7 +30,7 @@ pub struct Bloom {
 impl Bloom {
     /// Spills what `column` (e-) holds above `well` (e-). Returns what left at the first and at the
     /// last pixel, e-.
-    pub fn spill(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
+    pub fn blooming(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
         if !column.iter().any(|e| f64::from(*e) > well) {
             return [0.0; 2];
         }
@@ -43,11 +43,11 @@ impl Bloom {
         for corner in self.hull.windows(2) {
             let (a, b) = (corner[0], corner[1]);
             let slope = (self.gamma[b] - self.gamma[a]) / (b - a) as f64;
-            for place in a..b {
+            for position in a..b {
                 // Between place and place + 1; pixel i has place i + 1.
-                let flow = self.surplus[place] - slope / 2.0;
+                let flow = self.surplus[position] - slope / 2.0;
                 let flow = if whole { libm::round(flow) } else { flow };
-                if place == 0 {
+                if position == 0 {
                     ends[0] = -flow;
                 } else {
                     let pixel = &mut column[into];
@@ -80,16 +80,16 @@ impl Bloom {
             gamma.push(height);
         }
         // Upper hull by the monotone chain (Andrew 1979).
-        for place in 0..gamma.len() {
+        for position in 0..gamma.len() {
             while let [.., a, b] = hull[..] {
                 let (run, rise) = ((b - a) as f64, gamma[b] - gamma[a]);
-                let below = rise * (place - a) as f64 <= (gamma[place] - gamma[a]) * run;
+                let below = rise * (position - a) as f64 <= (gamma[position] - gamma[a]) * run;
                 if !below {
                     break;
                 }
                 hull.pop();
             }
-            hull.push(place);
+            hull.push(position);
         }
     }
 }
@@ -101,7 +101,7 @@ mod tests {
 
     fn spilled(column: &[f32], well: f64) -> (Vec<f32>, [f64; 2]) {
         let mut column = column.to_vec();
-        let ends = Bloom::default().spill(&mut column, well);
+        let ends = Bloom::default().blooming(&mut column, well);
         (column, ends)
     }
 

@@ -31,15 +31,15 @@ impl<'a> Nodes<'a> {
 #[inline(always)]
 pub fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
     let rows = nodes.rows(down);
-    for (value, place) in line.iter_mut().zip(across) {
+    for (value, position) in line.iter_mut().zip(across) {
         let mut mixed = [0.0; 4];
         for (row, weight) in rows.iter().zip(&down.weights) {
-            let near = &row[place.first..place.first + 4];
+            let near = &row[position.first..position.first + 4];
             for i in 0..4 {
                 mixed[i] = near[i].mul_add(*weight, mixed[i]);
             }
         }
-        let w = &place.weights;
+        let w = &position.weights;
         let [even, odd] = [0, 1].map(|i| mixed[i].mul_add(w[i], mixed[i + 2] * w[i + 2]));
         *value = even + odd;
     }
@@ -49,14 +49,14 @@ pub fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64])
 #[inline(always)]
 pub fn twin(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
     let at = |j: usize, i: usize| nodes.values[j * nodes.side + i];
-    for (value, place) in line.iter_mut().zip(across) {
+    for (value, position) in line.iter_mut().zip(across) {
         let mixed = |i: usize| {
             let rows = down.weights.iter().enumerate();
             rows.fold(0.0, |sum, (k, weight)| {
-                at(down.first + k, place.first + i).mul_add(*weight, sum)
+                at(down.first + k, position.first + i).mul_add(*weight, sum)
             })
         };
-        let [a, b, c, d] = place.weights;
+        let [a, b, c, d] = position.weights;
         *value = mixed(0).mul_add(a, mixed(2) * c) + mixed(1).mul_add(b, mixed(3) * d);
     }
 }
@@ -68,7 +68,7 @@ mod tests {
     use skyloop_orbit::sgp4_batch::Level;
 
     /// Lagrange's weights of a place so far behind the first of four nodes.
-    fn place(first: usize, t: f64) -> Place {
+    fn position(first: usize, t: f64) -> Place {
         let weight = |k: usize| {
             let others = (0..4).filter(|other| *other != k).map(|other| other as f64);
             others
@@ -92,9 +92,9 @@ mod tests {
             values: &values,
             side,
         };
-        let across: Vec<Place> = (0..9).map(|i| place(i, 1.1 + 0.09 * i as f64)).collect();
+        let across: Vec<Place> = (0..9).map(|i| position(i, 1.1 + 0.09 * i as f64)).collect();
         for j in 0..9 {
-            let down = place(j, 1.9 - 0.1 * j as f64);
+            let down = position(j, 1.9 - 0.1 * j as f64);
             let line = |level: Option<Level>| {
                 let mut line = vec![f64::NAN; across.len()];
                 table_line(level, &nodes, &across, &down, &mut line);

@@ -354,9 +354,12 @@ mod tests {
                     } else {
                         0.0
                     };
-                    let place = ((row - FIRST) * WIDE + column - FIRST) as usize;
+                    let position = ((row - FIRST) * WIDE + column - FIRST) as usize;
                     // What single and double precision tell of 2 / 40^2.
-                    let found = [(f64::from(single[place]), 1e-9), (double[place], 1e-17)];
+                    let found = [
+                        (f64::from(single[position]), 1e-9),
+                        (double[position], 1e-17),
+                    ];
                     for (found, most) in found {
                         let off = (found - share).abs();
                         assert!(off < most, "{column} {row} {found} {share}");

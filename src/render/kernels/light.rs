@@ -5,7 +5,7 @@ const WIDE: usize = 8;
 /// Pixels whose signals are added up in single precision.
 const FEW: usize = 256;
 /// Light (e-) that counts for nothing: its square is near what is too small for single precision.
-const LEAST_E: f32 = 1e-15;
+const MIN_E: f32 = 1e-15;
 
 /// What counts of the last of such, and what does not: a product instead of jumps.
 const COUNTS: [f32; 2 * WIDE] = {
@@ -37,7 +37,7 @@ pub struct Reading {
     /// The inverse of a full pixel's charge, 1/e-.
     pub part_of_full: f64,
     /// Whether charge has shot noise: 1 or 0.
-    pub shot: f64,
+    pub exposed: f64,
     /// Variance beside the charge's own, e-^2; above 0.
     pub floor: f64,
     /// Charge from which a pixel shows no more, e-.
@@ -59,20 +59,20 @@ impl Single {
     #[inline(always)]
     fn of(reading: &Reading, electrons: f64) -> Single {
         // More than any pixel holds, and its products are numbers.
-        const MOST_E: f64 = 1e30;
+        const MAX_E: f64 = 1e30;
         // Of so little no share counts, and products with it would be below the smallest number.
-        let counts = electrons > f64::from(LEAST_E);
+        let counts = electrons > f64::from(MIN_E);
         Single {
             electrons: if counts {
-                electrons.min(MOST_E) as f32
+                electrons.min(MAX_E) as f32
             } else {
                 0.0
             },
             bend: reading.bend as f32,
             part_of_full: reading.part_of_full as f32,
-            shot: reading.shot as f32,
+            shot: reading.exposed as f32,
             floor: reading.floor as f32,
-            full_e: reading.full_e.min(MOST_E) as f32,
+            full_e: reading.full_e.min(MAX_E) as f32,
         }
     }
 
@@ -93,7 +93,7 @@ impl Single {
         let slope = 1.0 - 2.0 * whole;
         let variance = slope * slope * self.shot * held + self.floor;
         // Not by a jump around the division, which keeps lanes from running side by side.
-        let shows = (s > LEAST_E) & (held < self.full_e);
+        let shows = (s > MIN_E) & (held < self.full_e);
         let signal = if shows { signal } else { 0.0 };
         signal * signal / variance
     }
@@ -239,7 +239,7 @@ mod tests {
         let reading = Reading {
             bend: 0.03,
             part_of_full: 1e-4,
-            shot: 1.0,
+            exposed: 1.0,
             floor: 20.0,
             full_e: 9_000.0,
         };

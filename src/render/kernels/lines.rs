@@ -7,7 +7,7 @@ pub const SIDE: usize = 16;
 /// Powers of the series of a share in the place of the source, from 0 on.
 const POWERS: usize = 4;
 /// Shares below are none: products of two stay far from what is too small for single precision.
-const LEAST: f64 = 1e-15;
+const MIN: f64 = 1e-15;
 
 /// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a
 /// series.
@@ -37,7 +37,7 @@ impl<T: Real> Lines<T> {
             let above = node as f64 / nodes as f64;
             for i in 0..pixels {
                 let terms = terms(i as i64 - reach as i64, above);
-                if terms[0] < LEAST {
+                if terms[0] < MIN {
                     continue;
                 }
                 for (power, term) in terms.into_iter().enumerate() {

@@ -110,13 +110,13 @@ mod tests {
         let mut cumulative = probability;
         for k in 1..40 {
             for away in [0.0, 1.0, 3e2, 1e4, 4e4, 4.4e4, 1e5, 1e6] {
-                for place in [cumulative * all - away, cumulative * all + away] {
-                    let place = place.clamp(0.0, all - 1.0) as u32;
+                for position in [cumulative * all - away, cumulative * all + away] {
+                    let position = position.clamp(0.0, all - 1.0) as u32;
                     // The upper half counts from its end.
-                    words.push(if place >> 31 == 0 {
-                        place
+                    words.push(if position >> 31 == 0 {
+                        position
                     } else {
-                        !place | 0x8000_0000
+                        !position | 0x8000_0000
                     });
                 }
             }

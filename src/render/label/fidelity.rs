@@ -13,15 +13,15 @@ pub struct FidelityLabel {
     /// Their values.
     #[serde(flatten)]
     #[schemars(with = "BTreeMap<String, serde_json::Value>")]
-    pub knobs: BTreeMap<&'static str, Value>,
+    pub tolerances: BTreeMap<&'static str, Value>,
 }
 
 impl From<&Fidelity> for FidelityLabel {
     fn from(fidelity: &Fidelity) -> Self {
-        let (preset, knobs) = fidelity.told();
+        let (preset, tolerances) = fidelity.told();
         FidelityLabel {
             preset,
-            knobs: knobs.into_iter().collect(),
+            tolerances: tolerances.into_iter().collect(),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::object::{ObjectLabel, object};
 use super::objects::{BYTES, Objects};
 use super::rounded::{e4, e6, some_bound, some_e4, some_short};
 use super::visible::is_listed;
-use super::{empty, spot, unseen};
+use super::{artifact, empty, unseen};
 use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
 use crate::effect::{Decision, name_of};
@@ -184,7 +184,7 @@ impl Label {
         let matrix = pointing.matrix();
         let [ra, dec, roll] = pointing.ra_dec_roll();
         let flooded_by = flooded_by(scene).map(name_of);
-        let spots = spot::spots(scene, label_snr);
+        let spots = artifact::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
         // Of those whose number is known each label is made in its place.

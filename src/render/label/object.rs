@@ -1,9 +1,9 @@
 //! One object in a frame.
 
 use super::coordinates::{km, ra_dec_deg};
+use super::planet::PlanetLabel;
 use super::visible;
-use super::wanderer::WandererLabel;
-use crate::scene::{Body, Scene, SeenWanderer, Source, World};
+use crate::scene::{Body, Scene, Source, VisiblePlanet, World};
 use crate::sky::population::SeenObject;
 use schemars::JsonSchema;
 
@@ -15,7 +15,7 @@ const RSO: &str = "rso";
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
-    #[schemars(extend("enum" = [STAR, RSO, SeenWanderer::MOON_KIND, SeenWanderer::PLANET_KIND]))]
+    #[schemars(extend("enum" = [STAR, RSO, VisiblePlanet::MOON_KIND, VisiblePlanet::PLANET_KIND]))]
     pub kind: &'static str,
     /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, an OEM's OBJECT_ID, or a name such as `Moon`.
     pub id: String,
@@ -65,7 +65,7 @@ pub struct ObjectLabel {
     pub rso: Option<RsoLabel>,
     /// What only the Moon and planets have.
     #[schemars(flatten)]
-    pub wanderer: Option<WandererLabel>,
+    pub planet: Option<PlanetLabel>,
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
@@ -131,8 +131,8 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
             None,
         ),
     };
-    let wanderer = match &source.body {
-        Body::Wanderer(seen) => Some(WandererLabel::new(seen, source, scene)),
+    let planet = match &source.body {
+        Body::Wanderer(seen) => Some(PlanetLabel::new(seen, source, scene)),
         Body::Star(_) | Body::Rso(_) => None,
     };
     let [ra_deg, dec_deg] = ra_dec_deg(&direction);
@@ -162,7 +162,7 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         visible: reason.is_none(),
         reason,
         rso,
-        wanderer,
+        planet,
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is in a frame, as one array of the label's text.
 
+use super::artifact::ArtifactLabel;
 use super::object::ObjectLabel;
-use super::spot::SpotLabel;
 use rayon::prelude::*;
 use serde_json::{Result, to_writer};
 use std::ops::{Deref, DerefMut};
@@ -19,7 +19,7 @@ pub struct Objects {
     /// The stars and RSOs in the frame or with light on the detector.
     pub sources: Vec<ObjectLabel>,
     /// Particles and defective pixels.
-    pub spots: Vec<SpotLabel>,
+    pub spots: Vec<ArtifactLabel>,
 }
 
 impl From<Vec<ObjectLabel>> for Objects {
@@ -59,7 +59,11 @@ impl Objects {
         text.push(b'[');
         let empty = text.len();
         write_all(&self.sources, ObjectLabel::write, text)?;
-        write_all(&self.spots, |spot, text| to_writer(text, spot), text)?;
+        write_all(
+            &self.spots,
+            |artifact, text| to_writer(text, artifact),
+            text,
+        )?;
         if text.len() > empty {
             text.pop();
         }

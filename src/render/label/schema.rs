@@ -1,8 +1,8 @@
 //! The JSON Schema of a label's text.
 
+use super::artifact::ArtifactLabel;
 use super::frame::Label;
 use super::object::ObjectLabel;
-use super::spot::SpotLabel;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, json_schema};
 
@@ -12,7 +12,7 @@ use schemars::{JsonSchema, Schema, json_schema};
 #[allow(dead_code, reason = "its schema is used, not its values")]
 enum Listed {
     Source(Box<ObjectLabel>),
-    Spot(SpotLabel),
+    Spot(ArtifactLabel),
 }
 
 /// The schema (draft 2020-12) of a line of `labels.jsonl`. Members may be added to labels later: unknown ones are valid.

@@ -2,8 +2,8 @@
 //! thousands of objects.
 
 use super::object::{ObjectLabel, RsoLabel};
+use super::planet::PlanetLabel;
 use super::rounded::{rounded, scaled};
-use super::wanderer::WandererLabel;
 use serde::Serialize;
 use serde_json::Result;
 
@@ -46,15 +46,15 @@ impl ObjectLabel {
         if let Some(rso) = &self.rso {
             rso.write(&mut object)?;
         }
-        if let Some(wanderer) = &self.wanderer {
-            wanderer.write(&mut object)?;
+        if let Some(planet) = &self.planet {
+            planet.write(&mut object)?;
         }
         text.push(b'}');
         Ok(())
     }
 }
 
-impl WandererLabel {
+impl PlanetLabel {
     fn write(&self, object: &mut Members<'_>) -> Result<()> {
         object.number::<6>(key!("range_km"), self.range_km)?;
         object.number::<6>(key!("phase_deg"), self.phase_deg)?;
@@ -249,7 +249,7 @@ mod tests {
             visible: false,
             reason: Some("a reason".to_string()),
             rso: None,
-            wanderer: None,
+            planet: None,
         };
         let read = |label: &ObjectLabel| -> (String, Value) {
             let mut text = Vec::new();
@@ -266,7 +266,7 @@ mod tests {
         assert!(text.ends_with("\"visible\":false,\"reason\":\"a reason\"}"));
         label.reason = None;
         label.band_mag = Some(2.0);
-        label.wanderer = Some(WandererLabel {
+        label.planet = Some(PlanetLabel {
             range_km: 384_400.0,
             phase_deg: 90.0,
             radius_deg: 0.25,
@@ -281,7 +281,7 @@ mod tests {
             "\"visible\":false,\"range_km\":384400.0,\"phase_deg\":90.0,\"radius_deg\":0.25,\"light\":1.0,\
              \"centre_px\":[12.5,-3.25],\"centre_ra_deg\":0.0,\"centre_dec_deg\":-1.5}"
         ));
-        label.wanderer = None;
+        label.planet = None;
         label.rso = Some(RsoLabel {
             range_km: 1_000.123_456_789,
             range_rate_km_s: -1.5,

@@ -2,12 +2,12 @@
 
 use super::visible::is_listed;
 use crate::scene::{Body, Scene, World};
-use crate::sky::field::Unseen;
+use crate::sky::field::Excluded;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Such objects that a label lists.
-pub const MOST_UNSEEN: usize = 10_000;
+pub const MAX_EXCLUDED: usize = 10_000;
 
 /// Ids that one thread copies at least.
 const TASK: usize = 64;
@@ -31,20 +31,24 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
         .iter()
         .filter_map(|source| match &source.body {
             Body::Rso(object) if !is_listed(source, scene, label_snr) => {
-                Some((object.index, Unseen::TooFaint))
+                Some((object.index, Excluded::TooFaint))
             }
             _ => None,
         });
-    let mut unseen: Vec<(usize, Unseen)> = scene.view.unseen.clone();
+    let mut unseen: Vec<(usize, Excluded)> = scene.view.unseen.clone();
     unseen.extend(drawn);
     unseen.sort_unstable();
     let objects = world.population.objects();
-    bounded(&unseen, MOST_UNSEEN, |index| objects[index].id.clone())
+    bounded(&unseen, MAX_EXCLUDED, |index| objects[index].id.clone())
 }
 
 /// At most `most` of those that are not seen. Where there are more, each reason has an equal part
 /// of the list, and what one does not need goes to the others.
-fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String + Sync) -> Listed {
+fn bounded(
+    unseen: &[(usize, Excluded)],
+    most: usize,
+    id: impl Fn(usize) -> String + Sync,
+) -> Listed {
     let mut by_reason: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, why) in unseen {
         by_reason.entry(said(*why)).or_default().push(*index);
@@ -69,10 +73,10 @@ fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String
     listed
 }
 
-fn said(why: Unseen) -> &'static str {
+fn said(why: Excluded) -> &'static str {
     match why {
-        Unseen::BehindEarth => "behind the Earth",
-        Unseen::TooFaint => "too faint",
+        Excluded::BehindEarth => "behind the Earth",
+        Excluded::TooFaint => "too faint",
     }
 }
 
@@ -89,8 +93,8 @@ mod tests {
             (2, 30, [2, 8]),
             (4, 6, [4, 6]),
         ] {
-            let behind_earth = (0..behind).map(|i| (i, Unseen::BehindEarth));
-            let too_faint = (behind..behind + faint).map(|i| (i, Unseen::TooFaint));
+            let behind_earth = (0..behind).map(|i| (i, Excluded::BehindEarth));
+            let too_faint = (behind..behind + faint).map(|i| (i, Excluded::TooFaint));
             let all: Vec<_> = behind_earth.chain(too_faint).collect();
             let found = bounded(&all, 10, |index| index.to_string());
             let (ids, counts) = (&found.ids, &found.counts);

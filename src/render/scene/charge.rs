@@ -6,7 +6,7 @@ use super::content::Scene;
 use super::effect_set::{EffectId, EffectSet};
 use super::lit::Lit;
 use super::source::Source;
-use super::trail;
+use super::transfer_smear;
 use crate::camera::Detector;
 use rayon::prelude::*;
 
@@ -86,7 +86,7 @@ pub fn columns_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64
 /// The light on `columns` (sorted), one column after the other, in a frame with the effects
 /// `parts`, e-.
 pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
-    let spilling = &scene.spill.columns;
+    let spilling = &scene.blooming.columns;
     let places = columns
         .iter()
         .map(|column| spilling.binary_search(column).ok());
@@ -97,7 +97,7 @@ pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> 
     // The whole was computed once; the effects that are left out are subtracted.
     let all = &scene.spilling_e;
     let height = scene.view.camera.detector.height;
-    let column = |place: usize| all.get(place).into_iter().flatten().copied();
+    let column = |position: usize| all.get(position).into_iter().flatten().copied();
     let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
     light.resize(columns.len() * height, 0.0);
     let sources = sources_if(scene, |source| !parts.has(source.body.effect()));
@@ -115,7 +115,7 @@ pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> 
 pub fn spilling_e(scene: &Scene) -> Vec<Vec<f64>> {
     let sources = sources_if(scene, |source| scene.simulated.has(source.body.effect()));
     let areas = scene.area_lights(&scene.simulated);
-    let groups = in_groups(scene, &scene.spill.columns, |columns| {
+    let groups = in_groups(scene, &scene.blooming.columns, |columns| {
         let light = light_of(scene, columns, &sources, &areas);
         let columns = light.chunks_exact(scene.view.camera.detector.height);
         columns.map(<[f64]>::to_vec).collect::<Vec<Vec<f64>>>()
@@ -161,12 +161,12 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
 /// transfer, as far as `parts` has them.
 pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     let detector = &scene.view.camera.detector;
-    let trail = trail::part(&scene.view);
+    let transfer_smear = transfer_smear::part(&scene.view);
     let charges = light.par_chunks_exact_mut(detector.height).zip(columns);
     let charges = charges.filter(|_| !scene.is_cancelled());
     charges.for_each(|(charge, column)| {
-        let trail_e = if parts.has(EffectId::FrameTransfer) {
-            trail * charge.iter().sum::<f64>()
+        let transfer_smear_e = if parts.has(EffectId::FrameTransfer) {
+            transfer_smear * charge.iter().sum::<f64>()
         } else {
             0.0
         };
@@ -178,7 +178,7 @@ pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectS
             if parts.has(EffectId::DarkCurrent) {
                 *e += detector.pattern.dark_e_s_of(pixel) * scene.view.exposure.duration_s;
             }
-            *e += trail_e;
+            *e += transfer_smear_e;
         }
     });
 }

@@ -3,18 +3,18 @@
 use super::area::area_light::AreaLight;
 use super::area::light::Light;
 use super::area::together::Together;
+use super::blooming::BloomingColumns;
 use super::bounds::cells::CELL;
 use super::effect_set::{EffectId, EffectSet};
 use super::lit::Lit;
 use super::observable::Unobservable;
 use super::source::Source;
-use super::spill::Spill;
 use super::struck::Struck;
 use super::view::View;
-use super::{signal, trail};
+use super::{signal, transfer_smear};
 use crate::camera::Event;
 use crate::fidelity::Fidelity;
-use crate::lanes;
+use crate::reduce;
 
 /// Everything that one exposure sees.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ pub struct Scene {
     pub(super) stars_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge
     /// is not shifted through light.
-    pub trail_e: Vec<f64>,
+    pub transfer_smear_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,
     /// The charge that they leave together.
@@ -44,7 +44,7 @@ pub struct Scene {
     /// How many more would cross it on average: no more are drawn than a frame has time for.
     pub particles_left_out: f64,
     /// What fills up and spills.
-    pub spill: Spill,
+    pub blooming: BloomingColumns,
     /// The light on columns that may fill up, e-.
     pub(super) spilling_e: Vec<Vec<f64>>,
     /// What its images were made to.
@@ -57,7 +57,7 @@ impl Scene {
         let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
         // A disc may find its pixels full of other light.
         let fills = || {
-            let most = lanes::greatest(source.footprint.shares());
+            let most = reduce::greatest(source.footprint.shares());
             source.body.points() > 1 || source.electrons * f64::from(most) >= full_e
         };
         source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
@@ -118,7 +118,9 @@ impl Scene {
     /// Expected charge of a pixel without stars and objects, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let areas: f64 = self.areas.iter().map(|area| area.electrons).sum();
-        self.dark_e() + self.mean_trail_e() + areas / self.view.camera.detector.pixels() as f64
+        self.dark_e()
+            + self.mean_transfer_smear_e()
+            + areas / self.view.camera.detector.pixels() as f64
     }
 
     /// The charge (e-) that a pixel (row-major index) expects without stars and objects: area
@@ -137,8 +139,9 @@ impl Scene {
     /// trail.
     pub(super) fn unlit_of(&self, pixel: usize) -> f64 {
         let detector = &self.view.camera.detector;
-        let trail = self.trail().get(pixel % detector.width);
-        self.dark_charge_e(detector.pattern.dark_e_s_of(pixel)) + trail.copied().unwrap_or(0.0)
+        let transfer_smear = self.transfer_smear().get(pixel % detector.width);
+        self.dark_charge_e(detector.pattern.dark_e_s_of(pixel))
+            + transfer_smear.copied().unwrap_or(0.0)
     }
 
     /// Expected dark charge of a pixel, averaged over the frame, e-.
@@ -153,19 +156,19 @@ impl Scene {
     }
 
     /// The columns' trails of frame transfer, if they are simulated, e-.
-    pub(super) fn trail(&self) -> &[f64] {
-        (self.simulated).only_with(EffectId::FrameTransfer, &self.trail_e[..])
+    pub(super) fn transfer_smear(&self) -> &[f64] {
+        (self.simulated).only_with(EffectId::FrameTransfer, &self.transfer_smear_e[..])
     }
 
     /// What frame transfer adds to a pixel, averaged over the columns, e-.
-    pub(super) fn mean_trail_e(&self) -> f64 {
-        self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64
+    pub(super) fn mean_transfer_smear_e(&self) -> f64 {
+        self.transfer_smear().iter().sum::<f64>() / self.transfer_smear().len().max(1) as f64
     }
 
     /// The share of a column's light that each of its pixels gets in frame transfer, if that is
     /// simulated (1).
-    pub fn trail_part(&self) -> f64 {
-        (self.simulated).only_with(EffectId::FrameTransfer, trail::part(&self.view))
+    pub fn transfer_smear_fraction(&self) -> f64 {
+        (self.simulated).only_with(EffectId::FrameTransfer, transfer_smear::part(&self.view))
     }
 
     /// Bound of the factor by which any pixel turns its light into charge.
@@ -186,22 +189,22 @@ impl Scene {
     pub fn brightest_e(&self) -> f64 {
         let light = self.peaks_e.iter().copied().fold(0.0, f64::max);
         let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
-        light + dark + self.trail().iter().copied().fold(0.0, f64::max)
+        light + dark + self.transfer_smear().iter().copied().fold(0.0, f64::max)
     }
 
     /// The same of a pixel of a column.
     pub(super) fn brightest_of(&self, column: usize) -> f64 {
         let pattern = &self.view.camera.detector.pattern;
         let dark = self.dark_charge_e(pattern.dark_max_of_column(column));
-        let trail = self.trail().get(column).copied().unwrap_or(0.0);
-        self.peaks_e[column / CELL] + dark + trail
+        let transfer_smear = self.transfer_smear().get(column).copied().unwrap_or(0.0);
+        self.peaks_e[column / CELL] + dark + transfer_smear
     }
 
     /// The same of a pixel of a column of cells.
     pub(super) fn fullest_e(&self, column: usize) -> f64 {
         let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
-        let trail = self.trail().iter().copied().fold(0.0, f64::max);
+        let transfer_smear = self.transfer_smear().iter().copied().fold(0.0, f64::max);
         let light = self.peaks_e.get(column);
-        light.copied().unwrap_or(0.0) + dark + trail
+        light.copied().unwrap_or(0.0) + dark + transfer_smear
     }
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// The effect that adds the most charge, if every pixel is full without stars and objects.
 pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
-    if let Some(area) = scene.spill.flood {
+    if let Some(area) = scene.blooming.flood {
         return Some(area);
     }
     let full_e = signal::full_e(&scene.view.camera.detector, &scene.simulated);
@@ -20,7 +20,7 @@ pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
     let areas = areas.map(|area| (area.effect, area.electrons / pixels));
     let others = [
         (EffectId::DarkCurrent, scene.dark_e()),
-        (EffectId::FrameTransfer, scene.mean_trail_e()),
+        (EffectId::FrameTransfer, scene.mean_transfer_smear_e()),
     ];
     let most = areas.chain(others).max_by(|a, b| a.1.total_cmp(&b.1));
     most.map(|(effect, _)| effect)
@@ -57,5 +57,8 @@ fn without_sources_e(scene: &Scene, pixel: usize, light_e: f64) -> f64 {
     if simulated.has(EffectId::DarkCurrent) {
         e += detector.pattern.dark_e_s_of(pixel) * scene.view.exposure.duration_s;
     }
-    e + scene.trail().get(pixel % detector.width).unwrap_or(&0.0)
+    e + scene
+        .transfer_smear()
+        .get(pixel % detector.width)
+        .unwrap_or(&0.0)
 }

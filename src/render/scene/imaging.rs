@@ -12,7 +12,7 @@ use super::view::View;
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
-use crate::track::{Course, Even, Lit, Place, Rows, Track};
+use crate::track::{Even, Lit, Place, Rows, Track, TrackSpec};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -231,7 +231,7 @@ impl Imaging<'_> {
         let (camera, exposure_s) = (&view.camera, view.exposure.duration_s);
         let optics = &camera.optics;
         let projection = optics.projection_if(simulated.has(EffectId::Distortion));
-        let place = |dt_s: f64, turned_s: f64, drifts: bool| {
+        let position = |dt_s: f64, turned_s: f64, drifts: bool| {
             let part = 0.5 + dt_s / view.open_s.max(f64::MIN_POSITIVE);
             let line = match &candidate.body {
                 Body::Star(star) if drifts => {
@@ -249,9 +249,9 @@ impl Imaging<'_> {
             let at = optics.project_by(&projection, &seen)?;
             Some(Place { at, light })
         };
-        let truth = |dt_s: f64| place(dt_s, dt_s, true);
+        let truth = |dt_s: f64| position(dt_s, dt_s, true);
         if !simulated.moves_images() {
-            let still = place(0.0, 0.0, false)?;
+            let still = position(0.0, 0.0, false)?;
             let ends = [-0.5, 0.5].map(|part| truth(part * exposure_s).unwrap_or(still).at);
             return Some(Track::still(still).between(ends));
         }
@@ -263,7 +263,7 @@ impl Imaging<'_> {
         };
         let turn = view.vehicle.rates.norm() * open_s + candidate.swing;
         let [step_px, panel_px, point_px] = self.steps_px(candidate);
-        let course = Course {
+        let track_spec = TrackSpec {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
             even: self.even(candidate),
             step_px,
@@ -281,12 +281,12 @@ impl Imaging<'_> {
         let at = |part: f64| {
             let dt_s = (part - 0.5) * open_s;
             let turned_s = simulated.only_with(EffectId::Smear, dt_s);
-            place(dt_s, turned_s, simulated.has(EffectId::AberrationDrift))
+            position(dt_s, turned_s, simulated.has(EffectId::AberrationDrift))
         };
         let crossing = if rows.are_together() { 0.0 } else { CROSSING };
-        let looks = WAY_LOOKS + course.pieces as f64 + crossing;
+        let looks = WAY_LOOKS + track_spec.pieces as f64 + crossing;
         view.limit.spend(looks * LOOK_NS);
-        Track::sample(at, &course, fidelity)
+        Track::sample(at, &track_spec, fidelity)
     }
 
     /// The Gaussian spread of its light, if it is the same everywhere. None where the transmission

@@ -5,6 +5,7 @@
 //! [`Scene`] ([`build_scene`]). [`bounds`] says what it would lose without an effect.
 
 mod area;
+mod blooming;
 pub mod bounds;
 mod charge;
 mod collected;
@@ -22,18 +23,18 @@ mod planets;
 mod signal;
 mod solar_system;
 mod source;
-mod spill;
 mod stages;
 mod struck;
-mod trail;
+mod transfer_smear;
 mod view;
 mod work;
 mod world;
 
 pub use area::{
-    Area, AreaLight, Asked, BLURRED_NS, EDGE_NS, Edge, Found, Full, Horizon, Kind, Light, NO_ORBIT,
-    Radiance, SPREAD_NS, Surroundings, Together, is_flooded, lit_by, not_in_field,
+    Area, AreaLight, BLURRED_NS, EDGE_NS, Edge, Found, Full, Horizon, Kind, Light, NO_ORBIT,
+    Radiance, Requested, SPREAD_NS, Surroundings, Together, is_flooded, lit_by, not_in_field,
 };
+pub use blooming::{BloomingColumns, drawn_e};
 pub use bounds::cells::CELL;
 pub use charge::{columns_e, expected_e, in_groups, struck_e};
 pub use content::Scene;
@@ -46,9 +47,8 @@ pub use moonlight::moons_light;
 pub(crate) use observable::two_figures;
 pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
 pub use observe::{add_areas, build_view};
-pub use solar_system::{MOON, SeenSun, SeenWanderer};
+pub use solar_system::{MOON, SeenSun, VisiblePlanet};
 pub use source::{Body, Candidate, Hidden, Source};
-pub use spill::{Spill, drawn_e};
 pub use stages::build_scene;
 pub use struck::Struck;
 pub use view::{Faint, OBJECT_NS, Unknown, View};

@@ -16,7 +16,7 @@ use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::AU_M;
-use crate::sky::field::{Field, Unseen};
+use crate::sky::field::{Excluded, Field};
 use crate::sky::moon::MoonDisc;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
@@ -148,11 +148,11 @@ fn find_candidates(
     candidates.extend(planets(view, world, shutter, &axis, cone));
     candidates.extend(the_moon);
     view.candidates = candidates;
-    view.unseen = seen.unseen;
+    view.unseen = seen.excluded;
     view.unseen.extend(too_faint);
     view.unknown = Unknown {
         count: seen.unknown,
-        news: seen.news,
+        notices: seen.notices,
     };
 }
 
@@ -206,7 +206,7 @@ fn rsos(
     view: &View,
     objects: Vec<Arc<SeenObject>>,
     faint: &Faint,
-) -> (Vec<Candidate>, Vec<(usize, Unseen)>) {
+) -> (Vec<Candidate>, Vec<(usize, Excluded)>) {
     let noise_e = noise_e(view, faint.floor_e);
     let sorted_out = objects.into_par_iter().with_min_len(FEW).map(|object| {
         let index = object.index;
@@ -214,7 +214,7 @@ fn rsos(
         let is_unlit = candidate.electrons() <= 0.0;
         let least = if is_unlit { faint.unlit_snr } else { faint.snr };
         if candidate.clear_e <= least * noise_e {
-            Either::Right((index, Unseen::TooFaint))
+            Either::Right((index, Excluded::TooFaint))
         } else {
             Either::Left(candidate)
         }

@@ -2,7 +2,7 @@
 
 use super::disc::LargeDisc;
 use super::moonlight::Arriving;
-use super::solar_system::{MOON, SeenWanderer};
+use super::solar_system::{MOON, VisiblePlanet};
 use super::source::{Body, Candidate, Hidden};
 use super::view::View;
 use super::world::World;
@@ -20,9 +20,9 @@ const ELEMENT: f64 = 1.0;
 const WIDEST_PX: f64 = 0.7;
 /// Least number of cells on a side for the centre of the light and what the Earth takes: these do
 /// not depend on the camera.
-const LEAST_CELLS: f64 = 24.0;
+const MIN_CELLS: f64 = 24.0;
 /// A disc of more squares on a side than this is rasterized as area sources are.
-const MOST_ELEMENTS: f64 = 600.0;
+const MAX_ELEMENTS: f64 = 600.0;
 /// Points that take as long as rasterizing a disc on no pixels, and pixels for each further one.
 const AREA_POINTS: usize = 10_000;
 const PIXELS_A_POINT: usize = 42;
@@ -48,15 +48,15 @@ pub fn the_moon(
     }
     let earth = Earth::at(view.exposure.mid);
     let squares = squares(view, disc);
-    let count = squares.clamp(LEAST_CELLS, MOST_ELEMENTS);
+    let count = squares.clamp(MIN_CELLS, MAX_ELEMENTS);
     let of_cells = |count: f64| Arriving::of(disc, count as usize, &earth, &shutter[1]);
     let arriving = of_cells(count);
     let visible = arriving.light / f64::max(arriving.all, f64::MIN_POSITIVE);
     let centre = arriving.centre().unwrap_or(disc.direction);
-    let is_large = squares > MOST_ELEMENTS;
+    let is_large = squares > MAX_ELEMENTS;
     let elements = match squares {
         _ if squares <= 1.0 || is_large => Vec::new(),
-        _ if squares < LEAST_CELLS => of_cells(squares).elements(&centre),
+        _ if squares < MIN_CELLS => of_cells(squares).elements(&centre),
         _ => arriving.elements(&centre),
     };
     let off = centre - disc.direction;
@@ -87,7 +87,7 @@ pub fn the_moon(
     };
     let moon_m = shutter[1].bodies.moon_geocentric_m - shutter[1].position_m;
     let (range_m, phase) = geometric(&shutter[1], &moon_m);
-    let seen = SeenWanderer {
+    let seen = VisiblePlanet {
         name: MOON,
         directions,
         centre: disc.direction,
@@ -128,7 +128,7 @@ pub fn planets(
     let rows = rows.filter(|(planet, _)| near(planet) && planet.magnitude.is_finite());
     let candidates = rows.map(|(planet, (start, end))| {
         let (range_m, phase) = geometric(&shutter[1], &planet.geometric_m);
-        let body = SeenWanderer {
+        let body = VisiblePlanet {
             name: planet.name,
             directions: [start.direction, planet.direction, end.direction],
             centre: planet.direction,

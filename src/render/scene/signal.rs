@@ -22,7 +22,7 @@ pub(super) struct Noise<'a> {
     detector: &'a Detector,
     simulated: &'a EffectSet,
     /// The trail of each column, if any, e-.
-    trail_e: &'a [f64],
+    transfer_smear_e: &'a [f64],
     areas: &'a Together,
     exposure_s: f64,
     reading: Reading,
@@ -54,7 +54,7 @@ fn reading(detector: &Detector, simulated: &EffectSet) -> Reading {
     Reading {
         bend: simulated.only_with(EffectId::NonLinearity, detector.nonlinearity),
         part_of_full: 1.0 / detector.full_well_e,
-        shot: simulated.only_with(EffectId::ShotNoise, 1.0),
+        exposed: simulated.only_with(EffectId::ShotNoise, 1.0),
         floor: read * read + detector.quantisation_variance(),
         full_e: full_e(detector, simulated),
     }
@@ -64,14 +64,14 @@ impl<'a> Noise<'a> {
     pub fn new(
         view: &'a View,
         simulated: &'a EffectSet,
-        trail_e: &'a [f64],
+        transfer_smear_e: &'a [f64],
         areas: &'a Together,
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
         Noise {
             detector,
             simulated,
-            trail_e,
+            transfer_smear_e,
             areas,
             exposure_s: view.exposure.duration_s,
             reading: reading(detector, simulated),
@@ -154,11 +154,11 @@ impl<'a> Noise<'a> {
             }
             None => {}
         }
-        if !self.trail_e.is_empty() {
+        if !self.transfer_smear_e.is_empty() {
             self.row_by_row(footprint, background, |pixel, here| {
-                let trail_e = from(self.trail_e, pixel % detector.width);
-                let here = here.iter_mut().zip(trail_e);
-                here.for_each(|(b, trail_e)| *b += *trail_e as f32);
+                let transfer_smear_e = from(self.transfer_smear_e, pixel % detector.width);
+                let here = here.iter_mut().zip(transfer_smear_e);
+                here.for_each(|(b, transfer_smear_e)| *b += *transfer_smear_e as f32);
             });
         }
     }
@@ -245,7 +245,9 @@ mod tests {
                 light = light.map(|e| e * pattern.response_of(pixel));
             }
             let dark_e_s = simulated.only_with(EffectId::DarkCurrent, pattern.dark_e_s_of(pixel));
-            let b = light[1] + dark_e_s * noise.exposure_s + noise.trail_e[pixel % detector.width];
+            let b = light[1]
+                + dark_e_s * noise.exposure_s
+                + noise.transfer_smear_e[pixel % detector.width];
             let held = light[0] + b;
             if *share == 0.0 || held >= noise.reading.full_e || blind {
                 return 0.0;
@@ -272,7 +274,7 @@ mod tests {
         let (width, height) = (detector.width, detector.height);
         // Nothing is alike from pixel to pixel, from column to column, or a power of two.
         let wave = |i: usize, steps: usize| 1.0 + (i % steps) as f64 / steps as f64;
-        let trail_e: Vec<f64> = (0..width).map(|i| 300.0 * wave(i, 7)).collect();
+        let transfer_smear_e: Vec<f64> = (0..width).map(|i| 300.0 * wave(i, 7)).collect();
         let areas_e = (0..width * height).map(|i| 900.0 * wave(i, 113) as f32);
         let areas = Together::each([width, height], areas_e.collect());
         let mut shares: Vec<f32> = (0..width * height)
@@ -302,7 +304,7 @@ mod tests {
             let noise = Noise {
                 detector,
                 simulated: &simulated,
-                trail_e: &trail_e,
+                transfer_smear_e: &transfer_smear_e,
                 areas: &areas,
                 exposure_s: 0.1,
                 reading: Reading {

@@ -20,7 +20,7 @@ pub struct SeenSun {
 
 /// A body of the solar system as the view's observer sees it.
 #[derive(Debug, Clone)]
-pub struct SeenWanderer {
+pub struct VisiblePlanet {
     /// Its name.
     pub name: &'static str,
     /// Apparent directions of its light's centre at the start, middle and end of the view's time:
@@ -54,7 +54,7 @@ pub struct Element {
     pub share: f64,
 }
 
-impl SeenWanderer {
+impl VisiblePlanet {
     /// Its direction (any length) at a part of the view's time, on the parabola through start, mid
     /// and end.
     pub fn direction(&self, part: f64) -> Vector3<f64> {

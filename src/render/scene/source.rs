@@ -2,7 +2,7 @@
 
 use super::area::radiance::Area;
 use super::effect_set::EffectId;
-use super::solar_system::{Element, SeenWanderer};
+use super::solar_system::{Element, VisiblePlanet};
 use crate::attitude::angle_between;
 use crate::footprint::{Footprint, Light};
 use crate::sky::population::SeenObject;
@@ -18,7 +18,7 @@ pub enum Body {
     /// A resident space object.
     Rso(Arc<SeenObject>),
     /// The Moon or a planet.
-    Wanderer(Box<SeenWanderer>),
+    Wanderer(Box<VisiblePlanet>),
 }
 
 impl Body {

@@ -5,6 +5,7 @@ use super::area::area_light::AreaLight;
 use super::area::full::Full;
 use super::area::image::lit_by;
 use super::area::together::Together;
+use super::blooming::BloomingColumns;
 use super::bounds;
 use super::bounds::brightest::stars_and_all_lit_e;
 use super::charge::spilling_e;
@@ -14,9 +15,8 @@ use super::imaging::Imaging;
 use super::lit::Lit;
 use super::signal::{Held, Noise};
 use super::source::Source;
-use super::spill::Spill;
 use super::struck::Struck;
-use super::trail;
+use super::transfer_smear;
 use super::view::View;
 use crate::camera::Flux;
 use crate::fidelity::Fidelity;
@@ -29,7 +29,7 @@ const STAGES: [fn(&mut Scene); 5] = [
     find_snr,
     draw_particles,
     find_brightest,
-    find_spill,
+    find_blooming,
 ];
 
 /// ns of a particle, and of a pixel at a step of its track that its charge diffuses to.
@@ -52,11 +52,11 @@ pub fn build_scene(view: View, simulated: EffectSet, fidelity: &Fidelity) -> Sce
         areas_light: Together::default(),
         peaks_e: Vec::new(),
         stars_e: Vec::new(),
-        trail_e: Vec::new(),
+        transfer_smear_e: Vec::new(),
         events: Vec::new(),
         struck,
         particles_left_out: 0.0,
-        spill: Spill::default(),
+        blooming: BloomingColumns::default(),
         spilling_e: Vec::new(),
         fidelity: *fidelity,
     };
@@ -74,12 +74,18 @@ fn add_areas_up(scene: &mut Scene) {
     scene.areas_light = Together::of(&scene.areas, &scene.view, pixels.sum());
     let together = scene.areas_light.light().into_iter().map(Lit::from);
     let lights = scene.sources.iter().map(Lit::from).chain(together);
-    scene.trail_e = trail::trail_e(&scene.view, lights);
+    scene.transfer_smear_e = transfer_smear::transfer_smear_e(&scene.view, lights);
 }
 
 fn find_snr(scene: &mut Scene) {
-    let trail_e = (scene.simulated).only_with(EffectId::FrameTransfer, &scene.trail_e[..]);
-    let noise = Noise::new(&scene.view, &scene.simulated, trail_e, &scene.areas_light);
+    let transfer_smear_e =
+        (scene.simulated).only_with(EffectId::FrameTransfer, &scene.transfer_smear_e[..]);
+    let noise = Noise::new(
+        &scene.view,
+        &scene.simulated,
+        transfer_smear_e,
+        &scene.areas_light,
+    );
     let limit = &scene.view.limit;
     let sources = scene.sources.par_iter_mut().filter(|_| !limit.is_over());
     sources.for_each_init(Held::default, |held, source| {
@@ -128,8 +134,8 @@ fn find_brightest(scene: &mut Scene) {
     [scene.stars_e, scene.peaks_e] = stars_and_all_lit_e(scene);
 }
 
-fn find_spill(scene: &mut Scene) {
-    scene.spill = bounds::find_spill(scene);
+fn find_blooming(scene: &mut Scene) {
+    scene.blooming = bounds::find_blooming(scene);
     scene.spilling_e = spilling_e(scene);
 }
 

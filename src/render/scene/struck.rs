@@ -51,9 +51,9 @@ impl Struck {
         let rows = pixels.start / self.width..pixels.end.div_ceil(self.width);
         let rows = self.rows.get(rows).into_iter().flatten();
         let here = rows.flat_map(move |hits| {
-            let place = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
+            let position = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
             // Hits of a cancelled frame may be out of order.
-            hits.get(place(pixels.start)..place(pixels.end))
+            hits.get(position(pixels.start)..position(pixels.end))
         });
         here.flatten().copied()
     }

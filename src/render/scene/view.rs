@@ -12,7 +12,7 @@ use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::LIGHT_M_S;
-use crate::sky::field::Unseen;
+use crate::sky::field::Excluded;
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::shadow::Earth;
 use crate::track::Window;
@@ -63,7 +63,7 @@ pub struct View {
     /// Number of objects in the scene, before the camera or not.
     pub objects: usize,
     /// Objects before the camera without an image, by their indices, and why.
-    pub unseen: Vec<(usize, Unseen)>,
+    pub unseen: Vec<(usize, Excluded)>,
     /// Objects whose orbit has no position at this time.
     pub unknown: Unknown,
     /// The greatest swing of a candidate, rad.
@@ -96,7 +96,7 @@ pub struct Unknown {
     /// How many.
     pub count: usize,
     /// Why, for each object once.
-    pub news: Vec<OrbitError>,
+    pub notices: Vec<OrbitError>,
 }
 
 /// ns of an object in the search of the field; of one in the field; and of one that is seen: three

@@ -178,15 +178,15 @@ pub struct StarMotion {
 impl StarMotion {
     /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east
     /// and north.
-    pub fn of(place: &StarPlace) -> StarMotion {
-        let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
-        let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
+    pub fn of(position: &StarPlace) -> StarMotion {
+        let (sin_ra, cos_ra) = libm::sincos(position.ra_rad);
+        let (sin_dec, cos_dec) = libm::sincos(position.dec_rad);
         let east = Vector3::new(-sin_ra, cos_ra, 0.0);
         let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
         StarMotion {
-            direction: catalogue_direction(place),
-            motion: east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr,
-            parallax_rad: place.parallax_rad,
+            direction: catalogue_direction(position),
+            motion: east * position.pm_ra_cosdec_rad_yr + north * position.pm_dec_rad_yr,
+            parallax_rad: position.parallax_rad,
         }
     }
 }
@@ -243,9 +243,9 @@ impl<'a> Sight<'a> {
 }
 
 /// The unit vector to a star's catalogue place, without any correction.
-pub fn catalogue_direction(place: &StarPlace) -> Vector3<f64> {
-    let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
-    let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
+pub fn catalogue_direction(position: &StarPlace) -> Vector3<f64> {
+    let (sin_ra, cos_ra) = libm::sincos(position.ra_rad);
+    let (sin_dec, cos_dec) = libm::sincos(position.dec_rad);
     Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
 }
 

@@ -91,7 +91,7 @@ impl Axis {
         let (first, last) = (places[0], places[places.len() - 1]);
         let count = ((last - first) / least).ceil() as usize;
         let starts = (0..count).map(|k| first + k as f64 * least);
-        let below = |at: f64| places.partition_point(|place| *place <= at);
+        let below = |at: f64| places.partition_point(|position| *position <= at);
         Axis {
             per_width: widths.map(|width| 1.0 / width).collect(),
             per_bucket: 1.0 / least,

@@ -82,7 +82,7 @@ impl Bright {
 
 /// Why an object in the field is not seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Unseen {
+pub enum Excluded {
     /// It is behind the Earth all the time.
     BehindEarth,
     /// Even in full light it is lost in noise.
@@ -174,7 +174,7 @@ pub enum Found {
     /// It may be seen.
     Candidate(u32),
     /// It is in the field, and not seen.
-    Unseen(u32, Unseen),
+    Excluded(u32, Excluded),
     /// It has no position; SGP4's error code.
     Failed(u32, u8),
 }
@@ -204,11 +204,11 @@ impl Look for Test<'_> {
             if places.code[i] != 0 {
                 found.push(Found::Failed(object, places.code[i]));
             } else if inside[i] {
-                let place = places.position_km.map(|row| row[i]);
+                let position = places.position_km.map(|row| row[i]);
                 let bright = self.bright.get(object as usize).copied();
-                match self.within(&place, bright.unwrap_or(Bright::ANY)) {
+                match self.within(&position, bright.unwrap_or(Bright::ANY)) {
                     None => {}
-                    Some(Err(why)) => found.push(Found::Unseen(object, why)),
+                    Some(Err(why)) => found.push(Found::Excluded(object, why)),
                     Some(Ok(())) => found.push(Found::Candidate(object)),
                 }
             }
@@ -220,7 +220,7 @@ impl Look for Test<'_> {
 impl Test<'_> {
     /// The result for one object by its state (TEME) and the bound of its light: none if it is not
     /// in the field, else why it is not seen. An object faster than any bound orbit always remains.
-    pub fn assess(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
+    pub fn assess(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Excluded>> {
         if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
             return Some(Ok(()));
         }
@@ -233,7 +233,7 @@ impl Test<'_> {
     }
 
     /// The same for an object in the cone.
-    fn within(&self, place_km: &[f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
+    fn within(&self, place_km: &[f64; 3], bright: Bright) -> Option<Result<(), Excluded>> {
         let observer = Vector3::from(self.cone.apex_km());
         let line = Vector3::from(*place_km) - observer;
         let range = line.norm();
@@ -245,21 +245,21 @@ impl Test<'_> {
         if !self.sides.iter().all(inside) {
             return None;
         }
-        Some(match self.unseen(&line, range, bright) {
+        Some(match self.excluded(&line, range, bright) {
             Some(why) if range > 0.0 => Err(why),
             _ => Ok(()),
         })
     }
 
     /// Why an object on that line from the observer (km) is not seen.
-    fn unseen(&self, line: &Vector3<f64>, range: f64, bright: Bright) -> Option<Unseen> {
+    fn excluded(&self, line: &Vector3<f64>, range: f64, bright: Bright) -> Option<Excluded> {
         let observer = Vector3::from(self.cone.apex_km());
         // The point of the line of sight that is nearest to the Earth's centre.
         let part = (-observer.dot(line) / (range * range)).clamp(0.0, 1.0);
         // The object appears where it was when the light left.
         let light_km = FASTEST_KM_S * range / LIGHT_KM_S;
         if (observer + line * part).norm() < self.earth_km - light_km {
-            return Some(Unseen::BehindEarth);
+            return Some(Excluded::BehindEarth);
         }
         // At the smallest phase angle of the exposure, where it is brightest.
         let to_sun = self.sun_km - observer - line;
@@ -267,6 +267,6 @@ impl Test<'_> {
         let turn = PI * self.cone.path_km / range + WANDER;
         let area = bright.reflective_area((libm::acos(phase) - turn).max(0.0));
         let reach_km = self.reach_km * area.sqrt();
-        (range - self.cone.path_km > reach_km).then_some(Unseen::TooFaint)
+        (range - self.cone.path_km > reach_km).then_some(Excluded::TooFaint)
     }
 }

@@ -39,7 +39,7 @@ pub struct Passage<'a> {
 const INSTANTS: f64 = 32.0;
 /// Instants at most, times facets: a tenth of a second, if all are sides of cylinders. A body that
 /// turns further shows the mean of as many attitudes as there is time for.
-const MOST_WORK: f64 = 50_000.0;
+const MAX_WORK: f64 = 50_000.0;
 
 impl Body {
     /// Eq. (6), m^2/sr: the mean over the exposure, which a glint or a tumble changes. In how many
@@ -50,7 +50,7 @@ impl Body {
         let duration_s = (end.epoch - start.epoch).to_seconds();
         let turn = self.attitude.rate(&passage.seen[1].state) * duration_s + passage.swing();
         let needed = (turn / self.shape.detail(passage.at(0.5).sun_radius()) * INSTANTS).ceil();
-        let most = (MOST_WORK / self.shape.facets() as f64).max(1.0);
+        let most = (MAX_WORK / self.shape.facets() as f64).max(1.0);
         let instants = nearest(needed, 1.0..=most) as usize;
         let parts = (0..instants).map(|i| (i as f64 + 0.5) / instants as f64);
         let sum: f64 = parts

@@ -1,14 +1,14 @@
 //! The resident space objects of a scene, and which of them a camera sees.
 
 pub use super::field::OWN_VEHICLE_M;
-pub use super::fleet::Seen;
 pub use super::objects::{Look, Looks, SeenObject, Shutter};
+pub use super::population_orbits::Seen;
 
 use super::apparent::Corrections;
 use super::field::Field;
-use super::fleet::Fleet;
 use super::objects::Objects;
 use super::photometry::Sphere;
+use super::population_orbits::PopulationOrbits;
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
 use skyloop_orbit::{Object, OrbitError};
@@ -19,7 +19,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 pub struct Population {
     objects: Objects,
     /// Computed on first use.
-    fleet: OnceLock<Mutex<Fleet>>,
+    population_orbits: OnceLock<Mutex<PopulationOrbits>>,
 }
 
 impl Population {
@@ -27,7 +27,7 @@ impl Population {
     pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
         Population {
             objects: Objects::new(objects, sphere, looks),
-            fleet: OnceLock::new(),
+            population_orbits: OnceLock::new(),
         }
     }
 
@@ -39,32 +39,38 @@ impl Population {
     /// Bytes of memory that the objects take, names and looks included, with 16 for each
     /// allocation.
     pub fn bytes(&self) -> usize {
-        let fleet = self.fleet.get().and_then(|fleet| fleet.lock().ok());
-        self.objects.bytes() + fleet.map_or(0, |fleet| fleet.bytes())
+        let fleet = self
+            .population_orbits
+            .get()
+            .and_then(|population_orbits| population_orbits.lock().ok());
+        self.objects.bytes() + fleet.map_or(0, |population_orbits| population_orbits.bytes())
     }
 
     /// Indices of the objects that may be in the field at some time of the exposure, in no order;
     /// and why others have no position, each object once.
     pub fn before(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
-        self.fleet().before(&self.objects, field)
+        self.population_orbits().before(&self.objects, field)
     }
 
     /// The orbits, for one caller at a time.
-    fn fleet(&self) -> MutexGuard<'_, Fleet> {
-        let fleet = (self.fleet).get_or_init(|| Mutex::new(Fleet::new(&self.objects)));
+    fn population_orbits(&self) -> MutexGuard<'_, PopulationOrbits> {
+        let population_orbits = (self.population_orbits)
+            .get_or_init(|| Mutex::new(PopulationOrbits::new(&self.objects)));
         // A thread that panicked has left nothing half done: all state is computed anew from the
         // time of the call.
-        fleet.lock().unwrap_or_else(PoisonError::into_inner)
+        population_orbits
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Computes the orbits' tracks before their first use.
     pub fn get_ready(&self) {
-        drop(self.fleet());
+        drop(self.population_orbits());
     }
 
     /// The objects that may be in the field, and what is seen of them.
     pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
-        (self.fleet()).look(&self.objects, field, corrections, orbits)
+        (self.population_orbits()).look(&self.objects, field, corrections, orbits)
     }
 
     /// The object of an index as it is seen during an exposure, wherever it stands, by the scalar

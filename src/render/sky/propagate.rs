@@ -3,7 +3,7 @@
 //! Dozens of objects are propagated at a time, which is several times faster than one by one.
 
 use super::apparent::{Corrections, apparent_object};
-use super::field::{Field, Test, Unseen};
+use super::field::{Excluded, Field, Test};
 use super::objects::{Objects, SeenObject};
 use super::shadow::Earth;
 use hifitime::{Epoch, Unit};
@@ -34,7 +34,7 @@ pub struct Propagation<'a> {
 pub enum Close {
     Seen(Arc<SeenObject>),
     /// The object's index, and why.
-    Unseen(usize, Unseen),
+    Excluded(usize, Excluded),
     /// It has no position.
     Failed(u32, OrbitError),
 }
@@ -125,7 +125,7 @@ impl Propagation<'_> {
         let teme = state.rotated(&self.at.rotations[1].transpose());
         let bright = population.brightest(index as usize);
         if let Err(why) = self.test.assess(&teme, bright)? {
-            return Some(Close::Unseen(index as usize, why));
+            return Some(Close::Excluded(index as usize, why));
         }
         if !self.field.may_hold(&state) {
             return None;

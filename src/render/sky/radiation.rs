@@ -52,9 +52,9 @@ const EARTH_M: f64 = 6_371_200.0;
 /// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m);
 /// [`FREE_SPACE`] at what is no place.
 pub fn flux(position_m: &Vector3<f64>, epoch: Epoch) -> f64 {
-    let place = Place::of(position_m, epoch);
+    let position = Place::of(position_m, epoch);
     // Where there is no direction from the Earth's centre there is no anomaly.
-    cosmic_rays(place.cutoff_gv()) + anomaly(&place).max(0.0)
+    cosmic_rays(position.cutoff_gv()) + anomaly(&position).max(0.0)
 }
 
 /// Where an observer is over the turning Earth. The pole of date is the GCRF's but for 0.14 deg in
@@ -105,18 +105,18 @@ fn cosmic_rays(cutoff_gv: f64) -> f64 {
 }
 
 /// Trapped protons of the South Atlantic Anomaly, 1/cm^2/s.
-fn anomaly(place: &Place) -> f64 {
-    let degrees_east = -40.0 - 0.3 * (place.year - 1974.0);
+fn anomaly(position: &Place) -> f64 {
+    let degrees_east = -40.0 - 0.3 * (position.year - 1974.0);
     let off = |angle: f64, centre_deg: f64, sigma_deg: f64| {
         let degrees = angle.to_degrees() - centre_deg;
         let turned = degrees - 360.0 * libm::round(degrees / 360.0);
         turned / sigma_deg
     };
     let (x, y) = (
-        off(place.longitude, degrees_east, 16.0),
-        off(place.latitude, -30.0, 9.0),
+        off(position.longitude, degrees_east, 16.0),
+        off(position.latitude, -30.0, 9.0),
     );
-    let altitude_km = (place.radius_m - EARTH_M) * 1e-3;
+    let altitude_km = (position.radius_m - EARTH_M) * 1e-3;
     let grown = (altitude_km.min(750.0) - 538.0) / 100.0;
     let faded = (altitude_km - 3000.0).max(0.0) / 3000.0;
     1100.0 * libm::exp(grown - faded - (x * x + y * y) / 2.0)
@@ -181,9 +181,9 @@ mod tests {
             let latitude = (28.5f64.to_radians().sin() * u.sin()).asin().to_degrees();
             for longitude in (-180..180).step_by(4) {
                 let (position, epoch) = over(latitude, longitude.into(), 590.0);
-                let place = Place::of(&position, epoch);
+                let position = Place::of(&position, epoch);
                 all += 1.0;
-                if anomaly(&place) > cosmic_rays(place.cutoff_gv()) {
+                if anomaly(&position) > cosmic_rays(position.cutoff_gv()) {
                     inside += 1.0;
                 }
             }

@@ -140,8 +140,8 @@ impl StarField {
                 1.0
             }
         };
-        let places = stars.par_iter().map(place);
-        let ways: Vec<StarMotion> = places.map(|place| StarMotion::of(&place)).collect();
+        let places = stars.par_iter().map(position);
+        let ways: Vec<StarMotion> = places.map(|position| StarMotion::of(&position)).collect();
         let entry = |index: u32| {
             let star = &stars[index as usize];
             Entry {
@@ -209,7 +209,7 @@ impl StarField {
     }
 }
 
-fn place(star: &Star) -> StarPlace {
+fn position(star: &Star) -> StarPlace {
     StarPlace {
         ra_rad: star.ra_rad,
         dec_rad: star.dec_rad,

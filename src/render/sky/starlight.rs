@@ -149,14 +149,14 @@ pub(crate) mod tests {
         let (low, high) = (low.to_radians().sin(), high.to_radians().sin());
         let catalog = Catalog::embedded(selection);
         let light = catalog.stars().iter().filter_map(|star| {
-            let place = StarPlace {
+            let position = StarPlace {
                 ra_rad: star.ra_rad,
                 dec_rad: star.dec_rad,
                 parallax_rad: 0.0,
                 pm_ra_cosdec_rad_yr: 0.0,
                 pm_dec_rad_yr: 0.0,
             };
-            let z = (GALACTIC * catalogue_direction(&place)).z;
+            let z = (GALACTIC * catalogue_direction(&position)).z;
             (low..=high)
                 .contains(&z)
                 .then(|| 10f64.powf(-0.4 * (star.v_mag - 10.0)))

@@ -105,7 +105,7 @@ const HALF_POWER: f64 = 1.125;
 /// `q` of the module's head.
 const STRETCH: f64 = 2.2;
 /// The least `e^2`: within the Sun's disc (16 arcmin) the light grows no more.
-const LEAST_SQUARE: f64 = 2.2e-5;
+const MIN_SQUARE: f64 = 2.2e-5;
 
 /// The table's innermost place in the ecliptic, whose `r` holds nearer to the Sun.
 const NEXT_TO_THE_SUN: (usize, usize) = (3, 0);
@@ -158,7 +158,7 @@ pub fn distance_factor(sun_distance_m: f64) -> f64 {
 
 /// `e^2` from the components toward the Sun's longitude and toward the pole.
 fn elongation_square(toward_sun: f64, up: f64) -> f64 {
-    (2.0 * (1.0 - toward_sun) + STRETCH * up * up).max(LEAST_SQUARE)
+    (2.0 * (1.0 - toward_sun) + STRETCH * up * up).max(MIN_SQUARE)
 }
 
 /// `r` by longitude from the Sun and latitude (rad).

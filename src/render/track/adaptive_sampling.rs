@@ -1,11 +1,11 @@
 //! Divides a track into pieces that are nearly straight and even, these into panels, and those into
 //! points.
 
-use super::course::Course;
 use super::path::{Path, distance};
 use super::rows::{Lit, Rows, Turns};
 use super::rule;
 use super::sample::{Place, Sample};
+use super::track_spec::TrackSpec;
 
 /// Points (0..1) of the two-point Gauss rule, whose weights are equal.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
@@ -22,11 +22,11 @@ const BEND: f64 = 0.02;
 /// Longest piece, px: of a fast track, little more than the part in the window is sampled finely.
 const LONGEST_PX: f64 = 256.0;
 /// A bend of no more than this is none, px: above the rounding of still images.
-const LEAST_PX: f64 = 1e-9;
+const MIN_PX: f64 = 1e-9;
 /// Shortest panel, px: narrower light hardly differs on pixels.
-const LEAST_STEP_PX: f64 = 1e-3;
+const MIN_STEP_PX: f64 = 1e-3;
 /// Narrowest Gaussian, px: narrower ones lie on one pixel or its edge.
-pub const LEAST_SIGMA_PX: f64 = 0.01;
+pub const MIN_SIGMA_PX: f64 = 0.01;
 /// A piece outside of the window is halved if its light's uncertainty may move the centre of all
 /// light by more than this, px.
 const FAR_PX: f64 = 1e-5;
@@ -40,8 +40,8 @@ pub type Knot = (f64, Option<Place>);
 
 /// The sampling of one track.
 pub struct Sampler<'a, F> {
-    pub place: &'a F,
-    pub course: &'a Course,
+    pub position: &'a F,
+    pub course: &'a TrackSpec,
     /// Length of the whole track.
     pub length_px: f64,
     /// If its light is spread by one Gaussian everywhere: the standard deviation (px), and the
@@ -51,12 +51,12 @@ pub struct Sampler<'a, F> {
 
 impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     fn knot(&self, part: f64) -> Knot {
-        (part, (self.place)(part))
+        (part, (self.position)(part))
     }
 
     /// Longest panel, px.
     fn step_px(&self) -> f64 {
-        self.course.step_px.max(LEAST_STEP_PX)
+        self.course.step_px.max(MIN_STEP_PX)
     }
 
     /// Whether a row at `y` collects light then, with a margin for rounding.
@@ -92,7 +92,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
 
     /// The instant between `a` and `b` that equals `edge` of the image's row then.
     fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
-        let late = |(part, place): &Knot| place.map(|place| *part >= edge(place.at[1]));
+        let late = |(part, position): &Knot| position.map(|place| *part >= edge(place.at[1]));
         let (mut a, mut b) = (a, b);
         if late(&a)? == late(&b)? {
             return None;
@@ -111,7 +111,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     /// Whether a row within its light's reach and `bend` of the rows `ys` may open or close in that
     /// time.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
-        let Course { rows, reach_px, .. } = self.course;
+        let TrackSpec { rows, reach_px, .. } = self.course;
         if rows.are_together() {
             return false;
         }
@@ -129,7 +129,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         let [from, middle, to] = places([a, mid, b])?;
         let bend = distance(middle.at, [0, 1].map(|k| (from.at[k] + to.at[k]) / 2.0));
         let is_even = mid.0 == (a.0 + b.0) / 2.0;
-        if !is_even || bend > (BEND * self.length_px).max(LEAST_PX) {
+        if !is_even || bend > (BEND * self.length_px).max(MIN_PX) {
             return None;
         }
         let light = (from.light + 4.0 * middle.light + to.light) / 6.0;
@@ -186,7 +186,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                 } else {
                     4.0 * self.course.reach_px
                 };
-                split = near && (bend > (BEND * length).max(LEAST_PX) || length > longest);
+                split = near && (bend > (BEND * length).max(MIN_PX) || length > longest);
                 // Of a parabola the fastest end is faster than the mean by 4 bend / length.
                 panels = (length + 4.0 * bend) / self.step_px();
             }
@@ -226,7 +226,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             }
             // A margin for the bend within a panel.
             let reach = self.course.reach_px + 1.0 + self.step_px();
-            let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
+            let ys = ends.map(|part| (self.position)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
             self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
         }
@@ -241,27 +241,27 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         (sigma_px, error): (f64, f64),
         samples: &mut Vec<Sample>,
     ) {
-        let place = |part: f64| (self.place)(from + (to - from) * part);
-        let [first, middle, last] = known.map(|place| place.at);
+        let position = |part: f64| (self.position)(from + (to - from) * part);
+        let [first, middle, last] = known.map(|position| position.at);
         let chord = [0, 1].map(|k| (first[k] + last[k]) / 2.0);
         let length = distance(first, middle) + distance(middle, last);
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
         // A few points cost no more than fitting a path.
         let is_short = rule::are_few(sigmas, error, WAY);
-        let path = (!is_short).then(|| Path::through(known, place, sigma_px * error));
+        let path = (!is_short).then(|| Path::through(known, position, sigma_px * error));
         let path = path.flatten();
         let weight = (to - from) / self.course.rows.exposure;
         samples.reserve(rule::most(sigmas));
         rule::points(sigmas, error, |part, share| {
             let at = match &path {
                 Some(path) => Some(path.at(part)),
-                None => place(part),
+                None => position(part),
             };
-            if let Some(place) = at {
+            if let Some(position) = at {
                 samples.push(Sample {
-                    at: place.at,
-                    weight: weight * share * place.light,
+                    at: position.at,
+                    weight: weight * share * position.light,
                     lit: Lit::ALL,
                     parts: Vec::new(),
                 });
@@ -292,10 +292,10 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     /// The light of the time from `from` to `to`.
     fn panel(&self, [from, to]: [f64; 2], lit: Lit, samples: &mut Vec<Sample>) {
         let weight = (to - from) / (self.course.rows.exposure * GAUSS.len() as f64);
-        let places = GAUSS.map(|g| (self.place)(from + (to - from) * g));
-        samples.extend(places.into_iter().flatten().map(|place| Sample {
-            at: place.at,
-            weight: weight * place.light,
+        let places = GAUSS.map(|g| (self.position)(from + (to - from) * g));
+        samples.extend(places.into_iter().flatten().map(|position| Sample {
+            at: position.at,
+            weight: weight * position.light,
             lit,
             parts: Vec::new(),
         }));
@@ -316,7 +316,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             return;
         }
         for (k, (point, weight)) in FOUR.into_iter().enumerate() {
-            let Some(place) = (self.place)(from + (to - from) * point) else {
+            let Some(position) = (self.position)(from + (to - from) * point) else {
                 continue;
             };
             let part = |ends: &[f64; 2]| {
@@ -326,8 +326,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             };
             let others = turns.others.iter();
             samples.push(Sample {
-                at: place.at,
-                weight: weight * (to - from) / self.course.rows.exposure * place.light,
+                at: position.at,
+                weight: weight * (to - from) / self.course.rows.exposure * position.light,
                 lit: turns.throughout,
                 parts: others.map(|(lit, ends)| (*lit, part(ends))).collect(),
             });

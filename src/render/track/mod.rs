@@ -7,18 +7,18 @@
 //! rows collect it together, a whole piece has a rule of higher order instead (`rule`).
 
 mod adaptive_sampling;
-mod course;
 mod path;
 mod rows;
 pub(crate) mod rule;
 mod sample;
+mod track_spec;
 
-pub use course::{Course, Even, Window};
 pub use rows::{Lit, Rows, Turns};
 pub use sample::{Place, Sample};
+pub use track_spec::{Even, TrackSpec, Window};
 
 use crate::fidelity::Fidelity;
-use adaptive_sampling::{DEPTH, LEAST_SIGMA_PX, Sampler, length};
+use adaptive_sampling::{DEPTH, MIN_SIGMA_PX, Sampler, length};
 
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,13 +33,13 @@ pub struct Track {
 
 impl Track {
     /// The track of an image that stands still.
-    pub fn still(place: Place) -> Track {
+    pub fn still(position: Place) -> Track {
         Track {
-            start: place.at,
-            end: place.at,
+            start: position.at,
+            end: position.at,
             samples: vec![Sample {
-                at: place.at,
-                weight: place.light,
+                at: position.at,
+                weight: position.light,
                 lit: Lit::ALL,
                 parts: Vec::new(),
             }],
@@ -63,20 +63,20 @@ impl Track {
     /// is behind the camera all the time.
     pub fn sample(
         place: impl Fn(f64) -> Option<Place>,
-        course: &Course,
+        track_spec: &TrackSpec,
         fidelity: &Fidelity,
     ) -> Option<Track> {
         let mut sampler = Sampler {
-            place: &place,
-            course,
+            position: &place,
+            course: track_spec,
             length_px: 0.0,
             even: None,
         };
         let knots = sampler.knots();
         let seen = knots
             .iter()
-            .filter_map(|(part, place)| Some((*part, (*place)?)));
-        let collects = |(part, place): &(f64, Place)| sampler.collects(*part, place.at[1]);
+            .filter_map(|(part, position)| Some((*part, (*position)?)));
+        let collects = |(part, position): &(f64, Place)| sampler.collects(*part, position.at[1]);
         let start = seen
             .clone()
             .find(collects)
@@ -101,15 +101,15 @@ impl Track {
         {
             return track(Track::still(mid).samples);
         }
-        if course.rows.are_together()
-            && sampler.length_px <= course.point_px
+        if track_spec.rows.are_together()
+            && sampler.length_px <= track_spec.point_px
             && let Some(point) = sampler.point(&knots)
         {
             return track(vec![point]);
         }
-        let even = course.even.filter(|_| course.rows.are_together());
+        let even = track_spec.even.filter(|_| track_spec.rows.are_together());
         sampler.even = even.map(|Even { sigma_px, height_e }| {
-            let sigma_px = sigma_px.max(LEAST_SIGMA_PX);
+            let sigma_px = sigma_px.max(MIN_SIGMA_PX);
             // Two pieces err where they meet.
             let error = fidelity.streak_error(sampler.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
@@ -120,7 +120,7 @@ impl Track {
             // piece needs no panels.
             [first, mid, last]
                 if mid.0 == (first.0 + last.0) / 2.0
-                    && (sampler.length_px <= course.panel_px || sampler.even.is_some()) =>
+                    && (sampler.length_px <= track_spec.panel_px || sampler.even.is_some()) =>
             {
                 sampler.piece_by(first, mid, last, DEPTH, &mut samples);
             }
@@ -140,7 +140,7 @@ mod tests {
 
     use super::*;
 
-    const COURSE: Course = Course {
+    const COURSE: TrackSpec = TrackSpec {
         pieces: 10,
         even: None,
         step_px: 0.35,
@@ -159,8 +159,12 @@ mod tests {
     };
 
     fn sample(at: impl Fn(f64) -> Option<[f64; 2]>, pieces: usize) -> Option<Track> {
-        let place = |t: f64| at(t).map(|at| Place { at, light: 1.0 });
-        Track::sample(place, &Course { pieces, ..COURSE }, &Fidelity::REALTIME)
+        let position = |t: f64| at(t).map(|at| Place { at, light: 1.0 });
+        Track::sample(
+            position,
+            &TrackSpec { pieces, ..COURSE },
+            &Fidelity::REALTIME,
+        )
     }
 
     fn light(track: &Track) -> f64 {
@@ -207,14 +211,14 @@ mod tests {
     fn a_short_track_is_one_panel_and_of_a_faint_source_one_point_of_the_same_light_and_centre() {
         let slow = |t: f64| Some([10.0 + 0.1 * t + 0.01 * t * t, 20.0 - 0.2 * t]);
         let two = sample(slow, 2).unwrap();
-        let place = |t: f64| slow(t).map(|at| Place { at, light: 0.5 + t });
+        let position = |t: f64| slow(t).map(|at| Place { at, light: 0.5 + t });
         let sampled = |point_px: f64| {
-            let course = Course {
+            let track_spec = TrackSpec {
                 pieces: 2,
                 point_px,
                 ..COURSE
             };
-            Track::sample(place, &course, &Fidelity::REALTIME).unwrap()
+            Track::sample(position, &track_spec, &Fidelity::REALTIME).unwrap()
         };
         let (panel, point) = (sampled(0.0), sampled(0.3));
         assert_eq!(
@@ -265,12 +269,12 @@ mod tests {
             exposure: 0.5,
             step: 0.5 / 255.0,
         };
-        let course = Course { rows, ..COURSE };
-        let place = |t: f64| {
+        let track_spec = TrackSpec { rows, ..COURSE };
+        let position = |t: f64| {
             let at = [100.0, 128.0 + 102.0 * (t - 0.5)];
             Some(Place { at, light: 1.0 })
         };
-        let track = Track::sample(place, &course, &Fidelity::REALTIME).unwrap();
+        let track = Track::sample(position, &track_spec, &Fidelity::REALTIME).unwrap();
         let open = rows.opens(track.start[1]);
         assert!((open - (0.5 + (track.start[1] - 128.0) / 102.0)).abs() < 1e-9);
         let exposed = (track.end[1] - track.start[1]) / 102.0;

@@ -16,13 +16,14 @@ impl Path {
     /// further place by more than `beside` px (or that part of its light).
     pub fn through(
         known: [Place; 3],
-        place: impl Fn(f64) -> Option<Place>,
+        position: impl Fn(f64) -> Option<Place>,
         beside: f64,
     ) -> Option<Path> {
         let [start, middle, end] = known;
-        let places = [start, place(0.25)?, middle, place(0.75)?, end];
-        let way = Path([0, 1, 2].map(|k| differences(places.map(|place| figures(&place)[k]))));
-        let (told, true_one) = (way.at(LOOK), place(LOOK)?);
+        let places = [start, position(0.25)?, middle, position(0.75)?, end];
+        let way =
+            Path([0, 1, 2].map(|k| differences(places.map(|position| figures(&position)[k]))));
+        let (told, true_one) = (way.at(LOOK), position(LOOK)?);
         let beside = beside.min(BESIDE_PX);
         let follows = distance(told.at, true_one.at) <= beside
             && (told.light - true_one.light).abs() <= beside * true_one.light;
@@ -46,8 +47,8 @@ impl Path {
     }
 }
 
-fn figures(place: &Place) -> [f64; 3] {
-    [place.at[0], place.at[1], place.light]
+fn figures(position: &Place) -> [f64; 3] {
+    [position.at[0], position.at[1], position.light]
 }
 
 /// Divided differences of values at 0, 1, 2, 3, 4.
@@ -69,9 +70,9 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    fn way(place: impl Fn(f64) -> Option<Place>) -> Option<Path> {
-        let known = [0.0, 0.5, 1.0].map(|t| place(t).unwrap());
-        Path::through(known, place, 1e-6)
+    fn way(position: impl Fn(f64) -> Option<Place>) -> Option<Path> {
+        let known = [0.0, 0.5, 1.0].map(|t| position(t).unwrap());
+        Path::through(known, position, 1e-6)
     }
 
     #[test]

@@ -22,9 +22,9 @@ const SPAN: f64 = 5.0;
 const SPACED: f64 = 4.5e-6;
 const WIDEST: f64 = 1.5;
 /// Equally spaced points are no more than some so many: a longer piece is cut before.
-const MOST_SPACED: f64 = 1e6;
+const MAX_SPACED: f64 = 1e6;
 /// Gauss's rules have at most so many points; more cost more than equally spaced ones.
-const MOST: usize = 11;
+const MAX: usize = 11;
 
 /// A Gauss rule on 0..1.
 struct Gauss {
@@ -49,7 +49,7 @@ static GAUSS: LazyLock<Vec<Gauss>> = LazyLock::new(|| {
             error: factorial(n) * halves.powi(3) * odd / ((2 * n + 1) as f64 * TAU.sqrt()),
         }
     };
-    (2..=MOST).map(gauss).collect()
+    (2..=MAX).map(gauss).collect()
 });
 
 /// The point `i` of Gauss's rule of `n` and its weight, on 0..1: a zero of Legendre's polynomial by
@@ -98,7 +98,7 @@ fn gauss(length: f64, error: f64) -> Option<&'static Gauss> {
 /// How many times the spacing of equally spaced points goes into a piece.
 fn steps(length: f64, error: f64) -> f64 {
     let widest = libm::pow(error.max(f64::EPSILON) / SPACED, 1.0 / 12.0).min(WIDEST);
-    nearest((length / widest).ceil(), 2.0 * SPAN..=MOST_SPACED)
+    nearest((length / widest).ceil(), 2.0 * SPAN..=MAX_SPACED)
 }
 
 /// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights,
@@ -127,7 +127,7 @@ pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
 
 /// About as many points as [`points`] gives for errors of some 1e-5.
 pub fn most(length: f64) -> usize {
-    MOST + length.clamp(0.0, 1e3) as usize
+    MAX + length.clamp(0.0, 1e3) as usize
 }
 
 /// How many points [`points`] gives.

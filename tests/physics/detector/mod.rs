@@ -10,8 +10,8 @@ use hifitime::Epoch;
 use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
-use skyloop::label::{MOST_SPOT_PIXELS, MOST_SPOTS, SpotLabel};
+use skyloop::engine::{Emulator, ExposedFrame};
+use skyloop::label::{ArtifactLabel, MAX_ARTIFACT_PIXELS, MAX_ARTIFACTS};
 use skyloop::load::Folder;
 
 /// A camera of 256 x 200 pixels; `lit`: whether light passes its optics.
@@ -57,13 +57,13 @@ fn emulator(text: &str) -> Emulator {
     Emulator::new(&mut config)
 }
 
-fn shoot(emulator: &mut Emulator, sequence: u32) -> Shot {
+fn expose(emulator: &mut Emulator, sequence: u32) -> ExposedFrame {
     let epoch = Epoch::from_str("2020-02-03T04:05:06 UTC").unwrap();
     // Towards Orion.
     let q = [0.649_519, 0.236_403, 0.247_087, 0.679_01];
     let norm = q.iter().map(|c: &f64| c * c).sum::<f64>().sqrt();
     let vehicle = VehicleState::new(sequence, epoch, q.map(|c| c / norm), [0.0; 3], None).unwrap();
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
@@ -87,7 +87,7 @@ fn photon_transfer_recovers_gain_and_read_noise() {
         emulator.camera_mut().exposure_s = exposure_s;
         let (mut means, mut variances) = (0.0, 0.0);
         for pair in 0..4 {
-            let [a, b] = [0, 1].map(|i| shoot(&mut emulator, sequence + 2 * pair + i).frame.dn);
+            let [a, b] = [0, 1].map(|i| expose(&mut emulator, sequence + 2 * pair + i).frame.dn);
             let pairs = a.iter().zip(&b);
             let both = || pairs.clone().map(|(a, b)| (f64::from(*a), f64::from(*b)));
             means += mean(both().map(|(a, b)| (a + b) / 2.0)) / 4.0;
@@ -115,17 +115,17 @@ fn photon_transfer_recovers_gain_and_read_noise() {
 
 #[test]
 fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
-    let shot = |celsius: f64| {
+    let exposed = |celsius: f64| {
         let keys = format!(
             "{PLAIN}\ndark_reference_c = 20.0\ntemperature_c = {celsius:?}\ndark_doubling_k = 6.0\n\
              dark_nonuniformity = 0.4\nhot_fraction = 0.01\nhot_e_s = 500.0"
         );
         let mut emulator = emulator(&text(false, &keys, ""));
         emulator.keep_expected = true;
-        shoot(&mut emulator, 1)
+        expose(&mut emulator, 1)
     };
-    let (warm, cold) = (shot(20.0), shot(8.0));
-    let all = |shot: &Shot| shot.frame.expected_e.clone().unwrap();
+    let (warm, cold) = (exposed(20.0), exposed(8.0));
+    let all = |exposed: &ExposedFrame| exposed.frame.expected_e.clone().unwrap();
     for (warm, cold) in all(&warm).iter().zip(all(&cold)) {
         assert!((warm / cold / 4.0 - 1.0).abs() < 1e-6, "{warm} {cold}");
     }
@@ -138,7 +138,7 @@ fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
     assert!((told / cold.label.background_e_px - 4.0).abs() < 1e-6);
     // Without the keys: the current of the file.
     let mut plain = emulator(&text(false, PLAIN, ""));
-    assert_eq!(shoot(&mut plain, 1).label.background_e_px, 4000.0);
+    assert_eq!(expose(&mut plain, 1).label.background_e_px, 4000.0);
 }
 
 #[test]
@@ -148,20 +148,20 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
          stuck_dn = 12345.0\ndead_fraction = 0.01"
     );
     let mut emulator = emulator(&text(false, &keys, ""));
-    let shot = shoot(&mut emulator, 3);
-    let at = |x: usize, y: usize| shot.frame.dn[y * 256 + x];
+    let exposed = expose(&mut emulator, 3);
+    let at = |x: usize, y: usize| exposed.frame.dn[y * 256 + x];
     assert_eq!((at(0, 0), at(3, 5)), (12345, 12345));
     // Offset 200 and read noise of 3.6 DN, against 1800 of their neighbours.
     for (x, y) in [(3, 4), (255, 199)] {
         assert!((180..220).contains(&at(x, y)), "{}", at(x, y));
     }
-    let pattern = &shot.camera.detector.pattern;
-    let dark = (0..51_200).filter(|i| shot.frame.dn[*i as usize] < 1000);
+    let pattern = &exposed.camera.detector.pattern;
+    let dark = (0..51_200).filter(|i| exposed.frame.dn[*i as usize] < 1000);
     let dead = pattern.dead();
     assert_eq!(dark.collect::<Vec<u32>>(), dead);
     assert!((400..640).contains(&dead.len()), "{}", dead.len());
     // Every one of them is in the label, and no other.
-    let spots = &shot.label.objects.spots;
+    let spots = &exposed.label.objects.spots;
     let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
     assert_eq!((named("dead"), named("stuck")), (dead.len(), 2));
     let stuck = spots.iter().find(|s| s.id == "stuck 3,5").unwrap();
@@ -175,19 +175,19 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
 fn a_list_that_is_cut_says_so() {
     // Of 51,200 pixels some 4,608 that are dead and as many that are stuck.
     let keys = format!("{PLAIN}\ndead_fraction = 0.09\nstuck_fraction = 0.09");
-    let whole = shoot(&mut emulator(&text(false, &keys, "")), 3);
-    assert!(whole.label.objects.spots.len() <= MOST_SPOTS);
+    let whole = expose(&mut emulator(&text(false, &keys, "")), 3);
+    assert!(whole.label.objects.spots.len() <= MAX_ARTIFACTS);
     assert!(!whole.json.contains("left_out"));
     let keys = format!("{keys}\nhot_fraction = 0.1\nhot_e_s = 500.0");
-    let shot = shoot(&mut emulator(&text(false, &keys, "")), 3);
-    let (pattern, label) = (&shot.camera.detector.pattern, &shot.label);
+    let exposed = expose(&mut emulator(&text(false, &keys, "")), 3);
+    let (pattern, label) = (&exposed.camera.detector.pattern, &exposed.label);
     // Those that show no light hide that they are hot.
     let blind = |pixel: &u32| pattern.dead().contains(pixel) || pattern.stuck().contains(pixel);
     let hot = pattern.hot().iter().filter(|(pixel, _)| !blind(pixel));
     let all = pattern.dead().len() + pattern.stuck().len() + hot.count();
-    assert!(all > MOST_SPOTS + 1000, "{all}");
-    assert_eq!(label.objects.spots.len(), MOST_SPOTS);
-    assert_eq!(label.spots_left_out, Some(all - MOST_SPOTS));
+    assert!(all > MAX_ARTIFACTS + 1000, "{all}");
+    assert_eq!(label.objects.spots.len(), MAX_ARTIFACTS);
+    assert_eq!(label.spots_left_out, Some(all - MAX_ARTIFACTS));
     // What is left out are the hot ones that are hardly so: of dead and stuck pixels, far from what they should be, none.
     let spots = &label.objects.spots;
     let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
@@ -198,9 +198,9 @@ fn a_list_that_is_cut_says_so() {
     let beyond = label.spots_left_out_snr.unwrap();
     let is_next = 0.0 < beyond && beyond <= least && least - beyond < 0.1;
     assert!(is_next, "{beyond} {least}");
-    let left_out = all - MOST_SPOTS;
+    let left_out = all - MAX_ARTIFACTS;
     let written = format!("\"spots_left_out\":{left_out},\"spots_left_out_snr\":");
-    assert!(shot.json.contains(&written));
+    assert!(exposed.json.contains(&written));
 }
 
 /// Particles of many pixels each are no more than a label's text has room for.
@@ -210,11 +210,14 @@ fn a_list_of_wide_particles_is_cut_by_their_pixels() {
     let table = "[radiation]\nflux_cm2_s = 5000.0\nthickness_um = 50.0\ndiffusion_um = 80.0";
     let mut emulator = emulator(&text(false, PLAIN, table));
     emulator.camera_mut().exposure_s = 1.0;
-    let label = shoot(&mut emulator, 1).label;
+    let label = expose(&mut emulator, 1).label;
     let spots = &label.objects.spots;
     let sum = spots.iter().map(|spot| spot.pixels.len()).sum::<usize>();
-    assert!(spots.len() < MOST_SPOTS && sum <= MOST_SPOT_PIXELS, "{sum}");
-    assert!(sum > MOST_SPOT_PIXELS * 9 / 10, "{sum}");
+    assert!(
+        spots.len() < MAX_ARTIFACTS && sum <= MAX_ARTIFACT_PIXELS,
+        "{sum}"
+    );
+    assert!(sum > MAX_ARTIFACT_PIXELS * 9 / 10, "{sum}");
     assert!(label.spots_left_out.unwrap() > 100);
     let least = spots.iter().map(|spot| spot.snr);
     let least = least.fold(f64::INFINITY, f64::min);
@@ -226,15 +229,15 @@ fn a_list_of_wide_particles_is_cut_by_their_pixels() {
 fn particles_beyond_the_most_that_are_drawn_are_counted() {
     let table = "[radiation]\nflux_cm2_s = 1e5\nthickness_um = 1.0";
     let mut emulator = emulator(&text(false, PLAIN, table));
-    assert_eq!(shoot(&mut emulator, 1).label.particles_left_out, None);
+    assert_eq!(expose(&mut emulator, 1).label.particles_left_out, None);
     emulator.camera_mut().exposure_s = 10.0;
-    let shot = shoot(&mut emulator, 2);
+    let exposed = expose(&mut emulator, 2);
     // 51,200 pixels of 26 um, 10 s: 1e5 * 0.346112 * 10, of which 1e5 are drawn.
-    let left_out = shot.label.particles_left_out.unwrap();
+    let left_out = exposed.label.particles_left_out.unwrap();
     assert!((left_out - 246_112.0).abs() < 1.0, "{left_out}");
     // Of those, the label lists a tenth; some left no whole electron.
-    assert_eq!(shot.label.objects.spots.len(), MOST_SPOTS);
-    let drawn = shot.label.spots_left_out.unwrap() + MOST_SPOTS;
+    assert_eq!(exposed.label.objects.spots.len(), MAX_ARTIFACTS);
+    let drawn = exposed.label.spots_left_out.unwrap() + MAX_ARTIFACTS;
     assert!((90_000..101_000).contains(&drawn), "{drawn}");
 }
 
@@ -250,7 +253,7 @@ fn stars_that_spill_keep_their_charge() {
         emulator.keep_expected = true;
         emulator.choice.noise = false;
         emulator.camera_mut().exposure_s = 0.05;
-        let frame = shoot(&mut emulator, 3).frame;
+        let frame = expose(&mut emulator, 3).frame;
         (frame.expected_e.unwrap(), frame.charge_e.unwrap())
     };
     let (expected, spilled) = charge("column");
@@ -270,8 +273,8 @@ fn stars_that_spill_keep_their_charge() {
     }
 }
 
-fn particles(shot: &Shot) -> impl Iterator<Item = &SpotLabel> {
-    let spots = shot.label.objects.spots.iter();
+fn particles(exposed: &ExposedFrame) -> impl Iterator<Item = &ArtifactLabel> {
+    let spots = exposed.label.objects.spots.iter();
     spots.filter(|spot| spot.kind == "radiation")
 }
 
@@ -285,9 +288,9 @@ fn particles_are_in_the_pixels_that_the_label_says() {
     });
     let mut numbers = Vec::new();
     for sequence in 0..40 {
-        let with = shoot(&mut exposed, sequence);
-        let without = shoot(&mut sheltered, sequence);
-        let charge = |shot: &Shot| shot.frame.charge_e.clone().unwrap().into_iter();
+        let with = expose(&mut exposed, sequence);
+        let without = expose(&mut sheltered, sequence);
+        let charge = |exposed: &ExposedFrame| exposed.frame.charge_e.clone().unwrap().into_iter();
         // The other noise is the same, so that the difference is the particles' charge alone.
         let both = charge(&with).zip(charge(&without));
         let left = both.map(|(with, without)| f64::from(with) - f64::from(without));
@@ -313,8 +316,8 @@ fn particles_are_in_the_pixels_that_the_label_says() {
     let differ = numbers.iter().any(|n| *n != numbers[0]);
     assert!(differ, "the same in every frame");
     // The same frame again, and none of it where noise is off.
-    assert_eq!(shoot(&mut exposed, 7).frame, shoot(&mut exposed, 7).frame);
+    assert_eq!(expose(&mut exposed, 7).frame, expose(&mut exposed, 7).frame);
     exposed.choice.noise = false;
-    let calm = shoot(&mut exposed, 7);
+    let calm = expose(&mut exposed, 7);
     assert_eq!(particles(&calm).count(), 0);
 }

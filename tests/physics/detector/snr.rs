@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use skyloop::camera::Camera;
 use skyloop::label::ObjectLabel;
 
-use super::{emulator, mean, shoot, text};
+use super::{emulator, expose, mean, text};
 
 /// A star's matched filter, and what it made of the frames.
 struct Filter {
@@ -74,7 +74,7 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
     emulator.camera_mut().exposure_s = exposure_s;
     emulator.keep_expected = true;
     emulator.choice.noise = false;
-    let still = shoot(&mut emulator, 0);
+    let still = expose(&mut emulator, 0);
     emulator.keep_expected = false;
     emulator.choice.noise = true;
     let expected = still.frame.expected_e.unwrap();
@@ -96,7 +96,7 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
     }
     assert!(filters.len() > 20, "{}", filters.len());
     for sequence in 1..=frames {
-        let dn = shoot(&mut emulator, sequence).frame.dn;
+        let dn = expose(&mut emulator, sequence).frame.dn;
         for filter in &mut filters {
             let (mut top, mut bottom) = (0.0, 0.0);
             for (i, signal, without, weight) in &filter.pixels {
@@ -169,13 +169,13 @@ stuck_dn = 500.0";
     let table = "[radiation]\nflux_cm2_s = 300.0\nthickness_um = 20.0\ndiffusion_um = 8.0";
     let mut emulator = emulator(&text(true, keys, table));
     emulator.keep_expected = true;
-    let shot = shoot(&mut emulator, 3);
-    let expected = shot.frame.expected_e.unwrap();
-    let pattern = &shot.camera.detector.pattern;
+    let exposed = expose(&mut emulator, 3);
+    let expected = exposed.frame.expected_e.unwrap();
+    let pattern = &exposed.camera.detector.pattern;
     let hot: HashMap<usize, f64> = (pattern.hot().iter())
         .map(|(pixel, excess)| (*pixel as usize, f64::from(*excess)))
         .collect();
-    let spots = &shot.label.objects.spots;
+    let spots = &exposed.label.objects.spots;
     let mut struck = vec![0.0; expected.len()];
     let index = |[x, y, _]: &[i64; 3]| (y * 256 + x) as usize;
     for spot in spots.iter().filter(|spot| spot.kind == "radiation") {

@@ -64,9 +64,9 @@ fn every_level_draws_what_single_pixels_draw() {
             assert_eq!(pixels, single, "{level:?}");
             kernels::read_noise(level, KEY, 6, first, sigma, &mut pixels);
             assert_eq!(pixels, read, "{level:?}");
-            let mut dn = vec![7; count];
-            kernels::digitise(level, &converter, &pixels, &mut dn);
-            assert_eq!(dn, dn, "{level:?}");
+            let mut digitised = vec![7; count];
+            kernels::digitise(level, &converter, &pixels, &mut digitised);
+            assert_eq!(digitised, dn, "{level:?}");
         }
     }
     for e in [f32::NAN, f32::NEG_INFINITY, -1e9] {

@@ -39,10 +39,10 @@ fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
     let psf = |shape| Psf::new(shape, Variation::default());
     camera.optics.psf = psf(Shape::Gaussian(0.3));
     let vehicle = turning(0.0);
-    let centred = emulator.shoot(&vehicle, 0).unwrap().label.objects;
+    let centred = emulator.expose(&vehicle, 0).unwrap().label.objects;
     emulator.camera_mut().optics.psf = psf(Shape::Images(Arc::new(images)));
-    let shot = emulator.shoot(&vehicle, 0).unwrap();
-    let moved = &shot.label.objects;
+    let exposed = emulator.expose(&vehicle, 0).unwrap();
+    let moved = &exposed.label.objects;
     assert!(moved.len() > 100);
     for moved in moved {
         let before = centred.iter().find(|object| object.id == moved.id);

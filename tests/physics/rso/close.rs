@@ -49,7 +49,7 @@ fn an_object_nearer_than_its_own_way_is_seen() {
             reach_m: f64::INFINITY,
         };
         let there = population.in_field(&field, &corrections, Orbits::Tracked);
-        assert!(there.news.is_empty(), "{:?}", there.news);
+        assert!(there.notices.is_empty(), "{:?}", there.notices);
         let objects = there.objects;
         // At its end.
         let in_field = |line: Vector3<f64>| line.angle(&Vector3::x()) < angle;
@@ -83,7 +83,7 @@ fn an_object_faster_than_the_earth_holds_is_seen_where_it_ends() {
     };
     let seen = |start| {
         let there = population(start).in_field(&field, &Corrections::default(), Orbits::Tracked);
-        assert!(there.news.is_empty(), "{:?}", there.news);
+        assert!(there.notices.is_empty(), "{:?}", there.notices);
         there.objects.len()
     };
     assert_eq!(seen(start), 1);

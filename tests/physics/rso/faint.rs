@@ -18,7 +18,7 @@ const PLACE_KM: [f64; 3] = [0.0, 7000.0, 0.0];
 const VELOCITY_KM_S: [f64; 3] = [-7.5, 0.0, 0.0];
 const BEYOND_KM: f64 = 1000.0;
 /// Objects of these diameters, m, each by a third larger.
-const LEAST_M: f64 = 1e-3;
+const MIN_M: f64 = 1e-3;
 const OBJECTS: i32 = 40;
 
 fn mid() -> Epoch {
@@ -42,7 +42,7 @@ fn listed(fidelity: Fidelity, rate: f64) -> Vec<String> {
         let objects = oem::oem(&id, mid(), oem::falling(there, velocity));
         config.objects.extend(objects);
         let sphere = Sphere {
-            diameter_m: LEAST_M * (4.0_f64 / 3.0).powi(i),
+            diameter_m: MIN_M * (4.0_f64 / 3.0).powi(i),
             ..Sphere::default()
         };
         config.looks.insert(id, Look::Sphere(sphere));
@@ -60,7 +60,7 @@ fn listed(fidelity: Fidelity, rate: f64) -> Vec<String> {
         sequence: 0,
     };
     let mut emulator = Emulator::new(&mut config);
-    let objects = emulator.shoot(&vehicle, 0).unwrap().label.objects;
+    let objects = emulator.expose(&vehicle, 0).unwrap().label.objects;
     objects.iter().map(|object| object.id.clone()).collect()
 }
 

@@ -271,7 +271,7 @@ fn satellites_stand_still_and_the_one_given_up_drifts() {
     let mut frames = Frames::of(fixtures::scene("geo-belt-stare"));
     let last = frames.mission.frames - 1;
     let mut places = |number: u32| {
-        let sources = frames.shoot(number).label.objects.sources;
+        let sources = frames.expose(number).label.objects.sources;
         let rsos = sources.into_iter().filter(|source| source.kind == "rso");
         let named = rsos.map(|rso| (rso.names[0].clone(), [rso.x_px, rso.y_px]));
         named.collect::<std::collections::BTreeMap<_, _>>()

@@ -5,14 +5,14 @@ use crate::fixtures::{Frames, camera, cropped, scene, towards};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::{Camera, Stray};
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::load::CAMERAS;
 use skyloop::sky::bodies::Bodies;
 
 const EPOCH: &str = "2031-01-27T18:11:12.5 UTC";
 
 /// A frame of a small part of a camera, 150 degrees from the Sun, whose optics scatter this part of its light.
-fn shoot(mut camera: Camera, scatter: f64, off: &[&'static str]) -> Shot {
+fn expose(mut camera: Camera, scatter: f64, off: &[&'static str]) -> ExposedFrame {
     camera.optics.stray = Stray::new(&[[0.1, scatter], [3.1, scatter]], 0.0);
     let mut config = Config::defaults().unwrap();
     config.camera = cropped(camera, 64);
@@ -26,7 +26,7 @@ fn shoot(mut camera: Camera, scatter: f64, off: &[&'static str]) -> Shot {
     let side = sun.cross(&nalgebra::Vector3::z()).normalize();
     let look = side * 0.5 - sun * 0.75_f64.sqrt();
     let vehicle = VehicleState::new(1, epoch, towards(&look), [0.0; 3], None).unwrap();
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
 /// Charge from which a pixel shows no more, e-.
@@ -38,16 +38,20 @@ fn full_e(camera: &Camera) -> f64 {
 
 /// The rules of every label, `floods` being the effect that the light comes from. Whether the frame is full is seen by its own expected
 /// electrons, which are before any full well.
-fn check(shot: &Shot, floods: &str, what: &str) {
-    let label = &shot.label;
-    let expected = shot.frame.expected_e.as_ref().unwrap();
+fn check(exposed: &ExposedFrame, floods: &str, what: &str) {
+    let label = &exposed.label;
+    let expected = exposed.frame.expected_e.as_ref().unwrap();
     let least = f64::from(expected.iter().copied().fold(f32::INFINITY, f32::min));
-    let is_full = least >= full_e(&shot.camera);
+    let is_full = least >= full_e(&exposed.camera);
     let flooded_by = is_full.then_some(floods);
     assert_eq!(label.flooded_by, flooded_by, "{what}: {least}");
     let is_empty = label.objects.is_empty();
     assert_eq!(label.no_objects.is_some(), is_empty, "{what}");
-    assert_eq!(shot.json.contains("\"no_objects\":\""), is_empty, "{what}");
+    assert_eq!(
+        exposed.json.contains("\"no_objects\":\""),
+        is_empty,
+        "{what}"
+    );
     let Some(why) = &label.no_objects else { return };
     let full = format!("every pixel is full: {floods}");
     let faint = "signal-to-noise ratio of 1 or more";
@@ -61,17 +65,17 @@ fn a_label_without_objects_says_why_at_every_level_of_light() {
     for name in CAMERAS {
         let camera = || camera(name);
         let full_e = full_e(&camera());
-        let unit = shoot(camera(), 1e-6, &[]).label.background_e_px;
-        let none = shoot(camera(), 0.0, &[]).label.background_e_px;
+        let unit = expose(camera(), 1e-6, &[]).label.background_e_px;
+        let none = expose(camera(), 0.0, &[]).label.background_e_px;
         let levels = [
             0.5, 0.8, 0.9, 0.97, 1.03, 1.1, 1.27, 1.5, 1.9, 2.1, 3.0, 4.0,
         ];
         for wells in levels {
             let scatter = 1e-6 * (wells * full_e - none) / (unit - none);
-            let shot = shoot(camera(), scatter, &[]);
+            let exposed = expose(camera(), scatter, &[]);
             let what = format!("{name} at {wells} full wells");
-            check(&shot, "sunlight", &what);
-            let is_empty = shot.label.objects.is_empty();
+            check(&exposed, "sunlight", &what);
+            let is_empty = exposed.label.objects.is_empty();
             blinded += u32::from(is_empty && (1.1..2.0).contains(&wells));
             seeing += u32::from(!is_empty && wells < 1.0);
         }
@@ -86,10 +90,10 @@ fn dark_charge_and_frames_that_are_full_in_part_are_told() {
     let mut camera = camera("cots-wide");
     for wells in [0.9, 1.1] {
         camera.exposure_s = wells * full_e(&camera) / camera.detector.dark_e_s;
-        let shot = shoot(camera.clone(), 0.0, &["sunlight"]);
+        let exposed = expose(camera.clone(), 0.0, &["sunlight"]);
         let what = format!("dark charge of {wells} full wells");
-        check(&shot, "dark current", &what);
-        assert_eq!(shot.label.flooded_by.is_some(), wells > 1.0);
+        check(&exposed, "dark current", &what);
+        assert_eq!(exposed.label.flooded_by.is_some(), wells > 1.0);
     }
 
     for (times, part) in [
@@ -98,9 +102,9 @@ fn dark_charge_and_frames_that_are_full_in_part_are_told() {
     ] {
         let mut config = scene("limb-by-day.toml");
         config.camera.exposure_s *= times;
-        let shot = Frames::of(config).shoot(0);
-        let why = shot.label.no_objects.unwrap();
+        let exposed = Frames::of(config).expose(0);
+        let why = exposed.label.no_objects.unwrap();
         assert!(why.contains(part), "{why}");
-        assert_eq!(shot.label.flooded_by, None);
+        assert_eq!(exposed.label.flooded_by, None);
     }
 }

@@ -6,17 +6,17 @@ use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::label::ObjectLabel;
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::{Corrections, Observer};
 use std::f64::consts::PI;
 
 /// A frame of one scene with those effects alone.
-fn shoot(scene: &str, frame: u32, effects: &[&str]) -> Shot {
+fn expose(scene: &str, frame: u32, effects: &[&str]) -> ExposedFrame {
     let mut frames = Frames::of(fixtures::scene(scene));
     only(&mut frames.emulator, effects);
-    frames.shoot(frame)
+    frames.expose(frame)
 }
 
 pub fn only(emulator: &mut Emulator, effects: &[&str]) {
@@ -27,14 +27,14 @@ pub fn only(emulator: &mut Emulator, effects: &[&str]) {
 }
 
 /// A frame of a small camera at the Earth's centre that looks along `direction`.
-fn look(camera: Camera, epoch: &str, direction: Vector3<f64>, effects: &[&str]) -> Shot {
+fn look(camera: Camera, epoch: &str, direction: Vector3<f64>, effects: &[&str]) -> ExposedFrame {
     let mut config = Config::defaults().unwrap();
     config.camera = camera;
     let mut emulator = Emulator::new(&mut config);
     only(&mut emulator, effects);
     let (epoch, q) = (epoch.parse().unwrap(), towards(&direction));
     let vehicle = VehicleState::new(0, epoch, q, [0.0; 3], None).unwrap();
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
 /// An observer at rest at a place (GCRF, m).
@@ -58,16 +58,16 @@ fn of_radiance(radiance: f64, camera: &Camera) -> f64 {
 }
 
 /// The label of the Moon.
-pub fn moon(shot: &Shot) -> &ObjectLabel {
-    let mut objects = shot.label.objects.iter();
+pub fn moon(exposed: &ExposedFrame) -> &ObjectLabel {
+    let mut objects = exposed.label.objects.iter();
     objects.find(|object| object.kind == "moon").unwrap()
 }
 
 /// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs.
 /// (1), (2).
-pub fn all_e(shot: &Shot) -> f64 {
-    let camera = &shot.camera;
-    let light = 10f64.powf(-0.4 * moon(shot).mag);
+pub fn all_e(exposed: &ExposedFrame) -> f64 {
+    let camera = &exposed.camera;
+    let light = 10f64.powf(-0.4 * moon(exposed).mag);
     camera.electrons_per_second_at_zero() * light * camera.exposure_s
 }
 
@@ -75,18 +75,18 @@ fn rigel() -> Camera {
     cropped(camera("rigel-l"), 64)
 }
 
-pub fn expected(shot: &Shot) -> &[f32] {
-    shot.frame.expected_e.as_deref().unwrap()
+pub fn expected(exposed: &ExposedFrame) -> &[f32] {
+    exposed.frame.expected_e.as_deref().unwrap()
 }
 
 /// Sum and centre of a frame's expected electrons.
-pub fn moments(shot: &Shot) -> (f64, [f64; 2]) {
+pub fn moments(exposed: &ExposedFrame) -> (f64, [f64; 2]) {
     let (mut sum, mut centre) = (0.0, [0.0; 2]);
-    for (i, e) in expected(shot).iter().enumerate() {
+    for (i, e) in expected(exposed).iter().enumerate() {
         let e = f64::from(*e);
         sum += e;
-        centre[0] += e * (i % shot.frame.width) as f64;
-        centre[1] += e * (i / shot.frame.width) as f64;
+        centre[0] += e * (i % exposed.frame.width) as f64;
+        centre[1] += e * (i / exposed.frame.width) as f64;
     }
     (sum, centre.map(|c| c / sum))
 }
@@ -115,20 +115,20 @@ fn zodiacal_light_is_the_tables_in_electrons() {
         let arcsec2 = (180.0 * 3600.0 / PI).powi(2);
         let radiance = camera.optics.band.zero_point() * 10f64.powf(-0.4 * m) * arcsec2;
         let e = of_radiance(radiance, &camera);
-        let shot = look(camera, EPOCH, direction, &["zodiacal light"]);
-        let seen = f64::from(expected(&shot)[32 * 64 + 32]);
+        let exposed = look(camera, EPOCH, direction, &["zodiacal light"]);
+        let seen = f64::from(expected(&exposed)[32 * 64 + 32]);
         // The Earth was 1.014 au from the Sun: 2.3 times that is 3 % less.
         let is_met = (seen / e / 0.968 - 1.0).abs() < 0.02;
         assert!(is_met, "{s10}: {seen} e-, {e} by hand");
-        assert!(shot.label.background_e_px > 0.9 * seen);
+        assert!(exposed.label.background_e_px > 0.9 * seen);
     }
 }
 
 /// Albedo times the solar constant in the band, of a Lambert surface, as it is seen from straight above.
 #[test]
 fn the_day_earth_fills_a_frame_with_what_its_albedo_demands() {
-    let shot = shoot("earth-by-day.toml", 0, &["earth", "limb"]);
-    let (camera, detector) = (&shot.camera, &shot.camera.detector);
+    let exposed = expose("earth-by-day.toml", 0, &["earth", "limb"]);
+    let (camera, detector) = (&exposed.camera, &exposed.camera.detector);
     // X-Val: Meftah et al. 2018 (A&A 611, A1): 1361 W/m^2, of which a black body of 5772 K has its photons.
     let planck =
         |w: f64| 2.0 * PI * 299_792_458.0 / w.powi(4) / (0.014_387_768_77 / (w * 5772.0)).exp_m1();
@@ -143,20 +143,20 @@ fn the_day_earth_fills_a_frame_with_what_its_albedo_demands() {
     let radiance = 0.3 * sun * cos / PI / (1.0141 * 1.0141);
     let e = of_radiance(radiance, camera);
     let middle = detector.height / 2 * detector.width + detector.width / 2;
-    let seen = f64::from(expected(&shot)[middle]);
+    let seen = f64::from(expected(&exposed)[middle]);
     assert!((seen / e - 1.0).abs() < 0.05, "{seen} e-, {e} by hand");
 }
 
 #[test]
 fn the_moons_light_and_centre_are_its_labels() {
     for scene in ["moon-in-field.toml", "limb-by-night.toml"] {
-        let shot = shoot(scene, 0, &["moon", "smear"]);
-        let (sum, centre) = moments(&shot);
-        let moon = moon(&shot);
+        let exposed = expose(scene, 0, &["moon", "smear"]);
+        let (sum, centre) = moments(&exposed);
+        let moon = moon(&exposed);
         let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
         assert!(off < 2e-3, "{scene}: {off} px");
         assert!((sum / moon.electrons - 1.0).abs() < 1e-4, "{scene}: {sum}");
-        assert!((moon.electrons / all_e(&shot) - 1.0).abs() < 1e-6);
+        assert!((moon.electrons / all_e(&exposed) - 1.0).abs() < 1e-6);
     }
 }
 
@@ -164,14 +164,14 @@ fn the_moons_light_and_centre_are_its_labels() {
 #[test]
 fn the_earth_hides_what_is_behind_it() {
     let effects = ["zodiacal light", "starlight", "stars"];
-    let shot = shoot("limb-by-night.toml", 0, &effects);
-    let (width, height) = (shot.frame.width, shot.frame.height);
-    let e = expected(&shot);
+    let exposed = expose("limb-by-night.toml", 0, &effects);
+    let (width, height) = (exposed.frame.width, exposed.frame.height);
+    let e = expected(&exposed);
     // The lower rows see the ground.
     let ground: f32 = e[(height - 40) * width..].iter().sum();
     assert_eq!(ground, 0.0);
     assert!(e[..width].iter().all(|e| *e > 50.0));
-    let stars = || shot.label.objects.iter();
+    let stars = || exposed.label.objects.iter();
     let hidden = stars().filter(|star| star.reason.as_deref() == Some("behind the Earth"));
     let below = hidden.map(|star| star.y_px).fold(f64::INFINITY, f64::min);
     let seen = stars().filter(|star| star.visible);
@@ -184,15 +184,15 @@ fn the_earth_hides_what_is_behind_it() {
 #[test]
 fn within_its_exclusion_angle_the_sun_fills_every_pixel_and_the_label_says_so() {
     let effects = ["sunlight", "stars", "full well"];
-    let [outside, inside] = [0, 7].map(|frame| shoot("near-sun.toml", frame, &effects));
+    let [outside, inside] = [0, 7].map(|frame| expose("near-sun.toml", frame, &effects));
     let detector = &inside.camera.detector;
-    for (shot, is_inside) in [(&outside, false), (&inside, true)] {
-        let label = &shot.label;
+    for (exposed, is_inside) in [(&outside, false), (&inside, true)] {
+        let label = &exposed.label;
         assert_eq!(
             (label.sun_excluded, label.sun_deg < 30.0),
             (is_inside, is_inside)
         );
-        let full = shot
+        let full = exposed
             .frame
             .dn
             .iter()
@@ -202,7 +202,7 @@ fn within_its_exclusion_angle_the_sun_fills_every_pixel_and_the_label_says_so() 
     // Nothing is seen in it.
     assert!(inside.label.objects.iter().all(|object| !object.visible));
     // The veil outside: the same on all pixels, E PST A QE t.
-    let veil = shoot("near-sun.toml", 0, &["sunlight"]);
+    let veil = expose("near-sun.toml", 0, &["sunlight"]);
     let optics = &veil.camera.optics;
     let scattered = optics.stray.pst(veil.label.sun_deg.to_radians());
     let sunlight = optics.band.sun_irradiance() / (1.0141 * 1.0141) * scattered;

@@ -5,7 +5,7 @@ use crate::fixtures::{camera, cropped, towards};
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::sky::Corrections;
 use skyloop::sky::moon::MoonDisc;
 use skyloop::sky::shadow::Earth;
@@ -29,13 +29,13 @@ fn disc(epoch: &str, position_m: Vector3<f64>) -> MoonDisc {
 const SHORT_S: f64 = 1e-3;
 
 /// A camera that has the Moon so many pixels across in the middle of so many, and moves by some; at the Earth's centre, or at a place.
-fn shoot_from(
+fn expose_from(
     place: Option<Vector3<f64>>,
     epoch: &str,
     across_px: f64,
     pixels: usize,
     [motion_px, exposure_s]: [f64; 2],
-) -> Shot {
+) -> ExposedFrame {
     let disc = disc(epoch, place.unwrap_or(Vector3::zeros()));
     let mut camera = cropped(camera("rigel-l"), pixels);
     camera.optics.focal_px = across_px / (2.0 * disc.angular_radius);
@@ -49,11 +49,11 @@ fn shoot_from(
     let orbit = place.map(|position| (position.into(), [0.0; 3]));
     let epoch = epoch.parse().unwrap();
     let vehicle = VehicleState::new(0, epoch, q, [0.0, rate, 0.0], orbit).unwrap();
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
-fn shoot(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> Shot {
-    shoot_from(None, epoch, across_px, pixels, [motion_px, SHORT_S])
+fn expose(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> ExposedFrame {
+    expose_from(None, epoch, across_px, pixels, [motion_px, SHORT_S])
 }
 
 /// `mu0 / (mu0 + mu)` over its integral, for a place on the disc (radii of it, camera axes).
@@ -68,15 +68,15 @@ fn law(disc: &MoonDisc, to_sun: &Vector3<f64>, [x, y]: [f64; 2]) -> f64 {
 
 /// The greatest difference between pixels and the law, of what it has in the middle; of those that are further than some pixels from limb and
 /// terminator, where it bends.
-fn worst(shot: &Shot, epoch: &str, across_px: f64) -> (f64, usize) {
+fn worst(exposed: &ExposedFrame, epoch: &str, across_px: f64) -> (f64, usize) {
     let disc = disc(epoch, Vector3::zeros());
-    let q = shot.label.q_icrf_to_body;
+    let q = exposed.label.q_icrf_to_body;
     let to_sun = Attitude::from_xyzw(q).unwrap().rotate(&disc.to_sun);
-    let (pixels, radius) = (shot.camera.detector.width, across_px / 2.0);
+    let (pixels, radius) = (exposed.camera.detector.width, across_px / 2.0);
     let middle = (pixels as f64 - 1.0) / 2.0;
-    let scale_e = all_e(shot) / (radius * radius);
+    let scale_e = all_e(exposed) / (radius * radius);
     let (mut worst, mut compared) = (0.0f64, 0);
-    for (i, e) in expected(shot).iter().enumerate() {
+    for (i, e) in expected(exposed).iter().enumerate() {
         let [x, y] = [i % pixels, i / pixels].map(|k| (k as f64 - middle) / radius);
         let wanted = law(&disc, &to_sun, [x, y]) * scale_e;
         let sunlit = Vector3::new(x, y, -(1.0 - x * x - y * y).max(0.0).sqrt()).dot(&to_sun);
@@ -96,8 +96,8 @@ fn a_large_disc_is_as_smooth_as_its_law() {
         (QUARTER, 1000.0, 512),
         (FULL, 2000.0, 512),
     ] {
-        let shot = shoot(epoch, across_px, pixels, 0.0);
-        let (worst, compared) = worst(&shot, epoch, across_px);
+        let exposed = expose(epoch, across_px, pixels, 0.0);
+        let (worst, compared) = worst(&exposed, epoch, across_px);
         println!("{epoch}, {across_px} px: {worst:.2e} over {compared} pixels");
         assert!(worst < 2e-3, "{epoch}, {across_px}: {worst}");
         assert!(compared > 8_000, "{compared}");
@@ -115,18 +115,18 @@ fn a_large_disc_has_the_light_and_the_centre_of_its_label() {
         (CRESCENT, 0.0, 0.25, 3e-3),
     ] {
         for (across_px, pixels) in [(200.0, 260), (480.0, 560)] {
-            let shot = shoot(epoch, across_px, pixels, motion_px);
-            let (sum, centre) = moments(&shot);
-            let moon = moon(&shot);
+            let exposed = expose(epoch, across_px, pixels, motion_px);
+            let (sum, centre) = moments(&exposed);
+            let moon = moon(&exposed);
             let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
             let light = sum / moon.electrons - 1.0;
             let what = format!("{epoch}, {across_px} px, {motion_px} px/s: {light} {off} px");
             println!("{what}");
             assert!(light.abs() < tolerance && off < off_px, "{what}");
-            assert!((moon.electrons / all_e(&shot) - 1.0).abs() < 1e-6);
+            assert!((moon.electrons / all_e(&exposed) - 1.0).abs() < 1e-6);
             // Ten pixels beside the limb, across the motion.
             let row = (pixels as f64 / 2.0 - across_px / 2.0 - 10.0) as usize;
-            let e = expected(&shot);
+            let e = expected(&exposed);
             let beside = e[row * pixels + centre[0] as usize];
             let brightest = e.iter().copied().fold(0.0, f32::max);
             assert!(beside < 1e-3 * brightest, "{beside} {brightest}");
@@ -150,10 +150,10 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
     }
     let place = at(up);
     for (place, epoch) in [(Some(place), FULL), (None, ECLIPSE)] {
-        let shot = shoot_from(place, epoch, 480.0, 560, [0.0, SHORT_S]);
-        let (sum, centre) = moments(&shot);
-        let moon = moon(&shot);
-        let part = moon.electrons / all_e(&shot);
+        let exposed = expose_from(place, epoch, 480.0, 560, [0.0, SHORT_S]);
+        let (sum, centre) = moments(&exposed);
+        let moon = moon(&exposed);
+        let part = moon.electrons / all_e(&exposed);
         let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
         let light = sum / moon.electrons - 1.0;
         let what = format!("{epoch}: {part}, {light} {off} px");
@@ -166,10 +166,10 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
 #[test]
 fn a_moon_that_fills_the_frame_is_in_the_label() {
     for (exposure_s, is_full) in [(SHORT_S, false), (1.0, true)] {
-        let shot = shoot_from(None, FULL, 1000.0, 256, [0.0, exposure_s]);
-        let most = (1u32 << shot.camera.detector.bits) - 1;
-        let full = shot.frame.dn.iter().all(|dn| u32::from(*dn) == most);
+        let exposed = expose_from(None, FULL, 1000.0, 256, [0.0, exposure_s]);
+        let most = (1u32 << exposed.camera.detector.bits) - 1;
+        let full = exposed.frame.dn.iter().all(|dn| u32::from(*dn) == most);
         assert_eq!(full, is_full);
-        assert_eq!(moon(&shot).snr == 0.0, is_full);
+        assert_eq!(moon(&exposed).snr == 0.0, is_full);
     }
 }

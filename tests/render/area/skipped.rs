@@ -3,17 +3,17 @@
 use super::frames::expected;
 use crate::fixtures::{Frames, cropped, scene};
 use skyloop::camera::Stray;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::Fidelity;
 
 /// A frame with its expected electrons.
-fn shoot(frames: &mut Frames, number: u32) -> Shot {
+fn expose(frames: &mut Frames, number: u32) -> ExposedFrame {
     frames.emulator.keep_expected = true;
-    frames.shoot(number)
+    frames.expose(number)
 }
 
-fn runs(shot: &Shot, name: &str) -> (bool, String) {
-    let effects = &shot.label.effects;
+fn runs(exposed: &ExposedFrame, name: &str) -> (bool, String) {
+    let effects = &exposed.label.effects;
     let effect = effects.iter().find(|e| e.effect == name).unwrap();
     (effect.run, effect.why.to_string())
 }
@@ -21,22 +21,22 @@ fn runs(shot: &Shot, name: &str) -> (bool, String) {
 #[test]
 fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
     let mut near_sun = Frames::of(scene("near-sun.toml"));
-    let shot = shoot(&mut near_sun, 7);
-    assert_eq!(shot.label.flooded_by, Some("sunlight"));
-    assert!(runs(&shot, "sunlight").0);
+    let exposed = expose(&mut near_sun, 7);
+    assert_eq!(exposed.label.flooded_by, Some("sunlight"));
+    assert!(runs(&exposed, "sunlight").0);
     for name in ["stars", "zodiacal light", "starlight", "pixel response"] {
-        let (run, why) = runs(&shot, name);
+        let (run, why) = runs(&exposed, name);
         let is_hidden = why.contains("all pixels are full of other light");
         assert!(!run && is_hidden, "{name}: {why}");
     }
     near_sun.emulator.choice.all = true;
-    let all = shoot(&mut near_sun, 7);
-    assert!(runs(&all, "stars").0 && all.frame.dn == shot.frame.dn);
+    let all = expose(&mut near_sun, 7);
+    assert!(runs(&all, "stars").0 && all.frame.dn == exposed.frame.dn);
 
     // What alone fills the frame is never skipped for another that does too.
     let mut twice = Frames::of(scene("near-sun.toml"));
     twice.emulator.choice.off = vec!["sunlight"];
-    let without = shoot(&mut twice, 7);
+    let without = expose(&mut twice, 7);
     assert_eq!(without.label.flooded_by, None);
     assert!(runs(&without, "stars").0 && runs(&without, "zodiacal light").0);
 }
@@ -59,9 +59,9 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
             "earthshine",
         ];
         frames.emulator.choice.off = [&lights[..], &["dark current"]].concat();
-        let shot = shoot(&mut frames, 0);
-        let e = f64::from(expected(&shot)[0]);
-        (runs(&shot, "sunlight"), e)
+        let exposed = expose(&mut frames, 0);
+        let e = f64::from(expected(&exposed)[0]);
+        (runs(&exposed, "sunlight"), e)
     };
     let ((run, _), e) = veil(1e-6);
     assert!(run && e > 0.1, "{e}");
@@ -91,16 +91,19 @@ fn what_full_pixels_lose_is_not_worked_out() {
         let (emulator, vehicle) = (&limb.emulator, limb.vehicle(0));
         let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &emulator.choice);
         let areas = scene.unwrap().areas;
-        let asked: usize = areas.iter().map(|area| area.asked.lights).sum();
-        let shot = shoot(&mut limb, 0);
-        let held = expected(&shot).iter().map(|e| e.min(full_well_e as f32));
-        (held.collect::<Vec<f32>>(), asked)
+        let requested: usize = areas.iter().map(|area| area.requested.lights).sum();
+        let exposed = expose(&mut limb, 0);
+        let held = expected(&exposed).iter().map(|e| e.min(full_well_e as f32));
+        (held.collect::<Vec<f32>>(), requested)
     };
     let tolerances = Fidelity::REALTIME;
-    let (full, asked) = held(2e4, tolerances);
+    let (full, requested) = held(2e4, tolerances);
     let (exact, _) = held(2e4, Fidelity::REFERENCE);
-    let (_, asked_of_all) = held(1e12, tolerances);
-    assert!(3 * asked < 2 * asked_of_all, "{asked} of {asked_of_all}");
+    let (_, requested_of_all) = held(1e12, tolerances);
+    assert!(
+        3 * requested < 2 * requested_of_all,
+        "{requested} of {requested_of_all}"
+    );
     let some = full.iter().filter(|e| **e >= 2e4).count();
     assert!(some > full.len() / 4 && some < full.len(), "{some}");
     for (i, (full, exact)) in full.iter().zip(&exact).enumerate() {

@@ -100,7 +100,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 /// Errors of no more than this are of no interest, e-.
 const LARGE_E: f64 = 1e-3;
 /// So many of the others (1) are declared as more than ten times of what is measured, at most.
-const MOST_FAR: f64 = 0.02;
+const MAX_FAR: f64 = 0.02;
 
 /// How many were more than that, and how many of them were declared as no more than ten times of it.
 #[derive(Default)]
@@ -169,7 +169,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
     assert!(wrong.is_empty(), "{wrong}");
     let far = f64::from(large - near) / f64::from(large);
     assert!(
-        far <= MOST_FAR,
+        far <= MAX_FAR,
         "{far} are declared as more than ten times the measured"
     );
 }

@@ -2,7 +2,7 @@
 
 use crate::table::check_refusals;
 use skyloop::config::{Config, OnOverrun, Run};
-use skyloop::fidelity::{Allowed, Fidelity, KNOBS, Orbits, PRESETS};
+use skyloop::fidelity::{Allowed, Fidelity, Orbits, PRESETS, TOLERANCES};
 use skyloop::load::Folder;
 
 fn parse(text: &str) -> Result<Config, String> {
@@ -33,22 +33,22 @@ fn presets_and_single_knobs_are_read() {
 
 #[test]
 fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
-    for knob in KNOBS {
+    for tolerance in TOLERANCES {
         for (name, fidelity) in PRESETS {
-            let value = (knob.get)(fidelity);
-            let text = match knob.allowed {
-                Allowed::Numbers(_) => format!("fidelity.{} = {value}", knob.name),
-                Allowed::Words(_) => format!("fidelity.{} = \"{value}\"", knob.name),
+            let value = (tolerance.get)(fidelity);
+            let text = match tolerance.allowed {
+                Allowed::Numbers(_) => format!("fidelity.{} = {value}", tolerance.name),
+                Allowed::Words(_) => format!("fidelity.{} = \"{value}\"", tolerance.name),
             };
             let read = read(&text).unwrap_or_else(|error| panic!("{name}, {text}: {error}"));
-            assert_eq!((knob.get)(&read), value, "{text}");
+            assert_eq!((tolerance.get)(&read), value, "{text}");
         }
-        let Allowed::Numbers([least, most]) = knob.allowed else {
+        let Allowed::Numbers([least, most]) = tolerance.allowed else {
             continue;
         };
-        assert!(least < most, "{}", knob.name);
+        assert!(least < most, "{}", tolerance.name);
         for beyond in [most * 1.01, -1.0, f64::NAN] {
-            let (name, value) = (knob.name, format!("{beyond:?}").to_lowercase());
+            let (name, value) = (tolerance.name, format!("{beyond:?}").to_lowercase());
             let error = read(&format!("[fidelity]\n{name} = {value}")).unwrap_err();
             let key = format!("run.toml:2:{}: fidelity.{name} = ", name.len() + 4);
             let is_told = error.starts_with(&key) && error.contains(&format!(" to {most}"));
@@ -131,8 +131,8 @@ fn labels_say_what_differs_from_the_nearest_preset() {
         orbits: Orbits::Scalar,
         ..Fidelity::REALTIME
     };
-    let (preset, knobs) = turned.told();
-    assert_eq!((preset, knobs.len()), ("realtime", 1));
-    let (name, value) = (knobs[0].0, knobs[0].1.to_string());
+    let (preset, tolerances) = turned.told();
+    assert_eq!((preset, tolerances.len()), ("realtime", 1));
+    let (name, value) = (tolerances[0].0, tolerances[0].1.to_string());
     assert_eq!((name, value.as_str()), ("wing_e", "0.5"));
 }

@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 /// One knob's measurement.
 pub struct Case {
-    pub knob: &'static str,
+    pub tolerance: &'static str,
     /// Those that must be moved with it to have an effect.
     pub also: &'static [&'static str],
     pub lights: Lights,
@@ -31,7 +31,7 @@ const fn case(
     measure: Measure,
 ) -> Case {
     Case {
-        knob,
+        tolerance: knob,
         also,
         lights,
         measure,
@@ -39,8 +39,8 @@ const fn case(
 }
 
 /// Of images, by the scene of the reference and that with the knob moved.
-const fn points(knob: &'static str, measure: fn(&Scene, &Scene, &Fidelity) -> f64) -> Case {
-    case(knob, &[], Lights::Points, Measure::Scenes(measure))
+const fn points(tolerance: &'static str, measure: fn(&Scene, &Scene, &Fidelity) -> f64) -> Case {
+    case(tolerance, &[], Lights::Points, Measure::Scenes(measure))
 }
 
 pub const CASES: &[Case] = &[

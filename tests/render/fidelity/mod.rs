@@ -9,7 +9,7 @@ use crate::fixtures::Frames;
 use measured::{CASES, Case, Measure};
 use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
-use skyloop::fidelity::{Choice, Fidelity, KNOBS, Knob, Value};
+use skyloop::fidelity::{Choice, Fidelity, TOLERANCES, Tolerance, Value};
 use skyloop::measure::Bench;
 use skyloop::scene::{EffectId, EffectSet, Scene};
 use std::collections::BTreeMap;
@@ -50,18 +50,18 @@ impl Lights {
 /// `base` with the case's knobs where `preset` has them.
 fn moved(base: Fidelity, case: &Case, preset: &Fidelity) -> Fidelity {
     let mut fidelity = base;
-    for name in case.also.iter().chain([&case.knob]) {
-        let knob = Knob::named(name).unwrap();
-        (knob.set)(&mut fidelity, (knob.get)(preset));
+    for name in case.also.iter().chain([&case.tolerance]) {
+        let tolerance = Tolerance::named(name).unwrap();
+        (tolerance.set)(&mut fidelity, (tolerance.get)(preset));
     }
     fidelity
 }
 
 /// What a value of a knob stands for.
-fn bound(knob: &Knob, preset: &Fidelity) -> f64 {
-    match (knob.get)(preset) {
-        Value::Number(value) => (knob.bound)(value),
-        Value::Word(_) => (knob.bound)(0.0),
+fn bound(tolerance: &Tolerance, preset: &Fidelity) -> f64 {
+    match (tolerance.get)(preset) {
+        Value::Number(value) => (tolerance.bound)(value),
+        Value::Word(_) => (tolerance.bound)(0.0),
     }
 }
 
@@ -73,7 +73,7 @@ const COARSE: [(&str, Fidelity); 2] = [("fast", Fidelity::FAST), ("realtime", Fi
 
 impl Worst {
     fn see(&mut self, case: &Case, preset: &'static str, error: f64, scene: &str) {
-        let worst = self.0.entry((case.knob, preset)).or_default();
+        let worst = self.0.entry((case.tolerance, preset)).or_default();
         if error > worst.0 {
             *worst = (error, scene.to_string());
         }
@@ -88,10 +88,10 @@ impl Worst {
             let choice = lights.choice();
             let mut truth: Option<Scene> = None;
             for case in CASES.iter().filter(|case| case.lights == lights) {
-                let knob = Knob::named(case.knob).unwrap();
+                let tolerance = Tolerance::named(case.tolerance).unwrap();
                 let coarse = COARSE
                     .iter()
-                    .filter(|(_, preset)| !knob.is_same(preset, &Fidelity::REFERENCE));
+                    .filter(|(_, preset)| !tolerance.is_same(preset, &Fidelity::REFERENCE));
                 for (preset, values) in coarse {
                     let error = match case.measure {
                         Measure::Scenes(measure) => {
@@ -147,8 +147,8 @@ fn bounds_hold_and_are_near_the_truth() {
     let (mut wrong, mut told) = (String::new(), String::new());
     for ((name, preset), (error, scene)) in &worst.0 {
         let values = Fidelity::preset(preset).unwrap();
-        let knob = Knob::named(name).unwrap();
-        let bound = bound(knob, &values);
+        let tolerance = Tolerance::named(name).unwrap();
+        let bound = bound(tolerance, &values);
         let line = format!("{name} of {preset}: {error:.3e} of {bound:.3e}, {scene}\n");
         if *error > bound || bound > 10.0 * error {
             wrong.push_str(&line);
@@ -164,9 +164,14 @@ const ELSEWHERE: &[&str] = &["poisson_tv"];
 
 #[test]
 fn every_knob_is_measured() {
-    let knobs = KNOBS.iter().filter(|knob| !ELSEWHERE.contains(&knob.name));
-    for knob in knobs {
-        let cases = CASES.iter().filter(|case| case.knob == knob.name).count();
-        assert_eq!(cases, 1, "{}", knob.name);
+    let tolerances = TOLERANCES
+        .iter()
+        .filter(|tolerance| !ELSEWHERE.contains(&tolerance.name));
+    for tolerance in tolerances {
+        let cases = CASES
+            .iter()
+            .filter(|case| case.tolerance == tolerance.name)
+            .count();
+        assert_eq!(cases, 1, "{}", tolerance.name);
     }
 }

@@ -8,7 +8,7 @@ use super::stage::{
 use skyloop::attitude::Attitude;
 use skyloop::camera::Stamp;
 use skyloop::camera::psf::{Psf, Shape, Variation};
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::Fidelity;
 use skyloop::kernels::{Reading, add_signal};
 use skyloop::orbit::sgp4_batch::Level;
@@ -66,7 +66,7 @@ fn the_phase_function_keeps_its_digits_up_to_pi() {
 
 /// A sphere of that diameter, 1,000 km before the camera; labels list it from a signal-to-noise
 /// ratio on.
-fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> Shot {
+fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> ExposedFrame {
     let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
         config.objects = oem("LIGHT", noon(), falling(LOW_KM * 8.0 / 7.0, LOW_KM_S));
         config.sphere.diameter_m = diameter_m;
@@ -77,11 +77,11 @@ fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> Shot {
         .choice
         .off
         .retain(|name| !noise || *name != "shot noise");
-    emulator.shoot(&in_low_orbit(), 0).unwrap()
+    emulator.expose(&in_low_orbit(), 0).unwrap()
 }
 
 /// A sphere of such a diameter that it has that magnitude.
-fn object_of(mag: f64, noise: bool) -> Shot {
+fn object_of(mag: f64, noise: bool) -> ExposedFrame {
     let ten_metres = sphere(10.0, false, 0.0).label.objects[0].mag;
     // Light goes by the square of the diameter.
     sphere(10.0 * 10f64.powf((ten_metres - mag) / 5.0), noise, 0.0)
@@ -94,14 +94,14 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
     let five = object_of(5.0, false).label.objects[0].electrons;
     for mag in [-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0] {
         for noise in [false, true] {
-            let shot = object_of(mag, noise);
-            check_numbers(&shot, &format!("magnitude {mag}"));
-            let object = &shot.label.objects[0];
+            let exposed = object_of(mag, noise);
+            check_numbers(&exposed, &format!("magnitude {mag}"));
+            let object = &exposed.label.objects[0];
             let expected = five * 10f64.powf(-0.4 * (mag - 5.0));
             assert!((object.mag - mag).abs() < 1e-9, "{}", object.mag);
             let miss = object.electrons / expected - 1.0;
             assert!(miss.abs() < 1e-9, "{mag}: {}", object.electrons);
-            let most = *shot.frame.dn.iter().max().unwrap();
+            let most = *exposed.frame.dn.iter().max().unwrap();
             // X-Val: the plain camera: 60,000 e- at 1 e-/DN, over an offset of 100 DN.
             const OFFSET: u16 = 100;
             const FULL: u16 = 60_000 + OFFSET;
@@ -113,8 +113,8 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
         }
     }
     // 10^20 e- fill every pixel that a Gaussian of 0.8 px gives anything.
-    let shot = object_of(-40.0, false);
-    let listed = &shot.label.objects[0];
+    let exposed = object_of(-40.0, false);
+    let listed = &exposed.label.objects[0];
     assert!(listed.electrons > 1e19 && listed.snr == 0.0 && !listed.visible);
     let reason = listed.reason.as_deref();
     assert_eq!(reason, Some("every pixel that it lights is full"));
@@ -145,7 +145,7 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
     let reading = Reading {
         bend: 0.0,
         part_of_full: 1e-5,
-        shot: 1.0,
+        exposed: 1.0,
         floor: 20.0,
         full_e: 1e5,
     };

@@ -1,22 +1,22 @@
 //! The camera's functions and those of tracks and footprints, with numbers that are none: see `functions`.
 
 use super::functions::Gives::{self, Anything, Finite, LightOrNone};
-use super::functions::{check, spoilt};
+use super::functions::{check, corrupted};
 use super::stage::camera;
 use nalgebra::Vector3;
 use skyloop::abort::WorkLimit;
 use skyloop::camera::psf::{Airy, Image, Images, Moffat, Psf, Shape as Spread, Variation};
 use skyloop::camera::{
-    Band, Flux, Pattern, PatternFigures, Radiation, Shutter, Stamp, Stray, Vignetting,
+    Band, Flux, Pattern, PatternStats, Radiation, Shutter, Stamp, Stray, Vignetting,
 };
 use skyloop::fidelity::Fidelity;
 use skyloop::footprint::{self, Footprint};
 use skyloop::rng::{NoiseKey, PixelStream};
-use skyloop::track::{Course, Even, Place, Rows, Track, Window};
+use skyloop::track::{Even, Place, Rows, Track, TrackSpec, Window};
 use std::sync::{Arc, LazyLock};
 
 /// All that a spread of light answers, of places and sources at the edges too.
-fn asked(psf: &Psf, bad: f64) -> Vec<f64> {
+fn requested(psf: &Psf, bad: f64) -> Vec<f64> {
     let mut stamp = Stamp::default();
     let fidelity = Fidelity::REALTIME;
     let mut answers = vec![
@@ -58,7 +58,7 @@ fn spreads_of_no_width() {
         ("Psf::new, Gaussian", LightOrNone, |bad| {
             let widths = [bad, 0.01, 1.0, 100.0].into_iter();
             widths
-                .flat_map(|sigma| asked(&even(Spread::Gaussian(sigma)), bad))
+                .flat_map(|sigma| requested(&even(Spread::Gaussian(sigma)), bad))
                 .collect()
         }),
         ("Psf::new, Moffat and Airy", LightOrNone, |bad| {
@@ -68,7 +68,7 @@ fn spreads_of_no_width() {
             });
             let (moffat, airy) = TABLES.clone();
             let shapes = [Spread::Moffat(moffat, bad), Spread::Airy(airy, bad)];
-            let answers = shapes.map(|shape| asked(&even(shape), bad));
+            let answers = shapes.map(|shape| requested(&even(shape), bad));
             answers.concat()
         }),
         ("Psf::new, that varies", LightOrNone, |bad| {
@@ -84,11 +84,11 @@ fn spreads_of_no_width() {
                 variation(Vec::new(), 1.0, bad),
             ];
             let psfs = all.map(|variation| Psf::new(Spread::Gaussian(0.7), variation));
-            psfs.iter().flat_map(|psf| asked(psf, bad)).collect()
+            psfs.iter().flat_map(|psf| requested(psf, bad)).collect()
         }),
         ("Moffat::new", LightOrNone, |bad| {
             let moffat = Arc::new(Moffat::new(bad));
-            asked(&even(Spread::Moffat(moffat, 2.0)), 0.5)
+            requested(&even(Spread::Moffat(moffat, 2.0)), 0.5)
         }),
         ("Airy::new", LightOrNone, |bad| {
             let airies = [
@@ -97,7 +97,7 @@ fn spreads_of_no_width() {
                 Airy::new(0.0, &[(1.0, bad), (1.1, 1.0)]),
             ];
             let psfs = airies.map(|airy| even(Spread::Airy(Arc::new(airy), 2.0)));
-            psfs.each_ref().map(|psf| asked(psf, 0.5)).concat()
+            psfs.each_ref().map(|psf| requested(psf, 0.5)).concat()
         }),
         ("Footprint, of any tolerance", Gives::Light, |bad| {
             // A Gaussian that is the same everywhere, and one that goes by the wavelength: drawn in lines, and in squares.
@@ -147,7 +147,7 @@ fn spreads_of_no_width() {
 }
 
 /// A track of 60 px through the frame: the shares of its light.
-fn drawn(change: impl FnOnce(&mut Course, &mut Fidelity)) -> Vec<f64> {
+fn drawn(change: impl FnOnce(&mut TrackSpec, &mut Fidelity)) -> Vec<f64> {
     drawn_along(|t| ([2.0 + 60.0 * t, 30.0 + 3.0 * t * t], 1.0), 1.0, change)
 }
 
@@ -155,11 +155,11 @@ fn drawn(change: impl FnOnce(&mut Course, &mut Fidelity)) -> Vec<f64> {
 fn drawn_along(
     along: impl Fn(f64) -> ([f64; 2], f64),
     electrons: f64,
-    change: impl FnOnce(&mut Course, &mut Fidelity),
+    change: impl FnOnce(&mut TrackSpec, &mut Fidelity),
 ) -> Vec<f64> {
     static CAMERA: LazyLock<skyloop::camera::Camera> = LazyLock::new(|| camera(""));
     let mut fidelity = Fidelity::REALTIME;
-    let mut course = Course {
+    let mut course = TrackSpec {
         pieces: 2,
         even: None,
         step_px: 0.4,
@@ -282,7 +282,7 @@ fn tracks_of_no_step() {
 fn detectors_of_no_numbers() {
     check(&[
         ("Pattern::new", Finite, |bad| {
-            let plain = PatternFigures {
+            let plain = PatternStats {
                 serial: 3,
                 width: 16,
                 height: 16,
@@ -296,7 +296,7 @@ fn detectors_of_no_numbers() {
                 stuck_fraction: 0.01,
                 stuck_px: vec![[3, 4]],
             };
-            let set: [fn(&mut PatternFigures) -> &mut f64; 7] = [
+            let set: [fn(&mut PatternStats) -> &mut f64; 7] = [
                 |f| &mut f.prnu,
                 |f| &mut f.dark_e_s,
                 |f| &mut f.dark_nonuniformity,
@@ -307,9 +307,9 @@ fn detectors_of_no_numbers() {
             ];
             let mut figures = Vec::new();
             for set in set {
-                let mut spoilt = plain.clone();
-                *set(&mut spoilt) = bad;
-                let pattern = Pattern::new(&spoilt);
+                let mut corrupted = plain.clone();
+                *set(&mut corrupted) = bad;
+                let pattern = Pattern::new(&corrupted);
                 assert!(pattern.dark_mean_e_s() >= 0.0 && pattern.dark_max_e_s() >= 0.0);
                 figures.push(pattern.worst_response());
                 for pixel in 0..256 {
@@ -336,11 +336,11 @@ fn detectors_of_no_numbers() {
                 |r| &mut r.readout_s,
             ];
             for set in set {
-                let mut spoilt = plain.clone();
-                *set(&mut spoilt) = bad;
-                spoilt.expected_events(&detector, 1.0, 0.1);
-                spoilt.charge_e(10.0, 0.3);
-                spoilt.events(&detector, 20.0, KEY);
+                let mut corrupted = plain.clone();
+                *set(&mut corrupted) = bad;
+                corrupted.expected_events(&detector, 1.0, 0.1);
+                corrupted.charge_e(10.0, 0.3);
+                corrupted.events(&detector, 20.0, KEY);
             }
             plain.charge_e(bad, 0.3);
             plain.charge_e(10.0, bad);
@@ -419,7 +419,7 @@ fn cameras_of_no_numbers() {
                 law.end();
                 law.change_across(&Vector3::new(0.1, 0.2, 1.0), bad);
                 law.range(bad);
-                let ways = spoilt(Vector3::new(0.1, 0.2, 1.0), bad);
+                let ways = corrupted(Vector3::new(0.1, 0.2, 1.0), bad);
                 ways.map(|way| law.transmission(&way))
             });
             light.collect()
@@ -433,7 +433,7 @@ fn cameras_of_no_numbers() {
             ];
             let psfs = made.into_iter().flatten();
             let psfs = psfs.map(|images| even(Spread::Images(Arc::new(images))));
-            psfs.flat_map(|psf| asked(&psf, bad)).collect()
+            psfs.flat_map(|psf| requested(&psf, bad)).collect()
         }),
     ]);
 }

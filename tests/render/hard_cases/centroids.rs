@@ -116,14 +116,14 @@ fn a_stars_label_is_the_centroid_of_its_frame() {
     let mut compared = 0;
     for star in stars {
         let attitude = towards(&star);
-        let shot = emulator
-            .shoot(&vehicle(&attitude, [0.2, -0.3, 1.0]), 0)
+        let exposed = emulator
+            .expose(&vehicle(&attitude, [0.2, -0.3, 1.0]), 0)
             .unwrap();
-        let [only] = &shot.label.objects[..] else {
+        let [only] = &exposed.label.objects[..] else {
             continue;
         };
         let only = only.clone();
-        let (sum, [x, y]) = moments(&expected(shot), 128);
+        let (sum, [x, y]) = moments(&expected(exposed), 128);
         if sum < 0.9999 * only.electrons || only.electrons < 10.0 {
             continue;
         }

@@ -2,8 +2,8 @@
 
 use super::stage::{emulator, square, still};
 use skyloop::attitude::Attitude;
-use skyloop::camera::{Pattern, PatternFigures};
-use skyloop::engine::{Emulator, Shot};
+use skyloop::camera::{Pattern, PatternStats};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::Fidelity;
 use std::sync::Arc;
 
@@ -29,18 +29,18 @@ fn dark(mean_e: f64, keys: &str, off: &[&'static str]) -> Emulator {
     emulator
 }
 
-fn shoot(emulator: &mut Emulator) -> Shot {
+fn expose(emulator: &mut Emulator) -> ExposedFrame {
     let vehicle = still(&Attitude::identity());
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
 /// Of no expectation comes no electron, and none that is negative or infinite of any.
 #[test]
 fn without_expectation_there_is_no_charge() {
     let mut emulator = dark(0.0, "", &[]);
-    let shot = shoot(&mut emulator);
-    assert!(shot.frame.charge_e.unwrap().iter().all(|e| *e == 0.0));
-    assert!(shot.frame.dn.iter().all(|dn| *dn == 100));
+    let exposed = expose(&mut emulator);
+    assert!(exposed.frame.charge_e.unwrap().iter().all(|e| *e == 0.0));
+    assert!(exposed.frame.dn.iter().all(|dn| *dn == 100));
 }
 
 /// Reference: `DN = round(N / gain + offset)`, held to what the bits hold, and N to the full well. Without noise, every digit, but for what the
@@ -51,7 +51,7 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
     let mut emulator = dark(0.0, size, &[]);
     emulator.choice.noise = false;
     for mean in [0.0, 0.5, 1.0, 1e3, 65_534.4, 65_535.0, 65_536.0, 1e5, 1e9] {
-        let figures = PatternFigures {
+        let figures = PatternStats {
             serial: 1,
             width: 4,
             height: 3,
@@ -84,7 +84,7 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
                     let held = f64::from((mean as f32).min(well as f32));
                     let read = held / gain + offset + 0.5;
                     let expected = read.floor().clamp(0.0, top as f64) as u16;
-                    let dn = shoot(&mut emulator).frame.dn;
+                    let dn = expose(&mut emulator).frame.dn;
                     let what = format!("{bits} bits {gain} {mean} {well}: {} {expected}", dn[0]);
                     assert!(dn.iter().all(|dn| dn.abs_diff(expected) <= 1), "{what}");
                     let step = (read - read.round()).abs();
@@ -101,7 +101,7 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
 fn what_is_read_below_nothing_is_nothing() {
     let keys = "detector.read_noise_e = 50.0; detector.offset_dn = 0.0";
     let mut emulator = dark(0.0, keys, &[]);
-    let dn = shoot(&mut emulator).frame.dn;
+    let dn = expose(&mut emulator).frame.dn;
     let none = dn.iter().filter(|dn| **dn == 0).count() as f64 / PIXELS as f64;
     // What rounds to 0 reaches up to half a digit: 1/2 + 0.5 / (50 sqrt(2 pi)) = 0.5040, five standard errors of 0.002.
     assert!((none - 0.5040).abs() < 0.01, "{none}");

@@ -1,6 +1,6 @@
 //! NaN, infinities and the greatest numbers at public entrances: an error, or a documented value; no panic, no frame with a number that is none.
 
-use super::functions::spoilt;
+use super::functions::corrupted;
 use super::stage::{
     LOW_KM, LOW_KM_S, Light, behind, camera, check_numbers, emulator, falling, in_low_orbit, light,
     noon, oem, towards, vehicle,
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::{Camera, Model, Projection};
 use skyloop::config::Config;
-use skyloop::fidelity::{Fidelity, KNOBS};
+use skyloop::fidelity::{Fidelity, TOLERANCES};
 use skyloop::flight::Flight;
 use skyloop::load::Folder;
 use skyloop::orbit::{StateVector, two_body::propagate_j2};
@@ -50,7 +50,7 @@ fn at<'a>(value: &'a mut toml::Value, path: &[String]) -> &'a mut toml::Value {
 }
 
 /// A file's text with each of its numbers in turn replaced by each of [`NO_NUMBERS`]: key and text.
-fn spoilt_files(text: &str) -> Vec<(String, String)> {
+fn corrupted_files(text: &str) -> Vec<(String, String)> {
     let whole = toml::Value::Table(text.parse().unwrap());
     let mut places = Vec::new();
     numbers(&whole, &mut Vec::new(), &mut places);
@@ -99,7 +99,7 @@ fn no_key_of_a_camera_takes_what_is_no_number() {
         }
         let optics = table["optics"].as_table_mut().unwrap();
         optics.remove("principal_px");
-        for (key, text) in spoilt_files(&table.to_string()) {
+        for (key, text) in corrupted_files(&table.to_string()) {
             std::fs::write(folder.path().join("camera.toml"), text).unwrap();
             let refused = Camera::load("camera.toml", &disk).err();
             let error = refused.unwrap_or_else(|| panic!("{name}: {key} takes it"));
@@ -136,7 +136,7 @@ fn no_key_of_a_scene_takes_what_is_no_number() {
         panic!("{error}");
     }
     let mut keys = Vec::new();
-    for (key, text) in spoilt_files(&text) {
+    for (key, text) in corrupted_files(&text) {
         let refused = Config::parse("scene", &text, &Folder::current()).err();
         let error = refused
             .unwrap_or_else(|| panic!("{key} takes it"))
@@ -145,8 +145,10 @@ fn no_key_of_a_scene_takes_what_is_no_number() {
         keys.push(key);
     }
     // Those of the tolerances, of objects, of a sequence and of a run, and the seed.
-    let tolerances = KNOBS.iter().filter(|knob| knob.name != "orbits");
-    let tolerances = tolerances.map(|knob| format!("fidelity.{}", knob.name));
+    let tolerances = TOLERANCES
+        .iter()
+        .filter(|tolerance| tolerance.name != "orbits");
+    let tolerances = tolerances.map(|tolerance| format!("fidelity.{}", tolerance.name));
     let others = [
         "seed",
         "label_snr",
@@ -201,7 +203,7 @@ fn lenses_image_numbers_only() {
     });
     for lens in [Projection::PINHOLE, brown, fisheye] {
         for bad in NO_NUMBERS {
-            for direction in spoilt(Vector3::new(0.1, 0.2, 1.0), bad) {
+            for direction in corrupted(Vector3::new(0.1, 0.2, 1.0), bad) {
                 let image = lens.image(&direction);
                 let finite = image.is_none_or(|at| at.iter().all(|x| x.is_finite()));
                 assert!(finite, "{lens:?} {direction:?}: {image:?}");
@@ -233,7 +235,7 @@ fn lights_that_are_no_numbers_light_nothing() {
         let vehicle = vehicle(&attitude, rates);
         let alone = light(&emulator, &vehicle, &[good]);
         for bad in NO_NUMBERS {
-            for direction in spoilt(good.direction, bad) {
+            for direction in corrupted(good.direction, bad) {
                 let off = Light::new(direction, good.electrons);
                 let both = light(&emulator, &vehicle, &[off, good]);
                 assert_eq!(both.expected_e, alone.expected_e, "{off:?}");
@@ -256,9 +258,9 @@ fn objects_at_the_ends_of_numbers_leave_frames_whole() {
                 let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
                     config.objects = oem("FAR", noon(), |s| (far + fast * s, fast));
                 });
-                let shot = emulator.shoot(&in_low_orbit(), 0).unwrap();
-                check_numbers(&shot, &format!("{far_km:e} km, {fast_km_s:e} km/s"));
-                assert!(shot.frame.dn.iter().all(|dn| *dn == 100));
+                let exposed = emulator.expose(&in_low_orbit(), 0).unwrap();
+                check_numbers(&exposed, &format!("{far_km:e} km, {fast_km_s:e} km/s"));
+                assert!(exposed.frame.dn.iter().all(|dn| *dn == 100));
             }
         }
     }
@@ -273,9 +275,9 @@ fn orbits_of_no_number_are_no_number() {
     };
     for bad in NO_NUMBERS {
         assert!(!propagate_j2(&state, bad).is_finite());
-        let mut spoilt = state;
-        spoilt.position_m.x = bad;
-        assert!(!propagate_j2(&spoilt, 10.0).is_finite());
+        let mut corrupted = state;
+        corrupted.position_m.x = bad;
+        assert!(!propagate_j2(&corrupted, 10.0).is_finite());
     }
 }
 
@@ -285,17 +287,17 @@ fn shadows_of_no_place() {
     let earth = Earth::at(noon());
     let good = Vector3::new(7e6, 0.0, 0.0);
     for bad in [f64::NAN, f64::INFINITY, 1e200, 0.0] {
-        for spoilt in spoilt(good, bad) {
-            for (object, sun) in [(spoilt, good), (good, spoilt)] {
+        for corrupted in corrupted(good, bad) {
+            for (object, sun) in [(corrupted, good), (good, corrupted)] {
                 let lit = earth.illumination(object, sun * 2e4);
                 assert!(lit.is_nan() || (0.0..=1.0).contains(&lit), "{bad} {lit}");
             }
-            earth.occults(spoilt, good);
-            earth.occults(good, spoilt);
-            earth.occults_direction(good, spoilt);
-            earth.meets(spoilt, good);
-            earth.limb_angle(spoilt, &good);
-            earth.outline(spoilt, 1e5);
+            earth.occults(corrupted, good);
+            earth.occults(good, corrupted);
+            earth.occults_direction(good, corrupted);
+            earth.meets(corrupted, good);
+            earth.limb_angle(corrupted, &good);
+            earth.outline(corrupted, 1e5);
         }
     }
     for at in [hifitime::Duration::MAX, hifitime::Duration::MIN].map(Epoch::from_tai_duration) {

@@ -72,7 +72,7 @@ pub fn fault(
 }
 
 /// `good` with each of its components in turn, and all of them, replaced.
-pub fn spoilt(good: Vector3<f64>, bad: f64) -> [Vector3<f64>; 4] {
+pub fn corrupted(good: Vector3<f64>, bad: f64) -> [Vector3<f64>; 4] {
     let with = |axis: usize| {
         let mut v = good;
         v[axis] = bad;

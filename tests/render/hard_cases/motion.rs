@@ -7,7 +7,7 @@ use super::stage::{
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::orbit::Object;
 use skyloop::plan::simulated;
@@ -126,10 +126,10 @@ fn what_turns_further_than_can_be_shown_is_refused() {
         let mut camera = camera("");
         camera.exposure_s = exposure_s;
         let mut emulator = emulator(camera, Fidelity::REALTIME, |_| {});
-        let shot = emulator.shoot(&vehicle(&Attitude::identity(), [60.0, 80.0, 0.0]), 0);
-        assert_eq!(shot.is_ok(), shown, "{exposure_s} s");
-        match shot {
-            Ok(shot) => check_numbers(&shot, "100 deg/s"),
+        let exposed = emulator.expose(&vehicle(&Attitude::identity(), [60.0, 80.0, 0.0]), 0);
+        assert_eq!(exposed.is_ok(), shown, "{exposure_s} s");
+        match exposed {
+            Ok(exposed) => check_numbers(&exposed, "100 deg/s"),
             Err(error) => assert!(error.to_string().contains("deg are shown"), "{error}"),
         }
     }
@@ -206,8 +206,8 @@ fn mean_of_stills(
     for k in 0..=steps {
         let weight = simpson(k, steps);
         let off_s = (k as f64 / steps as f64 - 0.5) * exposure_s;
-        let shot = still_one.shoot(&still_at(vehicle, off_s), 0).unwrap();
-        let pixels = mean.iter_mut().zip(expected(shot));
+        let exposed = still_one.expose(&still_at(vehicle, off_s), 0).unwrap();
+        let pixels = mean.iter_mut().zip(expected(exposed));
         pixels.for_each(|(mean, e)| *mean += weight / STILL_S * e);
     }
     mean
@@ -225,8 +225,8 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
         camera.exposure_s = exposure_s;
         starry(camera, fidelity)
     };
-    let star = |shot: &Shot| {
-        let mut objects = shot.label.objects.iter();
+    let star = |exposed: &ExposedFrame| {
+        let mut objects = exposed.label.objects.iter();
         objects.find(|o| o.id == "HIP 24925").unwrap().clone()
     };
     let mut still_one = of(STILL_S, Fidelity::REFERENCE);
@@ -244,11 +244,11 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
             ] {
                 let what = format!("{exposure_s} s, {rate:e} deg/s, {observed_from:?}");
                 let vehicle = observer(observed_from, rate);
-                let shot = emulator.shoot(&vehicle, 0).unwrap();
-                check_numbers(&shot, &what);
+                let exposed = emulator.expose(&vehicle, 0).unwrap();
+                check_numbers(&exposed, &what);
                 let mut at_rest =
-                    |off_s: f64| star(&still_one.shoot(&still_at(&vehicle, off_s), 0).unwrap());
-                let (one, found) = (at_rest(0.0), star(&shot));
+                    |off_s: f64| star(&still_one.expose(&still_at(&vehicle, off_s), 0).unwrap());
+                let (one, found) = (at_rest(0.0), star(&exposed));
                 let light = found.electrons / one.electrons * STILL_S;
                 let miss = (light - exposure_s).abs();
                 assert!(miss <= 1e-12 * exposure_s, "{what}: {light}");
@@ -279,7 +279,7 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
                 let bound = 2.0 * off_px / exposure_s + 1e-9;
                 assert!(exposure_s == 0.0 || miss < bound, "{what}: {miss:e} px/s");
 
-                let pixels = expected(shot);
+                let pixels = expected(exposed);
                 if exposure_s == 0.0 {
                     assert!(pixels.iter().all(|e| *e == 0.0));
                     continue;
@@ -310,7 +310,7 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
 fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
     let at_rest = still(&attitude);
-    let shot = |keys: &str, vehicle: &VehicleState, lights: &[&str], exposure_s: f64| {
+    let exposed = |keys: &str, vehicle: &VehicleState, lights: &[&str], exposure_s: f64| {
         let mut camera = camera(keys);
         camera.exposure_s = exposure_s;
         let mut emulator = emulator(camera, Fidelity::REFERENCE, |config| {
@@ -322,17 +322,17 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
         });
         for noise in [true, false] {
             emulator.choice.noise = noise;
-            let shot = emulator.shoot(vehicle, 0).unwrap();
-            check_numbers(&shot, &format!("{lights:?} {exposure_s} s"));
-            assert!(shot.frame.dn.iter().all(|digit| *digit <= 60_100));
+            let exposed = emulator.expose(vehicle, 0).unwrap();
+            check_numbers(&exposed, &format!("{lights:?} {exposure_s} s"));
+            assert!(exposed.frame.dn.iter().all(|digit| *digit <= 60_100));
             if !noise {
-                return shot;
+                return exposed;
             }
         }
         unreachable!()
     };
 
-    let dark = expected(shot("detector.dark_e_s = 0.3", &at_rest, &[], 1e4));
+    let dark = expected(exposed("detector.dark_e_s = 0.3", &at_rest, &[], 1e4));
     assert!(dark.iter().all(|e| (e / 3e3 - 1.0).abs() < 1e-6));
 
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 100.0";
@@ -341,7 +341,7 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
         ("", &["zodiacal light", "starlight"][..], area_e),
         (rolling, &["stars"], 0.0),
     ] {
-        let [one, hours] = [1.0, 1e4].map(|s| expected(shot(keys, &at_rest, lights, s)));
+        let [one, hours] = [1.0, 1e4].map(|s| expected(exposed(keys, &at_rest, lights, s)));
         assert!(one.iter().sum::<f64>() > 1.0, "{lights:?}");
         let mut worst = 0.0_f64;
         for (one, hours) in one.iter().zip(&hours) {
@@ -362,8 +362,11 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
         "zodiacal light",
         "starlight",
     ];
-    let [one, hours] =
-        [1.0, 1e4].map(|s| expected(shot("", &earth, &lights, s)).iter().sum::<f64>());
+    let [one, hours] = [1.0, 1e4].map(|s| {
+        expected(exposed("", &earth, &lights, s))
+            .iter()
+            .sum::<f64>()
+    });
     println!("Earth: {:.1e}", hours / one / 1e4 - 1.0);
     assert!((hours / one / 1e4 - 1.0).abs() < 2e-3, "{one} {hours}");
 
@@ -371,11 +374,11 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
     let place = stationary_m();
     let velocity = Vector3::z().cross(&place).normalize() * 3e3;
     let over = orbiter(&towards(&-place), place * (43.2 / 42.2), velocity);
-    let shots = [1.0, 1e4].map(|s| shot("", &over, &["rsos"], s));
+    let shots = [1.0, 1e4].map(|s| exposed("", &over, &["rsos"], s));
     let [one, hours] = [0, 1].map(|i| shots[i].label.objects[0].electrons);
     assert!((hours / one / 1e4 - 1.0).abs() < 1e-12, "{hours}");
-    let [_, shot] = shots;
-    let sum: f64 = expected(shot).iter().sum();
+    let [_, exposed] = shots;
+    let sum: f64 = expected(exposed).iter().sum();
     assert!(sum <= hours * (1.0 + 1e-6), "{sum}");
 }
 
@@ -414,7 +417,7 @@ fn an_exposure_that_is_no_time_is_refused() {
         let mut emulator = emulator(camera(""), Fidelity::REALTIME, |_| {});
         emulator.camera_mut().exposure_s = exposure_s;
         for rate in [0.0, 1.0] {
-            let refused = emulator.shoot(&vehicle(&Attitude::identity(), [rate, 0.0, 0.0]), 0);
+            let refused = emulator.expose(&vehicle(&Attitude::identity(), [rate, 0.0, 0.0]), 0);
             let is_meant = matches!(refused, Err(Unobservable::Exposure { .. }));
             assert!(is_meant, "{exposure_s}");
         }

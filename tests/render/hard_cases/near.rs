@@ -4,13 +4,13 @@ use super::stage::{
     LOW_KM, LOW_KM_S, camera, check_numbers, emulator, falling, in_low_orbit, noon, oem,
 };
 use nalgebra::Vector3;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::{Fidelity, Orbits};
 use skyloop::sky::shadow::{EARTH_RADIUS_M, Earth};
 use std::f64::consts::PI;
 
 /// An object `off_m` from the observer, at rest beside it, 7,000 km from the Earth's centre.
-fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
+fn exposed(off_m: Vector3<f64>, orbits: Orbits) -> ExposedFrame {
     let fidelity = Fidelity {
         orbits,
         ..Fidelity::REALTIME
@@ -18,9 +18,9 @@ fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
     let mut emulator = emulator(camera(""), fidelity, |config| {
         config.objects = oem("NEAR", noon(), falling(LOW_KM + off_m * 1e-3, LOW_KM_S));
     });
-    let shot = emulator.shoot(&in_low_orbit(), 0).unwrap();
-    check_numbers(&shot, &format!("{off_m:?}"));
-    shot
+    let exposed = emulator.expose(&in_low_orbit(), 0).unwrap();
+    check_numbers(&exposed, &format!("{off_m:?}"));
+    exposed
 }
 
 /// Where the Sun stands in the sky from the Earth's centre at [`noon`], km.
@@ -38,8 +38,8 @@ const AU_KM: f64 = 149_597_870.7;
 fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
     for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
         for range_m in [1.0, 1.000_001, 1.001, 2.0, 10.0, 1e3, 1e6, 3.5e7, 1e9] {
-            let shot = shot(Vector3::new(range_m, 0.0, 0.0), orbits);
-            let object = &shot.label.objects[0];
+            let exposed = exposed(Vector3::new(range_m, 0.0, 0.0), orbits);
+            let object = &exposed.label.objects[0];
             let rso = object.rso.as_ref().unwrap();
             // A message's micrometres, and a rounding of 7,000 km.
             assert!(
@@ -68,11 +68,11 @@ fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
 /// Who is nearer than a metre is the vehicle itself: it has no image, hides nothing and costs nothing. Reference: the frame without it, bit by bit.
 #[test]
 fn an_object_at_the_sensors_own_place_is_the_sensor() {
-    let far = shot(Vector3::new(-1e6, 0.0, 0.0), Orbits::Tracked);
+    let far = exposed(Vector3::new(-1e6, 0.0, 0.0), Orbits::Tracked);
     for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
         for off_m in [0.0, 1e-6, 0.5, 0.999, 0.999_999] {
             for axis in [Vector3::x(), -Vector3::x(), Vector3::z()] {
-                let own = shot(axis * off_m, orbits);
+                let own = exposed(axis * off_m, orbits);
                 assert!(own.label.objects.is_empty(), "{off_m}");
                 assert_eq!(own.frame.dn, far.frame.dn);
                 assert_eq!(own.unknown.count, 0);

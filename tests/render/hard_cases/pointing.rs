@@ -60,7 +60,7 @@ fn right_ascensions_are_below_a_whole_turn() {
     let mut found = 0;
     for dec in [-1.2, -0.6, 0.0, 0.5, 1.0, 1.5] {
         let vehicle = still(&Attitude::towards(0.0, dec, 0.0));
-        let label = emulator.shoot(&vehicle, 0).unwrap().label;
+        let label = emulator.expose(&vehicle, 0).unwrap().label;
         let ras: Vec<f64> = label.objects.iter().map(|o| o.ra_deg).collect();
         assert!(ras.iter().all(|ra| (0.0..360.0).contains(ra)));
         found += ras.iter().filter(|ra| **ra > 350.0).count();
@@ -108,7 +108,7 @@ fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
         let camera = square(256, "optics.focal_length_mm = 5.0");
         let mut emulator = starry(camera, Fidelity::REALTIME);
         let [a, b] =
-            [&one, &other].map(|q| emulator.shoot(&vehicle(q, [0.3, 0.2, -0.1]), 0).unwrap());
+            [&one, &other].map(|q| emulator.expose(&vehicle(q, [0.3, 0.2, -0.1]), 0).unwrap());
         assert_eq!(a.frame.dn, b.frame.dn);
         assert!(a.label.objects.len() > 3);
     }

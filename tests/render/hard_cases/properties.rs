@@ -180,7 +180,7 @@ fn an_exposure_in_two_adds_up() {
                     let mut emulator = starry(camera.clone(), fidelity);
                     let whole = vehicle(&attitude, rates);
                     let at = whole.epoch + skyloop::orbit::time::seconds(off_s);
-                    pixels(emulator.shoot(&whole.at(at), 0).unwrap())
+                    pixels(emulator.expose(&whole.at(at), 0).unwrap())
                 };
                 let whole = expected(exposure_s, 0.0);
                 let [first, second] =

@@ -7,7 +7,7 @@ use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::camera::{Camera, Flux, Radiation, Shutter, Stray, Vignetting};
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
-use skyloop::fidelity::{Allowed, Fidelity, KNOBS, Value};
+use skyloop::fidelity::{Allowed, Fidelity, TOLERANCES, Value};
 use skyloop::serve::Server;
 use skyloop_protocols::Output;
 use skyloop_protocols::personality::NATIVE;
@@ -36,23 +36,23 @@ fn stage() -> Emulator {
 #[test]
 fn frames_of_tolerances_out_of_their_ranges() {
     let mut emulator = stage();
-    for knob in KNOBS {
-        let Allowed::Numbers([least, most]) = knob.allowed else {
+    for tolerance in TOLERANCES {
+        let Allowed::Numbers([least, most]) = tolerance.allowed else {
             continue;
         };
         for bad in EDGES {
             let mut fidelity = Fidelity::REALTIME;
-            (knob.set)(&mut fidelity, Value::Number(bad));
+            (tolerance.set)(&mut fidelity, Value::Number(bad));
             emulator.set_fidelity(fidelity);
-            let Value::Number(set) = (knob.get)(emulator.fidelity()) else {
+            let Value::Number(set) = (tolerance.get)(emulator.fidelity()) else {
                 unreachable!()
             };
-            assert!((least..=most).contains(&set), "{} = {bad}", knob.name);
+            assert!((least..=most).contains(&set), "{} = {bad}", tolerance.name);
             let started = Instant::now();
-            let shot = emulator.shoot(&vehicle(), 0).unwrap();
-            assert!(started.elapsed() < BOUND, "{} = {bad}", knob.name);
-            check_numbers(&shot, &format!("{} = {bad}", knob.name));
-            assert!(shot.json.contains("\"objects\":[{"), "no star is seen");
+            let exposed = emulator.expose(&vehicle(), 0).unwrap();
+            assert!(started.elapsed() < BOUND, "{} = {bad}", tolerance.name);
+            check_numbers(&exposed, &format!("{} = {bad}", tolerance.name));
+            assert!(exposed.json.contains("\"objects\":[{"), "no star is seen");
         }
     }
     // As few steps as may be, all at once: what there is to do does not grow without bound.
@@ -67,8 +67,8 @@ fn frames_of_tolerances_out_of_their_ranges() {
         skip_px: 0.0,
         ..Fidelity::REFERENCE
     });
-    let shot = emulator.shoot(&vehicle(), 0).unwrap();
-    check_numbers(&shot, "all of them 0");
+    let exposed = emulator.expose(&vehicle(), 0).unwrap();
+    check_numbers(&exposed, "all of them 0");
 }
 
 /// Every real number of a camera that `camera_mut` gives out.
@@ -124,12 +124,12 @@ fn frames_of_cameras_that_are_no_numbers() {
             let mut emulator = emulator.lock().unwrap();
             emulator.camera_mut().clone_from(&configured);
             field(emulator.camera_mut(), bad);
-            let shot = emulator.shoot(&vehicle(), 0);
-            let dn = shot.map_or(0, |shot| shot.frame.dn.len());
+            let exposed = emulator.expose(&vehicle(), 0);
+            let dn = exposed.map_or(0, |exposed| exposed.frame.dn.len());
             assert!(dn == 0 || dn == 64 * 64);
             // What comes after is not the worse for it.
             emulator.camera_mut().clone_from(&configured);
-            expected(emulator.shoot(&vehicle(), 0).unwrap())
+            expected(emulator.expose(&vehicle(), 0).unwrap())
         })
     });
     let wrong: Vec<String> = wrong.collect();
@@ -145,9 +145,9 @@ fn a_label_of_no_least_ratio_lists_all() {
             config.choice.off.retain(|name| *name != "stars");
             config.label_snr = label_snr;
         });
-        let shot = emulator.shoot(&vehicle(), 0).unwrap();
-        check_numbers(&shot, "label_snr");
-        let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+        let exposed = emulator.expose(&vehicle(), 0).unwrap();
+        check_numbers(&exposed, "label_snr");
+        let label: serde_json::Value = serde_json::from_str(&exposed.json).unwrap();
         label["objects"].as_array().unwrap().len()
     };
     let all = listed(0.0);

@@ -1,7 +1,7 @@
 //! The sky's functions, attitudes and plots, with numbers that are none: see `functions`.
 
 use super::functions::Gives::{self, Anything, Finite, LightOrNone};
-use super::functions::{check, spoilt};
+use super::functions::{check, corrupted};
 use super::stage::{noon, oem};
 use nalgebra::{Unit, Vector3};
 use skyloop::attitude::{Attitude, angle_between, degrees_of_turn};
@@ -43,9 +43,13 @@ fn here_m() -> Vector3<f64> {
 }
 
 /// Two vectors, with one or the other spoilt.
-fn either_spoilt(a: Vector3<f64>, b: Vector3<f64>, bad: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
-    let first = spoilt(a, bad).map(|spoilt| (spoilt, b));
-    [first, spoilt(b, bad).map(|spoilt| (a, spoilt))].concat()
+fn either_corrupted(
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    bad: f64,
+) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    let first = corrupted(a, bad).map(|corrupted| (corrupted, b));
+    [first, corrupted(b, bad).map(|corrupted| (a, corrupted))].concat()
 }
 
 /// What an Earth, a Moon or an atmosphere is seen along.
@@ -99,7 +103,7 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
     check(&[
         ("EarthDisc", Gives::Light, |bad| {
             let mut light = Vec::new();
-            for (at, sun) in either_spoilt(here_m(), sun_m(), bad) {
+            for (at, sun) in either_corrupted(here_m(), sun_m(), bad) {
                 let Some(disc) = EarthDisc::new(at, sun, earth()) else {
                     continue;
                 };
@@ -108,7 +112,7 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
                 disc.edge();
             }
             let disc = EarthDisc::new(here_m(), sun_m(), earth()).unwrap();
-            light.extend(spoilt(ways()[0], bad).map(|way| disc.reflectance(&way)));
+            light.extend(corrupted(ways()[0], bad).map(|way| disc.reflectance(&way)));
             light
         }),
         ("Limb", LightOrNone, |bad| {
@@ -119,14 +123,14 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
                 light.extend(limb.parts(way));
                 light.extend([limb.radiance(way), limb.ground_share(way)]);
             };
-            for (at, sun) in either_spoilt(here_m(), sun_m(), bad) {
+            for (at, sun) in either_corrupted(here_m(), sun_m(), bad) {
                 if let Some(limb) = Limb::new(&AIR, at, sun, earth()) {
                     ways().iter().for_each(|way| look(&limb, way));
                     limb.edge();
                 }
             }
             let limb = Limb::new(&AIR, here_m(), sun_m(), earth()).unwrap();
-            let ways = spoilt(ways()[3], bad);
+            let ways = corrupted(ways()[3], bad);
             ways.iter().for_each(|way| look(&limb, way));
             light
         }),
@@ -151,30 +155,32 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
         ("MoonDisc", Gives::Light, |bad| {
             let moon_m = Vector3::new(3.8e8, 1e7, 0.0);
             let mut light = Vec::new();
-            for (moon_m, sun_m) in either_spoilt(moon_m, sun_m(), bad) {
+            for (moon_m, sun_m) in either_corrupted(moon_m, sun_m(), bad) {
                 let disc = MoonDisc::new(moon_m, sun_m);
                 disc.magnitude();
                 light.extend([Vector3::x(), Vector3::y()].map(|at| disc.brightness(&at)));
             }
             let disc = MoonDisc::new(moon_m, sun_m());
-            light.extend(spoilt(Vector3::x(), bad).map(|at| disc.brightness(&at)));
+            light.extend(corrupted(Vector3::x(), bad).map(|at| disc.brightness(&at)));
             light
         }),
         ("ZodiacalLight, of any Sun", Finite, |bad| {
             let light = |sun: Vector3<f64>| ZodiacalLight::new(&sun).s10(&Vector3::y());
-            spoilt(sun_m(), bad).map(light).to_vec()
+            corrupted(sun_m(), bad).map(light).to_vec()
         }),
         ("ZodiacalLight, StarLight", LightOrNone, |bad| {
             let (zodiac, stars) = (
                 ZodiacalLight::new(&sun_m()),
                 StarLight::new(Selection::Hipparcos),
             );
-            let ways = spoilt(Vector3::y(), bad);
+            let ways = corrupted(Vector3::y(), bad);
             let light = ways.map(|way| [zodiac.s10(&way), stars.s10(&way)]);
             [light.as_flattened(), &[distance_factor(bad)]].concat()
         }),
         ("sky::radiation::flux", Gives::Light, |bad| {
-            spoilt(here_m(), bad).map(|at| flux(&at, noon())).to_vec()
+            corrupted(here_m(), bad)
+                .map(|at| flux(&at, noon()))
+                .to_vec()
         }),
     ]);
     // Of what is no place, as documented.
@@ -229,9 +235,9 @@ fn shapes_and_light_curves_of_no_numbers() {
             let shape = body(2.0, PAINT);
             shape.detail(bad);
             light.push(shape.reflective_area(&sun, &seen, bad));
-            for spoilt in spoilt(sun, bad) {
-                light.push(shape.reflective_area(&spoilt, &seen, 5e-3));
-                light.push(shape.reflective_area(&seen, &spoilt, 5e-3));
+            for corrupted in corrupted(sun, bad) {
+                light.push(shape.reflective_area(&corrupted, &seen, 5e-3));
+                light.push(shape.reflective_area(&seen, &corrupted, 5e-3));
             }
             let skewed = Unit::new_unchecked(Vector3::new(bad, 0.0, 1.0));
             let mut shape = Shape::default();
@@ -254,8 +260,8 @@ fn shapes_and_light_curves_of_no_numbers() {
             };
             let v = Vector3::new(0.0, 7.5e3, 0.0);
             let mut points = vec![at(here_m(), v, bad)];
-            points.extend(spoilt(here_m(), bad).map(|r| at(r, v, 0.1)));
-            points.extend(spoilt(v, bad).map(|v| at(here_m(), v, 0.1)));
+            points.extend(corrupted(here_m(), bad).map(|r| at(r, v, 0.1)));
+            points.extend(corrupted(v, bad).map(|v| at(here_m(), v, 0.1)));
             for point in points.into_iter().flatten() {
                 let seen = [point.range_m, point.phase, point.illumination];
                 assert!(seen.iter().all(|x| *x >= 0.0), "{bad:e}: {point:?}");
@@ -277,7 +283,7 @@ fn attitudes_and_angles_of_no_numbers() {
                 Attitude::towards(0.3, 0.4, bad),
                 base.turned(&Vector3::x(), bad),
             ];
-            all.extend(spoilt(Vector3::x(), bad).map(|rates| base.turned(&rates, 2.0)));
+            all.extend(corrupted(Vector3::x(), bad).map(|rates| base.turned(&rates, 2.0)));
             let norms = all.iter().map(|attitude| {
                 let norm = attitude.rotate(&Vector3::z()).norm();
                 assert!((norm - 1.0).abs() < 1e-12, "{bad:e}: {attitude:?}");
@@ -288,13 +294,13 @@ fn attitudes_and_angles_of_no_numbers() {
         ("Exposure, turn_at", Anything, |bad| {
             let exposure = Exposure::around(noon(), bad);
             assert!(exposure.start <= exposure.end || bad < 0.0);
-            let turns = spoilt(Vector3::x(), bad).map(|rates| turn_at(rates, 0.1));
+            let turns = corrupted(Vector3::x(), bad).map(|rates| turn_at(rates, 0.1));
             let turns = turns.into_iter().chain([turn_at(Vector3::x() * 0.1, bad)]);
             assert!(turns.flatten().all(|turn| turn >= 0.0 || turn.is_nan()));
             Vec::new()
         }),
         ("angle_between, degrees_of_turn", LightOrNone, |bad| {
-            let apart = spoilt(Vector3::x(), bad).map(|v| angle_between(&v, &Vector3::y()));
+            let apart = corrupted(Vector3::x(), bad).map(|v| angle_between(&v, &Vector3::y()));
             [&apart[..], &[degrees_of_turn(bad)]].concat()
         }),
     ]);
@@ -310,7 +316,7 @@ fn directions_of_no_place() {
             });
             let bodies = Bodies::at(noon()).unwrap();
             let (v, corrections) = (Vector3::new(0.0, 7.5e3, 0.0), Corrections::default());
-            for (position_m, velocity_m_s) in either_spoilt(here_m(), v, bad) {
+            for (position_m, velocity_m_s) in either_corrupted(here_m(), v, bad) {
                 let observer = Observer {
                     epoch: noon(),
                     position_m,
@@ -330,7 +336,7 @@ fn directions_of_no_place() {
                 bodies,
             };
             STARS.in_cone(&Vector3::x(), bad, &observer, &corrections);
-            for axis in spoilt(Vector3::x(), bad) {
+            for axis in corrupted(Vector3::x(), bad) {
                 STARS.in_cone(&axis, 0.1, &observer, &corrections);
             }
             for k in 0..5 {
@@ -354,7 +360,7 @@ fn directions_of_no_place() {
                 velocity_m_s,
             };
             let v = Vector3::new(0.0, 7.5e3, 0.0);
-            for bad in spoilt(v, bad) {
+            for bad in corrupted(v, bad) {
                 let spin = BodyAttitude::Spin {
                     epoch: noon(),
                     attitude: Attitude::identity(),

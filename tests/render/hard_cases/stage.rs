@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::frame::{Frame, Memory};
 use skyloop::orbit::sgp4_batch::Level;
@@ -144,8 +144,8 @@ pub fn alone(
 }
 
 /// The expected electrons of a frame.
-pub fn expected(shot: Shot) -> Vec<f64> {
-    let pixels = shot.frame.expected_e.unwrap();
+pub fn expected(exposed: ExposedFrame) -> Vec<f64> {
+    let pixels = exposed.frame.expected_e.unwrap();
     pixels.into_iter().map(f64::from).collect()
 }
 
@@ -215,15 +215,15 @@ pub fn moments(image: &[f64], width: usize) -> (f64, [f64; 2]) {
 }
 
 /// Fails where a frame or its label holds a number that is none.
-pub fn check_numbers(shot: &Shot, what: &str) {
-    let expected = shot.frame.expected_e.iter().flatten();
+pub fn check_numbers(exposed: &ExposedFrame, what: &str) {
+    let expected = exposed.frame.expected_e.iter().flatten();
     assert!(
         expected.clone().all(|e| e.is_finite() && *e >= 0.0),
         "{what}"
     );
-    let charge = shot.frame.charge_e.iter().flatten();
+    let charge = exposed.frame.charge_e.iter().flatten();
     assert!(charge.clone().all(|e| e.is_finite()), "{what}");
-    let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+    let label: serde_json::Value = serde_json::from_str(&exposed.json).unwrap();
     for object in label["objects"].as_array().unwrap() {
         let object = object.as_object().unwrap();
         for (key, value) in object {

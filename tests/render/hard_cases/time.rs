@@ -93,12 +93,12 @@ fn text_is_exact_from_1900_to_2199() {
 #[test]
 fn frames_of_the_years_1950_to_2100() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
-    let shoot = |at: Epoch| {
+    let expose = |at: Epoch| {
         let camera = camera("optics.focal_length_mm = 5.0");
         let mut emulator = starry(camera, Fidelity::REALTIME);
         let mut vehicle = still(&attitude);
         vehicle.epoch = at;
-        emulator.shoot(&vehicle, 0)
+        emulator.expose(&vehicle, 0)
     };
     let mut counts = Vec::new();
     for text in [
@@ -113,12 +113,12 @@ fn frames_of_the_years_1950_to_2100() {
         // A Julian century, 36,525 days of TT, from J2000.0; UTC is 69.184 s behind as long as no leap second comes.
         "2100-01-01T11:58:50",
     ] {
-        let shot = shoot(epoch(text)).unwrap();
-        check_numbers(&shot, text);
-        let epoch_mid = &shot.label.epoch_mid;
+        let exposed = expose(epoch(text)).unwrap();
+        check_numbers(&exposed, text);
+        let epoch_mid = &exposed.label.epoch_mid;
         assert!(epoch_mid.starts_with(text), "{text}: {epoch_mid}");
-        counts.push(shot.label.objects.len());
-        for object in shot.label.objects.iter().take(50) {
+        counts.push(exposed.label.objects.len());
+        for object in exposed.label.objects.iter().take(50) {
             assert!(object.electrons.is_finite() && object.snr.is_finite());
         }
     }
@@ -131,13 +131,13 @@ fn frames_of_the_years_1950_to_2100() {
         "0001-01-01T00:00:00",
         "9999-12-31T23:59:59",
     ] {
-        let refused = shoot(epoch(text));
+        let refused = expose(epoch(text));
         assert!(matches!(refused, Err(Unobservable::Epoch(_))), "{text}");
     }
     // No text, and no end of time, stops anything.
     for at in [Duration::MAX, Duration::MIN].map(Epoch::from_tai_duration) {
         assert!(utc_text(at).len() > 20);
-        assert!(shoot(at).is_err());
+        assert!(expose(at).is_err());
     }
 }
 
@@ -171,9 +171,9 @@ fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
             });
             let mut vehicle = orbiter(&towards(&up), r * 1e3, v * 1e3);
             vehicle.epoch = epoch(text);
-            let shot = emulator.shoot(&vehicle, 0).unwrap();
-            check_numbers(&shot, text);
-            for object in &shot.label.objects {
+            let exposed = emulator.expose(&vehicle, 0).unwrap();
+            check_numbers(&exposed, text);
+            for object in &exposed.label.objects {
                 let seen = fisheye.optics.direction([object.x_px, object.y_px]);
                 let seen = vehicle.attitude.inverse().rotate(&seen);
                 let off_ecliptic = (90.0 - seen.angle(&pole).to_degrees()).abs();

@@ -274,19 +274,19 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 let (emulator, vehicle) = &mut looks.borrow_mut()[which];
                 let mut vehicle = vehicle.clone();
                 vehicle.rates = Vector3::from(rates.map(f64::to_radians));
-                let mut shot = |exposure_s: f64, off_s: f64| {
+                let mut exposed = |exposure_s: f64, off_s: f64| {
                     emulator.camera_mut().exposure_s = exposure_s;
                     let at = vehicle.epoch + skyloop::orbit::time::seconds(off_s);
-                    emulator.shoot(&vehicle.at(at), 0).unwrap()
+                    emulator.expose(&vehicle.at(at), 0).unwrap()
                 };
                 let [first, second] =
-                    [-0.25, 0.25].map(|part| shot(exposure_s / 2.0, part * exposure_s));
-                let whole = shot(exposure_s, 0.0);
+                    [-0.25, 0.25].map(|part| exposed(exposure_s / 2.0, part * exposure_s));
+                let whole = exposed(exposure_s, 0.0);
                 let is_near = beside_edges(emulator, &vehicle);
                 let points = ["stars", "rsos", "planets", "moon"];
                 emulator.choice.off.extend(points);
                 let areas = emulator
-                    .shoot(&vehicle, 0)
+                    .expose(&vehicle, 0)
                     .unwrap()
                     .frame
                     .expected_e
@@ -306,7 +306,7 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 let source =
                     fidelity.track_e + fidelity.loss_e + 2.0 * fidelity.wing_e + profile + swept;
                 let [whole, first, second] =
-                    [whole, first, second].map(|shot| shot.frame.expected_e.unwrap());
+                    [whole, first, second].map(|exposed| exposed.frame.expected_e.unwrap());
                 let most = f64::from(whole.iter().copied().fold(0.0, f32::max));
                 // What moves by no more than a pixel stands still (`scene::area`): of air that falls by 1 / e within d px that leaves out way^2 / 24 d^2; 1 px of 2 mrad is 5.8 km at the limb, less than a scale height.
                 let way = (rates.iter().map(|w| w * w).sum::<f64>().sqrt().to_radians() + 1.1e-3)

@@ -106,11 +106,11 @@ fn vehicle(direction: [f64; 3], rate: f64) -> VehicleState {
 fn is_made(corner: &Corner, fidelity: Fidelity, threads: usize) -> bool {
     let (mut emulator, vehicle) = stage(corner, fidelity);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    let shot = pool
+    let exposed = pool
         .build()
         .unwrap()
-        .install(|| emulator.shoot(&vehicle, 0));
-    match shot {
+        .install(|| emulator.expose(&vehicle, 0));
+    match exposed {
         Ok(_) => true,
         Err(Unobservable::TooMuchWork { limit_s, .. }) => {
             assert!((LIMIT_S..1.1 * LIMIT_S).contains(&limit_s));
@@ -145,7 +145,7 @@ fn too_many_objects_are_refused_before_the_search() {
         config.objects = objects[..count].to_vec();
         let mut emulator = Emulator::new(&mut config);
         emulator.work_limit_s = Some(1e-3);
-        let refused = match emulator.shoot(&vehicle(SKY, 0.0), 0) {
+        let refused = match emulator.expose(&vehicle(SKY, 0.0), 0) {
             Err(Unobservable::TooMuchWork { sources, .. }) => sources == count,
             _ => false,
         };
@@ -163,7 +163,7 @@ fn timed_no_frame_takes_much_longer_than_the_limit() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
             let pool = pool.build().unwrap();
             let began = Instant::now();
-            let made = pool.install(|| emulator.shoot(&vehicle, 0)).is_ok();
+            let made = pool.install(|| emulator.expose(&vehicle, 0)).is_ok();
             let took_s = began.elapsed().as_secs_f64();
             println!("{}: made {made}, {took_s:.3} s", corner.0);
             // The work is counted to a factor of two; what is not counted is the same for all.
@@ -210,12 +210,12 @@ fn timed_a_cancelled_frame_ends_soon() {
         let name = corner.0;
         let (mut emulator, vehicle) = stage(corner, Fidelity::REALTIME);
         emulator.work_limit_s = None;
-        shoot(&mut emulator, &vehicle, None);
-        let (is_made, whole) = shoot(&mut emulator, &vehicle, None);
+        expose(&mut emulator, &vehicle, None);
+        let (is_made, whole) = expose(&mut emulator, &vehicle, None);
         assert!(is_made, "{name}");
         let late = (1..PARTS).map(|part| {
             let after = whole * part / PARTS;
-            let (_, took) = shoot(&mut emulator, &vehicle, Some(after));
+            let (_, took) = expose(&mut emulator, &vehicle, Some(after));
             took.saturating_sub(after)
         });
         let late: Vec<Duration> = late.collect();
@@ -226,7 +226,7 @@ fn timed_a_cancelled_frame_ends_soon() {
 }
 
 /// Whether a frame is made, and how long that takes; it may be cancelled after some time.
-fn shoot(
+fn expose(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
     cancelled_after: Option<Duration>,
@@ -241,7 +241,7 @@ fn shoot(
                 abort.set();
             });
         }
-        let is_made = emulator.shoot(vehicle, 0).is_ok();
+        let is_made = emulator.expose(vehicle, 0).is_ok();
         (is_made, began.elapsed())
     })
 }

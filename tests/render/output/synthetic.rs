@@ -115,7 +115,7 @@ pub fn star(id: String, names: &[&str], [x, y]: [f64; 2], electrons: f64) -> Obj
         visible: electrons >= 120.0,
         reason: None,
         rso: None,
-        wanderer: None,
+        planet: None,
     }
 }
 

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::Fidelity;
 use skyloop::label::{EffectLabel, Label, ObjectLabel};
 use skyloop::measure::Bench;
@@ -45,15 +45,15 @@ pub fn emulator(
 }
 
 /// One frame: attitude `[x, y, z, w]` of any length but 0, rates in deg/s.
-pub fn shoot(
+pub fn expose(
     emulator: &mut Emulator,
     at: Epoch,
     q: [f64; 4],
     rates_deg_s: [f64; 3],
     orbit: Option<([f64; 3], [f64; 3])>,
-) -> Shot {
+) -> ExposedFrame {
     let vehicle = vehicle(at, q, rates_deg_s, orbit);
-    emulator.shoot(&vehicle, 0).unwrap()
+    emulator.expose(&vehicle, 0).unwrap()
 }
 
 /// The vehicle of a frame of `fai-nir`, turning so fast (deg/s).
@@ -235,12 +235,12 @@ impl Box2 {
 
 impl Image {
     /// The frame's expected electrons without the label's background.
-    pub fn light_of(shot: &Shot) -> Image {
-        let background = shot.label.background_e_px;
-        let expected = shot.frame.expected_e.iter().flatten();
+    pub fn light_of(exposed: &ExposedFrame) -> Image {
+        let background = exposed.label.background_e_px;
+        let expected = exposed.frame.expected_e.iter().flatten();
         Image {
-            width: shot.frame.width,
-            height: shot.frame.height,
+            width: exposed.frame.width,
+            height: exposed.frame.height,
             e: expected.map(|e| f64::from(*e) - background).collect(),
         }
     }

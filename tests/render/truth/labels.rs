@@ -7,14 +7,14 @@ use nalgebra::Vector3;
 use serde_json::Value;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::Config;
-use skyloop::engine::{Emulator, Shot};
+use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::Fidelity;
 use skyloop::flight;
 use skyloop::label::ObjectLabel;
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{apparent, builtin, emulator, epoch, matrix, pointing, shoot, stamp, turning};
+use super::brute::{apparent, builtin, emulator, epoch, expose, matrix, pointing, stamp, turning};
 
 // The contract: the names in docs/explanation/labels.md.
 const FRAME_KEYS: &str = "frame seed camera columns rows epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
@@ -29,8 +29,8 @@ fn near(a: f64, b: f64, bound: f64, what: &str) {
 }
 
 /// Every rule that holds for every object of every frame.
-fn check(shot: &Shot) {
-    let (label, camera) = (&shot.label, &shot.camera);
+fn check(exposed: &ExposedFrame) {
+    let (label, camera) = (&exposed.label, &exposed.camera);
     let dark = camera.detector.dark_e_s * label.exposure_s;
     near(label.background_e_px, dark, 1e-9, "background");
     let turned = matrix(label.q_body_to_camera) * matrix(label.q_icrf_to_body);
@@ -46,13 +46,13 @@ fn check(shot: &Shot) {
     let size = [camera.detector.width, camera.detector.height];
     assert_eq!([label.columns, label.rows], size);
     for object in &label.objects {
-        check_object(shot, object);
+        check_object(exposed, object);
     }
-    check_json(shot);
+    check_json(exposed);
 }
 
-fn check_object(shot: &Shot, o: &ObjectLabel) {
-    let (label, camera) = (&shot.label, &shot.camera);
+fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
+    let (label, camera) = (&exposed.label, &exposed.camera);
     let [dx, dy] = [o.x1_px - o.x0_px, o.y1_px - o.y0_px];
     near(o.vx_px_s, dx / label.exposure_s, 1e-9, "vx");
     near(o.vy_px_s, dy / label.exposure_s, 1e-9, "vy");
@@ -121,7 +121,7 @@ fn check_object(shot: &Shot, o: &ObjectLabel) {
     let rate = line.dot(&relative) / line.norm();
     near(rso.range_rate_km_s, rate, 1e-9, "range rate");
     // Eqs. (7), (9) with the paper's sphere. Light time moves the object by metres.
-    let sun = Bodies::at(shot.exposure.mid).unwrap().sun_apparent_m() * 1e-3;
+    let sun = Bodies::at(exposed.exposure.mid).unwrap().sun_apparent_m() * 1e-3;
     let to_sun = sun - Vector3::from(rso.position_gcrf_km);
     let phi = to_sun.angle(&-line);
     near(rso.phase_deg, phi.to_degrees(), 2e-3, "phase");
@@ -138,8 +138,8 @@ fn check_object(shot: &Shot, o: &ObjectLabel) {
 }
 
 /// The line of text has the contract's names, and the values but for their last decimals.
-fn check_json(shot: &Shot) {
-    let json: Value = serde_json::from_str(&shot.json).unwrap();
+fn check_json(exposed: &ExposedFrame) {
+    let json: Value = serde_json::from_str(&exposed.json).unwrap();
     let keys = |value: &Value| -> BTreeSet<String> {
         let keys = value.as_object().unwrap().keys();
         keys.cloned().collect()
@@ -150,8 +150,8 @@ fn check_json(shot: &Shot) {
     };
     assert_eq!(keys(&json), wanted(&[FRAME_KEYS]));
     let listed = json["objects"].as_array().unwrap();
-    assert_eq!(listed.len(), shot.label.objects.len());
-    for (text, o) in listed.iter().zip(&shot.label.objects) {
+    assert_eq!(listed.len(), exposed.label.objects.len());
+    for (text, o) in listed.iter().zip(&exposed.label.objects) {
         let reason = if o.visible { "" } else { "reason" };
         let rso = if o.rso.is_some() { RSO_KEYS } else { "" };
         assert_eq!(keys(text), wanted(&[OBJECT_KEYS, reason, rso]));
@@ -175,9 +175,9 @@ fn every_field_is_what_it_is_defined_to_be() {
         for (i, rates) in [[0.0; 3], [-1.0, 2.0, 3.0]].into_iter().enumerate() {
             let q = [0.1, 0.2 + i as f64, -0.3, 0.9];
             let at = epoch("2026-02-11T18:22:41.25");
-            let shot = shoot(&mut emulator, at, q, rates, orbit);
-            assert!(shot.label.objects.len() > 10);
-            check(&shot);
+            let exposed = expose(&mut emulator, at, q, rates, orbit);
+            assert!(exposed.label.objects.len() > 10);
+            check(&exposed);
         }
     }
 }
@@ -190,10 +190,10 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
     let mut emulator = Emulator::new(&mut config);
     for number in [1, 30] {
         let vehicle = flight::vehicle(&mission, number).unwrap();
-        let shot = emulator.shoot(&vehicle, 0).unwrap();
-        check(&shot);
+        let exposed = emulator.expose(&vehicle, 0).unwrap();
+        check(&exposed);
         let state = vehicle.orbit.as_ref().unwrap();
-        let label = &shot.label;
+        let label = &exposed.label;
         assert_eq!(label.state_gcrf_km[0], state.position_m.x * 1e-3);
         assert_eq!(label.state_gcrf_km[5], state.velocity_m_s.z * 1e-3);
         let half = label.exposure_s / 2.0;
@@ -210,10 +210,10 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
         let [before, after] = [-step, step].map(|dt| {
             let mut moved: VehicleState = vehicle.at(vehicle.epoch + dt);
             moved.sequence += 1000;
-            emulator.shoot(&moved, 0).unwrap()
+            emulator.expose(&moved, 0).unwrap()
         });
-        let range = |shot: &Shot, id: &str| {
-            let found = shot.label.objects.iter().find(|o| o.id == id);
+        let range = |exposed: &ExposedFrame, id: &str| {
+            let found = exposed.label.objects.iter().find(|o| o.id == id);
             found.and_then(|o| o.rso.as_ref()).unwrap().range_km
         };
         let mut compared = 0;
@@ -244,7 +244,11 @@ fn the_list_ends_at_the_asked_signal_to_noise_ratio() {
             ..Config::defaults().unwrap()
         };
         let mut emulator = Emulator::new(&mut config);
-        emulator.shoot(&turning([0.0; 3]), 0).unwrap().label.objects
+        emulator
+            .expose(&turning([0.0; 3]), 0)
+            .unwrap()
+            .label
+            .objects
     };
     let (all, some) = (list(0.0), list(5.0));
     let bright: Vec<_> = all.iter().filter(|o| o.snr >= 5.0).cloned().collect();

@@ -5,13 +5,13 @@ use std::collections::HashSet;
 
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::Fidelity;
 use skyloop::flight;
 use skyloop::sky::catalog::{Catalog, Selection};
 
 use super::brute::{
-    Box2, Image, builtin, emulator, epoch, falling, image, look_at, oem, orbit, pointing, shoot,
+    Box2, Image, builtin, emulator, epoch, expose, falling, image, look_at, oem, orbit, pointing,
     unit,
 };
 
@@ -34,9 +34,9 @@ pub struct Tally {
 }
 
 impl Tally {
-    pub fn add(&mut self, shot: &Shot) {
-        let seen = Image::light_of(shot);
-        let truth = image(&shot.label, &shot.camera);
+    pub fn add(&mut self, exposed: &ExposedFrame) {
+        let seen = Image::light_of(exposed);
+        let truth = image(&exposed.label, &exposed.camera);
         let peak = truth.peak();
         for (a, b) in seen.e.iter().zip(&truth.e) {
             let off_e = (a - b).abs();
@@ -44,8 +44,8 @@ impl Tally {
             let beyond = (off_e - Fidelity::REALTIME.track_e) / peak;
             self.worst_beyond = self.worst_beyond.max(beyond);
         }
-        let objects = || shot.label.objects.iter().filter(|o| o.electrons > 0.0);
-        let boxes = objects().map(|o| Box2::of(&shot.label, o, &shot.camera));
+        let objects = || exposed.label.objects.iter().filter(|o| o.electrons > 0.0);
+        let boxes = objects().map(|o| Box2::of(&exposed.label, o, &exposed.camera));
         let boxes: Vec<Box2> = boxes.collect();
         for (i, (object, region)) in objects().zip(&boxes).enumerate() {
             let alone = (0..boxes.len()).all(|j| j == i || !region.meets(&boxes[j]));
@@ -108,7 +108,7 @@ fn stars_stand_where_the_label_says_with_the_light_it_says() {
             ("2031-11-30T12:00:00.000000001", [0.9, 0.1, -0.2, 0.4], None),
             ("2026-02-11T18:22:41.25", [0.1, 0.2, -0.3, 0.9], Some(ORBIT)),
         ] {
-            tally.add(&shoot(&mut emulator, epoch(at), q, [0.0; 3], orbit));
+            tally.add(&expose(&mut emulator, epoch(at), q, [0.0; 3], orbit));
         }
         tally.holds(camera);
         assert!(tally.whole > 60 && tally.partly > 3, "{camera}: {tally:?}");
@@ -119,7 +119,7 @@ fn stars_stand_where_the_label_says_with_the_light_it_says() {
             let q = [0.2 * i as f64, -0.5, 0.3, 0.4];
             let mounting = [[0.0, 0.0, 0.0, 1.0], [0.5, -0.1, 0.7, 0.5]][i % 2];
             emulator.camera_mut().mounting = Attitude::from_xyzw(mounting).unwrap();
-            tally.add(&shoot(&mut emulator, at, q, rates, Some(ORBIT)));
+            tally.add(&expose(&mut emulator, at, q, rates, Some(ORBIT)));
         }
         tally.holds(&format!("{camera}, turning"));
         assert!(tally.whole > 60 && tally.partly > 3, "{camera}: {tally:?}");
@@ -134,10 +134,10 @@ fn no_star_is_missing() {
     let mut emulator = emulator("fai-nir", stars, Vec::new(), Fidelity::REALTIME);
     let at = epoch("2020-05-06T07:08:09");
     for rates in [[0.0; 3], [20.0, 30.0, 100.0]] {
-        let shot = shoot(&mut emulator, at, [0.6, 0.2, -0.3, 0.4], rates, Some(ORBIT));
-        let label = &shot.label;
+        let exposed = expose(&mut emulator, at, [0.6, 0.2, -0.3, 0.4], rates, Some(ORBIT));
+        let label = &exposed.label;
         let listed: HashSet<&str> = label.objects.iter().map(|o| o.id.as_str()).collect();
-        let optics = &shot.camera.optics;
+        let optics = &exposed.camera.optics;
         let matrices: Vec<_> = (0..=40)
             .map(|i| pointing(label, (f64::from(i) / 40.0 - 0.5) * label.exposure_s))
             .collect();
@@ -176,10 +176,10 @@ fn objects_in_orbit_do_too() {
                 rates,
                 ..still.clone()
             };
-            let shot = emulator.shoot(&vehicle, 0).unwrap();
-            let objects = shot.label.objects.iter();
+            let exposed = emulator.expose(&vehicle, 0).unwrap();
+            let objects = exposed.label.objects.iter();
             rsos += objects.filter(|o| o.kind == "rso").count();
-            tally.add(&shot);
+            tally.add(&exposed);
         }
     }
     tally.holds("the scene's objects");
@@ -203,11 +203,16 @@ fn a_near_pass_is_a_long_streak_with_its_own_centre() {
             let objects = oem("PASS", at, passing);
             let mut emulator = emulator(camera, stars, objects, Fidelity::REALTIME);
             let (q, rates) = (look_at(aim, 0.7), [0.2, 0.0, 1.0]);
-            let shot = shoot(&mut emulator, at, q, rates, orbit(r, v));
-            let object = shot.label.objects.iter().find(|o| o.kind == "rso").unwrap();
+            let exposed = expose(&mut emulator, at, q, rates, orbit(r, v));
+            let object = exposed
+                .label
+                .objects
+                .iter()
+                .find(|o| o.kind == "rso")
+                .unwrap();
             let length = (object.x1_px - object.x0_px).hypot(object.y1_px - object.y0_px);
             let mut tally = Tally::default();
-            tally.add(&shot);
+            tally.add(&exposed);
             tally.holds(&format!("{camera}, {length:.1} px"));
             assert!(length > 2.0 && object.electrons > 1e3);
         }

@@ -1,7 +1,7 @@
 //! Vignetting and distortion of moving images, against integration from the label and the camera's figures.
 
 use skyloop::camera::{Camera, Model, Projection, Vignetting};
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::label::{Label, ObjectLabel};
 
 use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
@@ -24,8 +24,8 @@ fn place(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> ([f64;
 }
 
 /// Worst errors of light, centres (px) and pixels (of the brightest).
-fn compare(shot: &Shot) -> [f64; 3] {
-    let (label, camera) = (&shot.label, &shot.camera);
+fn compare(exposed: &ExposedFrame) -> [f64; 3] {
+    let (label, camera) = (&exposed.label, &exposed.camera);
     let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
     let sigma = camera.optics.psf.core_px();
     let mut truth = vec![0.0; (width * height) as usize];
@@ -61,7 +61,7 @@ fn compare(shot: &Shot) -> [f64; 3] {
         let centre = moments.map(|m| m / light);
         off_px = off_px.max((o.x_px - centre[0]).hypot(o.y_px - centre[1]));
     }
-    [off_light, off_px, Image::light_of(shot).off(&truth)]
+    [off_light, off_px, Image::light_of(exposed).off(&truth)]
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn light_passes_and_bends_as_the_lens_says_at_rest_and_on_tracks() {
             optics.vignetting = Vignetting::Cos4;
             optics.projection = Projection::new(Model::BrownConrady { k: K, p: P });
         });
-        let [light, px, pixel] = compare(&emulator.shoot(&turning(rates), 0).unwrap());
+        let [light, px, pixel] = compare(&emulator.expose(&turning(rates), 0).unwrap());
         println!("{rates:?} deg/s: light {light:.1e}, centre {px:.1e} px, pixel {pixel:.1e}");
         let is_near = light < 1e-6 && px < 1e-4 && pixel < 3e-5;
         assert!(is_near, "{light} {px} {pixel}");
@@ -99,7 +99,7 @@ fn labels_of_streaks_that_leave_the_detector_do_not_depend_on_where_it_ends() {
             camera.exposure_s = 0.4;
         });
         let vehicle = turning([-40.0, 20.0, 0.0]);
-        emulator.shoot(&vehicle, 0).unwrap().label
+        emulator.expose(&vehicle, 0).unwrap().label
     };
     let (low, high) = (labels(0), labels(200));
     let (mut left, mut worst) = (0, [0.0f64; 2]);

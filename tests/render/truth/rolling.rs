@@ -1,7 +1,7 @@
 //! Rolling shutter against integration row by row, from the label and the camera's figures alone.
 
 use skyloop::camera::{Camera, Shutter};
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::label::{Label, ObjectLabel};
 
 use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
@@ -59,9 +59,9 @@ fn collected(
 }
 
 /// Worst errors of a frame: of light, of centres (px), of pixels as parts of the brightest one.
-fn compare(shot: &Shot, row_s: f64) -> (f64, f64, f64) {
-    let (label, camera) = (&shot.label, &shot.camera);
-    let seen = Image::light_of(shot);
+fn compare(exposed: &ExposedFrame, row_s: f64) -> (f64, f64, f64) {
+    let (label, camera) = (&exposed.label, &exposed.camera);
+    let seen = Image::light_of(exposed);
     let mut truth = vec![0.0; seen.e.len()];
     let (mut off_light, mut off_px) = (0.0f64, 0.0f64);
     for object in label.objects.iter().filter(|o| o.electrons > 0.0) {
@@ -90,13 +90,13 @@ fn compare(shot: &Shot, row_s: f64) -> (f64, f64, f64) {
 }
 
 /// A frame with this shutter, however little it changes.
-fn shot(shutter: Shutter, exposure_s: f64, rates: [f64; 3]) -> Shot {
+fn exposed(shutter: Shutter, exposure_s: f64, rates: [f64; 3]) -> ExposedFrame {
     let mut emulator = changed_fai(|emulator| {
         emulator.choice.all = true;
         let camera = emulator.camera_mut();
         (camera.shutter, camera.exposure_s) = (shutter, exposure_s);
     });
-    emulator.shoot(&turning(rates), 0).unwrap()
+    emulator.expose(&turning(rates), 0).unwrap()
 }
 
 #[test]
@@ -112,17 +112,17 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
             [10.0, -5.0, 60.0],
         ] {
             let row_s = row_us * 1e-6;
-            let shot = shot(Shutter::Rolling { row_s }, 0.05, rates);
-            let (light, px, pixel) = compare(&shot, row_s);
+            let exposed = exposed(Shutter::Rolling { row_s }, 0.05, rates);
+            let (light, px, pixel) = compare(&exposed, row_s);
             let what = format!(
                 "{row_us} us a row, {rates:?} deg/s: light {light:.1e}, centre {px:.1e} px, \
                  pixel {pixel:.1e}"
             );
             println!("{what}");
             assert!(light <= 2e-6 && px <= 1e-4 && pixel <= 3e-5, "{what}");
-            let objects = shot.label.objects.iter();
+            let objects = exposed.label.objects.iter();
             for o in objects.filter(|o| o.electrons > 0.0) {
-                let arriving = arriving_e(&shot.label, o, &shot.camera);
+                let arriving = arriving_e(&exposed.label, o, &exposed.camera);
                 longer = longer.max((o.electrons / arriving - 1.0).abs());
             }
         }
@@ -135,7 +135,7 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
 #[test]
 fn at_rest_it_is_the_global_shutter() {
     let shutters = [Shutter::Rolling { row_s: 1e-4 }, Shutter::Global];
-    let [rolling, global] = shutters.map(|shutter| shot(shutter, 0.1, [0.0; 3]));
+    let [rolling, global] = shutters.map(|shutter| exposed(shutter, 0.1, [0.0; 3]));
     assert_eq!(rolling.frame.expected_e, global.frame.expected_e);
     for (a, b) in rolling.label.objects.iter().zip(&global.label.objects) {
         let off = (a.electrons / b.electrons - 1.0).abs();

@@ -3,12 +3,12 @@
 use crate::fixtures::{dark, noise_free};
 use nalgebra::Vector3;
 use skyloop::config::Config;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::label::ObjectLabel;
 use skyloop::orbit::Object;
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
 
-use super::brute::{apparent, epoch, falling, look_at, oem, orbit, shoot};
+use super::brute::{apparent, epoch, expose, falling, look_at, oem, orbit};
 
 const AT: &str = "2019-06-15T23:35:50";
 const EQUATOR_KM: f64 = 6378.137;
@@ -25,13 +25,13 @@ fn look(
     from: (Vector3<f64>, Vector3<f64>),
     target: (Vector3<f64>, Vector3<f64>),
     roll: f64,
-) -> (Shot, ObjectLabel) {
+) -> (ExposedFrame, ObjectLabel) {
     let objects = oem("TARGET", epoch(AT), falling(target.0, target.1));
-    let shot = shot_of(from, objects, target.0 - from.0, roll);
-    let objects = &shot.label.objects;
+    let exposed = shot_of(from, objects, target.0 - from.0, roll);
+    let objects = &exposed.label.objects;
     let target = objects.iter().find(|o| o.id == "TARGET").cloned();
     let target = target.expect("objects that would be bright are listed, lit or not");
-    (shot, target)
+    (exposed, target)
 }
 
 fn shot_of(
@@ -39,7 +39,7 @@ fn shot_of(
     objects: Vec<Object>,
     aim: Vector3<f64>,
     roll: f64,
-) -> Shot {
+) -> ExposedFrame {
     let defaults = Config::defaults().unwrap();
     let label_snr = defaults.label_snr;
     let config = Config {
@@ -49,13 +49,13 @@ fn shot_of(
     };
     let mut emulator = noise_free(config);
     let (q, orbit) = (look_at(aim, roll), orbit(from.0, from.1));
-    shoot(&mut emulator, epoch(AT), q, [0.0; 3], orbit)
+    expose(&mut emulator, epoch(AT), q, [0.0; 3], orbit)
 }
 
 /// Expected electrons of the pixel that holds the label's centroid, background included.
-fn pixel(shot: &Shot, o: &ObjectLabel) -> f64 {
+fn pixel(exposed: &ExposedFrame, o: &ObjectLabel) -> f64 {
     let (column, row) = (o.x_px.round() as usize, o.y_px.round() as usize);
-    f64::from(shot.frame.expected_e.as_ref().unwrap()[row * shot.frame.width + column])
+    f64::from(exposed.frame.expected_e.as_ref().unwrap()[row * exposed.frame.width + column])
 }
 
 #[test]
@@ -63,20 +63,20 @@ fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
     let (sun, across) = sun();
     let velocity = across * 7.5;
     let from = (-sun * 7000.0, velocity);
-    let (shot, o) = look(from, (-sun * 7300.0 + across * 40.0, velocity), 0.1);
+    let (exposed, o) = look(from, (-sun * 7300.0 + across * 40.0, velocity), 0.1);
     let rso = o.rso.as_ref().unwrap();
     let light = (rso.illumination, o.electrons, o.snr, o.band_mag);
     assert_eq!(light, (0.0, 0.0, 0.0, None));
     assert!(o.in_frame && !o.visible && o.mag.is_finite());
     assert_eq!(o.reason.as_deref(), Some("in the Earth's shadow"));
-    assert!(shot.json.contains("\"band_mag\":null"));
-    let light = pixel(&shot, &o) - shot.label.background_e_px;
+    assert!(exposed.json.contains("\"band_mag\":null"));
+    let light = pixel(&exposed, &o) - exposed.label.background_e_px;
     assert!(light.abs() < 0.5, "no star stands there");
     // The same, on the other side of the Earth, shines.
     let target = (sun * 7000.0 + across * 40.0, velocity);
-    let (shot, o) = look((sun * 7300.0, velocity), target, 0.1);
+    let (exposed, o) = look((sun * 7300.0, velocity), target, 0.1);
     assert!(o.rso.unwrap().illumination == 1.0 && o.electrons > 1e3);
-    assert!(!shot.json.contains("Earth's shadow"));
+    assert!(!exposed.json.contains("Earth's shadow"));
 }
 
 /// The part of the Sun's disc seen past the ellipsoid from `at` (km), ray by ray.
@@ -112,19 +112,19 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
     let at = |offset: f64| {
         let place = -sun * 2500.0 + across * offset;
         let from = (place + (across - sun).normalize() * 300.0, velocity);
-        let (shot, o) = look(from, (place, velocity), 0.4);
-        (place, shot, o)
+        let (exposed, o) = look(from, (place, velocity), 0.4);
+        (place, exposed, o)
     };
     // The penumbra is 23 km wide there.
     for step in 0..14 {
         let offset = 6400.0 - 5.0 * f64::from(step);
-        let (place, shot, o) = at(offset);
+        let (place, exposed, o) = at(offset);
         let rso = o.rso.as_ref().unwrap();
         let miss = rso.illumination - sunlit_part(place);
         assert!(miss.abs() < 5e-3, "{offset}");
-        let whole = shot.camera.electrons_per_second_at_zero()
+        let whole = exposed.camera.electrons_per_second_at_zero()
             * 10f64.powf(-0.4 * o.mag)
-            * shot.label.exposure_s;
+            * exposed.label.exposure_s;
         assert!((o.electrons - whole * rso.illumination).abs() <= 1e-9 * whole);
         assert!(rso.illumination <= last);
         last = rso.illumination;
@@ -132,7 +132,7 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
             partial += 1;
             let dimmed = o.band_mag.unwrap() - o.mag;
             assert!((dimmed + 2.5 * rso.illumination.log10()).abs() < 1e-9);
-            assert!(pixel(&shot, &o) > shot.label.background_e_px + 0.15 * o.electrons);
+            assert!(pixel(&exposed, &o) > exposed.label.background_e_px + 0.15 * o.electrons);
         }
     }
     assert!(partial >= 2 && last == 0.0, "{partial} {last}");
@@ -164,17 +164,17 @@ fn behind_the_earth_there_is_neither_object_nor_star() {
     let from = (across * 6800.0, velocity);
     let target = -across * 7000.0 + sun * 2000.0;
     let objects = oem("TARGET", epoch(AT), falling(target, velocity));
-    let shot = shot_of(from, objects, target - from.0, 1.0);
-    assert!(shot.label.objects.iter().all(|o| o.id != "TARGET"));
-    assert_eq!(shot.label.unseen["behind the Earth"], ["TARGET"]);
-    let stars = || shot.label.objects.iter().filter(|o| o.kind == "star");
+    let exposed = shot_of(from, objects, target - from.0, 1.0);
+    assert!(exposed.label.objects.iter().all(|o| o.id != "TARGET"));
+    assert_eq!(exposed.label.unseen["behind the Earth"], ["TARGET"]);
+    let stars = || exposed.label.objects.iter().filter(|o| o.kind == "star");
     assert!(stars().count() > 20);
     for star in stars() {
         assert_eq!((star.electrons, star.visible), (0.0, false));
         assert!(!star.in_frame || star.reason.as_deref() == Some("behind the Earth"));
     }
-    let dark = shot.label.background_e_px as f32;
-    assert!(shot.frame.expected_e.unwrap().iter().all(|e| *e == dark));
+    let dark = exposed.label.background_e_px as f32;
+    assert!(exposed.frame.expected_e.unwrap().iter().all(|e| *e == dark));
 }
 
 #[test]
@@ -185,9 +185,9 @@ fn across_the_limb_the_frame_has_stars_on_one_side_only() {
     let dip = (EQUATOR_KM / 7000.0f64).asin();
     let aim = -across * dip.cos() + sun * dip.sin();
     let target = oem("TARGET", epoch(AT), falling(from.0 + aim * 300.0, from.1));
-    let shot = shot_of(from, target, aim, 0.0);
+    let exposed = shot_of(from, target, aim, 0.0);
     let (mut hidden, mut seen) = (0, 0);
-    for star in shot.label.objects.iter().filter(|o| o.kind == "star") {
+    for star in exposed.label.objects.iter().filter(|o| o.kind == "star") {
         let depth = apparent(star).angle(&-across) - dip;
         // The ellipsoid and aberration leave a rim of 0.5 degree undecided.
         if depth.abs() > 0.01 {

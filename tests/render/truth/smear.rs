@@ -1,25 +1,25 @@
 //! Smear from nothing to thousands of pixels, about every axis, against integration from the label alone.
 
 use skyloop::attitude::VehicleState;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::Fidelity;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{emulator, epoch, most, shoot, verdict};
+use super::brute::{emulator, epoch, expose, most, verdict};
 use super::light::Tally;
 
 /// A frame of `camera` with another focal length (px), turning so far (deg) about body axes during the exposure.
-fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3]) -> Shot {
+fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3]) -> ExposedFrame {
     let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     emulator.camera_mut().optics.focal_px = focal_px;
     let exposure_s = emulator.camera().exposure_s;
     let rates = turn_deg.map(|turn| turn / exposure_s);
     let at = epoch("2024-05-06T07:08:09.1");
-    shoot(&mut emulator, at, [0.6, -0.5, 0.3, 0.4], rates, None)
+    expose(&mut emulator, at, [0.6, -0.5, 0.3, 0.4], rates, None)
 }
 
-fn longest(shot: &Shot) -> f64 {
-    let objects = shot.label.objects.iter();
+fn longest(exposed: &ExposedFrame) -> f64 {
+    let objects = exposed.label.objects.iter();
     most(objects.map(|o| (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px)))
 }
 
@@ -40,9 +40,9 @@ fn every_length_keeps_its_light_its_centre_and_its_profile() {
         let mut tally = Tally::default();
         let mut longest_px = 0.0f64;
         for turn in axes(px, 6000.0) {
-            let shot = turned("rigel-l", 6000.0, turn);
-            longest_px = longest_px.max(longest(&shot));
-            tally.add(&shot);
+            let exposed = turned("rigel-l", 6000.0, turn);
+            longest_px = longest_px.max(longest(&exposed));
+            tally.add(&exposed);
         }
         println!("{px} px ({longest_px:.4}): {tally:?}");
         assert!(longest_px >= 0.9 * px, "{longest_px}");
@@ -68,7 +68,7 @@ fn stars_drift_as_the_observers_velocity_turns() {
     let mut at = |dt_s: f64, exposure_s: f64| {
         emulator.camera_mut().exposure_s = exposure_s;
         let epoch = mid + hifitime::Duration::from_seconds(dt_s);
-        emulator.shoot(&vehicle.at(epoch), 0).unwrap().label
+        emulator.expose(&vehicle.at(epoch), 0).unwrap().label
     };
     let [before, after] = [-50.0, 50.0].map(|dt_s| at(dt_s, 1e-3));
     let long = at(0.0, 100.0);

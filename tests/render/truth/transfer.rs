@@ -1,19 +1,19 @@
 //! Frame transfer against its definition, and the labels that do not count its trails.
 
 use skyloop::camera::Shutter;
-use skyloop::engine::Shot;
+use skyloop::engine::ExposedFrame;
 use skyloop::label::EffectLabel;
 
 use super::brute::{changed_fai, image, most, stamp, turning, verdict};
 
-fn frame(row_us: f64, rates: [f64; 3]) -> (Shot, EffectLabel) {
+fn frame(row_us: f64, rates: [f64; 3]) -> (ExposedFrame, EffectLabel) {
     // Exposed for 0.1 s: a trail of a few hundredths of the light of its column.
     let row_s = row_us * 1e-6;
     let shutter = Shutter::FrameTransfer { row_s };
     let mut emulator = changed_fai(|emulator| emulator.camera_mut().shutter = shutter);
     let vehicle = turning(rates);
     let verdict = verdict(&emulator, &vehicle, "frame transfer");
-    (emulator.shoot(&vehicle, 0).unwrap(), verdict)
+    (emulator.expose(&vehicle, 0).unwrap(), verdict)
 }
 
 #[test]
@@ -23,15 +23,15 @@ fn every_pixel_passes_every_row_of_its_column_once() {
         (100.0, [0.0; 3]),
         (100.0, [10.0, -5.0, 60.0]),
     ] {
-        let (shot, effect) = frame(row_us, rates);
-        let truth = image(&shot.label, &shot.camera);
+        let (exposed, effect) = frame(row_us, rates);
+        let truth = image(&exposed.label, &exposed.camera);
         let part = row_us * 1e-6 / 0.1;
         let column = |c: usize| -> f64 { truth.e.iter().skip(c).step_by(truth.width).sum() };
         let trails: Vec<f64> = (0..truth.width).map(|c| part * column(c)).collect();
-        let dark = shot.camera.detector.dark_e_s * shot.label.exposure_s;
+        let dark = exposed.camera.detector.dark_e_s * exposed.label.exposure_s;
         let background = dark + trails.iter().sum::<f64>() / trails.len() as f64;
-        assert!((shot.label.background_e_px / background - 1.0).abs() < 1e-5);
-        let expected = shot.frame.expected_e.iter().flatten();
+        assert!((exposed.label.background_e_px / background - 1.0).abs() < 1e-5);
+        let expected = exposed.frame.expected_e.iter().flatten();
         let off = expected
             .zip(&truth.e)
             .enumerate()
@@ -43,22 +43,22 @@ fn every_pixel_passes_every_row_of_its_column_once() {
         assert!(worst < 2e-5, "{worst}");
 
         // What leaving it out would cost is the brightest trail.
-        let label = &shot.label;
+        let label = &exposed.label;
         let brightest = most(trails.iter().copied());
         assert!((effect.error_e.unwrap() / brightest - 1.0).abs() < 1e-4 && effect.run);
 
         // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the pixels that are not full.
-        let detector = &shot.camera.detector;
+        let detector = &exposed.camera.detector;
         let digit = detector.gain_e_per_dn;
         let floor = detector.read_noise_e.powi(2) + digit * digit / 12.0;
         let reach = (f64::from(detector.max_dn()) - detector.offset_dn) * digit;
         let full = reach.min(detector.full_well_e);
         for o in label.objects.iter().filter(|o| o.electrons > 1.0) {
-            let (region, light) = stamp(label, o, &shot.camera);
+            let (region, light) = stamp(label, o, &exposed.camera);
             let columns = (region.past[0] - region.low[0]).max(1) as usize;
             let term = |(i, s): (usize, &f64)| {
-                let trail = trails[region.low[0] as usize + i % columns];
-                let held = s + dark + trail;
+                let transfer_smear = trails[region.low[0] as usize + i % columns];
+                let held = s + dark + transfer_smear;
                 if held < full {
                     s * s / (held + floor)
                 } else {

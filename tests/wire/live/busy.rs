@@ -53,11 +53,11 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
     let exposures = f64::from(counters.frames_rendered + counters.exposures_missed);
     assert!(exposures <= due, "{exposures} of {due}");
     // A single shot starts as its command comes. Wire and machine only widen the bounds.
-    let asked = Instant::now();
+    let requested = Instant::now();
     client.done(Command::SingleShot);
     let done = Instant::now();
     let start_s = mid_s(&client.frame()) - EXPOSURE_S / 2.0;
-    let bounds = [asked - after, done - before].map(|bound| bound.as_secs_f64());
+    let bounds = [requested - after, done - before].map(|bound| bound.as_secs_f64());
     println!(
         "{} frames, {missed} missed; {start_s} s in {bounds:?}",
         frames.len()

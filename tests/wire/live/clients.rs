@@ -1,6 +1,6 @@
 //! Clients that leave, and clients that take nothing: the next client gets its frames.
 
-use super::{PATIENCE, frame_of, quick, whole_frame};
+use super::{TIMEOUT, frame_of, quick, whole_frame};
 use crate::support::client::Client;
 use crate::support::line::Line;
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
@@ -77,7 +77,7 @@ fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
     first.send(Command::Credit { packets: 1 });
     first.point(attitude(1), EPOCH);
     // It is not read either: the emulator sends what it may, and waits for 2 s.
-    await_that("it is given up", || emulator.shot().number == 0);
+    await_that("it is given up", || emulator.exposed().number == 0);
     let mut second = next_client(another);
     is_served(&mut second);
     let counters = second.counters();
@@ -123,7 +123,7 @@ mod terminals {
         // More frames than terminal and queues hold: X-Val: 256 packets, some ten a frame.
         let mut last = 0;
         while last < 40 {
-            last = emulator.shot().number;
+            last = emulator.exposed().number;
         }
         let frame = loop {
             let frame = whole_frame(&mut client);
@@ -144,7 +144,7 @@ fn who_waited_for_the_emulator_has_not_fallen_behind() {
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let zero = Instant::now();
     let start = Epoch::now().unwrap();
-    let mission = super::mission(start, 3, PATIENCE);
+    let mission = super::mission(start, 3, TIMEOUT);
     let mut config = quick(20.0);
     config.objects.clear();
     std::thread::scope(|scope| {

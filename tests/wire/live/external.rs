@@ -1,6 +1,6 @@
 //! The client's clock: its attitudes tell the time, and frames come at the camera's cadence of it.
 
-use super::{EXPOSURE_S, PATIENCE, mid_s, quick, rest, seconds, shows, turned, turning};
+use super::{EXPOSURE_S, TIMEOUT, mid_s, quick, rest, seconds, shows, turned, turning};
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, later, memory_client, on_memory};
@@ -88,7 +88,7 @@ impl Pilot {
     fn fly_until(&mut self, what: &str, mut done: impl FnMut(&mut Client<MemoryLine>) -> bool) {
         let began = Instant::now();
         while !done(&mut self.client) {
-            assert!(began.elapsed() < PATIENCE, "waited too long for: {what}");
+            assert!(began.elapsed() < TIMEOUT, "waited too long for: {what}");
             self.tick();
             std::thread::sleep(TICK);
         }
@@ -240,7 +240,7 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
             // After frames of the old time and one on the seam, all frames are of the new time.
             let is_of_it = |frame: &Received| {
                 let since_s = seconds(to, frame.time);
-                (0.0..PATIENCE.as_secs_f64()).contains(&since_s)
+                (0.0..TIMEOUT.as_secs_f64()).contains(&since_s)
             };
             let first = frames.iter().position(is_of_it).unwrap();
             frames.drain(..first);
@@ -254,7 +254,7 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
             let after = pilot.client.status();
             let off = after.clock_offset_s - before.clock_offset_s;
             let set_s = if hours > 0.0 { 3600.0 } else { -7200.0 };
-            assert!((off - set_s).abs() < PATIENCE.as_secs_f64(), "{off}");
+            assert!((off - set_s).abs() < TIMEOUT.as_secs_f64(), "{off}");
             // X-Val: an hour has 72,000 periods; a machine that stands still may miss some.
             let missed = after.counters.exposures_missed - before.counters.exposures_missed;
             assert!(missed < 72_000 / 100, "{missed}");

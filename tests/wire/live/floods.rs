@@ -1,6 +1,6 @@
 //! Floods, nonsense and a bad line are counted, and frames go on.
 
-use super::{PATIENCE, frame_of, quick, whole_frame};
+use super::{TIMEOUT, frame_of, quick, whole_frame};
 use crate::support::client::{Client, counted, moved};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
@@ -37,7 +37,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
             // The client's own attitude had the first count.
             counts.next(Command::Attitude(attitude(0)).apid());
             while sent < FLOOD {
-                assert!(began.elapsed() < 3 * PATIENCE, "{sent} attitudes left");
+                assert!(began.elapsed() < 3 * TIMEOUT, "{sent} attitudes left");
                 let since_s = began.elapsed().as_secs_f64();
                 if f64::from(sent) > since_s * FLOOD_HZ {
                     std::thread::yield_now();

@@ -18,7 +18,7 @@ mod wall_clock;
 
 use crate::support::client::{Client, Received};
 use crate::support::line::Line;
-use crate::support::{EPOCH, EXPOSURE_S, PATIENCE, Q, attitude, await_that, later, quick, seconds};
+use crate::support::{EPOCH, EXPOSURE_S, Q, TIMEOUT, attitude, await_that, later, quick, seconds};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;

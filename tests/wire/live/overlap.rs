@@ -1,6 +1,6 @@
 //! One frame leaves while the next is made, and its upper rows while the lower ones are.
 
-use super::{PATIENCE, quick, rest};
+use super::{TIMEOUT, quick, rest};
 use crate::support::client::Client;
 use crate::support::{EPOCH, attitude, await_that, memory_client, scene};
 use skyloop::config::Clock;
@@ -51,7 +51,7 @@ fn await_frames(
         if counters.frames_rendered >= frames {
             return counters;
         }
-        assert!(began.elapsed() < PATIENCE, "{counters:?}");
+        assert!(began.elapsed() < TIMEOUT, "{counters:?}");
         client.send(meanwhile());
         std::thread::sleep(Duration::from_millis(50));
     }

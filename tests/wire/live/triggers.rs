@@ -34,11 +34,11 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
     }
     assert_eq!(client.counters().frames_rendered, 0, "not asked for");
     // Any order, any number but 0; the same time twice is two frames.
-    let asked = [(70, 0.1), (71, 0.5), (9, 0.3), (4_000_000_000, 0.3)];
-    for (number, start_s) in asked {
+    let requested = [(70, 0.1), (71, 0.5), (9, 0.3), (4_000_000_000, 0.3)];
+    for (number, start_s) in requested {
         trigger(&mut client, number, start_s);
     }
-    for (frame, (number, start_s)) in (0..).zip(asked) {
+    for (frame, (number, start_s)) in (0..).zip(requested) {
         let got = client.frame();
         assert_eq!((got.header.frame, got.end.trigger), (frame, number));
         // The message before its middle.

@@ -56,7 +56,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     let (_emulator, mut client) = memory_client(quick(1e-3), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.done(Command::Exposure { seconds: 2.0 });
-    let asked = Instant::now();
+    let requested = Instant::now();
     client.done(Command::SingleShot);
     // One at a time, and as requested, whatever rate follows it.
     client.done(Command::FrameRate { hz: 1e-3 });
@@ -66,9 +66,9 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     }
     assert_eq!(client.frame().header.frame, 0);
     // The exposure starts with the command, not before it.
-    assert!(asked.elapsed() >= Duration::from_secs(2));
+    assert!(requested.elapsed() >= Duration::from_secs(2));
     client.done(Command::Exposure { seconds: 0.01 });
-    client.point(attitude(2), later(EPOCH, asked.elapsed().as_secs_f64()));
+    client.point(attitude(2), later(EPOCH, requested.elapsed().as_secs_f64()));
     client.done(Command::SingleShot);
     assert_eq!(client.frame().header.attitude_sequence, 2);
     let more = client.recv(Duration::from_millis(100));
@@ -103,13 +103,13 @@ fn a_rate_told_again_does_not_hold_the_frames_back() {
     client.window = None;
     client.point(attitude(1), EPOCH);
     // Every 20 ms, with a period of 100 ms.
-    let asked = Instant::now();
-    while asked.elapsed() < Duration::from_millis(500) {
+    let requested = Instant::now();
+    while requested.elapsed() < Duration::from_millis(500) {
         client.done(Command::FrameRate { hz: 10.0 });
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(emulator.shot().number, 0);
-    assert_eq!(emulator.shot().number, 1);
+    assert_eq!(emulator.exposed().number, 0);
+    assert_eq!(emulator.exposed().number, 1);
 }
 
 #[test]
@@ -272,10 +272,10 @@ fn the_latest_attitude_counts() {
         client.frame().header.attitude_sequence == 2
     });
     // Noise counts the frames of each attitude, whatever came before.
-    let mut key = emulator.shot().key;
+    let mut key = emulator.exposed().key;
     for repeat in 0.. {
         assert_eq!((key.sequence, key.repeat), (1, repeat));
-        key = emulator.shot().key;
+        key = emulator.exposed().key;
         if key.sequence == 2 {
             assert!(repeat >= 1);
             break;

@@ -25,7 +25,7 @@ pub struct Cadence {
     /// End of an exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
     /// End of the single shot that was commanded, until its frame is taken.
-    shot: Option<Instant>,
+    exposed: Option<Instant>,
     /// A scene time and its instant.
     zero: Option<(Epoch, Instant)>,
     /// Whether the scene time is stopped, so that no exposure ends.
@@ -45,7 +45,7 @@ impl Cadence {
             next: None,
             rests: false,
             ended: None,
-            shot: None,
+            exposed: None,
             zero: None,
             paused: false,
             guessed: false,
@@ -101,7 +101,11 @@ impl Cadence {
     /// Counts a single shot as missed, unless it has ended and waits for its frame.
     fn give_up_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
-        if self.shot.take_if(|shot| Some(*shot) != ended).is_some() {
+        if self
+            .exposed
+            .take_if(|exposed| Some(*exposed) != ended)
+            .is_some()
+        {
             self.missed = self.missed.wrapping_add(1);
         }
     }
@@ -168,7 +172,7 @@ impl Cadence {
         if let Some((_, zero)) = &mut self.zero {
             *zero = earlier(*zero);
         }
-        for end in [&mut self.next, &mut self.shot] {
+        for end in [&mut self.next, &mut self.exposed] {
             *end = end.map(earlier);
         }
         self.ended = self.ended.map(|(end, scene)| (earlier(end), scene));
@@ -189,7 +193,7 @@ impl Cadence {
         self.give_up_shot();
         let waited = u32::from(self.ended.take().is_some());
         self.missed = self.missed.wrapping_add(waited);
-        self.shot = None;
+        self.exposed = None;
     }
 
     /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if
@@ -201,7 +205,7 @@ impl Cadence {
         self.next = match self.next {
             None if self.paused => None,
             None => self.zero.map(|_| arrived + self.period),
-            shot if shot == self.shot => shot,
+            exposed if exposed == self.exposed => exposed,
             Some(end) => {
                 let last = end.checked_sub(before).unwrap_or(arrived);
                 let next = last + self.period;
@@ -219,13 +223,13 @@ impl Cadence {
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.advance(arrived);
         self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
-        self.shot = self.next;
+        self.exposed = self.next;
         self.rests = true;
     }
 
     /// Whether a single shot is being exposed, or waits for its frame.
     pub fn single_shot_is_open(&self) -> bool {
-        self.shot.is_some()
+        self.exposed.is_some()
     }
 
     /// Time until the next exposure has ended; long while the cadence rests.
@@ -240,7 +244,7 @@ impl Cadence {
         self.zero?;
         self.advance(now);
         let (end, in_scene) = self.ended.take()?;
-        self.shot = self.shot.filter(|shot| *shot != end);
+        self.exposed = self.exposed.filter(|exposed| *exposed != end);
         let mid = in_scene.or_else(|| self.scene_at(end))? - seconds(exposure_s / 2.0);
         Some(Due {
             mid,
@@ -268,7 +272,7 @@ impl Cadence {
         self.next = (!self.rests).then(|| newest + self.period);
         let waited = u32::from(self.ended.is_some());
         self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
-        self.ended = Some((self.shot.unwrap_or(newest), None));
+        self.ended = Some((self.exposed.unwrap_or(newest), None));
     }
 }
 

@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn what_comes_late_or_is_wrong_is_no_jump() {
         let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
-        let hear = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
+        let receive = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
             discipline.observe(start + seconds(told_s), start + seconds(own_s))
         };
         // Every second stamp 0.3 s late; a burst of half a second; wrong stamps, all different.
@@ -148,7 +148,7 @@ mod tests {
         for n in 0..100 {
             let own_s = 0.02 * f64::from(n);
             let late_s = if n % 2 == 0 { 0.0 } else { 0.3 };
-            let found = hear(&mut discipline, own_s - late_s, own_s);
+            let found = receive(&mut discipline, own_s - late_s, own_s);
             assert_eq!(
                 matches!(found, Correction::Slew(_)),
                 n % 2 == 0,
@@ -156,13 +156,13 @@ mod tests {
             );
         }
         for n in 0..25 {
-            let found = hear(&mut discipline, 2.0 + 0.02 * f64::from(n), 2.5);
+            let found = receive(&mut discipline, 2.0 + 0.02 * f64::from(n), 2.5);
             assert!(!matches!(found, Correction::Jump));
         }
         for n in 0..100 {
             let own_s = 3.0 + 0.02 * f64::from(n);
             let wrong_s = f64::from(n % 7) - 3.5;
-            let found = hear(&mut discipline, own_s + wrong_s, own_s);
+            let found = receive(&mut discipline, own_s + wrong_s, own_s);
             assert!(matches!(found, Correction::Doubt(_)), "{found:?}");
         }
         assert_eq!(discipline.offset_s(), 0.0);

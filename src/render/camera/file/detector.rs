@@ -1,6 +1,6 @@
 //! `[detector]` of a camera file.
 
-use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
+use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternStats};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_base::load::Allowed::{Number, Word};
@@ -74,9 +74,9 @@ pub struct RawDetector {
 }
 
 /// Relative sigmas that a sensor may have. Responses of silicon differ by 0.002 to 0.03; from 0.3 on a Gaussian that is clipped at 0 is none.
-const MOST_PRNU: RangeInclusive<f64> = 0.0..=0.3;
+const MAX_PRNU: RangeInclusive<f64> = 0.0..=0.3;
 /// Dark currents by 0.03 to 0.5; beyond that the tail is that of hot pixels, which have keys of their own.
-const MOST_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
+const MAX_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
 /// Limits of the keys; the most of offset_dn and stuck_dn follows from adc_bits.
 pub const LIMITS: &[Limit] = &[
@@ -90,10 +90,10 @@ pub const LIMITS: &[Limit] = &[
     ("detector.dark_doubling_k", Number(1.0..=100.0)),
     ("detector.dark_e_s", Number(0.0..=1e9)),
     ("detector.hot_e_s", Number(0.0..=1e9)),
-    ("detector.prnu", Number(MOST_PRNU)),
+    ("detector.prnu", Number(MAX_PRNU)),
     (
         "detector.dark_nonuniformity",
-        Number(MOST_DARK_NONUNIFORMITY),
+        Number(MAX_DARK_NONUNIFORMITY),
     ),
     ("detector.hot_fraction", Number(0.0..=0.1)),
     ("detector.dead_fraction", Number(0.0..=0.1)),
@@ -108,7 +108,7 @@ pub const LIMITS: &[Limit] = &[
 ];
 
 /// A converter of which full pixels use less than this is hardly meant.
-const LEAST_FILLED: f64 = 0.01;
+const MIN_FILLED: f64 = 0.01;
 
 /// Where dark currents are stated, deg C.
 fn room_temperature() -> f64 {
@@ -168,7 +168,7 @@ impl RawDetector {
         };
         let hot_fraction = self.hot_fraction.unwrap_or(0.0);
         let any_stuck = self.stuck_fraction.is_some() || self.stuck_px.is_some();
-        let figures = PatternFigures {
+        let figures = PatternStats {
             serial,
             width,
             height,
@@ -246,7 +246,7 @@ impl RawDetector {
             ));
         }
         let filled = self.full_well_e / detector.gain_e_per_dn / full_scale;
-        if filled < LEAST_FILLED {
+        if filled < MIN_FILLED {
             check.notice(format_args!(
                 "detector.gain_e_per_dn = {}: pixels are full at {:.3} % of the converter's largest number: is it e-/DN (not DN/e-), and \
                  detector.full_well_e in e-?",

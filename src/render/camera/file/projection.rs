@@ -44,7 +44,7 @@ const MODELS: [Kind; 3] = [
 ];
 
 /// Furthest (px) beyond the detector that a projection must reach: light from there is faint.
-const MOST_MARGIN_PX: f64 = 64.0;
+const MAX_MARGIN_PX: f64 = 64.0;
 
 impl RawProjection {
     /// The polynomial's coefficients; those of the highest orders may be left out.
@@ -122,7 +122,7 @@ impl RawProjection {
         check: &Check,
     ) -> Result<(), ConfigError> {
         // What a source leaves outside of that is below a millionth of its light, or far out in faint wings.
-        let margin_px = optics.psf.reach_px(1e-6).min(MOST_MARGIN_PX);
+        let margin_px = optics.psf.reach_px(1e-6).min(MAX_MARGIN_PX);
         let distance = |[x, y]: [f64; 2]| {
             let [cx, cy] = optics.principal_px;
             libm::hypot(x - cx, y - cy)

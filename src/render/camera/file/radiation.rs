@@ -1,7 +1,7 @@
 //! `[radiation]` of a camera file.
 
 use super::timing::Timing;
-use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
+use crate::camera::{Detector, Flux, MAX_WORK_AN_EVENT, Radiation};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_base::load::Allowed::Number;
@@ -89,9 +89,9 @@ impl RawRadiation {
             return Err(error.needs(&["timing.rate_hz"]));
         }
         let work = radiation.work_an_event(detector);
-        if work > MOST_WORK_AN_EVENT {
+        if work > MAX_WORK_AN_EVENT {
             let allowed = format!(
-                "such that a particle's charge lies on at most {MOST_WORK_AN_EVENT:.0e} pixels, counted at each step of its track: \
+                "such that a particle's charge lies on at most {MAX_WORK_AN_EVENT:.0e} pixels, counted at each step of its track: \
                  {work:.1e} with this radiation.thickness_um"
             );
             let error = check.refuse("radiation.diffusion_um", radiation.diffusion_um, allowed);

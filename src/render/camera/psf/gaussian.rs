@@ -12,7 +12,7 @@ const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
 
 /// Light that is lost is no less than this part of it, 37 standard deviations out.
-const LEAST_LOSS: f64 = 1e-300;
+const MIN_LOSS: f64 = 1e-300;
 
 /// Taylor's series, from the power 0 on.
 type Series = [f64; 6];
@@ -74,7 +74,7 @@ impl Gaussian {
     /// from there to one that is hardly too great.
     pub fn reach_px(&self, bound: f64) -> f64 {
         // Of no loss at all there would be no end.
-        let loss = nearest(bound, LEAST_LOSS..=1.0);
+        let loss = nearest(bound, MIN_LOSS..=1.0);
         let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
         let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
         // Of more than a hundredth the tail is not that far out.
@@ -89,7 +89,7 @@ impl Gaussian {
     /// The radius (px) of the circle outside of which `loss` of the light falls,
     /// `exp(-r^2 / (2 sigma^2))`.
     pub fn circle_px(&self, bound: f64) -> f64 {
-        self.sigma_px * (-2.0 * libm::log(nearest(bound, LEAST_LOSS..=1.0))).sqrt()
+        self.sigma_px * (-2.0 * libm::log(nearest(bound, MIN_LOSS..=1.0))).sqrt()
     }
 
     /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that

@@ -113,8 +113,8 @@ impl Image {
     /// Shares as they change with the place of the source.
     fn relief(&self, oversampling: f64) -> Relief {
         // At the ends of cells, and at least so often a pixel: shares are linear between.
-        const LEAST: f64 = 4.0;
-        let a_cell = (LEAST / oversampling).ceil().max(1.0);
+        const MIN: f64 = 4.0;
+        let a_cell = (MIN / oversampling).ceil().max(1.0);
         let steps = (oversampling * a_cell).round().clamp(1.0, 64.0);
         let places = |cells: usize| {
             let half = cells as f64 / 2.0 / oversampling + 1.0;

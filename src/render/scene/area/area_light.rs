@@ -1,6 +1,6 @@
 //! An area source on the pixels.
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::light::Light;
 use crate::scene::effect_set::EffectId;
 use skyloop_orbit::sgp4_batch::Level;
@@ -24,7 +24,7 @@ pub struct AreaLight {
     /// Whether all of it is lost in noise.
     pub is_thin: bool,
     /// The work of rasterizing it.
-    pub asked: Asked,
+    pub requested: Requested,
 }
 
 impl AreaLight {

@@ -4,7 +4,7 @@ use std::ops::AddAssign;
 
 /// How many evaluations rasterizing took.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Asked {
+pub struct Requested {
     /// Of the radiance, one for each place.
     pub lights: usize,
     /// Further ones, for places that move.
@@ -15,8 +15,8 @@ pub struct Asked {
     pub spreads: usize,
 }
 
-impl AddAssign for Asked {
-    fn add_assign(&mut self, other: Asked) {
+impl AddAssign for Requested {
+    fn add_assign(&mut self, other: Requested) {
         self.lights += other.lights;
         self.smeared += other.smeared;
         self.edges += other.edges;

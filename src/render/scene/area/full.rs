@@ -14,9 +14,9 @@ use super::plane::{Plane, received};
 use super::radiance::Area;
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
+use crate::scene::blooming::flooding_e;
 use crate::scene::effect_set::{EffectId, EffectSet};
-use crate::scene::spill::flooding_e;
-use crate::scene::trail;
+use crate::scene::transfer_smear;
 use crate::scene::view::View;
 use rayon::prelude::*;
 
@@ -28,7 +28,7 @@ const CELLS_A_WAY: usize = 32;
 /// Margin of the criterion over what fills a pixel for certain.
 const SURE: f64 = 2.0;
 /// Below this tolerance (1) full pixels are evaluated too: such frames serve as references.
-const LEAST_PART: f64 = 1e-5;
+const MIN_PART: f64 = 1e-5;
 
 /// Cells of the detector, and of the pixels around it that give light to it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -52,7 +52,7 @@ impl Full {
         fidelity: &Fidelity,
     ) -> Full {
         let is_lost = view.camera.detector.blooming != Blooming::Column
-            && !(simulated.has(EffectId::FrameTransfer) && trail::part(view) > 0.0);
+            && !(simulated.has(EffectId::FrameTransfer) && transfer_smear::part(view) > 0.0);
         if !is_lost {
             return Full::default();
         }
@@ -84,9 +84,7 @@ impl Full {
         let responds = 1.0 - detector.pattern.worst_response();
         let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
-        if !simulated.has(EffectId::FullWell)
-            || peak_e < enough_e
-            || fidelity.area_part < LEAST_PART
+        if !simulated.has(EffectId::FullWell) || peak_e < enough_e || fidelity.area_part < MIN_PART
         {
             return Full::default();
         }
@@ -106,9 +104,9 @@ impl Full {
         if view.limit.is_over() {
             return Full::default();
         }
-        let place = |i: usize| i as f64 * side as f64 - (before * side) as f64;
+        let position = |i: usize| i as f64 * side as f64 - (before * side) as f64;
         let lit = (0..(across + 1) * (down + 1)).into_par_iter().map(|i| {
-            let at = [i % (across + 1), i / (across + 1)].map(place);
+            let at = [i % (across + 1), i / (across + 1)].map(position);
             // What a cancelled frame finds is not used.
             !view.limit.is_cancelled() && sky.e(at) >= enough_e
         });

@@ -1,6 +1,6 @@
 //! The grid of pixels on and around the detector on which an area source is evaluated.
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::full::Full;
 use super::motion::{AREA_LOOK_NS, mean, panels};
 use super::plane::{Plane, received};
@@ -76,7 +76,7 @@ impl<'a, 'v> Grid<'a, 'v> {
     /// The light of the pixel around a place, e-: the mean over its time, or that in the middle
     /// where the pattern hardly moves. None where the plane has no direction, or the work limit is
     /// over.
-    pub fn at(&self, x: f64, y: f64, asked: &mut Asked) -> Option<f64> {
+    pub fn at(&self, x: f64, y: f64, requested: &mut Requested) -> Option<f64> {
         if self.plane.limit().is_over() {
             return None;
         }
@@ -92,8 +92,8 @@ impl<'a, 'v> Grid<'a, 'v> {
             0 => (light(0.5), 1),
             panels => mean(light, panels, bent),
         };
-        asked.lights += 1;
-        asked.smeared += looks - 1;
+        requested.lights += 1;
+        requested.smeared += looks - 1;
         let ns = self.plane.place_ns() + looks as f64 * AREA_LOOK_NS;
         self.plane.limit().spend(ns);
         Some(mean)

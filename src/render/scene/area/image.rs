@@ -1,16 +1,16 @@
 //! From an area source to its light on the pixels.
 
 use super::area_light::AreaLight;
-use super::asked::Asked;
+use super::asked::Requested;
 use super::blur::Blur;
 use super::full::Full;
 use super::plane::Plane;
 use super::radiance::Area;
 use super::rasterize::rasterize;
 use crate::fidelity::Fidelity;
+use crate::scene::blooming::flooding_e;
 use crate::scene::bounds::cells::CELL;
 use crate::scene::effect_set::{EffectId, EffectSet};
-use crate::scene::spill::flooding_e;
 use crate::scene::view::View;
 use std::borrow::Cow;
 
@@ -56,7 +56,7 @@ pub fn lit_by(
         electrons: 0.0,
         most_e: area.peak_e,
         is_thin: true,
-        asked: Asked::default(),
+        requested: Requested::default(),
     };
     let radiance = match &area.radiance {
         Ok(radiance) => radiance.as_ref(),
@@ -68,7 +68,7 @@ pub fn lit_by(
     let plane = Plane::new(view, simulated, radiance.turning());
     let has_edges = radiance.edge().is_some();
     let blur = Blur::new(&view.camera, area.peak_e, has_edges, fidelity);
-    let (light, asked) = rasterize(radiance, &plane, &blur, full, fidelity);
+    let (light, requested) = rasterize(radiance, &plane, &blur, full, fidelity);
     let electrons = light.sum();
     if electrons == 0.0 {
         return none(Some(area.unlit.into()));
@@ -84,6 +84,6 @@ pub fn lit_by(
         electrons,
         most_e,
         is_thin: is_too_thin(view, most_e, simulated, fidelity),
-        asked,
+        requested,
     }
 }

@@ -1,6 +1,6 @@
 //! The nodes of the grid at which area light is evaluated first.
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::grid::Grid;
 use super::lines::Square;
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ pub struct Known {
     /// e-, row by row; none where the plane has no direction.
     e: Vec<Option<f64>>,
     /// The work of evaluating it.
-    pub asked: Asked,
+    pub requested: Requested,
 }
 
 impl Known {
@@ -28,21 +28,22 @@ impl Known {
         let margin = grid.margin.next_multiple_of(side);
         let squares = |pixels: usize| (margin + pixels + grid.margin).div_ceil(side);
         let [across, down] = grid.detector.map(|pixels| 2 * squares(pixels) + 1);
-        let place = |i: usize| (i * side / 2) as f64 - margin as f64;
+        let position = |i: usize| (i * side / 2) as f64 - margin as f64;
         let rows = (0..down).into_par_iter().map(|row| {
-            let mut asked = Asked::default();
-            let places = (0..across).map(|column| grid.at(place(column), place(row), &mut asked));
-            (places.collect(), asked)
+            let mut requested = Requested::default();
+            let places =
+                (0..across).map(|column| grid.at(position(column), position(row), &mut requested));
+            (places.collect(), requested)
         });
-        let rows: Vec<(Vec<Option<f64>>, Asked)> = rows.collect();
-        let mut asked = Asked::default();
-        rows.iter().for_each(|(_, of_row)| asked += *of_row);
+        let rows: Vec<(Vec<Option<f64>>, Requested)> = rows.collect();
+        let mut requested = Requested::default();
+        rows.iter().for_each(|(_, of_row)| requested += *of_row);
         Known {
             side,
             before: grid.rim - margin,
             across,
             e: rows.into_iter().flat_map(|(row, _)| row).collect(),
-            asked,
+            requested,
         }
     }
 

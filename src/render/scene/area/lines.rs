@@ -79,16 +79,16 @@ impl Square {
             return self.nodes;
         }
         let half = self.side / 2;
-        let place = |at: usize| {
+        let position = |at: usize| {
             let i = usize::from(at >= half);
             (i, at as f32 * (1.0 / half as f32) - i as f32)
         };
         let between = |from: f32, to: f32, part: f32| from + (to - from) * part;
         let mut nodes = [0.0; 9];
         for (j, nodes) in nodes.chunks_exact_mut(3).enumerate() {
-            let (above, down) = place(y - self.y + j * side / 2);
+            let (above, down) = position(y - self.y + j * side / 2);
             for (i, node) in nodes.iter_mut().enumerate() {
-                let (left, across) = place(x - self.x + i * side / 2);
+                let (left, across) = position(x - self.x + i * side / 2);
                 let [a, b, c, d] = [0, 1, 3, 4].map(|k| self.nodes[3 * above + left + k]);
                 *node = between(between(a, b, across), between(c, d, across), down);
             }
@@ -220,9 +220,9 @@ impl Lines {
             let rows = square.y.max(rows.start)..(square.y + square.side).min(rows.end);
             for row in rows {
                 for stretch in square.stretches(row - square.y) {
-                    let place = |column: usize| row * width + column.min(width);
-                    let from = place(stretch.column);
-                    let to = place(stretch.column + stretch.pixels).min(past);
+                    let position = |column: usize| row * width + column.min(width);
+                    let from = position(stretch.column);
+                    let to = position(stretch.column + stretch.pixels).min(past);
                     let cut = first.saturating_sub(from);
                     if from + cut < to {
                         let pixels = &mut electrons[from + cut - first..to - first];
@@ -263,8 +263,8 @@ impl Lines {
         let strip = self.strips.get(row / self.side).map_or(&[][..], |of| of);
         let (mut x, past) = (from, from + electrons.len());
         while x < past {
-            let place = row / places.side * places.across + x / places.side;
-            let square = places.squares.get(place).map(|i| *i as usize);
+            let position = row / places.side * places.across + x / places.side;
+            let square = places.squares.get(position).map(|i| *i as usize);
             let Some(square) = square.and_then(|i| strip.get(i)) else {
                 x = (x / places.side + 1) * places.side;
                 continue;

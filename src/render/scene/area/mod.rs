@@ -29,7 +29,7 @@ pub mod surroundings;
 pub mod together;
 
 pub use area_light::AreaLight;
-pub use asked::Asked;
+pub use asked::Requested;
 pub use blur::{BLURRED_NS, SPREAD_NS};
 pub use full::Full;
 pub use horizon::Horizon;

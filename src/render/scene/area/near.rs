@@ -1,7 +1,7 @@
 //! Sampled pixels of a patch of the detector, and the pixels near them that the point spread
 //! function brings their light to.
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::blur::{BLURRED_NS, Blur, LANES, PATCH, SPREAD_NS};
 use super::grid::SMALLEST;
 use super::lines::{Lines, Places};
@@ -138,7 +138,7 @@ pub fn runs(
     lines: &Lines,
     rim: usize,
     blocks: &[Vec<Block>],
-    asked: &mut Asked,
+    requested: &mut Requested,
 ) -> Vec<Run> {
     if limit.is_over() {
         return Vec::new();
@@ -156,7 +156,7 @@ pub fn runs(
     let near: Vec<(Vec<Run>, usize)> = near.collect();
     if blur.margin() > 0 {
         let pixels = near.iter().map(|(_, pixels)| pixels);
-        asked.spreads += pixels.sum::<usize>() * side.pow(2);
+        requested.spreads += pixels.sum::<usize>() * side.pow(2);
     }
     near.into_iter().flat_map(|(runs, _)| runs).collect()
 }

@@ -63,8 +63,9 @@ impl Patch {
                 looks: 1,
             };
         }
-        let off =
-            |place: Option<(Vector3<f64>, f64)>| place.map_or(f64::NAN, |(seen, _)| angle(&seen));
+        let off = |position: Option<(Vector3<f64>, f64)>| {
+            position.map_or(f64::NAN, |(seen, _)| angle(&seen))
+        };
         let places = self.places.map(off);
         let [a, b, c, d] = places;
         let slope = [b + d - a - c, c + d - a - b].map(|rise| rise / (4.0 * GAUSS));

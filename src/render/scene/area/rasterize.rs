@@ -6,7 +6,7 @@
 //! the point spread function blurs them (`blur`). Their difference from the interpolation is
 //! stored beside it (`runs`).
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::blur::Blur;
 use super::full::Full;
 use super::grid::{Grid, LARGEST, SMALLEST};
@@ -41,7 +41,7 @@ const KINK: f64 = 2.0;
 struct Pieces {
     even: Vec<Square>,
     sampled: Vec<(Square, Sampled)>,
-    asked: Asked,
+    requested: Requested,
 }
 
 /// A square of the plane, with the light at its nine nodes.
@@ -62,7 +62,7 @@ pub fn rasterize(
     blur: &Blur<'_>,
     full: &Full,
     fidelity: &Fidelity,
-) -> (Light, Asked) {
+) -> (Light, Requested) {
     let grid = Grid::new(radiance, plane, blur.margin(), full, fidelity);
     let size = grid.detector.map(|pixels| pixels + 2 * grid.rim);
     let side = largest(radiance, plane, grid.detector);
@@ -80,22 +80,29 @@ pub fn rasterize(
     });
     let squares: Vec<Pieces> = squares.collect();
     if plane.limit().is_over() {
-        return (Light::default(), known.asked);
+        return (Light::default(), known.requested);
     }
-    let (mut even, mut marked, mut asked) = (Vec::new(), Vec::new(), known.asked);
+    let (mut even, mut marked, mut requested) = (Vec::new(), Vec::new(), known.requested);
     for pieces in squares {
         even.extend(pieces.even);
         marked.extend(pieces.sampled);
-        asked += pieces.asked;
+        requested += pieces.requested;
     }
     let lines = Lines::new(size, LARGEST, even);
-    let blocks = sampled(&grid, marked, &mut asked);
-    let runs = near::runs(blur, plane.limit(), &lines, grid.rim, &blocks, &mut asked);
+    let blocks = sampled(&grid, marked, &mut requested);
+    let runs = near::runs(
+        blur,
+        plane.limit(),
+        &lines,
+        grid.rim,
+        &blocks,
+        &mut requested,
+    );
     if plane.limit().is_over() {
-        return (Light::default(), asked);
+        return (Light::default(), requested);
     }
     let lines = lines.within(grid.rim, grid.detector);
-    (Light::new(lines, Runs::new(grid.detector, runs)), asked)
+    (Light::new(lines, Runs::new(grid.detector, runs)), requested)
 }
 
 /// Side of the grid's largest squares, px: no more than the detail of the light, nor a quarter of
@@ -166,14 +173,14 @@ impl Refinement<'_, '_, '_> {
         });
         let radius = radius.fold(0.0, f64::max) + self.grid.motion / 2.0;
         let sky = plane.to_sky(plane.open_s(middle[1])[0]);
-        self.pieces.asked.edges += 1;
+        self.pieces.requested.edges += 1;
         let nearest = edge.angle(&(sky * seen)).abs();
         nearest <= radius || nearest.is_nan()
     }
 
     /// The light at a place, e-.
     fn at(&mut self, x: f64, y: f64) -> Option<f64> {
-        self.grid.at(x, y, &mut self.pieces.asked)
+        self.grid.at(x, y, &mut self.pieces.requested)
     }
 
     /// The light at the nine nodes of a square with those corners.

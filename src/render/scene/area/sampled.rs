@@ -1,6 +1,6 @@
 //! Pixels of area light that are evaluated one by one: at edges and detail of a few pixels.
 
-use super::asked::Asked;
+use super::asked::Requested;
 use super::grid::{Grid, SMALLEST};
 use super::lines::Square;
 use super::motion::AREA_LOOK_NS;
@@ -16,13 +16,13 @@ const FEW: usize = 8;
 const STILL_PX: f64 = 0.02;
 /// Time steps for each pixel that the light moves by, and at most.
 pub const STEPS_PX: f64 = 4.0;
-const MOST_STEPS: usize = 256;
+const MAX_STEPS: usize = 256;
 /// Most time steps of all pixels of a frame, and least of one pixel.
 const ALL_STEPS: usize = 6_000_000;
-const LEAST_STEPS: usize = 64;
+const MIN_STEPS: usize = 64;
 /// Edges of this radius (px) are straight enough; more cells a side than this do not help.
 const STRAIGHT: f64 = 8.0;
-const MOST_CELLS: f64 = 16.0;
+const MAX_CELLS: f64 = 16.0;
 
 /// ns of an evaluation of the angle from an edge.
 pub const EDGE_NS: f64 = 45.0;
@@ -50,7 +50,7 @@ pub struct Block {
 pub fn sampled(
     grid: &Grid<'_, '_>,
     mut marked: Vec<(Square, Sampled)>,
-    asked: &mut Asked,
+    requested: &mut Requested,
 ) -> Vec<Vec<Block>> {
     marked.sort_by_key(|(square, _)| (square.y, square.x));
     let rows: Vec<&[(Square, Sampled)]> = marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
@@ -68,12 +68,14 @@ pub fn sampled(
         let blocks = squares.map(|(square, how)| sampler.block(square, *how, &skies));
         let (mut row, mut of_blocks) = (Vec::new(), Vec::new());
         blocks.unzip_into_vecs(&mut row, &mut of_blocks);
-        let mut asked = Asked::default();
-        of_blocks.into_iter().for_each(|of_block| asked += of_block);
-        (row, asked)
+        let mut requested = Requested::default();
+        of_blocks
+            .into_iter()
+            .for_each(|of_block| requested += of_block);
+        (row, requested)
     });
-    let (rows, of_rows): (Vec<Vec<Block>>, Vec<Asked>) = rows.unzip();
-    of_rows.into_iter().for_each(|of_row| *asked += of_row);
+    let (rows, of_rows): (Vec<Vec<Block>>, Vec<Requested>) = rows.unzip();
+    of_rows.into_iter().for_each(|of_row| *requested += of_row);
     rows
 }
 
@@ -92,8 +94,8 @@ impl Sampler<'_, '_, '_> {
         square: &Square,
         how: Sampled,
         skies: &[Vec<Matrix3<f64>>; SMALLEST],
-    ) -> (Block, Asked) {
-        let (at, mut asked) = ([square.x, square.y], Asked::default());
+    ) -> (Block, Requested) {
+        let (at, mut requested) = ([square.x, square.y], Requested::default());
         let mut block = Block {
             at,
             e: Default::default(),
@@ -106,16 +108,16 @@ impl Sampler<'_, '_, '_> {
                 }
                 let [x, y] = at.map(|from| from as f64 - self.grid.rim as f64);
                 *e = match how {
-                    Sampled::Middle => self.grid.at(x, y, &mut asked).unwrap_or(0.0),
-                    Sampled::All => self.mean(x, y, skies, &mut asked),
+                    Sampled::Middle => self.grid.at(x, y, &mut requested).unwrap_or(0.0),
+                    Sampled::All => self.mean(x, y, skies, &mut requested),
                 } as f32;
             }
         }
-        let places = asked.lights as f64 * self.grid.plane.place_ns();
-        let looks = places + (asked.lights + asked.smeared) as f64 * AREA_LOOK_NS;
-        let edges = (asked.edges * skies[0].len()) as f64 * EDGE_NS;
+        let places = requested.lights as f64 * self.grid.plane.place_ns();
+        let looks = places + (requested.lights + requested.smeared) as f64 * AREA_LOOK_NS;
+        let edges = (requested.edges * skies[0].len()) as f64 * EDGE_NS;
         self.grid.plane.limit().spend(looks + edges);
-        (block, asked)
+        (block, requested)
     }
 
     /// Attitudes during the time of a row's pixels, at the middles of equal steps.
@@ -135,18 +137,26 @@ impl Sampler<'_, '_, '_> {
 
     /// The mean light of a pixel, e-. It is divided into cells if an edge is not straight across
     /// it.
-    fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
+    fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], requested: &mut Requested) -> f64 {
         let cells = self.cells;
         let side = 1.0 / cells as f64;
         let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
         let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
-        let sum: f64 = places.map(|at| self.mean_of(at, side, skies, asked)).sum();
+        let sum: f64 = places
+            .map(|at| self.mean_of(at, side, skies, requested))
+            .sum();
         sum * side * side
     }
 
     /// The mean light of a square of `size` px around a place, e- a pixel. On each side of an edge
     /// the mean of the Gauss nodes there stands for the part of the square that the side takes.
-    fn mean_of(&self, at: [f64; 2], size: f64, skies: &[Matrix3<f64>], asked: &mut Asked) -> f64 {
+    fn mean_of(
+        &self,
+        at: [f64; 2],
+        size: f64,
+        skies: &[Matrix3<f64>],
+        requested: &mut Requested,
+    ) -> f64 {
         let Some(patch) = Patch::new(self.grid.plane, at, size) else {
             return 0.0;
         };
@@ -158,8 +168,8 @@ impl Sampler<'_, '_, '_> {
             let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
                 (outside + crossing.part(1), looks + crossing.looks)
             });
-            asked.edges += looks / skies.len().max(1);
-            asked.lights += 1;
+            requested.edges += looks / skies.len().max(1);
+            requested.lights += 1;
             let sky = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
             let (middle, taken) = patch.middle;
             return self.grid.radiance.toward(&(sky * middle))
@@ -175,14 +185,14 @@ impl Sampler<'_, '_, '_> {
         {
             let places = patch.places.iter().flatten();
             let lights = places.map(|(seen, taken)| self.grid.light(&(middle * seen), *taken));
-            asked.lights += 4;
-            asked.edges += 1;
+            requested.lights += 4;
+            requested.edges += 1;
             return lights.sum::<f64>() / 4.0;
         }
         for (sky, crossing) in crossings {
             let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
-            for (place, edge) in patch.places.iter().zip(crossing.places) {
-                if let Some((seen, taken)) = place {
+            for (position, edge) in patch.places.iter().zip(crossing.places) {
+                if let Some((seen, taken)) = position {
                     let side = usize::from(edge > 0.0);
                     sides[side] += self.grid.light(&(sky * seen), *taken);
                     counts[side] += 1.0;
@@ -204,9 +214,9 @@ impl Sampler<'_, '_, '_> {
             edges += crossing.looks;
         }
         let still = looks / skies.len().max(1);
-        asked.lights += still;
-        asked.smeared += looks - still;
-        asked.edges += edges / skies.len().max(1);
+        requested.lights += still;
+        requested.smeared += looks - still;
+        requested.edges += edges / skies.len().max(1);
         sum / count
     }
 }
@@ -216,11 +226,11 @@ impl Sampler<'_, '_, '_> {
 fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
     radiance.edge().map_or(1, |edge| {
         let radius_px = edge.radius() * plane.scale_px();
-        (STRAIGHT / radius_px).ceil().clamp(1.0, MOST_CELLS) as usize
+        (STRAIGHT / radius_px).ceil().clamp(1.0, MAX_CELLS) as usize
     })
 }
 
 /// Most time steps of a pixel in a frame of so many `pixels`.
 pub fn most_steps(pixels: usize) -> usize {
-    (ALL_STEPS / pixels.max(1)).clamp(LEAST_STEPS, MOST_STEPS)
+    (ALL_STEPS / pixels.max(1)).clamp(MIN_STEPS, MAX_STEPS)
 }

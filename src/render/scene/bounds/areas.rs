@@ -2,7 +2,7 @@
 
 use super::wells::{apart, greatest, hold};
 use crate::camera::Detector;
-use crate::lanes;
+use crate::reduce;
 use crate::scene::area::area_light::AreaLight;
 use crate::scene::area::full::Full;
 use crate::scene::area::image::lit_by;
@@ -44,14 +44,14 @@ pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
         return 0.0;
     }
     let [is_e, others_e] = [scene.areas_light.e(), others.e()];
-    f64::from(lanes::furthest_apart(is_e, others_e)) * scene.responds()
+    f64::from(reduce::furthest_apart(is_e, others_e)) * scene.responds()
 }
 
 /// Bound of the change of a pixel if area light moves by `px`, from the steepest step between two
 /// pixels, e-.
 pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
-        Some(next) => lanes::furthest_apart(rows, next),
+        Some(next) => reduce::furthest_apart(rows, next),
         None => 0.0,
     };
     let Detector { width, height, .. } = scene.view.camera.detector;
@@ -88,10 +88,10 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     }
     let planes = [&EffectSet::default(), a, b];
     let planes = planes.map(|of| Plane::new(view, of, Vector3::zeros()));
-    let place = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
+    let position = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
     let [columns, rows] = view.camera.detector.sides();
     let parts = (0..PLACES * PLACES).filter_map(|i| {
-        let at = [place(i % PLACES, columns), place(i / PLACES, rows)];
+        let at = [position(i % PLACES, columns), position(i / PLACES, rows)];
         let taken = |plane: &Plane<'_>| Some(plane.taken(at)?.1);
         let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(taken);
         let apart = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
@@ -109,7 +109,7 @@ pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
         return 0.0;
     }
     if scene.simulated.and_shapes(other) != scene.simulated {
-        return areas_moved_e(scene, px).min(scene.spill.most_e);
+        return areas_moved_e(scene, px).min(scene.blooming.most_e);
     }
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
@@ -127,13 +127,13 @@ pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
     for pixel in rows.flat_map(|row| row * width..(row + 1) * width) {
         let comes = comes_e(pixel);
         columns_e[pixel % width] += comes;
-        if !scene.spill.has(pixel % width) {
+        if !scene.blooming.has(pixel % width) {
             most = most.max(comes.abs());
         }
     }
-    let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
-    let most = most * scene.responds() + trail * scene.trail_part();
-    let columns = &scene.spill.columns;
+    let transfer_smear = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    let most = most * scene.responds() + transfer_smear * scene.transfer_smear_fraction();
+    let columns = &scene.blooming.columns;
     if columns.is_empty() || scene.is_cancelled() {
         return most;
     }

@@ -6,7 +6,7 @@ use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
 use crate::scene::lit::Lit;
 use crate::scene::source::{Body, Source};
-use crate::scene::trail::columns_e;
+use crate::scene::transfer_smear::columns_e;
 
 /// Bound of the charge that `lights` alone give to a pixel, for each column of cells, e-, with and
 /// without pixel response.
@@ -67,10 +67,10 @@ pub fn lit_where(scene: &Scene, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64
 }
 
 /// The trail of one area source's light in each column, e- a pixel.
-pub fn trail_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
+pub fn transfer_smear_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     let lights = area.light().into_iter().map(Lit::from);
     let mut columns = columns_e(&scene.view, lights);
-    let part = scene.trail_part();
+    let part = scene.transfer_smear_fraction();
     columns.iter_mut().for_each(|e| *e *= part);
     columns
 }

@@ -1,7 +1,7 @@
 //! Bound of the brightest pixel, by cells of pixels; far cheaper than drawing the sources.
 
 use crate::camera::Detector;
-use crate::lanes;
+use crate::reduce;
 use crate::scene::lit::Lit;
 use crate::scene::source::Source;
 use rayon::prelude::*;
@@ -169,7 +169,7 @@ fn raise<T: Copy + PartialOrd>(most: &mut T, to: T) {
 
 /// The share of a source's brightest pixel.
 pub fn greatest_share(source: &Source) -> f64 {
-    lanes::greatest(source.footprint.shares()).into()
+    reduce::greatest(source.footprint.shares()).into()
 }
 
 /// Calls `each` once with every cell that has a pixel of a source's image, or one within `beside`
@@ -245,9 +245,9 @@ mod tests {
         // Each has all its light on one pixel, every other on the same.
         let places = || (0..2_000_usize).map(|i| if i % 2 == 0 { 100 } else { (i * 7) % 240 });
         let lit: Vec<Footprint> = places()
-            .map(|place| {
+            .map(|position| {
                 let mut shares = vec![0.0; 240];
-                shares[place] = 1.0;
+                shares[position] = 1.0;
                 Footprint::whole(20, shares)
             })
             .collect();
@@ -262,7 +262,7 @@ mod tests {
             &WorkLimit::default(),
         );
         let mut held = vec![0.0; 240];
-        places().for_each(|place| held[place] += 3.0 * place as f64);
+        places().for_each(|position| held[position] += 3.0 * position as f64);
         assert_eq!(bounds.len(), 3);
         for (column, bound) in bounds.iter().enumerate() {
             let pixels = held.iter().enumerate();

@@ -23,12 +23,12 @@ pub mod points;
 pub mod wells;
 
 pub use areas::{areas_changed_e, areas_taken_e, straightened_e};
-pub use brightest::{area_lit_e, lit_e, lit_where, trail_of};
+pub use brightest::{area_lit_e, lit_e, lit_where, transfer_smear_of};
 pub use image::{
     BoundChange, Image, STEEPEST, STEEPEST_STREAK, dimming_px, lines_of_sight, rolled,
 };
 pub use points::changed_e;
 pub use wells::{
-    DROWNED, apart, find_spill, greatest, held_e, held_of, is_drowned, of_cells, shown_e,
-    with_trail,
+    BELOW_NOISE, apart, find_blooming, greatest, held_e, held_of, is_below_noise, of_cells,
+    shown_e, with_transfer_smear,
 };

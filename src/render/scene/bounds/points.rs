@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 /// Bounds are replaced until they are no more than this times the known changes.
 const ENOUGH: f64 = 1.0;
 /// Bounds below this do not matter, e-.
-const LEAST_E: f64 = 1e-3;
+const MIN_E: f64 = 1e-3;
 /// Most rounds of replacing bounds.
 const ROUNDS: usize = 500;
 
@@ -46,9 +46,9 @@ pub fn changed_e(
         else {
             return 0.0;
         };
-        most = part.all().min(scene.spill.most_e);
+        most = part.all().min(scene.blooming.most_e);
         let row = if part.passes { peak.most.1 } else { peak.row };
-        let enough = part.bound <= ENOUGH * part.known + LEAST_E;
+        let enough = part.bound <= ENOUGH * part.known + MIN_E;
         let replaced = if enough {
             Vec::new()
         } else {
@@ -80,14 +80,14 @@ struct Part {
 impl Part {
     fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
         let detector = &scene.view.camera.detector;
-        let (trails, responds) = (scene.trail_part(), scene.responds());
+        let (trails, responds) = (scene.transfer_smear_fraction(), scene.responds());
         let [known, bound] = [
             peak.known + trails * peak.all[0],
             peak.bound * responds + trails * peak.all[1],
         ];
         let fills = scene.simulated.has(EffectId::FullWell)
             && scene.fullest_e(column) + known + bound >= detector.full_well_e;
-        let spills = fills && scene.spill.along;
+        let spills = fills && scene.blooming.along;
         let own = Part {
             known,
             bound,

@@ -9,13 +9,13 @@ use super::cells::CELL;
 use crate::camera::{Blooming, Detector};
 use crate::kernels::Bloom;
 use crate::scene::area::area_light::AreaLight;
+use crate::scene::blooming::{BloomingColumns, drawn_e, flooding_e};
 use crate::scene::charge::{expected_e, in_groups, light_e, turn};
 use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
-use crate::scene::spill::{Spill, drawn_e, flooding_e};
 
 /// What fills up and spills in a scene whose images are formed.
-pub fn find_spill(scene: &Scene) -> Spill {
+pub fn find_blooming(scene: &Scene) -> BloomingColumns {
     let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
     let full_e = detector.full_well_e;
     let mut events = vec![0.0; detector.width];
@@ -34,7 +34,7 @@ pub fn find_spill(scene: &Scene) -> Spill {
     let filling = filling
         .filter(cells)
         .flat_map(|column| column..(column + CELL).min(detector.width));
-    Spill {
+    BloomingColumns {
         // Whole electrons spill: there may be one more.
         most_e: if simulated.has(EffectId::FullWell) {
             full_e + 1.0
@@ -66,7 +66,7 @@ pub fn fill(column: &mut [f64], detector: &Detector) {
         Blooming::None => column.iter_mut().for_each(|e| *e = e.min(full)),
         Blooming::Column => {
             let mut held: Vec<f32> = column.iter().map(|e| *e as f32).collect();
-            Bloom::default().spill(&mut held, full);
+            Bloom::default().blooming(&mut held, full);
             for (e, held) in column.iter_mut().zip(held) {
                 *e = held.into();
             }
@@ -103,14 +103,14 @@ pub fn greatest(
 }
 
 /// Why an effect is not needed if all pixels are full of other light.
-pub const DROWNED: &str = "all pixels are full of other light";
+pub const BELOW_NOISE: &str = "all pixels are full of other light";
 
 /// Whether one area source fills all pixels with or without an effect; not that source's own
 /// effect.
-pub fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
+pub fn is_below_noise(scene: &Scene, effect: EffectId) -> bool {
     let without = scene.simulated.without(effect);
     let flood = scene
-        .spill
+        .blooming
         .flood
         .filter(|_| without.has(EffectId::FullWell));
     flood.is_some_and(|area| without.has(area))
@@ -119,15 +119,15 @@ pub fn is_drowned(scene: &Scene, effect: EffectId) -> bool {
 /// Bound of the final change of a pixel without an effect, e-. `cells_e` gives that of pixels that
 /// do not fill up, for each column of cells.
 pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
-    let spill = &scene.spill;
-    let everywhere = spill.columns.len() == scene.view.camera.detector.width;
+    let blooming = &scene.blooming;
+    let everywhere = blooming.columns.len() == scene.view.camera.detector.width;
     let cells_e = if everywhere { Vec::new() } else { cells_e() };
     let elsewhere = cells_e
         .iter()
         .enumerate()
-        .filter(|(cell, _)| !spill.has(cell * CELL));
+        .filter(|(cell, _)| !blooming.has(cell * CELL));
     let most = elsewhere.map(|(_, e)| *e).fold(0.0, f64::max);
-    if spill.columns.is_empty() {
+    if blooming.columns.is_empty() {
         return most;
     }
     let without = scene.simulated.without(effect);
@@ -135,7 +135,7 @@ pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: Effect
     let full_e = flooding_e(&scene.view.camera.detector);
     let floor_e = areas_floor_e(scene, &without);
     let drowns = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
-    let columns = spill.columns.iter().copied();
+    let columns = blooming.columns.iter().copied();
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
@@ -146,15 +146,15 @@ pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: Effect
 }
 
 /// A bound for each column of cells, plus the trail of frame transfer (a value a column), e-.
-pub fn with_trail(
+pub fn with_transfer_smear(
     scene: &Scene,
     mut cells_e: Vec<f64>,
-    trail: impl FnOnce() -> Vec<f64>,
+    transfer_smear: impl FnOnce() -> Vec<f64>,
 ) -> Vec<f64> {
-    if scene.trail_part() > 0.0 {
-        let trails = of_cells(&trail());
+    if scene.transfer_smear_fraction() > 0.0 {
+        let trails = of_cells(&transfer_smear());
         let cells = cells_e.iter_mut().zip(trails);
-        cells.for_each(|(e, trail)| *e += trail);
+        cells.for_each(|(e, transfer_smear)| *e += transfer_smear);
     }
     cells_e
 }
@@ -176,7 +176,7 @@ pub fn apart(a: &[f64], b: &[f64]) -> f64 {
 /// The expected charge that `pixels` (sorted row-major indices) hold, e-.
 pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let mut held = expected_e(scene, pixels);
-    let spills = scene.simulated.has(EffectId::FullWell) && !scene.spill.columns.is_empty();
+    let spills = scene.simulated.has(EffectId::FullWell) && !scene.blooming.columns.is_empty();
     if !spills || scene.is_cancelled() {
         return held;
     }
@@ -184,10 +184,10 @@ pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     // The positions in `pixels` of those in each column.
     let mut places = vec![Vec::new(); detector.width];
     let pixels_and_places = pixels.iter().zip(0u32..);
-    for (pixel, place) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {
-        places[*pixel as usize % detector.width].push(place);
+    for (pixel, position) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {
+        places[*pixel as usize % detector.width].push(position);
     }
-    let spilling = scene.spill.columns.iter().copied();
+    let spilling = scene.blooming.columns.iter().copied();
     let columns: Vec<usize> = spilling
         .filter(|column| !places[*column].is_empty())
         .collect();

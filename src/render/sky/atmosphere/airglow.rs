@@ -130,9 +130,9 @@ pub struct Airglow {
 impl Airglow {
     /// Of a band: each line weighs by the band's response to it.
     pub fn of(band: &Band) -> Airglow {
-        let lines = LINES.iter().map(|&(nm, rayleigh, place)| {
+        let lines = LINES.iter().map(|&(nm, rayleigh, position)| {
             let response = band.response(nm * 1e-9);
-            (place, rayleigh * response)
+            (position, rayleigh * response)
         });
         let hydroxyl = HYDROXYL_R.iter().enumerate().map(|(i, rayleigh)| {
             let from_nm = HYDROXYL_FROM_NM + 10.0 * i as f64;
@@ -145,11 +145,11 @@ impl Airglow {
         });
         let broad: f64 = hydroxyl.sum::<f64>() + continuum.sum::<f64>();
         let mut layers: Vec<(Place, f64)> = Vec::new();
-        for (place, rayleigh) in lines.chain([(HYDROXYL, broad)]) {
+        for (position, rayleigh) in lines.chain([(HYDROXYL, broad)]) {
             let brightness = rayleigh * RAYLEIGH;
-            match layers.iter_mut().find(|(at, _)| *at == place) {
+            match layers.iter_mut().find(|(at, _)| *at == position) {
                 Some((_, sum)) => *sum += brightness,
-                None if brightness > 0.0 => layers.push((place, brightness)),
+                None if brightness > 0.0 => layers.push((position, brightness)),
                 None => {}
             }
         }
@@ -163,13 +163,13 @@ impl Airglow {
 
     /// What a metre of a line of sight adds at an altitude (m), ph/s/m^2/sr/m.
     pub fn emission(&self, altitude_m: f64) -> f64 {
-        let one = |(place, brightness): &(Place, f64)| {
-            let y = (altitude_m - place.peak_m) / place.scale_m;
+        let one = |(position, brightness): &(Place, f64)| {
+            let y = (altitude_m - position.peak_m) / position.scale_m;
             // Far below the peak exp(-y) overflows, and its exponential is nothing.
             if y < -6.0 {
                 return 0.0;
             }
-            brightness / (E * place.scale_m) * libm::exp(1.0 - y - libm::exp(-y))
+            brightness / (E * position.scale_m) * libm::exp(1.0 - y - libm::exp(-y))
         };
         self.layers.iter().map(one).sum()
     }

@@ -321,11 +321,11 @@ impl Limb {
         let line = Limb::sight(kind, at).line(self.radius);
         // The place lies at p toward the lowest point's zenith and at s along the line; that zenith
         // is sin(zenith) - cos(horizontal).
-        let place = line.place();
-        let far = (line.p * line.p + place * place).sqrt();
+        let position = line.position();
+        let far = (line.p * line.p + position * position).sqrt();
         let weights = [
-            (line.p * line.sin + place * line.cos) / far,
-            (place * line.sin - line.p * line.cos) / far,
+            (line.p * line.sin + position * line.cos) / far,
+            (position * line.sin - line.p * line.cos) / far,
         ];
         let [along, most] = self.sun_above();
         let height = |across| weights[0] * along + weights[1] * across;

@@ -97,7 +97,7 @@ impl Sight {
 impl Line {
     /// The point of the line that stands for its place: on the ground, the lowest, or where it
     /// leaves the atmosphere.
-    pub fn place(&self) -> f64 {
+    pub fn position(&self) -> f64 {
         match self.sight {
             Sight::Past(_) => 0.0,
             _ => self.to,
@@ -118,9 +118,9 @@ impl Line {
             Sight::Up(_) => self.from + span * (e - 1.0) / spread,
             Sight::Ground(_) | Sight::Away => self.to - span * (e - 1.0) / spread,
         };
-        let place = move |s: f64| libm::asinh(s / reach * sinh);
+        let position = move |s: f64| libm::asinh(s / reach * sinh);
         let [first, last] = match self.sight {
-            Sight::Past(_) => [place(self.from), place(self.to)],
+            Sight::Past(_) => [position(self.from), position(self.to)],
             Sight::Up(_) => [0.0, CROWDING],
             Sight::Ground(_) | Sight::Away => [CROWDING, 0.0],
         };

@@ -8,7 +8,7 @@ const PLACES: usize = 17;
 const TWILIGHT: f64 = 0.15;
 
 /// The least entry of a table, ph/s/m^2/sr: nothing that a camera sees.
-const LEAST: f64 = 1.0;
+const MIN: f64 = 1.0;
 
 /// Values at equidistant places and the cubics between them (Catmull & Rom 1974), of those that
 /// have been asked for.
@@ -72,8 +72,8 @@ impl<const N: usize> Cubics<N> {
     /// The cubic of an interval.
     fn between(&self, i: usize, value: impl Fn(f64) -> [f64; N]) -> [[f64; N]; 4] {
         let last = self.powers.len();
-        let place = |k: usize| *self.values[k].get_or_init(|| value(k as f64 / last as f64));
-        let [a, b, c, d] = [i.saturating_sub(1), i, i + 1, (i + 2).min(last)].map(place);
+        let position = |k: usize| *self.values[k].get_or_init(|| value(k as f64 / last as f64));
+        let [a, b, c, d] = [i.saturating_sub(1), i, i + 1, (i + 2).min(last)].map(position);
         let mut powers = [b; 4];
         for k in 0..N {
             powers[1][k] = (c[k] - a[k]) / 2.0;
@@ -97,7 +97,7 @@ impl Table {
     pub fn at(&self, part: f64, value: impl Fn(f64) -> f64) -> f64 {
         let [log] = self
             .logs
-            .at(part, move |part| [libm::log2(value(part).max(LEAST))]);
+            .at(part, move |part| [libm::log2(value(part).max(MIN))]);
         libm::exp2(log)
     }
 }
@@ -155,8 +155,8 @@ fn crowd(height: f64) -> f64 {
 }
 
 /// The inverse of [`crowd`].
-fn uncrowd(place: f64) -> f64 {
-    TWILIGHT * place / ((1.0 - place) * (1.0 + place)).max(1e-12).sqrt()
+fn uncrowd(position: f64) -> f64 {
+    TWILIGHT * position / ((1.0 - position) * (1.0 + position)).max(1e-12).sqrt()
 }
 
 #[cfg(test)]
@@ -166,10 +166,10 @@ mod tests {
 
     #[test]
     fn cubics_follow_a_parabola_go_through_their_places_and_ask_for_what_is_near() {
-        let asked = Cell::new(0);
+        let requested = Cell::new(0);
         let parabola = |x: f64| [3.0 - 2.0 * x + 5.0 * x * x, 1.0 - x];
         let value = |x: f64| {
-            asked.set(asked.get() + 1);
+            requested.set(requested.get() + 1);
             parabola(x)
         };
         let cubics = Cubics::<2>::of(11);
@@ -179,13 +179,13 @@ mod tests {
             let [told, truth] = [cubics.at(part, value), parabola(part)];
             assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{part}");
         }
-        assert_eq!(asked.get(), 4);
+        assert_eq!(requested.get(), 4);
         for i in 0..=10 {
             let part = f64::from(i) / 10.0;
             let [told, truth] = [cubics.at(part, value), parabola(part)];
             assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{i}");
         }
-        assert_eq!(asked.get(), 11);
+        assert_eq!(requested.get(), 11);
         // Beyond the ends as at them.
         assert_eq!(cubics.at(-3.0, value), cubics.at(0.0, value));
     }

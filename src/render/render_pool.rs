@@ -28,7 +28,7 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 
 /// Does `work` on the pool's thread of that number, from 0, while others share it or, if `alone`,
 /// do nothing. None if there is no such thread. One call at a time: alone it waits for all threads.
-pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
+pub fn follows<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
     let threads = rayon::current_num_threads();
     if leader >= threads {
         return None;
@@ -37,7 +37,7 @@ pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Se
     // A thread that came later could take up a part of the work, and then wait within it for its
     // end.
     let all_here = Barrier::new(threads);
-    let led = rayon::broadcast(|thread| {
+    let follower = rayon::broadcast(|thread| {
         if alone {
             all_here.wait();
         }
@@ -51,12 +51,12 @@ pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Se
         }
         None
     });
-    led.into_iter().flatten().next()
+    follower.into_iter().flatten().next()
 }
 
 /// A thread without work for this long sleeps after all: longer than between two parts of most
 /// frames.
-const PATIENCE: Duration = Duration::from_micros(500);
+const TIMEOUT: Duration = Duration::from_micros(500);
 
 /// Takes its share until it is done.
 fn stay(done: &AtomicBool) {
@@ -64,7 +64,7 @@ fn stay(done: &AtomicBool) {
     while !done.load(Ordering::Acquire) {
         if rayon::yield_now() == Some(Yield::Executed) {
             idle_since = Instant::now();
-        } else if idle_since.elapsed() > PATIENCE {
+        } else if idle_since.elapsed() > TIMEOUT {
             return;
         } else {
             // Not `yield_now`: it would lend the processor to another program for milliseconds.
@@ -113,20 +113,20 @@ mod tests {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
         let pool = pool.build().unwrap();
         // Numbers with the thread that saw each.
-        let led = |leader, alone| {
-            led_by(leader, alone, || {
+        let follower = |leader, alone| {
+            follows(leader, alone, || {
                 let seen = |i: u64| (i, rayon::current_thread_index());
                 together(|| (0..100).into_par_iter().map(seen).collect::<Vec<_>>())
             })
         };
         pool.install(|| {
             for leader in [0, 1, 2].repeat(50) {
-                let seen = led(leader, true).unwrap();
+                let seen = follower(leader, true).unwrap();
                 assert!(seen.into_iter().eq((0..100).map(|i| (i, Some(leader)))));
-                let seen = led(leader, false).unwrap();
+                let seen = follower(leader, false).unwrap();
                 assert!(seen.into_iter().map(|(i, _)| i).eq(0..100));
             }
-            assert_eq!(led(3, true), None);
+            assert_eq!(follower(3, true), None);
         });
     }
 

@@ -1,7 +1,7 @@
 //! The orbits of a population from frame to frame, and which objects a camera sees.
 
 use super::apparent::Corrections;
-use super::field::{Bright, Field, Found, Unseen};
+use super::field::{Bright, Excluded, Field, Found};
 use super::objects::{Objects, SeenObject};
 use super::propagate::{Close, Instants, Propagation, TASK};
 use super::shadow::Earth;
@@ -18,11 +18,11 @@ pub struct Seen {
     /// The objects that may be seen, in the population's order.
     pub objects: Vec<Arc<SeenObject>>,
     /// Indices of those that are not, and why; in the same order.
-    pub unseen: Vec<(usize, Unseen)>,
+    pub excluded: Vec<(usize, Excluded)>,
     /// Number of objects of the population without a position at this time.
     pub unknown: usize,
     /// Why, for each object once.
-    pub news: Vec<OrbitError>,
+    pub notices: Vec<OrbitError>,
 }
 
 /// The number of an object's only element set.
@@ -30,7 +30,7 @@ const SOLE: u32 = u32::MAX;
 
 /// The orbits of a population.
 #[derive(Debug)]
-pub struct Fleet {
+pub struct PopulationOrbits {
     tracks: Tracks,
     /// The element set of each track: an object's index, and the number of its set, or [`SOLE`].
     sets: Vec<(u32, u32)>,
@@ -42,9 +42,9 @@ pub struct Fleet {
     told: HashSet<u32>,
 }
 
-impl Fleet {
+impl PopulationOrbits {
     /// The orbits of `population`.
-    pub fn new(population: &Objects) -> Fleet {
+    pub fn new(population: &Objects) -> PopulationOrbits {
         let objects = population.all();
         let (mut of, mut elements) = (Vec::new(), Vec::new());
         of.reserve(objects.len());
@@ -68,7 +68,7 @@ impl Fleet {
         others.sort_unstable();
         others.dedup();
         let bright = |&(index, _): &(u32, u32)| population.brightest(index as usize);
-        Fleet {
+        PopulationOrbits {
             bright: of.iter().map(bright).collect(),
             tracks,
             sets: of,
@@ -103,9 +103,9 @@ impl Fleet {
             }
         }
         let near = tested.near.iter().map(|(index, _)| *index as usize);
-        let unseen = tested.unseen.iter().map(|(index, _)| *index);
-        let all = near.chain(unseen).collect();
-        (all, self.news(population, field, &tested.failed))
+        let excluded = tested.excluded.iter().map(|(index, _)| *index);
+        let all = near.chain(excluded).collect();
+        (all, self.notices(population, field, &tested.failed))
     }
 
     /// The result of the field's test for the tracks.
@@ -125,7 +125,7 @@ impl Fleet {
         };
         let mut tested = Tested::default();
         for one in found {
-            let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
+            let (Found::Candidate(set) | Found::Excluded(set, _) | Found::Failed(set, _)) = one;
             let (index, number) = self.sets[set as usize];
             // Of several element sets the nearest in time counts.
             let counts = || population.all()[index as usize].number_at(mid) as u32;
@@ -134,7 +134,7 @@ impl Fleet {
             }
             match one {
                 Found::Candidate(_) => tested.near.push((index, Some(set))),
-                Found::Unseen(_, why) => tested.unseen.push((index as usize, why)),
+                Found::Excluded(_, why) => tested.excluded.push((index as usize, why)),
                 Found::Failed(_, code) => tested.failed.push((index, code)),
             }
         }
@@ -142,7 +142,7 @@ impl Fleet {
     }
 
     /// Why these have no position at mid-exposure, each object once.
-    fn news(
+    fn notices(
         &mut self,
         population: &Objects,
         field: &Field<'_>,
@@ -166,7 +166,7 @@ impl Fleet {
         let mid = field.shutter[1].epoch;
         let Tested {
             mut near,
-            mut unseen,
+            mut excluded,
             failed,
         } = self.tested(population, field, &at, orbits);
         near.extend(self.others.iter().map(|&index| (index, None)));
@@ -188,19 +188,20 @@ impl Fleet {
         for one in looked.into_iter().flatten() {
             match one {
                 Close::Seen(object) => seen.objects.push(object),
-                Close::Unseen(index, why) => unseen.push((index, why)),
+                Close::Excluded(index, why) => excluded.push((index, why)),
                 Close::Failed(index, error) => {
                     seen.unknown += 1;
                     if self.told.insert(index) {
-                        seen.news.push(error);
+                        seen.notices.push(error);
                     }
                 }
             }
         }
         seen.objects.par_sort_unstable_by_key(|object| object.index);
-        unseen.par_sort_unstable();
-        seen.news.extend(self.news(population, field, &failed));
-        seen.unseen = unseen;
+        excluded.par_sort_unstable();
+        seen.notices
+            .extend(self.notices(population, field, &failed));
+        seen.excluded = excluded;
         seen
     }
 }
@@ -210,7 +211,7 @@ impl Fleet {
 struct Tested {
     /// With the track's number.
     near: Vec<(u32, Option<u32>)>,
-    unseen: Vec<(usize, Unseen)>,
+    excluded: Vec<(usize, Excluded)>,
     /// With SGP4's error code.
     failed: Vec<(u32, u8)>,
 }

@@ -4,7 +4,7 @@ use super::rows::Rows;
 
 /// How finely a track is sampled, and for which rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Course {
+pub struct TrackSpec {
     /// Initial pieces, in each of which the source turns by a few degrees at most.
     pub pieces: usize,
     /// If its light is spread by one Gaussian everywhere.

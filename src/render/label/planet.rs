@@ -1,12 +1,12 @@
 //! What a label says of the Moon and of planets alone.
 
 use super::coordinates::ra_dec_deg;
-use crate::scene::{EffectId, Scene, SeenWanderer, Source};
+use crate::scene::{EffectId, Scene, Source, VisiblePlanet};
 use schemars::JsonSchema;
 
 /// What a label says of the Moon and of planets alone, at mid-exposure.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
-pub struct WandererLabel {
+pub struct PlanetLabel {
     /// Distance of its centre from the observer, geometric.
     pub range_km: f64,
     /// Angle Sun - body - observer, geometric.
@@ -23,11 +23,11 @@ pub struct WandererLabel {
     pub centre_dec_deg: f64,
 }
 
-impl WandererLabel {
+impl PlanetLabel {
     /// That of a body with its image.
-    pub(super) fn new(seen: &SeenWanderer, source: &Source, scene: &Scene) -> WandererLabel {
+    pub(super) fn new(seen: &VisiblePlanet, source: &Source, scene: &Scene) -> PlanetLabel {
         let [centre_ra_deg, centre_dec_deg] = ra_dec_deg(&seen.centre);
-        WandererLabel {
+        PlanetLabel {
             range_km: seen.range_m * 1e-3,
             phase_deg: seen.phase.to_degrees(),
             radius_deg: seen.angular_radius.to_degrees(),
@@ -41,7 +41,7 @@ impl WandererLabel {
 
 /// As far from the centroid as both directions' images at mid-exposure are from each other: the same mean over the exposure, and the same
 /// row of a rolling shutter.
-fn centre_px(seen: &SeenWanderer, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
+fn centre_px(seen: &VisiblePlanet, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
     let optics = &scene.view.camera.optics;
     let projection = optics.projection_if(scene.simulated.has(EffectId::Distortion));
     let pointing = scene.view.pointing(0.0);

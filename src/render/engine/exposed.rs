@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// One exposure, rendered.
 #[derive(Debug, Clone)]
-pub struct Shot {
+pub struct ExposedFrame {
     /// Number of the frame in the run, from 0.
     pub number: u32,
     /// The pixels.
@@ -51,7 +51,7 @@ pub struct Opening {
     pub key: NoiseKey,
 }
 
-impl Shot {
+impl ExposedFrame {
     /// What was known of it before its pixels.
     pub fn opening(&self) -> Opening {
         Opening {

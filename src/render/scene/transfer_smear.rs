@@ -15,7 +15,7 @@ use super::view::View;
 use crate::camera::Shutter;
 
 /// The trail of each pixel of a column, e-, one value a column; empty without frame transfer.
-pub fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+pub fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
     }

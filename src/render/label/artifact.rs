@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 
 /// The charge of a particle, or a defective pixel.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct SpotLabel {
+pub struct ArtifactLabel {
     /// `radiation` or `defect`.
     #[schemars(extend("enum" = [RADIATION, DEFECT]))]
     pub kind: &'static str,
@@ -45,16 +45,16 @@ const RADIATION: &str = "radiation";
 const DEFECT: &str = "defect";
 
 /// Most particles and defects that a label lists: 2 MB of text.
-pub const MOST_SPOTS: usize = 10_000;
+pub const MAX_ARTIFACTS: usize = 10_000;
 
 /// Most pixels that it lists with them, but for a single particle's: 4 MB of text.
-pub const MOST_SPOT_PIXELS: usize = 200_000;
+pub const MAX_ARTIFACT_PIXELS: usize = 200_000;
 
 /// What a label says of particles and defects.
 #[derive(Debug, Default)]
 pub struct Spots {
     /// Those that stand out most.
-    pub listed: Vec<SpotLabel>,
+    pub listed: Vec<ArtifactLabel>,
     /// How many others there are.
     pub left_out: usize,
     /// The greatest signal-to-noise ratio among those.
@@ -66,12 +66,12 @@ pub struct Spots {
 pub fn spots(scene: &Scene, least_snr: f64) -> Spots {
     let pixels = Pixels::new(scene);
     let mut most = Most::default();
-    pixels.particles(|spot| most.add(spot, least_snr));
-    pixels.defects(|spot| most.add(spot, least_snr));
+    pixels.particles(|artifact| most.add(artifact, least_snr));
+    pixels.defects(|artifact| most.add(artifact, least_snr));
     most.cut();
-    most.cut_pixels(|spot| pixels.count(spot));
+    most.cut_pixels(|artifact| pixels.count(artifact));
     most.kept.sort_unstable_by_key(|(number, _)| *number);
-    let listed = most.kept.iter().map(|(_, spot)| pixels.label(spot));
+    let listed = most.kept.iter().map(|(_, artifact)| pixels.label(artifact));
     Spots {
         listed: listed.collect(),
         left_out: most.left_out,
@@ -110,46 +110,50 @@ struct Most {
 }
 
 impl Most {
-    fn add(&mut self, spot: Found, least_snr: f64) {
-        if spot.snr() >= least_snr {
-            self.kept.push((self.added, spot));
+    fn add(&mut self, artifact: Found, least_snr: f64) {
+        if artifact.snr() >= least_snr {
+            self.kept.push((self.added, artifact));
             self.added += 1;
         }
-        if self.kept.len() == 2 * MOST_SPOTS {
+        if self.kept.len() == 2 * MAX_ARTIFACTS {
             self.cut();
         }
     }
 
     /// Leaves out what is too many; of equals those that come last.
     fn cut(&mut self) {
-        if self.kept.len() <= MOST_SPOTS {
+        if self.kept.len() <= MAX_ARTIFACTS {
             return;
         }
         self.kept
-            .select_nth_unstable_by(MOST_SPOTS, stands_out_more);
-        self.leave_out_from(MOST_SPOTS);
+            .select_nth_unstable_by(MAX_ARTIFACTS, stands_out_more);
+        self.leave_out_from(MAX_ARTIFACTS);
     }
 
     /// Likewise where they have too many pixels.
     fn cut_pixels(&mut self, pixels: impl Fn(&Found) -> usize) {
-        let count = |(_, spot): &(usize, Found)| pixels(spot);
-        if self.kept.iter().map(count).sum::<usize>() <= MOST_SPOT_PIXELS {
+        let count = |(_, artifact): &(usize, Found)| pixels(artifact);
+        if self.kept.iter().map(count).sum::<usize>() <= MAX_ARTIFACT_PIXELS {
             return;
         }
         self.kept.sort_unstable_by(stands_out_more);
         let mut sum = 0;
-        let mut fits = |spot: &(usize, Found)| {
-            sum += count(spot);
-            sum <= MOST_SPOT_PIXELS
+        let mut fits = |artifact: &(usize, Found)| {
+            sum += count(artifact);
+            sum <= MAX_ARTIFACT_PIXELS
         };
-        let fit = self.kept.iter().take_while(|spot| fits(spot)).count();
+        let fit = self
+            .kept
+            .iter()
+            .take_while(|artifact| fits(artifact))
+            .count();
         self.leave_out_from(fit.max(1));
     }
 
     fn leave_out_from(&mut self, first: usize) {
-        for (_, spot) in self.kept.drain(first..) {
+        for (_, artifact) in self.kept.drain(first..) {
             self.left_out += 1;
-            self.left_out_snr = self.left_out_snr.max(spot.snr());
+            self.left_out_snr = self.left_out_snr.max(artifact.snr());
         }
     }
 }
@@ -261,7 +265,7 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    fn label(&self, found: &Found) -> SpotLabel {
+    fn label(&self, found: &Found) -> ArtifactLabel {
         match *found {
             Found::Particle { index, snr } => {
                 let event = &self.scene.events[index];
@@ -274,7 +278,7 @@ impl<'a> Pixels<'a> {
                     pixels.push([x, y, i64::from(*electrons)]);
                 }
                 let (id, centre) = (format!("particle {}", index + 1), moment.map(|m| m / sum));
-                spot(RADIATION, id, centre, sum, snr, pixels)
+                artifact(RADIATION, id, centre, sum, snr, pixels)
             }
             Found::Defect {
                 name,
@@ -285,22 +289,22 @@ impl<'a> Pixels<'a> {
                 let [x, y] = self.place(pixel);
                 let (id, centre) = (format!("{name} {x},{y}"), [x as f64, y as f64]);
                 let pixels = vec![[x, y, electrons.round() as i64]];
-                spot(DEFECT, id, centre, electrons, snr, pixels)
+                artifact(DEFECT, id, centre, electrons, snr, pixels)
             }
         }
     }
 }
 
-fn spot(
+fn artifact(
     kind: &'static str,
     id: String,
     [x_px, y_px]: [f64; 2],
     electrons: f64,
     snr: f64,
     pixels: Vec<[i64; 3]>,
-) -> SpotLabel {
+) -> ArtifactLabel {
     let visible = snr >= VISIBLE_SNR;
-    SpotLabel {
+    ArtifactLabel {
         kind,
         id,
         x_px,

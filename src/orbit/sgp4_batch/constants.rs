@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 /// The model's constants of one object; angles in rad, times in minutes, lengths in Earth radii.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Figures {
+pub struct ModelConstants {
     /// The Earth's field: a_e (km), k_e, J2, J3, J4.
     pub earth: [f64; 5],
     pub node_dot: f64,
@@ -108,21 +108,21 @@ pub enum Resonance {
 /// More than the longest form, 69 numbers and the variants.
 const LONGEST: usize = 640;
 
-impl Figures {
+impl ModelConstants {
     /// The figures in the crate's constants.
     ///
     /// Errors: the crate writes them in another form.
-    pub fn of(constants: &sgp4::Constants) -> Result<Figures, ModelError> {
+    pub fn of(constants: &sgp4::Constants) -> Result<ModelConstants, ModelError> {
         let mut bytes = [0; LONGEST];
         let unread = |error: postcard::Error| ModelError::new(error.to_string());
         let written = postcard::to_slice(constants, &mut bytes).map_err(unread)?;
-        let figures: Figures = postcard::from_bytes(written).map_err(unread)?;
+        let constants: ModelConstants = postcard::from_bytes(written).map_err(unread)?;
         let sgp4::Geopotential { ae, ke, j2, j3, j4 } = sgp4::WGS72;
-        if figures.earth != [ae, ke, j2, j3, j4] {
+        if constants.earth != [ae, ke, j2, j3, j4] {
             return Err(ModelError::new(
                 "the constants are not those of WGS72".to_string(),
             ));
         }
-        Ok(figures)
+        Ok(constants)
     }
 }

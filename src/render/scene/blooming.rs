@@ -14,7 +14,7 @@ use crate::camera::Detector;
 
 /// What fills up and spills.
 #[derive(Debug, Default)]
-pub struct Spill {
+pub struct BloomingColumns {
     /// The most that a pixel holds, e-.
     pub most_e: f64,
     /// The columns in which a pixel may fill up, with noise and particles, and those that share a
@@ -26,7 +26,7 @@ pub struct Spill {
     pub flood: Option<EffectId>,
 }
 
-impl Spill {
+impl BloomingColumns {
     /// Whether a column is among them.
     pub fn has(&self, column: usize) -> bool {
         self.columns.binary_search(&column).is_ok()
