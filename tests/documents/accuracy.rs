@@ -24,7 +24,7 @@ fn bound(tolerance: &Tolerance, preset: &Fidelity) -> String {
 
 #[test]
 fn the_table_of_knobs_has_their_bounds() {
-    let rows = rows("## What each knob bounds, and what is measured");
+    let rows = rows("## What each tolerance bounds, and what is measured");
     // It says itself why that one is not among them.
     let tolerances: Vec<&Tolerance> = TOLERANCES
         .iter()
