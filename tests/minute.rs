@@ -13,8 +13,8 @@ fn fly(link: &str, level: &str, plan: &str) -> Flight {
 }
 
 #[test]
-#[ignore = "waits for wires for minutes: tests/run flies it beside the others; cargo test --test minute -- --ignored"]
-fn a_minute_over_every_wire_is_the_minute_in_memory() {
+#[ignore = "long: waits for wires for minutes; tests/run all runs it"]
+fn long_a_minute_over_every_wire_is_the_minute_in_memory() {
     let windows = LazyLock::new(|| fly("memory", "windows", ""));
     std::thread::scope(|scope| {
         // Wires mostly wait: each is flown from the beginning, while others are rendered.

@@ -93,8 +93,8 @@ fn follow(tutorial: &Path) {
     assert!(commands > 0, "{}: no commands", tutorial.display());
 }
 
-#[test]
-fn tutorials_run_as_they_are_written() {
+/// Follows the tutorials whose commands use Python, or the others.
+fn follow_all(with_python: bool) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tutorials");
     let mut pages: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
@@ -102,5 +102,19 @@ fn tutorials_run_as_they_are_written() {
         .collect();
     pages.sort();
     assert_eq!(pages.len(), 4);
+    let has_python = |page: &PathBuf| std::fs::read_to_string(page).unwrap().contains("python3 ");
+    pages.retain(|page| has_python(page) == with_python);
+    assert_eq!(pages.len(), 2);
     pages.iter().for_each(|page| follow(page));
+}
+
+#[test]
+fn tutorials_run_as_they_are_written() {
+    follow_all(false);
+}
+
+#[test]
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_tutorials_with_python_run_as_they_are_written() {
+    follow_all(true);
 }

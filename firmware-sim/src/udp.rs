@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+    #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
     fn timed_a_short_wait_is_no_tick_of_the_system() {
         let peer = UdpSocket::bind("127.0.0.1:0").unwrap();
         let mut port = UdpPort::connect(peer.local_addr().unwrap()).unwrap();

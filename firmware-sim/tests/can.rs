@@ -292,7 +292,7 @@ fn a_bus_is_used_at_no_more_than_its_rate() {
 }
 
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_bus_is_used_at_its_rate() {
     // One of ten is not late by as much again.
     let is_in_time = |_| {

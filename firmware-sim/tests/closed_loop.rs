@@ -216,7 +216,7 @@ fn by_the_wall_clock_attitudes_leave_in_order_and_skipped_frames_are_counted() {
 }
 
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_attitudes_leave_at_their_rate() {
     let (emulator, ..) = by_the_wall_clock(Emulator::new(|_, _| {}));
     let left = periods(&emulator, 20.0);

@@ -350,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+    #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
     fn timed_a_pair_delivers_its_baud_rate() {
         for (baud, both) in [(9600, false), (115_200, true), (3_000_000, false)] {
             let nominal = f64::from(baud) / 10.0;

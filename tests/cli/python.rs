@@ -45,7 +45,8 @@ fn client(here: &Folder, process: &Process, flags: &str) -> Outcome {
 }
 
 #[test]
-fn the_client_gets_whole_frames_at_every_output_level() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_gets_whole_frames_at_every_output_level() {
     let here = Folder::new();
     for level in ["frame", "compressed", "windows", "labels"] {
         let output = format!("--output {level}");
@@ -58,7 +59,8 @@ fn the_client_gets_whole_frames_at_every_output_level() {
 }
 
 #[test]
-fn the_client_refuses_wrong_addresses_in_one_line() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_refuses_wrong_addresses_in_one_line() {
     let here = Folder::new();
     for address in "127.0.0.1 127.0.0.1: 127.0.0.1:x 127.0.0.1:70000 foo.invalid:1".split(' ') {
         let refused = client_at(&here, address, "");
@@ -87,7 +89,8 @@ fn pgm(file: &Path) -> (u32, u32, Vec<u16>) {
 
 /// Against `skyloop render`, which knows no wire.
 #[test]
-fn the_client_gets_the_frames_of_every_built_in_camera() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_gets_the_frames_of_every_built_in_camera() {
     let here = Folder::new();
     for &camera in CAMERAS {
         let process = emulator(&here, &format!("camera = {camera:?}"), "", "");
@@ -108,7 +111,8 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
 }
 
 #[test]
-fn the_client_requests_again_what_is_lost_damaged_or_late() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_requests_again_what_is_lost_damaged_or_late() {
     // How many of the 3,900 packets are requested again at least, and come damaged.
     let drop = [("in", "drop", 0.05), ("out", "drop", 0.05)];
     // 1,400 bytes: one packet in 9 to the client is damaged, one in 50 to the emulator.
@@ -145,7 +149,8 @@ fn the_client_requests_again_what_is_lost_damaged_or_late() {
 /// Whatever the reason, it leaves so that nothing waits for it: the emulator ends without a warning
 /// about what was not read.
 #[test]
-fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_ends_with_the_reason_where_it_gets_no_frame() {
     for (run, flags, says) in [
         (
             "clock = \"wall\"\noutput = \"labels\"\nlink = \"udp://127.0.0.1:0?rate_mbit=1\"",
@@ -203,7 +208,8 @@ fn spoiling(address: &str) -> String {
 }
 
 #[test]
-fn the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
     let here = Folder::new();
     let process = emulator(&here, "camera = \"fai-nir\"", "", "");
     let address = spoiling(process.address.strip_prefix("udp://").unwrap());
@@ -216,7 +222,8 @@ fn the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
 
 /// 24,000 packets a second.
 #[test]
-fn the_client_takes_large_frames_at_four_a_second() {
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_takes_large_frames_at_four_a_second() {
     let large = [
         ("width_px", "2048"),
         ("height_px", "2048"),

@@ -101,7 +101,8 @@ fn what_is_skipped_changes_less_than_was_declared() {
 }
 
 #[test]
-fn declared_errors_are_bounds_and_near_the_measured() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_declared_errors_are_bounds_and_near_the_measured() {
     let mut wrong = String::new();
     each_scene(|name, bench| {
         let all = all(true);
@@ -142,7 +143,8 @@ fn declared_errors_are_bounds_and_near_the_measured() {
 
 /// Where an effect changes no expectation, the noise of a pixel is the same with and without it.
 #[test]
-fn an_effect_takes_nothing_but_its_own_with_it() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_an_effect_takes_nothing_but_its_own_with_it() {
     each_scene(|name, bench| {
         // Large frames take long, and do what small ones do.
         if bench.camera.detector.pixels() > 300_000 {

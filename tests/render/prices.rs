@@ -35,7 +35,7 @@ fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
 /// `benches/plan.rs` holds prices to a factor of two on a quiet machine. Here the build, the processor and what else it does are anyone's: they
 /// slow all effects down alike, about, so that each price is held to the median of its frame. Times are those of the thread.
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_no_price_is_far_from_what_the_others_say() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let mut seen = Vec::new();

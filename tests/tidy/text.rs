@@ -63,34 +63,37 @@ fn no_machine_paths() {
     }
 }
 
-/// What `cargo test` leaves out is run by a script, which its words name. What holds something to the clock is among that: a busy machine fails no ordinary test.
+/// Each ignored test has a script that runs it. The prefix of its name selects it there, and the
+/// reason starts with the same word.
 #[test]
-fn what_is_ignored_is_run_by_a_script() {
-    // By hand: other numbers in every run, and as many as somebody has time for.
+fn ignored_tests_are_run_by_a_script() {
+    // By hand: other numbers in every run, and as many as there is time for.
     const BY_HAND: [&str; 2] = ["other_sets_than_before", "ten_million"];
-    let all = std::fs::read_to_string(root().join("tests/run")).unwrap();
-    assert!(all.contains("-- --ignored --test-threads=1 timed_"));
+    const KINDS: [&str; 3] = ["timed", "tools", "long"];
+    let script = std::fs::read_to_string(root().join("tests/run")).unwrap();
+    assert!(script.contains("-- --ignored long_ tools_"));
+    assert!(script.contains("-- --ignored --test-threads=1 timed_"));
     let mark = concat!("#[ign", "ore = \"");
-    let mut timed = 0;
+    let mut found = [0; KINDS.len()];
     for path in files(root()).iter().filter(|path| is_rust(path)) {
         let text = std::fs::read_to_string(path).unwrap();
         for piece in text.split(mark).skip(1) {
-            let (why, rest) = piece.split_once('"').unwrap();
+            let (reason, rest) = piece.split_once('"').unwrap();
             let function = rest.split("fn ").nth(1).unwrap();
             let function = function.split('(').next().unwrap();
-            let is_timed = function.starts_with("timed_");
-            assert_eq!(is_timed, why.starts_with("timed: "), "{function}: {why}");
-            timed += u32::from(is_timed);
-            let script = ["tests/run", "tests/vcan/run"]
+            let what = format!("{}: {function}: {reason}", name(path));
+            for (kind, count) in KINDS.iter().zip(&mut found) {
+                let is_named = function.starts_with(&format!("{kind}_"));
+                assert_eq!(is_named, reason.starts_with(&format!("{kind}: ")), "{what}");
+                assert!(!is_named || reason.contains("tests/run all"), "{what}");
+                *count += u32::from(is_named);
+            }
+            let is_by_hand = BY_HAND.contains(&function);
+            let is_scripted = ["tests/run all", "tests/vcan/run"]
                 .iter()
-                .find(|script| why.contains(**script));
-            assert_eq!(
-                script.is_none(),
-                BY_HAND.contains(&function),
-                "{}: {function}: {why}",
-                name(path)
-            );
+                .any(|script| reason.contains(script));
+            assert_ne!(is_by_hand, is_scripted, "{what}");
         }
     }
-    assert!(timed > 0);
+    assert!(found.iter().all(|count| *count > 0), "{found:?}");
 }

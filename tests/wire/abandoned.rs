@@ -91,7 +91,7 @@ fn commands_are_answered_while_a_frame_is_made_and_a_reset_abandons_it() {
 }
 
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_answers_come_within_a_tenth_of_a_second() {
     const LIMIT: Duration = Duration::from_millis(100);
     let (emulator, mut client, _) = in_the_midst(None);

@@ -124,7 +124,7 @@ fn is_close(link: &str, direction: &str, delays: Vec<(usize, Duration)>) -> bool
 }
 
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
     for link in ["memory", "udp"] {
         let (wire, mut line) = with_faults(link, &always("in", "delay", 0.02));

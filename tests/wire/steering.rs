@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
     /// Fewer say nothing about the loop: the machine was too slow.
     const MIN: u32 = 40;

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+    #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
     fn timed_a_limited_link_sends_at_its_rate() {
         for mbit in [1.0, 10.0, 100.0] {
             let nominal = mbit * 1e6 / 8.0;

@@ -122,7 +122,8 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
 }
 
 #[test]
-fn labels_signal_to_noise_is_the_scatter_over_frames() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_labels_signal_to_noise_is_the_scatter_over_frames() {
     let keys = "dark_e_s = 300.0
 dark_nonuniformity = 0.5
 hot_fraction = 0.03

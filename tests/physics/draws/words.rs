@@ -153,7 +153,8 @@ fn expanded_at(mean: f32) -> f64 {
 }
 
 #[test]
-fn draws_are_as_near_poisson_as_the_switch_says() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_draws_are_as_near_poisson_as_the_switch_says() {
     // The expansion is the worst where it begins.
     let cases = [(1e-4, 12.0, 5e6), (6e-5, 16.0, TWO_20), (5e-4, 6.0, 5e6)];
     for (variation_is, begins, to) in cases {
@@ -180,7 +181,8 @@ fn draws_are_as_near_poisson_as_the_switch_says() {
 
 /// The third term leaves out what counts below the mean most: 12 e- are less than four standard deviations from none.
 #[test]
-fn expansions_have_poissons_tails() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_expansions_have_poissons_tails() {
     for drawn in EXPANDED.iter().filter(|drawn| drawn.mean >= 12.0) {
         let mean = f64::from(drawn.mean);
         for sigmas in [-5.0, -4.0, -3.0, 3.0, 4.0, 5.0] {
@@ -199,7 +201,8 @@ fn expansions_have_poissons_tails() {
 
 /// Reference: the same expansion in double precision, where a number has more digits than a mean has electrons.
 #[test]
-fn single_precision_bounds_draws_of_large_means() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_single_precision_bounds_draws_of_large_means() {
     // Below 2^24 e- (9 sigma above the last mean) each whole number is one of single precision; beyond, draws are multiples of 2, 4, ... e-.
     for (mean, within) in [(TWO_20, 6e-5), (5e6, 1e-4), (1.67e7, 2e-4)] {
         let apart = expanded_at(mean);
@@ -244,7 +247,8 @@ fn searches_are_exact() {
 }
 
 #[test]
-fn the_documents_distances_are_these() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_the_documents_distances_are_these() {
     let head = "| mean, e- | total-variation distance |\n|---|---|\n";
     let (_, table) = FRAMES.split_once(head).unwrap();
     let rows = table.lines().take_while(|row| row.starts_with('|'));

@@ -127,7 +127,7 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
 /// Twice, at most, as chance has it on a shared machine, of the best of rounds by turns, 200 if need be; of squares without a guard it is more than that on one processor and far more on others. As not all slow down where others do, no such number may
 /// be in a frame, either.
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
     let camera = square(256, "optics.psf.sigma_px = 5.0");
     let mut emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});

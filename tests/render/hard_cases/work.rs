@@ -155,7 +155,7 @@ fn too_many_objects_are_refused_before_the_search() {
 
 /// By each setting, on one thread.
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_no_frame_takes_much_longer_than_the_limit() {
     for fidelity in [Fidelity::FAST, Fidelity::REALTIME, Fidelity::REFERENCE] {
         for corner in MADE.iter().chain(REFUSED) {
@@ -203,7 +203,7 @@ const SENSITIVE: &str = "timing.exposure_s = 1.0; \
 
 /// Whatever is under way: the end of a run waits for it, and is to come within 100 ms of a signal.
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_cancelled_frame_ends_soon() {
     const PARTS: u32 = 16;
     for corner in LARGE {

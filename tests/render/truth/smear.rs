@@ -34,7 +34,8 @@ fn axes(px: f64, focal_px: f64) -> [[f64; 3]; 3] {
 }
 
 #[test]
-fn every_length_keeps_its_light_its_centre_and_its_profile() {
+#[ignore = "long: minutes of work; tests/run all runs it"]
+fn long_every_length_keeps_its_light_its_centre_and_its_profile() {
     // 1024 x 1024 pixels in 10 degrees: 5000 px are 48 degrees.
     for px in [0.0, 1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0, 5000.0] {
         let mut tally = Tally::default();

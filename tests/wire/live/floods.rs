@@ -193,7 +193,7 @@ fn frames_in(client: &mut Client<impl Line>, seconds: f64) -> u32 {
 /// Strangers' packets are read at a bounded rate, and the system keeps them from the client's socket: the rate of frames hardly falls. Both rates are
 /// of one run.
 #[test]
-#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+#[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_flood_of_strangers_costs_few_frames() {
     const SECONDS: f64 = 1.5;
     let (_emulator, line) = on_udp(quick(1e4), Clock::Wall, 60.0);
