@@ -74,6 +74,8 @@ mod pictures;
 mod prose;
 #[path = "documents/reference.rs"]
 mod reference;
+#[path = "support/words.rs"]
+mod words;
 
 #[test]
 fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {

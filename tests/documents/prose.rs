@@ -1,6 +1,7 @@
 //! The pages as a reader meets them: links lead somewhere, pages are short, and so are lines and
 //! sentences.
 
+use super::words::avoided;
 use super::{page, root};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,10 +13,6 @@ const MAX_PAGE: usize = 16_384;
 const MAX_COLUMNS: usize = 100;
 const MAX_WORDS: usize = 35;
 
-/// Words that pages do not use: people's acts for what the program does, and old names.
-const AVOIDED: &[&str] = &[
-    "asked", "dear", "kept", "laid", "nobody", "obey", "octet", "octets", "told", "whoever",
-];
 
 /// The Markdown files below a folder, by their paths from the root.
 fn below(folder: &str) -> Vec<String> {
@@ -170,9 +167,8 @@ fn pages_use_plain_words() {
             } else {
                 spoken(line).to_lowercase()
             };
-            let words = text.split(|c: char| !c.is_alphabetic());
-            for word in words.filter(|word| AVOIDED.contains(word)) {
-                found.push(format!("{path}:{}: {word}", number + 1));
+            for (word, plain) in avoided(&text) {
+                found.push(format!("{path}:{}: {word}: {plain}", number + 1));
             }
         }
     }
