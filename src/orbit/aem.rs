@@ -1,4 +1,5 @@
-//! CCSDS Attitude Ephemeris Messages in keyword = value notation: versions 1.0 (504.0-B-1) and 2.0 (504.0-B-2).
+//! CCSDS Attitude Ephemeris Messages in keyword = value notation: versions 1.0 (504.0-B-1) and 2.0
+//! (504.0-B-2).
 
 use crate::frames::{Axes, FRAMES};
 use crate::identity::Key;
@@ -11,7 +12,7 @@ use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
 const VERSION: &str = "CCSDS_AEM_VERS";
 
-/// Types of data lines that are read, and how many numbers follow the quaternion.
+/// Supported ATTITUDE_TYPEs, and the count of numbers after the quaternion in a data line.
 const TYPES: [(&str, usize); 4] = [
     ("QUATERNION", 0),
     ("QUATERNION/DERIVATIVE", 4),
@@ -24,18 +25,18 @@ const TYPES: [(&str, usize); 4] = [
 pub struct AttitudeMessage {
     /// In the order of the file.
     pub segments: Vec<AttitudeSegment>,
-    /// Lines of the file, and what of it is not used or was assumed there.
+    /// Line numbers and remarks: data that are ignored, values that are assumed.
     pub comments: Vec<(usize, String)>,
 }
 
-/// Attitudes that one interpolation may run through.
+/// Attitudes of one segment; interpolation stays within a segment.
 #[derive(Clone, Debug)]
 pub struct AttitudeSegment {
     /// Line of its META_START.
     pub line: usize,
-    /// First instant that it is meant for.
+    /// Start of the usable time.
     pub start: Epoch,
-    /// Last instant that it is meant for.
+    /// End of the usable time.
     pub stop: Epoch,
     /// At increasing epochs.
     pub attitudes: Vec<TimedAttitude>,
@@ -46,21 +47,25 @@ pub struct AttitudeSegment {
 pub struct TimedAttitude {
     /// Line of the file.
     pub line: usize,
-    /// When.
+    /// Instant of the attitude.
     pub epoch: Epoch,
-    /// `[x, y, z, w]`, Hamilton, ICRF to body: `v_body = q v_icrf q^-1`. Of the norm that the file gives it.
+    /// `[x, y, z, w]`, Hamilton, ICRF to body: `v_body = q v_icrf q^-1`. The norm is that of the
+    /// file, not 1.
     pub q_icrf_to_body: [f64; 4],
 }
 
-/// Whether a text is such a message.
+/// Whether a text is an AEM.
 pub fn is_message(text: &str) -> bool {
     let first = text.get(lines::start(text)..);
     first.is_some_and(|text| text.starts_with(VERSION))
 }
 
-/// Reads a message. A missing attitude would leave a gap, so one line that cannot be read refuses the whole file.
+/// Reads a message. One unreadable line refuses the whole file: a missing attitude would leave a
+/// gap.
 ///
-/// Errors: the line, and what is wrong there.
+/// # Errors
+///
+/// The line number and the fault.
 pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
     let mut reader = Reader::default();
     let last = segments::read(&mut reader, lines::numbered(text))?;
@@ -75,20 +80,20 @@ pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
 #[derive(Default)]
 struct Reader {
     message: AttitudeMessage,
-    /// Whether it is of version 2.0.
+    /// Whether the message has version 2.0.
     is_second: bool,
     object: Option<Key>,
-    /// The body's frame, and its line.
+    /// The body frame, and its line.
     body: Option<(String, usize)>,
     /// START_TIME of the first segment.
     first_start: Option<Epoch>,
 }
 
-/// How the lines of a segment are read.
+/// Format of the data lines of a segment, and the segment read so far.
 struct Data {
     clock: Clock,
     axes: Axes,
-    /// Whether the quaternion is of the rotation from the body to the reference frame.
+    /// Whether the quaternion rotates from the body to the reference frame.
     is_from_body: bool,
     is_scalar_first: bool,
     /// Numbers in a line.
@@ -142,7 +147,7 @@ impl Message for Reader {
 }
 
 impl Reader {
-    /// Adds a remark where segments overlap in the time that both have attitudes for.
+    /// Adds a remark for segments whose usable times overlap.
     fn check_overlap(&mut self) {
         let spans = self.message.segments.iter().filter_map(|segment| {
             let (first, last) = (segment.attitudes.first()?, segment.attitudes.last()?);
@@ -155,7 +160,7 @@ impl Reader {
         }
     }
 
-    /// The segment that metadata begin.
+    /// Starts a segment from its metadata.
     fn segment(&mut self, meta: &Meta) -> At<Data> {
         meta.check_once()?;
         let (id, line) = meta.need("OBJECT_ID")?;
@@ -172,10 +177,12 @@ impl Reader {
         let more = self.columns(meta)?;
         let (from_a, is_scalar_first) = self.order(meta)?;
         let (axes, a_is_body, assumed) = frames(meta, ut1)?;
-        self.check_body(meta.need(match a_is_body {
-            true => "REF_FRAME_A",
-            false => "REF_FRAME_B",
-        })?)?;
+        let body_key = if a_is_body {
+            "REF_FRAME_A"
+        } else {
+            "REF_FRAME_B"
+        };
+        self.check_body(meta.need(body_key)?)?;
         for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
             self.comment(meta.line, assumed);
         }
@@ -204,7 +211,7 @@ impl Reader {
         })
     }
 
-    /// Refuses another body than that of the segments before.
+    /// Refuses a body frame other than that of the earlier segments.
     fn check_body(&mut self, (body, line): (&str, usize)) -> At<()> {
         let (known, first) = (self.body).get_or_insert_with(|| (body.to_ascii_uppercase(), line));
         if body.eq_ignore_ascii_case(known) {
@@ -212,13 +219,13 @@ impl Reader {
         }
         let body = shorten(body);
         let reason = format!(
-            "body frame '{body}', and {known} in line {first}: how they are turned against each other is not known; give the attitudes of each in \
+            "body frame '{body}', and {known} in line {first}: the rotation between them is unknown; give the attitudes of each in \
              a file of its own"
         );
         Err((line, reason))
     }
 
-    /// How many numbers follow the quaternion in a line.
+    /// The count of numbers after the quaternion in a data line.
     fn columns(&mut self, meta: &Meta) -> At<usize> {
         let (given, line) = meta.need("ATTITUDE_TYPE")?;
         let mut known = TYPES.iter();
@@ -237,7 +244,7 @@ impl Reader {
         Ok(*more)
     }
 
-    /// What is said of one segment is not said of each.
+    /// Adds a remark, once for all segments.
     fn comment(&mut self, line: usize, comment: String) {
         let comments = &mut self.message.comments;
         if comments.iter().all(|(_, known)| *known != comment) {
@@ -245,9 +252,8 @@ impl Reader {
         }
     }
 
-    /// Whether the quaternion is of the rotation from REF_FRAME_A to REF_FRAME_B, and whether its
-    /// scalar comes first: keywords of version 1.0. Version 2.0 has A to B and the scalar last
-    /// (504.0-B-2, tables 4-3 and 4-4).
+    /// Whether the quaternion rotates from REF_FRAME_A to REF_FRAME_B, and whether its scalar comes
+    /// first. Version 1.0 has keywords for both; version 2.0 fixes A to B and the scalar last
     fn order(&self, meta: &Meta) -> At<(bool, bool)> {
         let one_of = |key: &str, yes: &str, no: &str| match meta.find(key) {
             None => Ok(None),
@@ -278,7 +284,7 @@ impl Reader {
     }
 }
 
-/// The axes of the reference frame, whether REF_FRAME_A is the body's (then B is the reference), and what was assumed.
+/// The axes of the reference frame, whether REF_FRAME_A is the body, and a remark on assumptions.
 fn frames(meta: &Meta, ut1: Ut1) -> At<(Axes, bool, Option<String>)> {
     let ((a, _), (b, line)) = (meta.need("REF_FRAME_A")?, meta.need("REF_FRAME_B")?);
     let is_body = |name: &str| name.to_ascii_uppercase().starts_with("SC_BODY");
@@ -299,7 +305,7 @@ fn frames(meta: &Meta, ut1: Ut1) -> At<(Axes, bool, Option<String>)> {
 }
 
 impl Data {
-    /// Adds an attitude, or says what is wrong with it.
+    /// Checks and adds an attitude.
     fn add(&mut self, line: usize, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
         let &[first, second, third, fourth, ..] = numbers else {
             return Err("no quaternion".to_owned());
@@ -319,8 +325,8 @@ impl Data {
         } else {
             Quaternion::new(fourth, first, second, third)
         };
-        // A message's quaternion from frame A to B transforms coordinates by v_B = q^-1 v_A q
-        // (504.0-B-2, annex F2), where here v_B = q v_A q^-1.
+        // CCSDS: a quaternion from frame A to B transforms coordinates by v_B = q^-1 v_A q
+        // (504.0-B-2, annex F2). This program: v_B = q v_A q^-1.
         let to_body = if self.is_from_body { q } else { q.conjugate() };
         // q_icrf_to_body = q_frame_to_body q_icrf_to_frame
         let from_icrf = Rotation3::from_matrix_unchecked(self.axes.to_gcrf(epoch).transpose());
@@ -338,7 +344,7 @@ impl Data {
 mod tests {
     use super::*;
 
-    /// Two segments, one behind the other, with the metadata given for each.
+    /// A message of two segments with these metadata.
     fn message(first: &str, second: &str) -> String {
         let segment = |of: &str, minute: u32| {
             let at = |second: u32| format!("2020-01-01T00:0{minute}:{second:02}");

@@ -1,30 +1,30 @@
-//! How far from the time asked for element sets are: SGP4 is good for days.
+//! Age of element sets at a requested epoch. SGP4 is accurate for days.
 
 use crate::Object;
 use crate::time::utc_text;
 use hifitime::{Epoch, Unit};
 use std::fmt;
 
-/// Days from its epoch within which an element set is taken to be of the time.
+/// Largest distance from the epoch of a usable element set, days.
 pub const FRESH_DAYS: f64 = 14.0;
 
-/// The ages of those element sets that count at an instant.
+/// Ages of the nearest element sets at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ages {
     /// The instant.
     pub at: Epoch,
     /// Objects with element sets.
     pub sets: usize,
-    /// Those whose nearest one is more than [`FRESH_DAYS`] away.
+    /// Objects whose nearest set is more than [`FRESH_DAYS`] away.
     pub old: usize,
-    /// Days, of the middle one and of the worst.
+    /// Median age, days.
     pub median_days: f64,
-    /// The worst.
+    /// Largest age, days.
     pub worst_days: f64,
 }
 
 impl Ages {
-    /// Of some objects' sets; nothing where none has any.
+    /// Ages for these objects; none without element sets.
     pub fn of(objects: &[Object], at: Epoch) -> Option<Ages> {
         let age = |object: &Object| {
             let days = object
@@ -45,7 +45,7 @@ impl Ages {
         })
     }
 
-    /// Whether most of them are too old to say where an object is.
+    /// Whether more than half of the sets are too old for a usable position.
     pub fn are_old(&self) -> bool {
         2 * self.old > self.sets
     }
@@ -56,7 +56,7 @@ impl fmt::Display for Ages {
         write!(
             f,
             "old elements: {} of {} are more than {FRESH_DAYS} days from {} (median {:.1}, worst {:.1}): low orbits are off \
-             by more km with every day, and may be anywhere on their way after some weeks; use element sets of that time",
+             by more km with every day, and may be anywhere on their orbit after some weeks; use element sets of that time",
             self.old,
             self.sets,
             utc_text(self.at),
@@ -72,7 +72,7 @@ mod tests {
     use crate::synth::population;
 
     #[test]
-    fn most_must_be_old() {
+    fn more_than_half_must_be_old() {
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 6, 1);
         // Element sets of the day before.
         let objects: Vec<Object> = population(101, 1, epoch)
@@ -104,7 +104,7 @@ mod tests {
         ] {
             assert!(text.contains(word), "{text}");
         }
-        // Sets of the time for all but a half and one.
+        // Fresh sets for one more than half of the objects.
         let mut mixed = objects.clone();
         let fresh = population(101, 1, late.at);
         for (object, fresh) in mixed.iter_mut().zip(fresh).take(51) {

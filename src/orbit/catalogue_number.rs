@@ -8,7 +8,8 @@ pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
     NonZeroU32::new(number).filter(|_| !nines.contains(&number))
 }
 
-/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5`, `NORAD ID 5`, `#5`, `00005` or, in Alpha-5, `A0005`.
+/// The catalogue number in an id or a selector: `NORAD 5`, `norad5`, `NORAD ID 5`, `#5`, `00005`
+/// or, in Alpha-5, `A0005`.
 pub fn catalogue_number(text: &str) -> Option<u32> {
     alpha_5(&unlabelled(text, "NORAD").to_ascii_uppercase())
 }
@@ -37,7 +38,8 @@ pub(crate) fn unlabelled<'a>(text: &'a str, label: &str) -> &'a str {
     text
 }
 
-/// A number in digits, or Alpha-5: a letter (no I, no O) for the leading two of six, `A` = 10 to `Z` = 33.
+/// A decimal number, or Alpha-5: a letter (no I, no O) for the leading two of six digits, `A` = 10
+/// to `Z` = 33.
 pub(crate) fn alpha_5(text: &str) -> Option<u32> {
     let (letter, rest) = match text.bytes().next()? {
         byte @ b'A'..=b'H' => (u32::from(byte - b'A') + 10, &text[1..]),

@@ -1,9 +1,8 @@
-//! A cone of view that moves from frame to frame, and how long the objects of a block stay out of
-//! it.
+//! A cone of view that moves from frame to frame, and how long the objects of a block stay outside.
 //!
-//! An object at distance D from the cone stays out while object and apex together move less than D,
-//! less what the cone's rotation sweeps at the object's range. This needs no new position: most of
-//! a catalogue is not evaluated for minutes.
+//! An object at distance D from the cone stays outside while object and apex together move less
+//! than D, minus the arc that the cone's rotation sweeps at the object's range. This test needs no
+//! new position, so most of a catalogue is not propagated for minutes.
 
 use crate::sgp4_batch::Row;
 use std::f64::consts::FRAC_PI_2;
@@ -21,14 +20,14 @@ pub struct Cone {
     cos: f64,
     /// cos |cos|
     cos2: f64,
-    /// 1 where all of it lies in front of its apex, else 0.
+    /// 1 where the whole cone lies in front of its apex, else 0.
     before: f64,
-    /// Objects within this distance of it count as inside, km.
+    /// Objects within this distance of the cone count as inside, km.
     pub path_km: f64,
 }
 
 impl Cone {
-    /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `way_km`.
+    /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `path_km`.
     pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, path_km: f64) -> Cone {
         let (sin, cos) = libm::sincos(angle);
         Cone {
@@ -48,29 +47,29 @@ impl Cone {
         self.apex_km
     }
 
-    /// Whether a position (km) is within its margin w. With half angle A, a point at `z` along the
-    /// axis and `p` across is `p cos A - z sin A` from the surface: inside is p cos A <= w + z sin
-    /// A, compared by u |u| of both sides. Behind a cone narrower than a half space the distance is
-    /// at least `-z`.
+    /// Whether a position (km) is inside the cone or within its margin w. With half angle A, a
+    /// point at `z` along the axis and `p` across is `p cos A - z sin A` from the surface. Inside
+    /// is p cos A <= w + z sin A, compared as u |u| of both sides. Behind a cone narrower than a
+    /// half space the distance is at least `-z`.
     #[inline(always)]
-    pub fn holds(&self, place_km: [f64; 3]) -> bool {
-        let (along, range2) = self.seen(place_km);
+    pub fn holds(&self, position_km: [f64; 3]) -> bool {
+        let (along, range2) = self.axial(position_km);
         let bound = self.path_km + along * self.sin;
         ((range2 - along * along) * self.cos2 <= bound * bound.abs())
             & (-along * self.before <= self.path_km)
     }
 
-    /// Least distance of a position (km) from it, as in [`Cone::holds`], and the squared range.
-    fn outside_km(&self, place_km: [f64; 3]) -> (f64, f64) {
-        let (along, range2) = self.seen(place_km);
+    /// Lower bound of the distance of a position (km) from the cone, and the squared range.
+    fn outside_km(&self, position_km: [f64; 3]) -> (f64, f64) {
+        let (along, range2) = self.axial(position_km);
         let across = (range2 - along * along).max(0.0).sqrt();
-        let beside = across * self.cos - along * self.sin;
-        (beside.max(-along * self.before), range2)
+        let lateral = across * self.cos - along * self.sin;
+        (lateral.max(-along * self.before), range2)
     }
 
     /// Coordinate of a position (km) along the axis, and the squared range from the apex.
     #[inline(always)]
-    fn seen(&self, [x, y, z]: [f64; 3]) -> (f64, f64) {
+    fn axial(&self, [x, y, z]: [f64; 3]) -> (f64, f64) {
         let (x, y, z) = (
             x - self.apex_km[0],
             y - self.apex_km[1],
@@ -80,7 +79,7 @@ impl Cone {
         (along, x * x + y * y + z * z)
     }
 
-    /// Distance of the apexes, km, and change of axis and half angle, rad.
+    /// Distance between the apexes, km, and change of axis and half angle, rad.
     fn to(&self, other: &Cone) -> (f64, f64) {
         let between = |a: &[f64; 3], b: &[f64; 3]| {
             let [x, y, z] = [0, 1, 2].map(|i| a[i] - b[i]);
@@ -92,7 +91,7 @@ impl Cone {
     }
 }
 
-/// How far the cone and any object may have moved since the first frame.
+/// Upper bound of the motion of cone and objects since the first frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moved {
     last: Option<(Cone, i64)>,
@@ -118,30 +117,30 @@ impl Moved {
 /// How long no object of a block can enter the cone.
 #[derive(Clone, Copy, Debug)]
 pub struct Leeway {
-    /// [`Moved`] when it was found, plus the least distance, km.
+    /// [`Moved`] at computation, plus the least distance, km.
     until_km: f64,
-    /// Rotation of the cone until then, rad.
+    /// [`Moved`] at computation, rad.
     rad: f64,
     /// Largest range, km.
     range_km: f64,
 }
 
 impl Leeway {
-    /// No time at all.
+    /// Expired from the start.
     pub const NONE: Leeway = Leeway {
         until_km: f64::NEG_INFINITY,
         rad: 0.0,
         range_km: 0.0,
     };
 
-    /// For objects at these positions, km, within `error_km`.
-    pub fn of(places_km: &[Row; 3], cone: &Cone, error_km: f64, moved: &Moved) -> Leeway {
-        let [x, y, z] = places_km;
-        let places = x.iter().zip(y).zip(z);
-        let outside = places.map(|((x, y), z)| cone.outside_km([*x, *y, *z]));
+    /// For objects at these positions, km, with an error of up to `error_km`.
+    pub fn of(positions_km: &[Row; 3], cone: &Cone, error_km: f64, moved: &Moved) -> Leeway {
+        let [x, y, z] = positions_km;
+        let positions = x.iter().zip(y).zip(z);
+        let outside = positions.map(|((x, y), z)| cone.outside_km([*x, *y, *z]));
         let (least, range2) = outside
-            .fold((f64::INFINITY, 0.0f64), |(least, most), (km, square)| {
-                (least.min(km), most.max(square))
+            .fold((f64::INFINITY, 0.0f64), |(least, range2), (km, square)| {
+                (least.min(km), range2.max(square))
             });
         Leeway {
             until_km: moved.km + least - error_km,
@@ -150,9 +149,9 @@ impl Leeway {
         }
     }
 
-    /// Whether it still holds. An object at range r and angle a from a cone that turned by b meets
-    /// it after moving d if asin(d / r) >= a - b: not while d < r sin(a) - r b, or d < r - r b
-    /// where a is above a right angle. The distances above are not greater than these.
+    /// Whether it still holds. An object at range r and angle a from a cone that turned by b can
+    /// enter it after moving d if asin(d / r) >= a - b. It cannot while d < r sin(a) - r b, or
+    /// d < r - r b where a is above a right angle. The stored distances are not greater than these.
     #[inline(always)]
     pub fn lasts(&self, moved: &Moved, cone: &Cone) -> bool {
         // Motion is summed in steps, each rounded to some 1e-16 of the sum.

@@ -1,11 +1,11 @@
-//! International designators (COSPAR): year, number and piece of a launch, in every spelling of public files.
+//! International designators (COSPAR): year, number and piece of a launch, in all common spellings.
 
 use crate::catalogue_number::unlabelled;
 use crate::missing::is_missing;
 use std::fmt;
 use std::num::NonZeroU16;
 
-/// A launch and its piece, `1998-067A`, in 8 bytes: catalogues are long.
+/// A launch and its piece, `1998-067A`, in 8 bytes to keep large catalogues small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Designator {
     year: NonZeroU16,
@@ -14,10 +14,10 @@ pub struct Designator {
     piece: [u8; 3],
 }
 
-/// No launch has this year and number.
+/// A designator that no launch can have.
 struct Impossible;
 
-/// What may stand between year, launch and piece: web pages have other hyphens and dashes than U+002D.
+/// Separators of year, launch and piece: web pages use hyphens and dashes other than U+002D.
 pub(crate) const SEPARATORS: [char; 9] = [
     '-', ' ', '_', '/', '\u{2010}', '\u{2011}', '\u{2013}', '\u{2014}', '\u{2212}',
 ];
@@ -30,12 +30,13 @@ impl Designator {
         Self::read(text)?.ok()
     }
 
-    /// Whether a text has the form of a designator and no launch can have it: number 0, a year before 1957 or after 2099, or a piece such as `TBD`.
+    /// Whether a text has the form of a designator that no launch can have: number 0, a year before
+    /// 1957 or after 2099, or a piece such as `TBD`.
     pub(crate) fn is_impossible(text: &str) -> bool {
         matches!(Self::read(text), Some(Err(Impossible)))
     }
 
-    /// What a text of the form of a designator says.
+    /// Decodes a text with the form of a designator.
     fn read(text: &str) -> Option<Result<Self, Impossible>> {
         let (first, rest) = digits(unlabelled(text, "COSPAR"))?;
         let (year, launch, rest) = match first.len() {
@@ -77,7 +78,7 @@ impl Designator {
         }))
     }
 
-    /// As in the columns of a TLE, `98067A`; nothing for a year that two digits do not give.
+    /// As in the columns of a TLE, `98067A`; none for a year from 2057 on.
     pub(crate) fn short(&self) -> Option<String> {
         let text = self.to_string();
         let (year, rest) = text.split_once('-')?;
@@ -96,13 +97,14 @@ impl fmt::Display for Designator {
     }
 }
 
-/// Whether the piece of a designator is none: pieces with three letters are beyond 600, and none is beyond 9,000, where `TBA` and `XXA` would be.
+/// Whether the piece of a designator is a placeholder such as `TBA` or `XXA`. Real pieces with
+/// three letters are beyond 600, and none is beyond 9,000.
 fn is_unknown_piece(piece: [u8; 3]) -> bool {
     let is_word = std::str::from_utf8(&piece).is_ok_and(is_missing);
     is_word || (piece.starts_with(b"XX") && piece[2] > 0)
 }
 
-/// The digits that a text begins with, and what follows.
+/// Splits a text behind its leading digits.
 fn digits(text: &str) -> Option<(&str, &str)> {
     let end = text.find(|c: char| !c.is_ascii_digit())?;
     (end > 0).then(|| text.split_at(end))
@@ -113,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_spellings_of_one_are_the_same() {
+    fn all_spellings_give_one_designator() {
         // The first is that of the standard (CCSDS 502.0-B-3, OBJECT_ID), the third that of NASA's
         // ephemerides of the ISS; the last have U+2011 and U+2013 in place of hyphens.
         let texts = "1998-067A,1998-067a,1998-067-A,1998-067-a,1998-67A,1998-67a,1998 067A,\
@@ -140,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_none_is_none() {
+    fn invalid_designators_are_refused() {
         let texts = ",UNKNOWN,1998-067,1998-A,1998-0067A,1998-067ABCD,1998-067é,1998-067--A,\
                      1998--067A,1998-067 A B,25544,980067A,19980067A,0000-000A,1998-000A,\
                      1956-001A,9999-999A,1998-067TBD,2026-1XXA,+998-067A,1998-0+7A,TO BE ASSIGNED";
@@ -150,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_eight_bytes() {
+    fn a_designator_takes_eight_bytes() {
         assert_eq!(size_of::<Option<Designator>>(), 8);
     }
 }

@@ -1,19 +1,19 @@
 //! A set of mean elements, and its propagation by SGP4/SDP4 (Vallado et al., AIAA 2006-6753) with
-//! the constants of WGS72. Against that paper's vectors: at most 4.3 mm and 1.9e-6 m/s
+//! the constants of WGS72. Error against that paper's vectors: at most 4.3 mm and 1.9e-6 m/s
 //! (`tests/sgp4_verification.rs`).
 
 use crate::{StateVector, time};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 
-/// Farthest from its epoch that a set is propagated, days: a century. The bound limits the work of
-/// the deep-space integrator.
+/// Largest propagation time, days: a century. It bounds the work of the deep-space integrator.
 pub const MAX_ELAPSED_DAYS: f64 = 100.0 * 365.25;
 
 /// Radius of the Earth in the model, m (WGS72).
 pub(crate) const EARTH_RADIUS_M: f64 = 6_378_135.0;
 
-/// A set of mean elements, as TLE and OMM give them: rad, rad/min. 80 bytes, as catalogues are long.
+/// A set of mean elements from a TLE or OMM: rad, rad/min. 80 bytes, to keep large catalogues
+/// small.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elements {
     /// Catalogue number, of up to nine digits; Alpha-5 numbers are decoded (`A0000` is 100000).
@@ -47,7 +47,8 @@ impl ModelError {
     }
 }
 
-/// Why SGP4 has no state at an epoch. [`PropagationError::code`] is that of the reference implementation.
+/// Why SGP4 has no state at an epoch. [`PropagationError::code`] gives the code of the reference
+/// implementation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropagationError {
     /// The mean eccentricity left its range.
@@ -69,8 +70,8 @@ pub enum PropagationError {
     #[error("the semi-latus rectum is below 0")]
     SemiLatusRectum,
     /// The position is inside the Earth. Where J2 makes the radius negative, the `sgp4` crate gives
-    /// the point beyond the centre; [`sgp4_batch`](crate::sgp4_batch) reports it as decayed, as the
-    /// reference does (1 of 392,157 answers on public catalogues).
+    /// the point beyond the centre. [`sgp4_batch`](crate::sgp4_batch) reports it as decayed, as the
+    /// reference does (1 of 392,157 states on public catalogues).
     #[error("the object has decayed: SGP4 puts it {depth_km:.1} km inside the Earth")]
     Decayed {
         /// Depth below the equatorial radius, km.
@@ -91,7 +92,7 @@ pub enum PropagationError {
 }
 
 impl PropagationError {
-    /// The code of the reference implementation (Vallado et al., and PyPI sgp4); 0 if it has none.
+    /// The code of the reference implementation (Vallado et al., and PyPI sgp4), or 0.
     pub fn code(&self) -> u8 {
         match self {
             Self::Eccentricity { .. } => 1,
@@ -119,7 +120,7 @@ impl From<sgp4::Error> for PropagationError {
 }
 
 impl Elements {
-    /// Brouwer's mean elements. Fails where [`Elements::constants`] does, at a tenth of the cost.
+    /// Brouwer's mean elements. Fails where [`Elements::constants`] fails, at a tenth of the cost.
     pub fn orbit(&self) -> Result<sgp4::Orbit, ModelError> {
         let orbit = sgp4::Orbit::from_kozai_elements(
             &sgp4::WGS72,
@@ -138,8 +139,7 @@ impl Elements {
         Ok(orbit)
     }
 
-    /// The model's constants: WGS72 and the IAU sidereal time, which together meet the published
-    /// vectors.
+    /// The model's constants: WGS72 and the IAU sidereal time, as the published vectors need.
     pub fn constants(&self) -> Result<sgp4::Constants, ModelError> {
         sgp4::Constants::new(
             sgp4::WGS72,
@@ -152,9 +152,9 @@ impl Elements {
         .map_err(|error| ModelError(error.to_string()))
     }
 
-    /// Minutes from the epoch of the elements to `t`, uniform ones.
+    /// Minutes of atomic time from the epoch of the elements to `t`.
     pub fn minutes_to(&self, t: Epoch) -> f64 {
-        // TAI differences count the leap seconds
+        // TAI differences include the leap seconds.
         let elapsed = t.to_tai_duration() - self.epoch.to_tai_duration();
         elapsed.total_nanoseconds() as f64 / 60e9
     }

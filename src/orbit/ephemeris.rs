@@ -1,4 +1,4 @@
-//! Tabulated states and the states between them.
+//! Tabulated states and their interpolation.
 
 use crate::{StateVector, time};
 use hifitime::Epoch;
@@ -7,40 +7,43 @@ use nalgebra::Vector3;
 /// The states of one object in one or more segments, GCRF.
 #[derive(Clone, Debug)]
 pub struct Ephemeris {
-    /// In the order of the file; where two share an instant, the first answers.
+    /// In the order of the file; the first segment that covers an instant is used.
     pub(crate) segments: Vec<Segment>,
 }
 
-/// A stretch of states that one interpolation may run through.
+/// A sequence of states; interpolation stays within a segment.
 #[derive(Clone, Debug)]
 pub(crate) struct Segment {
-    /// Line of the file that it begins in.
+    /// First line in the file.
     pub line: usize,
     /// In order of time, at least one.
     pub nodes: Vec<Node>,
     pub method: Method,
-    /// Interval that is answered, ns since 1900 TAI, both ends included.
+    /// Covered interval, ns since 1900 TAI, both ends included.
     pub start_ns: i128,
     pub stop_ns: i128,
-    /// Lines of the file, and what was assumed there.
+    /// Line numbers and remarks on assumptions.
     pub comments: Vec<(usize, String)>,
 }
 
-/// Interpolation and its number of nodes. Near the ends of a segment the nodes lie to one side; a
+/// Interpolation and its number of nodes. Near the ends of a segment the nodes lie to one side. A
 /// segment with fewer nodes uses all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Method {
-    /// Lagrange's polynomial, of degree `n - 1`, through `n` positions, and another through their velocities.
+    /// Lagrange's polynomial, of degree `n - 1`, through `n` positions, and another through their
+    /// velocities.
     Lagrange(usize),
-    /// Hermite's polynomial, of degree `2 n - 1`, through `n` positions with their velocities; the velocity is its derivative.
+    /// Hermite's polynomial, of degree `2 n - 1`, through `n` positions with their velocities. The
+    /// velocity is its derivative.
     Hermite(usize),
 }
 
-/// Smallest difference of two degrees that counts as divergence, m: positions rounded to 1 m differ by more than that at high degrees.
+/// Smallest difference of two degrees that counts as divergence, m. Positions rounded to 1 m differ
+/// by more than that at high degrees.
 const DIVERGED_M: f64 = 100.0;
 
 impl Method {
-    /// The degree of its polynomial.
+    /// Degree of the polynomial.
     pub fn degree(self) -> usize {
         match self {
             Method::Lagrange(count) => count - 1,
@@ -48,7 +51,7 @@ impl Method {
         }
     }
 
-    /// The method of the next lower degree that it is compared with: 7, 3 and 1.
+    /// The next lower degree (7, 3 or 1), for the test of convergence.
     pub fn lower(self) -> Option<Method> {
         match self {
             Method::Lagrange(9..) => Some(Method::Lagrange(8)),
@@ -68,7 +71,7 @@ pub(crate) struct Node {
     pub state: StateVector,
 }
 
-/// The covered interval nearest to an epoch that is not covered.
+/// The nearest covered interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NotCovered {
     /// Start of the interval, UTC.
@@ -78,9 +81,11 @@ pub struct NotCovered {
 }
 
 impl Ephemeris {
-    /// The state at `t`, GCRF, m and m/s, interpolated as the file says.
+    /// The state at `t`, GCRF, m and m/s, by the file's interpolation.
     ///
-    /// Error: `t` is in no segment; nothing is extrapolated.
+    /// # Errors
+    ///
+    /// `t` is in no segment; nothing is extrapolated.
     pub fn state(&self, t: Epoch) -> Result<StateVector, NotCovered> {
         let ns = time::tai_ns(t);
         match self.segments.iter().find(|s| s.distance_ns(ns) == 0) {
@@ -89,8 +94,8 @@ impl Ephemeris {
         }
     }
 
-    /// Assumptions where the file leaves something open, such as the Earth's rotation: the line of
-    /// the first segment with it, and the text.
+    /// Remarks on assumptions, such as the Earth's rotation: the line of the first segment, and the
+    /// text.
     pub fn comments(&self) -> Vec<(usize, &str)> {
         let mut all: Vec<(usize, &str)> = Vec::new();
         for (line, text) in self.segments.iter().flat_map(|segment| &segment.comments) {
@@ -101,7 +106,7 @@ impl Ephemeris {
         all
     }
 
-    /// The first and the last instant that it covers; there may be gaps between them.
+    /// The first and the last covered instant; there may be gaps between them.
     pub fn interval(&self) -> Option<(Epoch, Epoch)> {
         let starts = self.segments.iter().map(|segment| segment.start_ns);
         let stops = self.segments.iter().map(|segment| segment.stop_ns);
@@ -109,7 +114,7 @@ impl Ephemeris {
         Some((time::from_tai_ns(first), time::from_tai_ns(last)))
     }
 
-    /// The times that it covers, in order, first and last instants: segments that overlap or touch are one.
+    /// The covered intervals in order: segments that overlap or touch are merged.
     pub(crate) fn covered(&self) -> Vec<[Epoch; 2]> {
         let segments = self.segments.iter();
         let mut spans: Vec<[i128; 2]> = segments.map(|one| [one.start_ns, one.stop_ns]).collect();
@@ -136,14 +141,14 @@ impl Ephemeris {
 }
 
 impl Segment {
-    /// How far outside the answered interval an instant is; 0 inside.
+    /// Distance of an instant from the covered interval; 0 inside.
     fn distance_ns(&self, ns: i128) -> i128 {
         (self.start_ns - ns).max(ns - self.stop_ns).max(0)
     }
 
-    /// The largest error half way between neighbours where the interpolation does not converge, m:
-    /// where a higher degree changes the position by more than the step to the degree below it did,
-    /// and by more than [`DIVERGED_M`].
+    /// The largest change in the middle between neighbours where the interpolation does not
+    /// converge, m. It does not converge where this degree changes the position of the next lower
+    /// one by more than [`DIVERGED_M`], and by more than the step below that.
     pub fn divergence_m(&self) -> Option<f64> {
         let lower = self.method.lower()?;
         let lowest = lower.lower()?;
@@ -153,7 +158,7 @@ impl Segment {
             let at = |method| self.interpolate(method, ns).position_m;
             let middle = at(lower);
             let [up, down] = [self.method, lowest].map(|method| (at(method) - middle).norm());
-            // NaN is no convergence.
+            // NaN does not converge.
             let converges = up <= DIVERGED_M.max(down);
             (!converges).then_some(up)
         });
@@ -163,7 +168,7 @@ impl Segment {
     fn interpolate(&self, method: Method, ns: i128) -> StateVector {
         let (Method::Lagrange(count) | Method::Hermite(count)) = method;
         let window = self.window(count, ns);
-        // Seconds from the given instant: small numbers, exact differences
+        // Seconds from the given instant: small numbers, exact differences.
         let x = |node: &Node| (node.tai_ns - ns) as f64 / 1e9;
         let mut state = StateVector {
             position_m: Vector3::zeros(),
@@ -200,11 +205,11 @@ impl Segment {
         state
     }
 
-    /// The `count` nodes centred on an instant, moved inward at the ends.
+    /// The `count` nodes around an instant, shifted inward at the ends.
     fn window(&self, count: usize, ns: i128) -> &[Node] {
         let count = count.min(self.nodes.len());
         let after = self.nodes.partition_point(|node| node.tai_ns <= ns);
-        // an odd count is centred on the nearer of the two neighbours
+        // An odd count is centred on the nearer neighbour.
         let nearer_before = match (self.nodes.get(after.wrapping_sub(1)), self.nodes.get(after)) {
             (Some(before), Some(next)) => ns - before.tai_ns < next.tai_ns - ns,
             _ => true,

@@ -1,4 +1,4 @@
-//! The formats of orbit files, found from their text.
+//! The formats of orbit files, detected from their text.
 
 use crate::{lines, oem, omm, tle};
 use std::fmt;
@@ -12,20 +12,20 @@ pub enum Format {
     ThreeLine,
     /// CCSDS Orbit Mean-Elements Messages in keyword = value notation.
     OmmKvn,
-    /// The same in XML, alone or in an NDM.
+    /// OMM in XML, alone or in an NDM.
     OmmXml,
-    /// Objects with the keywords of the OMM.
+    /// JSON objects with the keywords of the OMM.
     OmmJson,
     /// A table with the keywords of the OMM as its header.
     OmmCsv,
     /// A CCSDS Orbit Ephemeris Message in keyword = value notation.
     OemKvn,
-    /// The same in XML, alone or in an NDM.
+    /// OEM in XML, alone or in an NDM.
     OemXml,
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Format; 8] = [
         Format::Tle,
         Format::ThreeLine,
@@ -37,7 +37,7 @@ impl Format {
         Format::OemXml,
     ];
 
-    /// What commands and reports call it: `omm-kvn`.
+    /// Name in commands and reports, such as `omm-kvn`.
     pub fn name(self) -> &'static str {
         match self {
             Format::Tle => "tle",
@@ -55,7 +55,7 @@ impl Format {
         matches!(self, Format::OmmXml | Format::OemXml)
     }
 
-    /// The format of a text, by its first line that says something; nothing where it is none of these.
+    /// The format of a text, from its first line that is no comment; none where it is unknown.
     pub(crate) fn of(text: &str) -> Option<Format> {
         let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
         let first = lines.find(|line| !lines::is_comment(line))?;

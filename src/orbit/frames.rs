@@ -1,4 +1,4 @@
-//! From the frames in which orbits are published to the GCRF.
+//! Rotations from the frames of published orbits to the GCRF.
 //!
 //! TEME ("true equator, mean equinox") is the frame of SGP4: its z axis is the true pole of date,
 //! its x axis the origin of IAU 1982 Greenwich mean sidereal time (Vallado et al., AIAA 2006-6753,
@@ -13,18 +13,17 @@ use sofars::consts::DJ00;
 
 /// Rotation from TEME of date to GCRF: 3 x 3, `r_gcrf = teme_to_gcrf(t) * r_teme`.
 ///
-/// Precession, nutation and frame bias are IAU 2006/2000A, the angle about the pole GAST 2006 -
-/// GMST
-/// 1982. UT1 is taken as UTC: in the difference 1 s is 7e-12 rad, 0.3 mm at the geostationary belt.
-/// Observed corrections of the celestial pole (0.3 milliarcsecond) are left out: 6 cm there.
-/// Measured out to that belt (`tests/frames.rs`): at most 3.0 mm over 1960 to 2060 (skyfield), 2.5
-/// mm over 1975 to 2026 (astropy).
+/// Precession, nutation and frame bias are IAU 2006/2000A. The angle about the pole is GAST 2006 -
+/// GMST 1982. UT1 is taken as UTC: in this difference 1 s is 7e-12 rad, 0.3 mm at the geostationary
+/// belt. Observed corrections of the celestial pole (0.3 milliarcsecond) are left out: 6 cm there.
+/// Measured error out to that belt (`tests/frames.rs`): at most 3.0 mm over 1960 to 2060
+/// (skyfield), 2.5 mm over 1975 to 2026 (astropy).
 pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     let tt = days_of_tt(t);
     let ut1 = days_since_j2000(utc_duration(t).total_nanoseconds());
     // r_true = NPB r_gcrf  (Capitaine & Wallace 2006, IAU 2006/2000A)
     let npb = sofars::pnp::pnm06a(DJ00, tt);
-    // both reach the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true
+    // Both give the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true
     // r_teme = R3(GAST - GMST82) r_true
     let angle = sofars::erst::gst06(DJ00, ut1, DJ00, tt, &npb) - sofars::erst::gmst82(DJ00, ut1);
     // r_gcrf = (R3 NPB)^T r_teme
@@ -39,13 +38,14 @@ pub fn eme2000_to_gcrf() -> Matrix3<f64> {
     matrix(&bias).transpose()
 }
 
-/// Mean angular velocity of the Earth, rad/s: 2 pi 1.00273781191135448 / 86400 (IERS Conventions 2010, Eq. 5.15).
+/// Mean angular velocity of the Earth, rad/s: 2 pi 1.00273781191135448 / 86400 (IERS Conventions
+/// 2010, Eq. 5.15).
 const EARTH_RATE: f64 = 7.292_115_146_706_98e-5;
 
-/// Axes of reference frames about the Earth's centre.
+/// Axes of geocentric reference frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Axes {
-    /// GCRF; ICRF about the Earth's centre has the same axes.
+    /// GCRF; the geocentric ICRF has the same axes.
     Gcrf,
     /// Mean equator and equinox of J2000.0; also called J2000.
     Eme2000,
@@ -53,22 +53,22 @@ pub(crate) enum Axes {
     MeanOfDate,
     /// True equator and equinox of date, IAU 2006/2000A.
     TrueOfDate,
-    /// True equator and mean equinox of date, as of SGP4.
+    /// True equator and mean equinox of date, the frame of SGP4.
     Teme,
-    /// Earth-fixed, without the pole's motion.
+    /// Earth-fixed, without polar motion.
     EarthFixed {
-        /// UT1 - TAI, which leap seconds do not change.
+        /// UT1 - TAI, which has no leap seconds.
         ut1_tai: Duration,
     },
 }
 
-/// What [`Axes::named`] knows, for messages.
+/// The frames of [`Axes::named`], for messages.
 pub(crate) const FRAMES: &str =
     "GCRF, ICRF, EME2000, J2000, MOD, TOD, TEME, ITRF (of any year), WGS84, TDR, GTOD and PEF";
 
 impl Axes {
-    /// By the name in CCSDS messages, in any case of letters: `ITRF2014`, `ITRF-97`. Realisations
-    /// of the ITRF differ by less than 0.2 m.
+    /// Axes by their name in CCSDS messages, such as `ITRF2014` or `ITRF-97`; case is ignored.
+    /// Realisations of the ITRF differ by less than 0.2 m.
     pub fn named(name: &str, ut1_tai: Duration) -> Option<Axes> {
         let name = name.to_ascii_uppercase();
         let year = name.strip_prefix("ITRF");
@@ -87,7 +87,8 @@ impl Axes {
         }
     }
 
-    /// Whether they move with precession or nutation, so that an epoch may fix them (CCSDS 502.0-B-3, REF_FRAME_EPOCH).
+    /// Whether precession or nutation moves the axes, so that an epoch may fix them (CCSDS
+    /// 502.0-B-3, REF_FRAME_EPOCH).
     pub fn are_of_date(self) -> bool {
         matches!(self, Axes::MeanOfDate | Axes::TrueOfDate | Axes::Teme)
     }
@@ -103,7 +104,8 @@ impl Axes {
             Axes::EarthFixed { ut1_tai } => {
                 let ut1 = t.to_tai_duration() + ut1_tai;
                 let ut1_ns = ut1.total_nanoseconds() - J2000_NS;
-                // In one number a day's fraction would be rounded to 0.2 us: 0.5 mm at the geostationary belt.
+                // One number would round the day's fraction to 0.2 us: 0.5 mm at the geostationary
+                // belt.
                 let day = ut1_ns.div_euclid(DAY_NS) as f64;
                 let fraction = ut1_ns.rem_euclid(DAY_NS) as f64 / DAY_NS as f64;
                 let tt = days_of_tt(t);
@@ -115,7 +117,8 @@ impl Axes {
         }
     }
 
-    /// A state in these axes at `t`, as a state in GCRF. Of Earth-fixed axes the velocity is that against the turning Earth.
+    /// Rotates a state in these axes at `t` to GCRF. In Earth-fixed axes the velocity is relative
+    /// to the rotating Earth.
     pub fn state(self, t: Epoch, mut state: StateVector) -> StateVector {
         if let Axes::EarthFixed { .. } = self {
             // v_inertial = v_fixed + w x r
@@ -125,7 +128,7 @@ impl Axes {
     }
 }
 
-/// R3: what turning the axes by `angle` (rad) about z does to coordinates.
+/// R3: coordinate rotation about z by `angle`, rad.
 fn about_z(angle: f64) -> Matrix3<f64> {
     let (sin, cos) = libm::sincos(angle);
     #[rustfmt::skip]

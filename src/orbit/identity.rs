@@ -1,4 +1,5 @@
-//! What identifies an object: catalogue number, international designator, an agency's own id, or else its orbit.
+//! Identity of an object: catalogue number, international designator, an agency's own id, or its
+//! orbit.
 
 use crate::catalogue_number::{assigned, catalogue_number};
 use crate::{Designator, Elements, Object, Orbit, is_placeholder};
@@ -6,7 +7,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 
-/// Names, without their numbers, that many objects share: pieces and unidentified objects.
+/// Names, without their numbers, that many objects share.
 const GENERIC: [&[&str]; 6] = [
     &["DEB"],
     &["DEBRIS"],
@@ -28,22 +29,22 @@ fn is_generic(name: &str) -> bool {
     is_lettered || GENERIC.contains(&words.as_slice())
 }
 
-/// What identifies an object: its number, or else its designator, or else a word.
+/// Identity of an object: its number, else its designator, else a word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     number: Option<NonZeroU32>,
-    /// The international designator of its element sets; of an OEM the OBJECT_ID, where that is one.
+    /// The international designator of its element sets, or the OBJECT_ID of an OEM.
     pub designator: Option<Designator>,
     word: Word,
 }
 
-/// What identifies an object that has neither number nor designator.
+/// Identity of an object without number and designator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Word {
-    /// The id: an OBJECT_ID may be any text.
+    /// The id; an OBJECT_ID may be any text.
     Id,
-    /// The name, where the id is a placeholder: of segments of one file. Of records, which may be
-    /// of many satellites, the name with the orbit.
+    /// The name, where the id is a placeholder. It identifies the segments of one file. Records
+    /// may be of many satellites, so there the name counts with the orbit.
     Name,
     /// The orbit alone, where the name is a placeholder too.
     #[default]
@@ -58,7 +59,7 @@ impl Identity {
             number,
             designator: Designator::parse(designator),
             word: match number {
-                // Catalogues are long: an object with a number needs no name.
+                // No name is stored for a numbered object, to keep large catalogues small.
                 Some(_) => Word::Name,
                 None if agency_id(designator).is_some() => Word::Id,
                 None => Word::of_name(name),
@@ -71,14 +72,15 @@ impl Identity {
         Identity {
             number: catalogue_number(id).and_then(assigned),
             designator: Designator::parse(id),
-            word: match is_placeholder(id) {
-                true => Word::of_name(name),
-                false => Word::Id,
+            word: if is_placeholder(id) {
+                Word::of_name(name)
+            } else {
+                Word::Id
             },
         }
     }
 
-    /// Whether it has a name, and neither number, designator nor id.
+    /// Whether the name is the only identification.
     pub fn has_name_alone(&self) -> bool {
         self.number.is_none() && self.designator.is_none() && self.word == Word::Name
     }
@@ -88,14 +90,14 @@ impl Identity {
         self.number.map(NonZeroU32::get)
     }
 
-    /// Adds what `other`, the identity of the same object, has beyond it; of two designators the earlier counts.
+    /// Adds the fields of `other`, the identity of the same object; the earlier designator counts.
     pub(crate) fn join(&mut self, other: Identity) {
         self.number = self.number.or(other.number);
         let designators = [self.designator, other.designator];
         self.designator = designators.into_iter().flatten().min();
     }
 
-    /// Adds the catalogue number that another record of the same object gives.
+    /// Sets the catalogue number from another record of the same object.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.number = assigned(number);
     }
@@ -103,14 +105,15 @@ impl Identity {
 
 impl Word {
     fn of_name(name: &str) -> Self {
-        match is_placeholder(name) || is_generic(name) {
-            true => Word::Orbit,
-            false => Word::Name,
+        if is_placeholder(name) || is_generic(name) {
+            Word::Orbit
+        } else {
+            Word::Name
         }
     }
 }
 
-/// An OBJECT_ID that is an agency's own: no number, no designator and no placeholder.
+/// An agency's own OBJECT_ID: no number, no designator and no placeholder.
 pub(crate) fn agency_id(text: &str) -> Option<&str> {
     let is_own = catalogue_number(text).is_none()
         && Designator::parse(text).is_none()
@@ -118,16 +121,17 @@ pub(crate) fn agency_id(text: &str) -> Option<&str> {
     is_own.then_some(text)
 }
 
-/// The id of an object without a number: `UNKNOWN`, or `NORAD 0` with its name behind it.
+/// The id of an object without a number: `UNKNOWN`, or `NORAD 0` followed by its name.
 pub(crate) fn unnumbered_id(placeholder: &str, name: &str) -> String {
-    match is_placeholder(name) {
-        true => placeholder.to_owned(),
-        false => format!("{placeholder} {name}"),
+    if is_placeholder(name) {
+        placeholder.to_owned()
+    } else {
+        format!("{placeholder} {name}")
     }
 }
 
 impl Object {
-    /// The catalogue number as it is written, a placeholder or not.
+    /// The catalogue number as written, even a placeholder.
     pub(crate) fn written_number(&self) -> Option<u32> {
         match &self.orbit {
             Orbit::Elements(set, _) => Some(set.norad),
@@ -135,13 +139,13 @@ impl Object {
         }
     }
 
-    /// Its first name in capital letters.
+    /// The first name in capital letters.
     pub fn capital_name(&self) -> String {
         let name = self.names.first();
         name.map_or_else(String::new, |name| name.to_uppercase())
     }
 
-    /// What identifies it where it has neither number nor designator.
+    /// Identifies an object without number and designator.
     fn word(&self) -> String {
         let name = match self.identity.word {
             Word::Id => return format!("id {}", self.id.to_uppercase()),
@@ -149,7 +153,7 @@ impl Object {
             Word::Orbit => String::new(),
         };
         match &self.orbit {
-            // One placeholder is as good as another.
+            // All placeholder numbers count as equal.
             Orbit::Elements(set, _) => format!("{name} orbit {:?}", Elements { norad: 0, ..*set }),
             Orbit::Ephemeris(ephemeris) => {
                 let segments = ephemeris.segments.iter();
@@ -160,7 +164,7 @@ impl Object {
     }
 }
 
-/// What objects are grouped by: those with equal keys are one object.
+/// Grouping key: objects with equal keys are one object.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Key {
     Number(u32),
@@ -169,7 +173,7 @@ pub(crate) enum Key {
 }
 
 impl Key {
-    /// Of a segment among those of its file: there the name is enough.
+    /// Key of a segment within its file, where the name is enough.
     pub fn of_segment(object: &Object) -> Key {
         if object.identity.has_name_alone() {
             return Key::Word(format!("name {}", object.capital_name()));
@@ -177,7 +181,7 @@ impl Key {
         Keys::default().key(object)
     }
 
-    /// Of an attitude ephemeris, by its OBJECT_ID and OBJECT_NAME.
+    /// Key of an attitude ephemeris, from its OBJECT_ID and OBJECT_NAME.
     pub fn of_ephemeris(id: &str, name: &str) -> Key {
         let identity = Identity::of_ephemeris(id, name);
         match (identity.number, identity.designator, identity.word) {
@@ -190,9 +194,9 @@ impl Key {
     }
 }
 
-/// The keys of a set of objects, which do not depend on their order: the catalogue number, or the
-/// number that another of them has beside the same international designator; else the designator;
-/// else the OBJECT_ID or, where that is a placeholder, name and orbit.
+/// Keys of a set of objects, independent of their order. A key is the catalogue number, or that of
+/// another object with the same international designator; else the designator; else the OBJECT_ID
+/// or, where that is a placeholder, name and orbit.
 #[derive(Debug, Default)]
 pub(crate) struct Keys {
     /// Designators of objects without a number, and the smallest number of any object with each.
@@ -233,15 +237,15 @@ impl Keys {
     }
 }
 
-/// Whether two objects are one.
+/// Whether two objects are the same.
 pub fn is_same(one: &Object, other: &Object) -> bool {
     let keys = Keys::of([one, other].into_iter());
     keys.key(one) == keys.key(other)
 }
 
-/// The object that each of a list belongs to, counted from 0 in the order of first appearance.
+/// For each of a list the index of its object, counted from 0 in the order of first appearance.
 pub fn places<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Vec<usize> {
-    // Catalogues are long: where each has a number of its own, no map is made.
+    // Fast path for large catalogues: no map where each object has its own number.
     let mut numbers: Vec<Option<u32>> = objects.clone().map(|o| o.identity.number()).collect();
     numbers.par_sort_unstable();
     if numbers.first() != Some(&None) && numbers.is_sorted_by(|a, b| a < b) {
@@ -278,9 +282,9 @@ mod tests {
         read(&text.replace("100001", &number.to_string()))
     }
 
-    /// Of an OMM NORAD_CAT_ID is optional (CCSDS 502.0-B-3, Table 4-3).
+    /// NORAD_CAT_ID is optional in an OMM (CCSDS 502.0-B-3, Table 4-3).
     #[test]
-    fn a_set_without_a_number_is_known_by_its_id() {
+    fn a_set_without_a_number_is_identified_by_its_id() {
         for (one, other, are_same) in [
             (set(0, "OWN-1"), set(0, "own-1"), true),
             (set(0, "OWN-1"), set(0, "OWN-2"), false),
@@ -296,18 +300,18 @@ mod tests {
     }
 
     #[test]
-    fn an_ephemeris_is_known_however_it_is_called() {
+    fn all_spellings_of_an_id_identify_an_ephemeris() {
         let alike = |one: &Object, other: &Object| {
-            let [there, back] = [is_same(one, other), is_same(other, one)];
-            assert_eq!(there, back, "{} {}", one.id, other.id);
-            there
+            let [forward, backward] = [is_same(one, other), is_same(other, one)];
+            assert_eq!(forward, backward, "{} {}", one.id, other.id);
+            forward
         };
         let vanguard = set(5, "1958-002B");
-        let calls = "1958-002B,58002B,1958-2B,1958-02b,1958-002-B,1958/002B,COSPAR 1958-002B,\
+        let spellings = "1958-002B,58002B,1958-2B,1958-02b,1958-002-B,1958/002B,COSPAR 1958-002B,\
                      COSPAR ID: 1958-002B,\"1958-002B\"";
         let numbers = "5,00005,NORAD 5,NORAD5,norad 5,Norad_00005,NORAD ID 5,NORAD_CAT_ID 5,#5,\
                        NORAD #5,NORAD-5,NORAD - 5,NORAD_-5,'5'";
-        for (first, same) in [("1958-002B", calls), ("5", numbers)] {
+        for (first, same) in [("1958-002B", spellings), ("5", numbers)] {
             for id in same.split(',') {
                 assert!(alike(&vanguard, &ephemeris(id)), "{id}");
                 assert!(alike(&ephemeris(first), &ephemeris(id)), "{id}");
@@ -325,7 +329,7 @@ mod tests {
         for id in ["T0001", "t0001", "270001", "NORAD 270001", "NORAD T0001"] {
             assert!(alike(&set(270_001, ""), &ephemeris(id)), "{id}");
         }
-        // Of a set without a number the designator decides.
+        // Without a number the designator decides.
         assert!(alike(&vanguard, &set(99_999, "1958-002B")));
         assert!(!alike(&set(0, "1958-002A"), &set(99_999, "1958-002B")));
     }

@@ -11,8 +11,8 @@
 //! | [`ephemeris`] | CCSDS OEM (KVN, XML) | Hermite or Lagrange interpolation | turned at loading |
 //! | [`two_body`] | one state | two bodies and J2 | GCRF |
 //!
-//! [`synth`] makes synthetic populations for scale tests. A record that cannot be read is
-//! [`Rejected`] with its line and reason, and the rest of the file loads; no file causes a panic.
+//! [`synth`] makes synthetic populations for scale tests. An unreadable record becomes
+//! [`Rejected`] with its line and reason, and the rest of the file loads. No file causes a panic.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -110,7 +110,7 @@ impl StateVector {
         numbers.into_iter().all(|x| x.is_finite())
     }
 
-    /// The same state in axes turned by `rotation` (3 x 3, new = rotation * old).
+    /// The state in axes rotated by `rotation` (3 x 3, new = rotation * old).
     ///
     /// The rotation of the axes with time (precession and nutation, about 1e-11 rad/s) is left out
     /// of the velocity: below 1 mm/s out to the geostationary belt.
@@ -125,21 +125,21 @@ impl StateVector {
 /// An object in orbit.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. A placeholder has the name
-    /// behind it: `NORAD 0 CUBE`, `UNKNOWN CUBE`.
+    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. The name follows a placeholder:
+    /// `NORAD 0 CUBE`, `UNKNOWN CUBE`.
     pub id: String,
     /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
     pub names: Vec<String>,
-    /// What distinguishes it from others.
+    /// Fields that distinguish it from other objects.
     pub identity: Identity,
-    /// Its motion.
+    /// Source of its states.
     pub orbit: Orbit,
 }
 
-/// How an object's motion is given.
+/// Source of the states of an object.
 #[derive(Clone, Debug)]
 pub enum Orbit {
-    /// Mean elements for SGP4/SDP4: one or more sets, of which the nearest in time is used.
+    /// Mean elements for SGP4/SDP4; the set with the nearest epoch is used.
     Elements(Elements, Vec<Elements>),
     /// Tabulated states, interpolated.
     Ephemeris(Ephemeris),
@@ -148,7 +148,9 @@ pub enum Orbit {
 impl Object {
     /// The state at `t`, GCRF, m and m/s.
     ///
-    /// Errors: [`OrbitError`], which names the object and the epoch.
+    /// # Errors
+    ///
+    /// [`OrbitError`], which names the object and the epoch.
     pub fn state(&self, t: Epoch) -> Result<StateVector, OrbitError> {
         match &self.orbit {
             Orbit::Elements(..) => self.state_with(t, &frames::teme_to_gcrf(t)),
@@ -156,8 +158,7 @@ impl Object {
         }
     }
 
-    /// [`Object::state`] with the rotation [`frames::teme_to_gcrf`] at `t`, computed once for many
-    /// objects.
+    /// [`Object::state`] with a precomputed rotation [`frames::teme_to_gcrf`] at `t`.
     pub fn state_with(
         &self,
         t: Epoch,
@@ -188,11 +189,11 @@ impl Object {
         }
     }
 
-    /// The error at `t`, where the batch gives this code of a failure.
+    /// The error at `t` for a failure code of the batch.
     pub fn failure(&self, t: Epoch, code: u8) -> OrbitError {
         let reason = match self.state_with(t, &Matrix3::identity()) {
             Err(error) => return error,
-            // Of a negative radius the scalar model gives the point beyond the Earth's centre.
+            // For a negative radius the scalar model gives the point beyond the Earth's centre.
             Ok(state) if code == sgp4_batch::DECAYED => PropagationError::Decayed {
                 depth_km: (elements::EARTH_RADIUS_M + state.position_m.norm()) * 1e-3,
             },
@@ -201,7 +202,7 @@ impl Object {
         self.no_state(t, reason)
     }
 
-    /// The first and the last instant at which it may have a state.
+    /// The first and the last instant with a possible state.
     pub fn span(&self) -> Option<(Epoch, Epoch)> {
         if let Orbit::Ephemeris(ephemeris) = &self.orbit {
             return ephemeris.interval();
@@ -212,9 +213,9 @@ impl Object {
         Some((first - reach, last + reach))
     }
 
-    /// Instants, in order, between which its states begin and end, however shortly: the middle of
-    /// each interval that an ephemeris covers and of each gap; of element sets both sides of each
-    /// change from one to the next, of which one may have no state.
+    /// Instants, in order, that separate the starts and ends of its states: the middle of each
+    /// covered interval and of each gap of an ephemeris. Of element sets both sides of each change
+    /// from one set to the next, since one of them may have no state.
     pub fn span_middles(&self) -> Vec<Epoch> {
         let middle = |[start, end]: [Epoch; 2]| start + (end - start) * 0.5;
         if let Orbit::Ephemeris(ephemeris) = &self.orbit {
@@ -227,11 +228,11 @@ impl Object {
         let mut epochs: Vec<Epoch> = self.sets().map(|set| set.epoch).collect();
         epochs.sort_unstable();
         let changes = epochs.windows(2).map(|pair| middle([pair[0], pair[1]]));
-        let beside = |change: Epoch| [-1, 1].map(|ns| change + Unit::Nanosecond * ns);
-        changes.flat_map(beside).collect()
+        let both_sides = |change: Epoch| [-1, 1].map(|ns| change + Unit::Nanosecond * ns);
+        changes.flat_map(both_sides).collect()
     }
 
-    /// Its element sets, in their order; none of an ephemeris.
+    /// Its element sets, in order; empty for an ephemeris.
     pub fn sets(&self) -> impl Iterator<Item = &Elements> + Clone {
         let (first, others) = match &self.orbit {
             Orbit::Elements(set, others) => (Some(set), others.as_slice()),
@@ -240,7 +241,7 @@ impl Object {
         first.into_iter().chain(others)
     }
 
-    /// Assumptions where its ephemeris leaves something open: a line of its file and a text each.
+    /// Remarks on assumptions of its ephemeris: lines of the file and texts.
     pub fn comments(&self) -> Vec<(usize, &str)> {
         match &self.orbit {
             Orbit::Elements(..) => Vec::new(),
@@ -248,7 +249,7 @@ impl Object {
         }
     }
 
-    /// Index of the element set that is used at `t`; 0 where there is only one.
+    /// Index of the element set that is used at `t`.
     pub fn number_at(&self, t: Epoch) -> usize {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => {
@@ -261,7 +262,7 @@ impl Object {
         }
     }
 
-    /// The object with the element set of `t` alone: it must not change within an exposure.
+    /// The object with the element set of `t` alone, so that it cannot change during an exposure.
     pub fn settled(&self, t: Epoch) -> Cow<'_, Object> {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
@@ -274,7 +275,8 @@ impl Object {
         }
     }
 
-    /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`; the identifier alone where it has the name.
+    /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`. The name is left out
+    /// where the identifier has it.
     pub fn label(&self) -> String {
         let is_part = |name: &&String| self.id.split(' ').any(|part| part == name.as_str());
         let name = self.names.first().filter(|name| !is_part(name));
@@ -285,14 +287,14 @@ impl Object {
     }
 }
 
-/// A name as it goes into every label: its first 100 printable characters, a blank for a line break.
+/// A name for labels: its first 100 printable characters, with blanks for line breaks.
 fn bounded_name(name: &str) -> String {
     let broken = |c: char| if c == '\n' { ' ' } else { c };
     let letters = name.chars().map(broken).filter(|c| !c.is_control());
     letters.take(100).collect()
 }
 
-/// The set whose epoch is nearest to `t`; the first of several.
+/// The set with the epoch nearest to `t`; the first of several.
 fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Elements {
     let all = std::iter::once(set).chain(others);
     all.min_by_key(|one| (one.epoch - t).abs()).unwrap_or(set)
@@ -301,7 +303,7 @@ fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Eleme
 /// Why an object has no state at an epoch.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OrbitError {
-    /// The epoch lies outside what an ephemeris covers.
+    /// The epoch lies outside the covered intervals of an ephemeris.
     #[error(
         "{object}: {} is outside its ephemeris, which covers {} to {}; \
          ask inside it or load an ephemeris that covers the epoch",
@@ -310,21 +312,21 @@ pub enum OrbitError {
     OutsideInterval {
         /// The object's label.
         object: String,
-        /// The epoch asked for.
+        /// The requested epoch.
         epoch: Epoch,
         /// Start of the covered interval nearest to the epoch.
         start: Epoch,
         /// End of that interval.
         stop: Epoch,
     },
-    /// The orbit model has no answer at the epoch.
+    /// The orbit model has no state at the epoch.
     #[error("{object}: no state at {}: {reason}; use elements nearer to the epoch", utc_text(*epoch))]
     Propagation {
         /// The object's label.
         object: String,
-        /// The epoch asked for.
+        /// The requested epoch.
         epoch: Epoch,
-        /// What went wrong.
+        /// The failure of the model.
         reason: PropagationError,
     },
 }

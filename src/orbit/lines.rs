@@ -1,9 +1,9 @@
-//! Lines of a text, whatever ends them, and the line that an offset lies in.
+//! Lines of a text with any line end, and the line of an offset.
 
 use memchr::memchr2;
 
-/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR. Blanks at
-/// their ends are removed, and byte order marks at their beginnings, which joined files have.
+/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR. Trailing
+/// blanks are removed, and leading byte order marks, which joined files have.
 pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
     let mut rest = text;
     let mut number = 0;
@@ -23,12 +23,12 @@ pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clon
     })
 }
 
-/// Blank lines and comments, which may stand before anything.
+/// Whether a line is blank or a comment.
 pub(crate) fn is_comment(line: &str) -> bool {
     line.is_empty() || line.starts_with('#') || line.split_whitespace().next() == Some("COMMENT")
 }
 
-/// The offset of the first line that says something.
+/// The offset of the first line that is no comment.
 pub(crate) fn start(text: &str) -> usize {
     let mut lines = numbered(text).map(|(_, line)| line.trim_start());
     let first = lines.find(|line| !is_comment(line));
@@ -37,7 +37,7 @@ pub(crate) fn start(text: &str) -> usize {
     })
 }
 
-/// Finds the lines of offsets in rising order, reading the text once.
+/// Finds the lines of increasing offsets in one pass over the text.
 pub(crate) struct LineFinder<'a> {
     text: &'a [u8],
     at: usize,
@@ -45,7 +45,7 @@ pub(crate) struct LineFinder<'a> {
 }
 
 impl<'a> LineFinder<'a> {
-    /// For a text with `lines_before` lines before it.
+    /// For a text that follows `lines_before` other lines.
     pub fn new(text: &'a str, lines_before: usize) -> Self {
         LineFinder {
             text: text.as_bytes(),
@@ -54,8 +54,8 @@ impl<'a> LineFinder<'a> {
         }
     }
 
-    /// The line of the byte at `offset`, counted from 1. An offset before that of an earlier call
-    /// gives the line of that call.
+    /// The line of the byte at `offset`, counted from 1. For an offset before that of an earlier
+    /// call it is the line of that call.
     pub fn line(&mut self, offset: usize) -> usize {
         let passed = self.text.get(self.at..offset).unwrap_or_default();
         for (i, byte) in (self.at..).zip(passed) {
@@ -74,18 +74,18 @@ impl<'a> LineFinder<'a> {
 /// A part of a text with messages of one kind.
 pub(crate) struct Part<'a> {
     pub text: &'a str,
-    /// Lines of the whole text before it.
+    /// Lines of the whole text before the part.
     pub lines_before: usize,
 }
 
 impl<'a> Part<'a> {
-    /// Its lines with their numbers in the whole text.
+    /// The lines of the part, with their numbers in the whole text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a str)> + Clone + use<'a> {
         let before = self.lines_before;
         numbered(self.text).map(move |(number, line)| (number + before, line))
     }
 
-    /// Finds lines of the whole text by offsets in this part.
+    /// A finder for offsets in this part; its lines are numbers in the whole text.
     pub fn finder(&self) -> LineFinder<'a> {
         LineFinder::new(self.text, self.lines_before)
     }
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_something_starts_behind_remarks() {
+    fn comments_before_the_first_line_are_skipped() {
         assert_eq!(
             start("\n# a\r\nCOMMENT b\n  c"),
             "\n# a\r\nCOMMENT b\n  ".len()

@@ -1,4 +1,4 @@
-//! From a file to the objects in it.
+//! Loads the objects of an orbit file.
 
 use crate::format::Format;
 use crate::lines::Part;
@@ -15,21 +15,21 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What a file gave.
+/// Objects and rejected records of a file.
 #[derive(Clone, Debug, Default)]
 pub struct Loaded {
     /// The objects, in the order of the file.
     pub objects: Vec<Object>,
     /// The records that could not be read, in the order of the file.
     pub rejected: Vec<Rejected>,
-    /// What was assumed of records that were read, a line for each kind.
+    /// Assumptions for the accepted records, a line for each kind.
     pub assumed: Vec<String>,
 }
 
-/// What a text holds, as it gives it.
+/// The records of a text, before records of one object are united.
 #[derive(Clone, Debug)]
 pub struct Contents {
-    /// The text's format; of a text in several, that of its first.
+    /// The format of the text, or of its first part.
     pub format: Format,
     /// Its element sets, in the order of the text.
     pub records: Vec<Record>,
@@ -37,29 +37,30 @@ pub struct Contents {
     pub ephemerides: Vec<Object>,
     /// The records that could not be read, in the order of the text.
     pub rejected: Vec<Rejected>,
-    /// What was assumed of records that were read, a line for each kind.
+    /// Assumptions for the accepted records, a line for each kind.
     pub assumed: Vec<String>,
     /// Name of the text in messages.
     source: String,
-    /// How many records of the part were read or refused so far.
+    /// Records of the current part so far, read or refused.
     taken: usize,
     /// START_TIME of the first segment of an OEM in the text.
     pub(crate) first_start: Option<Epoch>,
 }
 
-/// A record that could not be read. Shown as `file:line: reason`, without a source the reason alone.
+/// A record that could not be read. Printed as `file:line: reason`, or the reason alone without a
+/// source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rejected {
     /// Name of the file or other source.
     pub source: String,
     /// Line in the source, counted from 1.
     pub line: usize,
-    /// What is wrong.
+    /// The fault.
     pub reason: String,
 }
 
 impl Rejected {
-    /// A reason in one line, whatever it quotes.
+    /// The reason becomes one printable line.
     pub(crate) fn new(source: &str, line: usize, reason: &str) -> Self {
         Rejected {
             source: source.to_owned(),
@@ -78,7 +79,7 @@ impl fmt::Display for Rejected {
     }
 }
 
-/// Why a file gave nothing at all.
+/// Why a file gave no objects.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
@@ -90,19 +91,19 @@ pub enum LoadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         #[source]
         error: std::io::Error,
     },
-    /// The text holds no orbit that can be read.
+    /// The text holds no readable orbit.
     #[error("{source_name}: {reason}")]
     Nothing {
         /// The source's name.
         source_name: String,
-        /// What the text is, and the remedy.
+        /// The kind of the text, and the remedy.
         reason: String,
-        /// Whether it is of another kind than orbits, such as other files in the same folder. A
-        /// file that has lost its records, or an unread format of orbits, is not.
+        /// Whether the text is of another kind than orbits, such as other files in the same folder.
+        /// False for a file that lost its records, and for an unsupported format of orbits.
         is_foreign: bool,
     },
 }
@@ -112,7 +113,7 @@ fn remedy_of(error: &std::io::Error) -> String {
 }
 
 impl LoadError {
-    /// Whether this is not a file of orbits at all: not text, or a text of another kind.
+    /// Whether the file is not an orbit file: not text, or a text of another kind.
     pub fn is_foreign(&self) -> bool {
         match self {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
@@ -129,20 +130,22 @@ impl LoadError {
     }
 }
 
-/// Reads the objects of an orbit file in any [`Format`], which is found from the text.
+/// Reads the objects of an orbit file; the [`Format`] is detected from the text.
 ///
-/// Errors: the file cannot be read, or holds no orbit data. Records that
-/// cannot be read are listed in [`Loaded::rejected`]; the rest loads.
+/// # Errors
+///
+/// The file cannot be read, or holds no orbit data. Records that cannot be read are listed in
+/// [`Loaded::rejected`]; the rest loads.
 pub fn load(path: &Path) -> Result<Loaded, LoadError> {
     load_contents(path).map(Loaded::from)
 }
 
-/// [`load`] for text at hand; `source` names it in messages.
+/// [`load`] for a text; `source` is its name in messages.
 pub fn parse(text: &str, source: &str) -> Result<Loaded, LoadError> {
     parse_contents(text, source).map(Loaded::from)
 }
 
-/// Reads the records of an orbit file; errors as of [`load`].
+/// Reads the records of an orbit file; errors as for [`load`].
 pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
     let text = read_text(path).map_err(|error| LoadError::Read {
         path: path.to_owned(),
@@ -151,7 +154,7 @@ pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
     parse_contents(&text, &path_text(path))
 }
 
-/// [`load_contents`] for text at hand; `source` names it in messages.
+/// [`load_contents`] for a text; `source` is its name in messages.
 pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {
@@ -172,11 +175,12 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         text,
         lines_before: 0,
     };
-    // A text in brackets is one part, whatever its lines begin with.
+    // JSON, CSV and XML are one part, whatever their lines begin with.
     let is_bracketed = matches!(format, Format::OmmJson | Format::OmmCsv) || format.is_xml();
-    let parts = match is_bracketed && Format::of(text) == Some(format) {
-        true => vec![whole],
-        false => parts(text),
+    let parts = if is_bracketed && Format::of(text) == Some(format) {
+        vec![whole]
+    } else {
+        parts(text)
     };
     let mut unread = Unread::new();
     match parts.as_slice() {
@@ -198,7 +202,7 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     Ok(all)
 }
 
-/// What a text in a format lacks that holds nothing.
+/// What a text without records lacks, by its format.
 fn lack(format: Format) -> String {
     let segment = match format {
         Format::OemKvn => "META_START ... META_STOP and its states",
@@ -208,7 +212,7 @@ fn lack(format: Format) -> String {
     format!("an OEM without a segment; a segment is {segment}")
 }
 
-/// The format of a text or, of one in parts, of the first that is read.
+/// The format of a text, or of its first readable part.
 fn format(text: &str, source: &str) -> Result<Format, LoadError> {
     let named = unread::by_header(text);
     let format = Format::of(text).filter(|_| named.is_none());
@@ -252,12 +256,12 @@ fn format(text: &str, source: &str) -> Result<Format, LoadError> {
 }
 
 impl Contents {
-    /// How many records there are, read or refused.
+    /// Count of records, read or refused.
     fn len(&self) -> usize {
         self.records.len() + self.ephemerides.len() + self.rejected.len()
     }
 
-    /// Adds the next record of a part. Errors get its number: a file may have one line for all.
+    /// Adds the next record of a part. Errors get its number, since all may be in one line.
     pub(crate) fn take(&mut self, record: At<Record>) {
         self.taken += 1;
         match record {
@@ -271,7 +275,7 @@ impl Contents {
         self.rejected.push(rejected);
     }
 
-    /// Adds what a part in a known format holds.
+    /// Adds the records of a part in a known format.
     fn add(&mut self, part: &Part, format: Format, unread: &mut Unread) {
         self.taken = 0;
         match format {
@@ -319,7 +323,7 @@ impl Contents {
         }
     }
 
-    /// Rejects messages of kinds that are not read, in the order of the text.
+    /// Rejects messages of unsupported kinds, in the order of the text.
     fn reject_unread(&mut self, unread: Unread) {
         for (found, (count, line)) in unread {
             match count {
@@ -330,7 +334,8 @@ impl Contents {
         self.rejected.sort_by_key(|rejected| rejected.line);
     }
 
-    /// An object for each record and each ephemeris, in the order of the text: several may be of one object, see [`unite`].
+    /// An object for each record and each ephemeris, in the order of the text. Several may be the
+    /// same object, see [`unite`].
     pub fn into_objects(self) -> Vec<Object> {
         let sets = self.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
@@ -338,7 +343,7 @@ impl Contents {
         objects
     }
 
-    /// The same as a source of [`unite`], with its name in messages.
+    /// The objects as a source of [`unite`], with its name in messages.
     pub fn into_source(self, name: String, rank: u8) -> Source {
         let records = self.records.iter().map(|record| record.line);
         let lines = records.chain(self.ephemerides.iter().map(Object::line));
@@ -352,7 +357,8 @@ impl Contents {
 }
 
 impl From<Contents> for Loaded {
-    /// Element sets of one object become one object, with every set that differs. An ephemeris of it stays an object of its own.
+    /// Unites the element sets of each object, without duplicates. Its ephemeris stays an object of
+    /// its own.
     fn from(mut contents: Contents) -> Self {
         let ephemerides = std::mem::take(&mut contents.ephemerides);
         let rejected = std::mem::take(&mut contents.rejected);
@@ -371,7 +377,7 @@ impl From<Record> for Object {
     fn from(record: Record) -> Self {
         let (id, number) = (record.object_id(), record.elements.norad);
         let identity = Identity::of_set(number, &record.designator, &record.name);
-        // Catalogues are long: no byte more than it takes.
+        // No spare capacity: catalogues are large.
         let name = Some(record.name).filter(|name| !name.is_empty());
         Object {
             id,
@@ -383,9 +389,9 @@ impl From<Record> for Object {
 }
 
 impl Object {
-    /// Adds the element sets and names of `other`, the same object in another record or file, where
-    /// they differ. Of sets of one epoch the first is used: one with a state goes before one
-    /// without.
+    /// Adds the element sets and names of `other`, the same object in another record or file,
+    /// without duplicates. Of sets with one epoch the first is used, but one with a state goes
+    /// before one without.
     pub fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)
@@ -406,18 +412,18 @@ impl Object {
             others.push(set);
         }
         self.identity.join(other.identity);
-        self.call(other.names);
+        self.add_names(other.names);
     }
 
-    /// Adds the segments and names of `other`, an ephemeris of the same object from the same message.
+    /// Adds the segments and names of `other`, an ephemeris of the same object in the same message.
     pub(crate) fn extend(&mut self, other: Object) {
         if let (Orbit::Ephemeris(own), Orbit::Ephemeris(further)) = (&mut self.orbit, other.orbit) {
             own.segments.extend(further.segments);
         }
-        self.call(other.names);
+        self.add_names(other.names);
     }
 
-    /// The line at which its ephemeris begins.
+    /// First line of its ephemeris.
     fn line(&self) -> usize {
         match &self.orbit {
             Orbit::Ephemeris(own) => own.segments.first().map_or(1, |first| first.line),
@@ -425,8 +431,7 @@ impl Object {
         }
     }
 
-    /// Adds names where they differ.
-    fn call(&mut self, names: Vec<String>) {
+    fn add_names(&mut self, names: Vec<String>) {
         for name in names {
             if !self.names.contains(&name) {
                 self.names.push(name);

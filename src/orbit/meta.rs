@@ -1,4 +1,4 @@
-//! The metadata of a segment, as CCSDS ephemeris messages of orbits (OEM) and attitudes (AEM) have them.
+//! The metadata of a segment in CCSDS ephemeris messages of orbits (OEM) and attitudes (AEM).
 
 use crate::frames::{Axes, FRAMES};
 use crate::record::{At, shorten};
@@ -6,19 +6,21 @@ use crate::{bounded_name, lines, time};
 use hifitime::{Duration, Epoch, TimeScale};
 use std::sync::OnceLock;
 
-/// Largest |UT1 - UTC|, s: leap seconds hold it within 0.9 s, and a value beyond is in another unit.
+/// Largest |UT1 - UTC|, s: leap seconds limit it to 0.9 s, so a larger value has another unit.
 const LARGEST_UT1_UTC_S: f64 = 1.0;
 
-/// How to give UT1 - UTC, which no keyword of these messages holds.
+/// Remedy where UT1 - UTC is missing; no keyword of these messages holds it.
 const GIVE_UT1: &str = "give --ut1-utc SECONDS (IERS Bulletin A has it), or COMMENT UT1-UTC = SECONDS in the file's metadata";
 
-/// UT1 - UTC (s) of files that do not give it.
+/// UT1 - UTC (s) for files without their own value.
 static UT1_UTC_S: OnceLock<f64> = OnceLock::new();
 
-/// Sets UT1 - UTC in s, from -1 to 1, of all files without a comment that gives it, before any is
-/// read. False if it was set before.
+/// Sets UT1 - UTC in s, from -1 to 1, for all files without a comment that gives it. Call it before
+/// any file is read. False if it was set before.
 ///
-/// Errors: says what is wrong with the value.
+/// # Errors
+///
+/// The value is out of range.
 pub fn set_ut1_utc(seconds: f64) -> Result<bool, String> {
     if seconds.is_nan() || seconds.abs() > LARGEST_UT1_UTC_S {
         return Err(format!("{seconds}: must be -1 to 1 s"));
@@ -26,13 +28,13 @@ pub fn set_ut1_utc(seconds: f64) -> Result<bool, String> {
     Ok(UT1_UTC_S.set(seconds).is_ok())
 }
 
-/// A metadata block: the line that it starts in, and its keywords with their lines.
+/// A metadata block: its first line, and its keywords with their lines.
 pub(crate) struct Meta {
     pub line: usize,
     pairs: Vec<(String, String, usize)>,
 }
 
-/// A time system, which reads times as text.
+/// A time system, for times as text.
 #[derive(Clone, Copy)]
 pub(crate) enum Clock {
     Scale(TimeScale),
@@ -40,30 +42,30 @@ pub(crate) enum Clock {
     Ut1(Duration),
 }
 
-/// UT1 - UTC at an instant. UT1 has no leap seconds: UT1 - UTC steps with UTC's, and UT1 - TAI does not.
+/// UT1 - UTC at an instant. UT1 - UTC steps with the leap seconds, UT1 - TAI does not.
 #[derive(Clone, Copy)]
 pub(crate) struct Ut1 {
-    /// s, where a comment or the program gives it.
+    /// s, from a comment or the command line.
     utc_s: Option<f64>,
     at: Epoch,
 }
 
 impl Ut1 {
-    /// UT1 - TAI. Where nothing is given, UT1 is UTC at the instant.
+    /// UT1 - TAI. Without a value UT1 is taken as UTC.
     fn minus_tai(self) -> Duration {
         time::seconds(self.utc_s.unwrap_or(0.0)) - time::tai_minus_utc(self.at)
     }
 
-    /// What to report of data up to `stop` where leap seconds lie between.
+    /// A remark where leap seconds lie before `stop`.
     fn step(self, stop: Epoch) -> Option<String> {
         let count = time::leap_seconds(self.at, stop);
         let given_s = self.utc_s.unwrap_or(0.0);
         // Bulletin A gives 1e-7 s.
-        let there_s = ((given_s + f64::from(count)) * 1e7).round() / 1e7;
+        let stop_s = ((given_s + f64::from(count)) * 1e7).round() / 1e7;
         let [at, stop] = [self.at, stop].map(time::utc_text);
         (count != 0).then(|| {
             format!(
-                "UT1 - UTC is taken as {given_s} s at {at} and, with {count:+} s of leap seconds, as {there_s} s at {stop}"
+                "UT1 - UTC is taken as {given_s} s at {at} and, with {count:+} s of leap seconds, as {stop_s} s at {stop}"
             )
         })
     }
@@ -74,7 +76,7 @@ impl Clock {
         match self {
             Clock::Scale(TimeScale::TDB) => {
                 let tdb = time::parse_ccsds(text, TimeScale::TT)?;
-                // In 2 ms the difference changes by 1 ps.
+                // The difference changes by 1 ps in 2 ms.
                 Some(tdb - time::seconds(time::tdb_minus_tt_s(tdb)))
             }
             Clock::Scale(scale) => time::parse_ccsds(text, scale),
@@ -83,15 +85,16 @@ impl Clock {
     }
 }
 
-/// Whether a line of a message is read: not where it is blank or a comment, unless it is one of the metadata, which may give UT1 - UTC.
+/// Whether a line of a message is read: not blank and no comment, except comments in the metadata,
+/// which may give UT1 - UTC.
 pub(crate) fn is_significant(line: &str, in_metadata: bool) -> bool {
     let is_comment = || line.split_whitespace().next() == Some("COMMENT");
     !lines::is_comment(line) || in_metadata && is_comment()
 }
 
-/// Reports segments whose usable times overlap, against the standards (CCSDS 502.0-B-3, Table 5-3,
-/// and 504.0-B-2, Table 4-3: "except for a common end"): the line of the first, and a text. Spans
-/// are start and stop, ns since 1900 TAI, and a line, in the order of the file.
+/// Finds segments whose usable times overlap, against the standards (CCSDS 502.0-B-3, Table 5-3,
+/// and 504.0-B-2, Table 4-3: "except for a common end"). Returns the line of the second segment and
+/// a remark. Spans are start and stop, ns since 1900 TAI, and a line, in the order of the file.
 pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, String)> {
     spans.sort_by_key(|(start, _, _)| *start);
     let mut overlaps = Vec::new();
@@ -142,7 +145,7 @@ impl Meta {
         self.pairs.push((key.to_owned(), value.to_owned(), line));
     }
 
-    /// A comment is for people, but for the one that gives UT1 - UTC.
+    /// Only a comment with UT1 - UTC is read.
     pub fn comment(&mut self, text: &str, line: usize) {
         if let Some((key, value)) = text.split_once('=')
             && key.trim().eq_ignore_ascii_case("UT1-UTC")
@@ -151,10 +154,10 @@ impl Meta {
         }
     }
 
-    /// Refuses a keyword that is given twice with different values.
+    /// Refuses a keyword with two different values.
     pub fn check_once(&self) -> At<()> {
-        for (place, (key, value, line)) in self.pairs.iter().enumerate() {
-            let before = self.pairs.iter().take(place);
+        for (index, (key, value, line)) in self.pairs.iter().enumerate() {
+            let before = self.pairs.iter().take(index);
             let mut before = before.filter(|(known, other, _)| known == key && other != value);
             if let Some((_, other, _)) = before.next() {
                 let [other, value] = [other, value].map(|text| shorten(text));
@@ -175,7 +178,7 @@ impl Meta {
         found.ok_or_else(|| (self.line, format!("the metadata have no {key}")))
     }
 
-    /// A keyword of the object. It may be empty: the object is then unknown.
+    /// A keyword of the object. An empty value counts as unknown.
     pub fn object(&self, key: &str) -> At<String> {
         let missing = || (self.line, format!("the metadata have no {key}"));
         let (text, _) = self.find(key).ok_or_else(missing)?;
@@ -185,7 +188,7 @@ impl Meta {
         })
     }
 
-    /// UT1 - UTC in s, where a comment gives it.
+    /// UT1 - UTC in s from a comment.
     fn ut1_utc_s(&self) -> At<Option<f64>> {
         let Some((text, line)) = self.find("UT1-UTC") else {
             return Ok(None);
@@ -214,10 +217,11 @@ impl Meta {
         Ok(self.scale()?.is_none() || keys.any(is_fixed))
     }
 
-    /// UT1 - UTC of a comment, or 0, at the START_TIME of the segment; that of the program at the
-    /// START_TIME of the first segment of the file that uses it, which is stored in `first`.
+    /// UT1 - UTC for a segment. The value of a comment, or 0, applies at the segment's START_TIME.
+    /// That of the command line applies at the START_TIME of the first segment of the file that
+    /// uses UT1, which is stored in `first`.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
-        // UT1 is read as UTC here: it only decides on which side of a leap second the instant lies.
+        // UT1 is read as UTC: it only decides on which side of a leap second the instant lies.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
         let comment_s = self.ut1_utc_s()?;
@@ -232,12 +236,12 @@ impl Meta {
             (None, Some(option_s)) => (Some(option_s), first),
             (comment_s, _) => (comment_s, start),
         };
-        let there_s = utc_s.unwrap_or(0.0) + f64::from(time::leap_seconds(at, start));
-        if there_s.abs() > LARGEST_UT1_UTC_S {
+        let start_s = utc_s.unwrap_or(0.0) + f64::from(time::leap_seconds(at, start));
+        if start_s.abs() > LARGEST_UT1_UTC_S {
             let (_, line) = self.need("START_TIME")?;
             let at = time::utc_text(at);
             let reason = format!(
-                "--ut1-utc is that at {at}, the first START_TIME of the file with times or axes of UT1: with the leap seconds since it is {there_s:.1} s here, beyond -1 to 1 s; \
+                "--ut1-utc is that at {at}, the first START_TIME of the file with times or axes of UT1: with the leap seconds since it is {start_s:.1} s here, beyond -1 to 1 s; \
                  give COMMENT UT1-UTC = SECONDS in the metadata of this segment"
             );
             return Err((line, reason));
@@ -245,7 +249,7 @@ impl Meta {
         Ok(Ut1 { utc_s, at })
     }
 
-    /// The scale of TIME_SYSTEM; none of UT1.
+    /// The scale of TIME_SYSTEM; none for UT1.
     fn scale(&self) -> At<Option<TimeScale>> {
         let (name, line) = self.need("TIME_SYSTEM")?;
         Ok(Some(match name.to_ascii_uppercase().as_str() {
@@ -286,7 +290,7 @@ impl Meta {
         })
     }
 
-    /// From USEABLE_START_TIME to USEABLE_STOP_TIME or, without these, from START_TIME to STOP_TIME.
+    /// USEABLE_START_TIME to USEABLE_STOP_TIME; START_TIME and STOP_TIME where they are missing.
     pub fn span(&self, clock: Clock) -> At<(Epoch, Epoch)> {
         let of = |key: &str, useable: &str| {
             let whole = self.epoch(clock, key)?;
@@ -297,13 +301,13 @@ impl Meta {
         Ok((start, of("STOP_TIME", "USEABLE_STOP_TIME")?))
     }
 
-    /// What to report of leap seconds up to `stop`, where times or axes depend on UT1.
+    /// A remark on leap seconds up to `stop`, where times or axes depend on UT1.
     pub fn ut1_step(&self, ut1: Ut1, stop: Epoch) -> At<Option<String>> {
         let uses_ut1 = self.uses_ut1()?;
         Ok(ut1.step(stop).filter(|_| uses_ut1))
     }
 
-    /// The axes that a keyword names, and what was assumed of them.
+    /// The axes that a keyword names, and a remark on assumptions.
     pub fn axes(&self, key: &str, ut1: Ut1) -> At<(Axes, Option<String>)> {
         let (name, line) = self.need(key)?;
         let axes = Axes::named(name, ut1.minus_tai()).ok_or_else(|| {

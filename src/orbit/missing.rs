@@ -1,12 +1,14 @@
-//! Words that stand for a value that is not known.
+//! Words for an unknown value.
 
-/// Placeholders. `UNKNOWN`, one of [`MISSING`], is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME).
+/// Placeholders. The standard's is `UNKNOWN` (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME), from
+/// [`MISSING`].
 pub(crate) const PLACEHOLDERS: [&str; 14] = [
     "UNK", "UNDEF", "TBD", "TBA", "TBC", "TBS", "NA", "NO", "NONE", "NULL", "NIL", "NAN",
     "INVALID", "ANALYST",
 ];
 
-/// Words that are a placeholder behind `UN`, `NOT`, `NOT YET` or `TO BE`. `TBA - TO BE ASSIGNED` is a name of Space-Track's.
+/// Words that are a placeholder after `UN`, `NOT`, `NOT YET` or `TO BE`. Space-Track has the name
+/// `TBA - TO BE ASSIGNED`.
 const MISSING: [&str; 20] = [
     "KNOWN",
     "ASSIGNED",
@@ -30,7 +32,7 @@ const MISSING: [&str; 20] = [
     "SET",
 ];
 
-/// Whether a word in capitals is a placeholder by itself: one of the lists, or `XX`, `XXX` and so on.
+/// Whether a word in capitals is a placeholder: from one of the lists, or `XX`, `XXX` and so on.
 pub(crate) fn is_missing(word: &str) -> bool {
     let mut prefixes = ["UN", "NOTYET", "NOT", "TOBE"].into_iter();
     let is_negated = |prefix| {

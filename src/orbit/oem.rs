@@ -1,4 +1,5 @@
-//! CCSDS Orbit Ephemeris Messages (502.0-B): segments of states, in keyword = value notation or in XML.
+//! CCSDS Orbit Ephemeris Messages (502.0-B): segments of states, in keyword = value notation or in
+//! XML.
 
 pub(crate) mod xml;
 
@@ -15,34 +16,35 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Degree where the message names none; the standard leaves it to the reader.
+/// Degree without a keyword; the standard leaves it to the reader.
 const DEFAULT_DEGREE: usize = 7;
-/// Highest degree accepted: beyond it equidistant nodes only amplify rounding.
+/// Highest degree: beyond it equidistant nodes only amplify rounding.
 const MAX_DEGREE: usize = 25;
-/// Nearest, farthest and fastest state about the Earth; other units than km and km/s lie beyond.
+/// Limits of a state about the Earth. States in other units than km and km/s lie beyond.
 const NEAREST_M: f64 = 1e6;
 const FARTHEST_M: f64 = 4e9;
 const FASTEST_M_S: f64 = 1e5;
-/// Longest step, as a share of the radius, for which velocities are compared with positions: on a
+/// Longest step, as a share of the radius, for the check of velocities against positions. On a
 /// circle the mean of two velocities and the chord differ by its square over 12, here 2 %.
 const SHORT_STEP: f64 = 0.5;
-/// Steps must be longer than this, m, to tell it: positions may be rounded to 1 m.
+/// Shortest step for that check, m: positions may be rounded to 1 m.
 const MIN_STEP_M: f64 = 1e3;
-/// Share of the speed by which they may differ at most. Velocities against inertial axes in an Earth-fixed frame are 7 % off.
+/// Largest difference, as a share of the speed. Inertial velocities in an Earth-fixed frame are 7 %
+/// off.
 const VELOCITY_TOLERANCE: f64 = 0.05;
 
-/// The keyword that every message starts with.
+/// First keyword of a message.
 const VERSION: &str = "CCSDS_OEM_VERS";
 
-/// Whether a text whose first line is this one is an OEM.
+/// Whether a text with this first line is an OEM.
 pub(crate) fn begins(line: &str) -> bool {
     line.starts_with(VERSION)
 }
 
-/// Reads every segment; segments of one OBJECT_ID become one object.
+/// Reads every segment; segments with one OBJECT_ID become one object.
 ///
-/// Covariance sections, comments and accelerations are skipped. A segment with a line that cannot
-/// be read is rejected as a whole, and the rest loads.
+/// Covariance sections, comments and accelerations are skipped. An unreadable line rejects its
+/// segment, and the rest loads.
 pub(crate) fn read(part: &Part, contents: &mut Contents) {
     let mut messages = Messages::new(contents);
     // Its `reject` returns no error.
@@ -51,23 +53,23 @@ pub(crate) fn read(part: &Part, contents: &mut Contents) {
     }
 }
 
-/// Whether a line is `KEYWORD = value`, as the header's are.
+/// Whether a line is `KEYWORD = value`.
 fn is_header(line: &str) -> bool {
     let keyword = line.split_once('=').map(|(keyword, _)| keyword.trim());
     let is_letter = |b: u8| b.is_ascii_uppercase() || b == b'_';
     keyword.is_some_and(|keyword| keyword.bytes().all(is_letter))
 }
 
-/// The messages of a text, whose segments are added to its contents.
+/// Reader of the messages of a text; it adds their segments to the contents.
 struct Messages<'a> {
     contents: &'a mut Contents,
-    /// Ephemerides in the contents before those of this text.
+    /// Count of ephemerides in the contents before this text.
     before: usize,
     has_rejected: bool,
-    /// Whether the current message is of a version that is not read.
+    /// Whether the current message has an unsupported version.
     is_unknown: bool,
-    /// Places of the objects in the contents.
-    places: HashMap<Key, usize>,
+    /// Indices of the objects in the contents.
+    indices: HashMap<Key, usize>,
     ids: Ids,
 }
 
@@ -102,7 +104,7 @@ impl Message for Messages<'_> {
             self.is_unknown = checked.is_err();
             return checked.map_err(|reason| (number, reason));
         }
-        // The rest of a rejected segment is skipped: one record, one reason.
+        // One reason is enough for a record: the rest of a rejected segment is skipped.
         if self.is_unknown || self.has_rejected || is_header(line) {
             return Ok(());
         }
@@ -148,7 +150,7 @@ impl<'a> Messages<'a> {
             contents,
             has_rejected: false,
             is_unknown: false,
-            places: HashMap::new(),
+            indices: HashMap::new(),
             ids: Ids::new(),
         }
     }
@@ -190,8 +192,8 @@ impl<'a> Messages<'a> {
             }),
         };
         let objects = &mut self.contents.ephemerides;
-        let place = *(self.places.entry(Key::of_segment(&object))).or_insert(objects.len());
-        if let Some(known) = objects.get_mut(place) {
+        let index = *(self.indices.entry(Key::of_segment(&object))).or_insert(objects.len());
+        if let Some(known) = objects.get_mut(index) {
             known.extend(object);
         } else {
             object.identify(None, &mut self.ids);
@@ -201,7 +203,7 @@ impl<'a> Messages<'a> {
 }
 
 impl Data {
-    /// The segment that metadata begin.
+    /// Starts a segment from its metadata.
     fn new(meta: &Meta, first_start: &mut Option<Epoch>) -> At<Data> {
         meta.check_once()?;
         let (center, line) = meta.need("CENTER_NAME")?;
@@ -233,7 +235,7 @@ impl Data {
         })
     }
 
-    /// Adds a state, or says what is wrong with it.
+    /// Checks and adds a state.
     fn state(&mut self, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
         let (&[x, y, z, vx, vy, vz] | &[x, y, z, vx, vy, vz, _, _, _]) = numbers else {
             return Err("not 6 values (or 9 with accelerations)".to_owned());
@@ -249,7 +251,7 @@ impl Data {
         };
         let state = self.axes.state(epoch, state);
         let (radius_m, speed_m_s) = (state.position_m.norm(), state.velocity_m_s.norm());
-        // NaN lies within nothing.
+        // NaN fails this test.
         let is_within = radius_m <= FARTHEST_M && speed_m_s <= FASTEST_M_S;
         if !is_within {
             return Err("beyond 4e6 km or 100 km/s (states are in km and km/s)".to_owned());
@@ -266,7 +268,7 @@ impl Data {
         Ok(())
     }
 
-    /// The segment within its states: nothing is extrapolated.
+    /// Limits the segment to its states: nothing is extrapolated.
     fn finish(self) -> At<(String, String, Segment)> {
         let mut segment = self.segment;
         let fault = |reason: &str| Err((segment.line, reason.to_owned()));
@@ -317,7 +319,7 @@ fn converge(segment: &mut Segment, degree_line: Option<usize>) {
     segment.comments.push((line, comment));
 }
 
-/// The interpolation that metadata ask for: without INTERPOLATION Hermite's, without a degree that of 7.
+/// The interpolation of the metadata; the defaults are HERMITE and degree 7.
 fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
     let mut degree = DEFAULT_DEGREE;
     if let Some((text, line)) = meta.find("INTERPOLATION_DEGREE") {
@@ -344,7 +346,7 @@ fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
         }
         "LAGRANGE" => Ok(Method::Lagrange(degree + 1)),
         "HERMITE" => {
-            // Each state gives two conditions: n of them a polynomial of degree 2 n - 1.
+            // n states give 2 n conditions: a polynomial of degree 2 n - 1.
             let states = (degree / 2 + 1).max(2);
             let taken = 2 * states - 1;
             if taken != degree {
@@ -364,12 +366,12 @@ fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
     }
 }
 
-/// Whether the velocities of two neighbours belong to their positions.
+/// Checks that the velocities of two neighbours agree with their positions.
 fn agree(a: &Node, b: &Node) -> Result<(), String> {
     let step_m = b.state.position_m - a.state.position_m;
     let seconds = (b.tai_ns - a.tai_ns) as f64 / 1e9;
     let mean_m_s = (a.state.velocity_m_s + b.state.velocity_m_s) / 2.0;
-    // Either may be the wrong one: a long way round ends near where it began, too.
+    // The larger of both: after a full revolution the chord is short, too.
     let path_m = step_m.norm().max(mean_m_s.norm() * seconds);
     if path_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < MIN_STEP_M {
         return Ok(());

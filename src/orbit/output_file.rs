@@ -1,39 +1,41 @@
-//! Output files. An input is never replaced, a file that skyloop did not write only by force, and
-//! opening one never blocks.
+//! Output files. An input file is never replaced. A file that skyloop did not write is replaced
+//! only with `--force`. Opening a file never blocks.
 
 use crate::read::not_input;
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Marks a file that skyloop wrote: it begins with the first text and has the others in its first
-/// bytes. A format without room for a mark has none: an earlier file is replaced by force only.
+/// Marks a file that skyloop wrote. The file begins with the first text, and the others are in its
+/// first bytes. A format without room for a mark has none: a file is then replaced only by force.
 pub type Mark = &'static [&'static str];
 
-/// For formats without room for a mark (element sets, logs of candump), and files that people edit.
+/// For formats without room for a mark (element sets, candump logs), and files that users edit.
 pub const NO_MARK: Mark = &[];
 
-/// Bytes in which a mark is looked for.
+/// Bytes that are searched for a mark.
 const HEAD: u64 = 1024;
 
-/// An open output file whose earlier contents are still there.
+/// An open output file with its earlier contents still in place.
 #[derive(Debug)]
 pub struct OutputFile {
     file: File,
     path: PathBuf,
-    /// New and nothing written yet: removed when dropped.
+    /// New, and nothing written yet: removed on drop.
     is_unused: bool,
-    /// Not written completely: removed when dropped.
+    /// Not written completely: removed on drop.
     is_broken: bool,
-    /// It existed without the mark.
+    /// An earlier file without the mark.
     is_foreign: bool,
 }
 
 impl OutputFile {
-    /// Opens the file and changes nothing in it. With `force` a file without the `mark` is accepted too.
+    /// Opens the file and changes nothing in it. `force` accepts a file without the `mark`.
     ///
-    /// Errors: it cannot be written; this process has read it, or skyloop did not write it
-    /// ([`ErrorKind::InvalidInput`]); a pipe that no program reads; a block device.
+    /// # Errors
+    ///
+    /// The file cannot be written; this process has read it, or skyloop did not write it
+    /// ([`ErrorKind::InvalidInput`]); a pipe without a reader; a block device.
     pub fn open(path: &Path, mark: Mark, force: bool) -> Result<OutputFile> {
         if path == Path::new("-") {
             return Err(invalid(
@@ -73,7 +75,7 @@ impl OutputFile {
         })
     }
 
-    /// The file, to be written from [`OutputFile::begin`] on.
+    /// The file, to be written after [`OutputFile::begin`].
     pub fn file(&self) -> Result<File> {
         self.file.try_clone()
     }
@@ -84,14 +86,16 @@ impl OutputFile {
         self.is_foreign
     }
 
-    /// Whether it can be written anew: a pipe or a device cannot.
+    /// Whether it is a regular file, neither pipe nor device.
     pub fn is_regular(&self) -> Result<bool> {
         Ok(self.file.metadata()?.is_file())
     }
 
     /// Removes the earlier contents.
     ///
-    /// Errors: what the system says; meanwhile this process has read the file.
+    /// # Errors
+    ///
+    /// An error of the system; this process has read the file meanwhile.
     pub fn begin(&mut self) -> Result<()> {
         not_input(&self.path)?;
         self.is_unused = false;
@@ -102,10 +106,11 @@ impl OutputFile {
         Ok(())
     }
 
-    /// Replaces the contents. A regular file that is not written completely is removed when
-    /// dropped.
+    /// Replaces the contents. A regular file that is not written completely is removed on drop.
     ///
-    /// Errors: those of [`OutputFile::begin`], and what the system says.
+    /// # Errors
+    ///
+    /// Those of [`OutputFile::begin`], or an error of the system.
     pub fn write(&mut self, contents: &[u8]) -> Result<()> {
         self.begin()?;
         self.is_broken = self.is_regular()?;
@@ -114,10 +119,12 @@ impl OutputFile {
         Ok(())
     }
 
-    /// Appends a text. After an error what was written of it is cut off, and an empty file is
-    /// removed when dropped.
+    /// Appends a text. After an error a partial text is cut off, and an empty file is removed on
+    /// drop.
     ///
-    /// Errors: what the system says.
+    /// # Errors
+    ///
+    /// An error of the system.
     pub fn append(&mut self, text: &[u8]) -> Result<()> {
         let length = self.file.metadata()?.len();
         let written = self.file.write_all(text);
@@ -129,7 +136,7 @@ impl OutputFile {
         written
     }
 
-    /// After an error: an empty file is removed when dropped; a longer one stays.
+    /// After an error: removes an empty file on drop; a longer one stays.
     pub fn discard_empty(&mut self) {
         let about = self.file.metadata();
         self.is_broken |= about.is_ok_and(|about| about.is_file() && about.len() == 0);
@@ -138,27 +145,30 @@ impl OutputFile {
 
 impl Drop for OutputFile {
     fn drop(&mut self) {
-        // Not the target of a link, nor the link.
+        // Neither a link nor its target is removed.
         let is_file = || {
             self.path
                 .symlink_metadata()
                 .is_ok_and(|about| about.is_file())
         };
         if self.is_unused || self.is_broken && is_file() {
-            // The run has failed for another reason, which is reported.
+            // The run has already failed, and that error is reported.
             let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Writes a file whole, in place of an older one.
+/// Writes a whole file, in place of an older one.
 ///
-/// Errors: those of [`OutputFile::open`] and [`OutputFile::write`].
+/// # Errors
+///
+/// Those of [`OutputFile::open`] and [`OutputFile::write`].
 pub fn write_file(path: &Path, text: &str, mark: Mark, force: bool) -> Result<()> {
     OutputFile::open(path, mark, force)?.write(text.as_bytes())
 }
 
-/// Whether nothing is lost where the file is written: it is missing, empty, has the mark, or is no regular file.
+/// Whether writing loses nothing: the file is missing, empty, has the mark, or is not a regular
+/// file.
 #[must_use]
 pub fn may_replace(path: &Path, mark: Mark) -> bool {
     let Ok(about) = path.metadata() else {
@@ -192,14 +202,14 @@ pub fn foreign() -> Error {
     invalid("skyloop did not make this file: name another, or replace it with --force")
 }
 
-/// The error where an output of a format without a mark would replace a file: skyloop may have made it.
+/// The error for a format without a mark: skyloop may have written the file.
 fn unmarked() -> Error {
     invalid(
         "exists already; element sets, camera files and CAN logs are replaced with --force only",
     )
 }
 
-/// Opens for writing without waiting for the other end: that of a pipe may never come.
+/// Opens for writing without waiting for the reader of a pipe.
 #[cfg(unix)]
 fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -207,9 +217,10 @@ fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
     options.custom_flags(OFlags::NONBLOCK.bits() as i32);
     let file = options.open(path).map_err(|error| {
         let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
-        match error.raw_os_error() == no_reader {
-            true => invalid("no program reads this pipe: start that one first"),
-            false => error,
+        if error.raw_os_error() == no_reader {
+            invalid("no program reads this pipe: start that one first")
+        } else {
+            error
         }
     })?;
     fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
@@ -290,8 +301,8 @@ mod tests {
                 !may && mark.is_empty(),
                 "{contents:?} {mark:?}"
             );
-            let kept = if may { "new" } else { contents };
-            assert_eq!(std::fs::read_to_string(&file).unwrap(), kept);
+            let expected = if may { "new" } else { contents };
+            assert_eq!(std::fs::read_to_string(&file).unwrap(), expected);
             assert!(write_file(&file, "new", mark, true).is_ok());
         }
         for name in ["-", "."] {
@@ -313,7 +324,7 @@ mod tests {
             let pipe = pipe.clone();
             move || std::fs::read(pipe)
         });
-        // The reader may not have come yet.
+        // The reader may not have opened the pipe yet.
         let written = (0..1000).find(|_| {
             std::thread::sleep(std::time::Duration::from_millis(5));
             write_file(&pipe, &"x".repeat(300_000), NO_MARK, false).is_ok()

@@ -1,15 +1,15 @@
-//! A text in parts that each hold messages of one kind: files are often made by joining others.
+//! Splits a text into parts with messages of one kind: files are often joined from others.
 
 use crate::lines::{self, Part};
 use crate::{omm, tle, xml};
 use memchr::{memchr, memchr3, memmem};
 
-/// What a stretch of lines holds.
+/// Kind of a part.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind<'a> {
-    /// Lines before the first message, or a text that is no message.
+    /// Lines before the first message, or no message.
     Start,
-    /// A CCSDS message, by the keyword that it starts with.
+    /// A CCSDS message, by its first keyword.
     Message(&'a str),
     /// Two-line element sets.
     Lines,
@@ -22,16 +22,16 @@ enum Kind<'a> {
 }
 
 /// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, at lines that begin XML,
-/// JSON or a table of CSV, and at two-line element sets behind any of these, with their name.
+/// JSON or a CSV table, and at two-line element sets after any of these, with their name.
 pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     let mut cuts = vec![(0, 0)];
     let mut kind = Kind::Start;
-    // Catalogues are long: most have no message.
+    // A fast search first: most catalogues have no message.
     let bytes = text.as_bytes();
     let has_message = memmem::find(bytes, b"CCSDS_").is_some()
         || memchr3(b'<', b'{', b'[', bytes).is_some()
         || memchr(b',', bytes).is_some();
-    // The last line that is no remark, with its number.
+    // The last line that is no comment, with its number.
     let mut before: Option<(usize, &str)> = None;
     let lines = lines::numbered(if has_message { text } else { "" });
     let mut lines = lines.peekable();
@@ -65,7 +65,7 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     parts.map(part).collect()
 }
 
-/// The kind of message that a line starts, with the text from it on.
+/// The kind of message that a line starts; `rest` is the text from this line on.
 fn starts<'a>(line: &'a str, rest: &str) -> Option<Kind<'a>> {
     match line.as_bytes().first() {
         Some(b'<') => return xml::begins(line).then_some(Kind::Xml),
@@ -78,7 +78,8 @@ fn starts<'a>(line: &'a str, rest: &str) -> Option<Kind<'a>> {
     is_start.then_some(Kind::Message(keyword))
 }
 
-/// Whether a line between a message and an element set is the name of the set, neither a keyword of the message nor data.
+/// Whether a line between a message and an element set is the name of the set, and not part of the
+/// message.
 fn is_name(line: &str, kind: Kind) -> bool {
     let line = line.trim_start();
     match kind {

@@ -1,11 +1,11 @@
-//! One object out of a file, by name.
+//! Selects one object of a file by name.
 
 use crate::{Designator, Loaded, Object, Rejected, catalogue_number};
 
-/// Objects that a message names at most.
-const SHOWN: usize = 8;
+/// Largest number of objects in a message.
+const MAX_LISTED: usize = 8;
 
-/// File and object that `FILE` or `FILE:NAME` selects: the longest file that `exists`.
+/// File and object of a selector `FILE` or `FILE:NAME`: the longest file that `exists`.
 pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Option<&str>) {
     let colons = selector.rmatch_indices(':');
     let mut parts = colons.map(|(at, _)| (&selector[..at], Some(&selector[at + 1..])));
@@ -18,46 +18,47 @@ pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Op
 }
 
 impl Loaded {
-    /// The object called `name` (its id, the number in it, or one of its names, in any case of
-    /// letters), and what was rejected. Without a name the file must have one object and nothing
-    /// rejected.
+    /// The object with this name (its id, the number in it, or one of its names; case is ignored),
+    /// and the rejected records. Without a name the file must have one object and nothing rejected.
     ///
-    /// Errors: says what there is, and what was refused.
+    /// # Errors
+    ///
+    /// Lists the objects of the file, and the rejected records.
     pub fn pick(mut self, name: Option<&str>) -> Result<(Object, Vec<Rejected>), String> {
         let index = self.index_of(name)?;
         Ok((self.objects.swap_remove(index), self.rejected))
     }
 
-    /// The object that [`Loaded::pick`] would take, left where it is; its errors.
+    /// [`Loaded::pick`] by reference.
     pub fn find(&self, name: Option<&str>) -> Result<&Object, String> {
         Ok(&self.objects[self.index_of(name)?])
     }
 
     fn index_of(&self, name: Option<&str>) -> Result<usize, String> {
-        let mut meant: Vec<usize> = (0..self.objects.len())
+        let mut found: Vec<usize> = (0..self.objects.len())
             .filter(|i| name.is_none_or(|name| self.objects[*i].is_called(name)))
             .collect();
-        // Ids differ, though the number in them may be the same: `NORAD 99999` and `NORAD 99999 #2`.
+        // Ids are unique, numbers in them are not: `NORAD 99999` and `NORAD 99999 #2`.
         let has_id =
             |i: &usize| name.is_some_and(|name| self.objects[*i].id.eq_ignore_ascii_case(name));
-        if let Some(exact) = meant.iter().copied().find(has_id) {
-            meant = vec![exact];
+        if let Some(exact) = found.iter().copied().find(has_id) {
+            found = vec![exact];
         }
-        let why = match (meant.as_slice(), name) {
+        let why = match (found.as_slice(), name) {
             ([one], Some(_)) => return Ok(*one),
             ([one], None) if self.rejected.is_empty() => return Ok(*one),
             ([], Some(name)) => format!("no object called {name:?}"),
             (_, Some(name)) => format!(
                 "{} objects called {name:?}: pick one by its id",
-                meant.len()
+                found.len()
             ),
             ([], None) => "no usable object".to_string(),
-            (_, None) => format!("{} usable objects: pick one as FILE:NAME", meant.len()),
+            (_, None) => format!("{} usable objects: pick one as FILE:NAME", found.len()),
         };
-        let has = match (meant.as_slice(), name) {
+        let has = match (found.as_slice(), name) {
             ([], Some(name)) => self.like(name),
             ([], None) => String::new(),
-            (meant, _) => list(meant.iter().map(|i| &self.objects[*i])),
+            (found, _) => list(found.iter().map(|i| &self.objects[*i])),
         };
         let refused = match self.rejected.as_slice() {
             [] => String::new(),
@@ -65,14 +66,14 @@ impl Loaded {
             [first, ..] => format!("; refused are {}, the first: {first}", self.rejected.len()),
         };
         let remedy = match name {
-            Some(name) if meant.is_empty() => self.other_than_number(name),
+            Some(name) if found.is_empty() => self.unnumbered_hint(name),
             _ => String::new(),
         };
         Err(format!("{why}{has}{remedy}{refused}"))
     }
 
-    /// What helps where a catalogue number selects nothing, and objects have none.
-    fn other_than_number(&self, name: &str) -> String {
+    /// A remedy where no object has a catalogue number that was given.
+    fn unnumbered_hint(&self, name: &str) -> String {
         let unnumbered = self.objects.iter();
         let unnumbered = unnumbered.filter(|one| one.identity.number().is_none());
         let (count, all) = (unnumbered.count(), self.objects.len());
@@ -83,7 +84,7 @@ impl Loaded {
         format!("; {count} of {all} {verb} no catalogue number: use an id or a name of theirs")
     }
 
-    /// Objects whose names begin or go on like `name`, or else some of all.
+    /// Objects with names similar to `name`, or else the first objects.
     fn like(&self, name: &str) -> String {
         let name = name.to_ascii_uppercase();
         let begin: String = name.chars().take(3).collect();
@@ -99,16 +100,16 @@ impl Loaded {
 }
 
 fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
-    let labels: Vec<String> = objects.take(SHOWN + 1).map(Object::label).collect();
+    let labels: Vec<String> = objects.take(MAX_LISTED + 1).map(Object::label).collect();
     match labels.len() {
         0 => String::new(),
-        n if n > SHOWN => format!("; it has {}, ...", labels[..SHOWN].join(", ")),
+        n if n > MAX_LISTED => format!("; it has {}, ...", labels[..MAX_LISTED].join(", ")),
         _ => format!("; it has {}", labels.join(", ")),
     }
 }
 
 impl Object {
-    /// By name, by id, by number as element lines have it, or by international designator.
+    /// Compares with its names, id, catalogue number and international designator.
     fn is_called(&self, name: &str) -> bool {
         let names = self.names.iter().map(String::as_str);
         let mut known = names.chain([self.id.as_str()]);
@@ -125,15 +126,15 @@ mod tests {
     use super::file_and_name;
     use crate::texts::{OMM, oem, rows};
 
-    /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251; the last digits of the
-    /// third set's lines are wrong.
+    /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251. The checksums
+    /// of the third set are wrong.
     const SETS: &str = "VANGUARD 1\n\
         1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
         2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n\
         DELTA 1 DEB\n\
         1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3985\n\
         2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n\
-        SPOILT\n\
+        DAMAGED\n\
         1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3986\n\
         2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
 
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colon_divides_unless_it_is_in_the_files_name() {
+    fn a_selector_is_split_at_the_colon_after_an_existing_file() {
         let split = |selector| file_and_name(selector, |file| file == "a:b.oem");
         assert_eq!(split("a.oem"), ("a.oem", None));
         assert_eq!(split("a.oem:ISS"), ("a.oem", Some("ISS")));
@@ -159,14 +160,14 @@ mod tests {
     }
 
     #[test]
-    fn by_id_number_or_name() {
+    fn objects_are_found_by_id_number_or_name() {
         for name in ["NORAD 5", "norad5", "5", "00005", "Vanguard 1"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
         for name in ["1958-002B", "58002b", "1958-2B", "1958-002-B", "1958002B"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
-        // X-Val: space-track.org, Alpha-5: A0005 is 100005; letters count nothing in checksums, as 0 does.
+        // X-Val: space-track.org, Alpha-5: A0005 is 100005; a letter counts as 0 in checksums.
         let six = SETS.replace("00005", "A0005");
         let loaded = crate::parse(&six[..six.find("DELTA").unwrap()], "six.tle").unwrap();
         for name in ["A0005", "a0005", "100005", "0100005", "NORAD A0005"] {
@@ -180,8 +181,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_clear_is_refused_with_what_there_is() {
-        // Lines of the sets, the name, and what the refusal says.
+    fn an_ambiguous_or_unknown_name_is_refused_with_the_objects() {
+        // Lines of the sets, the name, and words of the refusal.
         for [lines, name, says] in rows(
             r#"
             0 6 |        | 2 usable objects, FILE:NAME, NORAD 5 (VANGUARD 1), 6251
@@ -198,7 +199,7 @@ mod tests {
             assert!(says.split(", ").all(|part| why.contains(part)), "{why}");
             assert!(name != "Deltan" || !why.contains("VANGUARD"), "{why}");
         }
-        // An OEM has a number in its OBJECT_ID, or none.
+        // Not every OBJECT_ID of an OEM has a catalogue number.
         let states = [
             "2019-06-15T00:00:00 7000 0 0 1 0 0",
             "2019-06-15T00:00:10 7010 0 0 1 0 0",

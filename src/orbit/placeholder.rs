@@ -1,4 +1,4 @@
-//! Texts that stand for no value where an id, a number or a name is expected.
+//! Placeholder texts for an id, a number or a name.
 
 use crate::Designator;
 use crate::catalogue_number::{assigned, catalogue_number, unlabelled};
@@ -19,14 +19,14 @@ const FILLERS: [&str; 10] = [
     "COSPAR",
 ];
 
-/// What stands for digits that are not known, as in `2026-???A` and `YYYY-NNNP`.
+/// Marks for unknown digits, as in `2026-???A` and `YYYY-NNNP`.
 const MARKS: &str = "XYN?#*_.-\u{2013}\u{2014}";
 
-/// Whether a text is a designator without year, number or piece: the `YYYY-NNNP{PP}` of the
+/// Whether a text is a designator that lacks year, number or piece: the `YYYY-NNNP{PP}` of the
 /// standard (CCSDS 502.0-B-3, OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`, `2026-TBDA`,
 /// `1998-067?`.
 fn is_template(text: &str) -> bool {
-    // A `#` is a mark for a digit, or a label before all.
+    // A `#` is a mark for a digit, or a label before the whole text.
     let is_marked = text.trim_start().starts_with("##");
     let text = if is_marked {
         text.trim()
@@ -38,7 +38,7 @@ fn is_template(text: &str) -> bool {
     [4, 2].into_iter().any(|width| lacks_a_field(&text, width))
 }
 
-/// The same of the capitals of a text whose year has `width` digits, or marks in their place.
+/// [`is_template`] of capitals, where the year has `width` digits or marks.
 fn lacks_a_field(text: &[char], width: usize) -> bool {
     let without_separator = |text: &[char]| match text {
         [first, rest @ ..] if SEPARATORS.contains(first) => rest.to_vec(),
@@ -59,7 +59,7 @@ fn lacks_a_field(text: &[char], width: usize) -> bool {
     if !(is_piece && is_divided) {
         return false;
     }
-    // `1N123A` may be a name: two digits of a year are known both or not at all.
+    // `1N123A` may be a name: of a year with two digits both must be unknown.
     let has_some = |field: &[char]| width == 4 || !field.iter().any(char::is_ascii_digit);
     let is_unknown = |field: &[char]| is_unknown(field) && has_some(field);
     let is_given = |field: &[char]| field.iter().all(char::is_ascii_digit);
@@ -74,7 +74,7 @@ fn lacks_a_field(text: &[char], width: usize) -> bool {
     }
 }
 
-/// Whether a field of a designator is a word such as `TBD` or `N/A`, zero, or has marks of one kind in place of its last digits.
+/// Whether a field of a designator is a word such as `TBD` or `N/A`, zero, or ends in equal marks.
 fn is_unknown(field: &[char]) -> bool {
     let word: String = field.iter().filter(|c| c.is_alphanumeric()).collect();
     let is_long = field.len() > 2;
@@ -87,8 +87,8 @@ fn is_unknown(field: &[char]) -> bool {
     are_marks || (is_long && (is_zero || PLACEHOLDERS.contains(&word.as_str())))
 }
 
-/// Whether a text is a placeholder: words such as `UNKNOWN` or `TO BE ASSIGNED`, no letter or
-/// digit, a number such as 0, -1 or 99999, or an impossible designator such as `0000-000A` and
+/// Whether a text is a placeholder: words such as `UNKNOWN` or `TO BE ASSIGNED`; no letter or
+/// digit; a number such as 0, -1 or 99999; an impossible designator such as `0000-000A` or
 /// `YYYY-NNNP`.
 pub fn is_placeholder(text: &str) -> bool {
     if let Some(number) = catalogue_number(text) {
@@ -112,7 +112,7 @@ pub fn is_placeholder(text: &str) -> bool {
     consists_of_empty_words(&text)
 }
 
-/// Whether a text in capitals has no word but placeholders, and beside these numbers and words without meaning.
+/// Whether a text in capitals has only placeholders, numbers and words without meaning.
 fn consists_of_empty_words(text: &str) -> bool {
     let words = text.split(|c: char| !c.is_alphanumeric());
     let (mut beginning, mut has_any) = (String::new(), false);
@@ -121,7 +121,7 @@ fn consists_of_empty_words(text: &str) -> bool {
             continue;
         }
         beginning += word;
-        // Of `N/A` and `T.B.D.` each letter is a word.
+        // Each letter of `N/A` and `T.B.D.` is a word.
         let is_begun =
             |whole: &&str| whole.len() > beginning.len() && whole.starts_with(&beginning);
         let is_letter = word.len() == 1 && PLACEHOLDERS.iter().any(is_begun);
@@ -142,7 +142,7 @@ mod tests {
     use crate::texts::rows;
 
     #[test]
-    fn placeholders_are_no_identities() {
+    fn placeholders_are_detected() {
         let table = "
             UNKNOWN, unknown, TBD, tba, , -, N/A, n.a., NONE, None, t.b.d., TBD TBD, UNDEF, INVALID
             0, 00000, 0.0, -1, 99999, 999999999, NORAD 0, NORAD 99999, NORAD -1
@@ -150,7 +150,7 @@ mod tests {
             ANALYST SAT, NOT APPLICABLE, NOT KNOWN, NOT YET ASSIGNED, TO BE SUPPLIED, UNCATALOGUED
             NO ID, NO NORAD ID, XXX, XXXX, ----, \u{2013}, \u{2014}\u{2014}
             0000-000A, 1900-000A, 9999-999Z, 1998-000A, 00000A, 0000-000, 0000-001, 2026-000
-            // Designators with other characters in place of digits. The first is that of CCSDS
+            // Designators with other characters in place of digits. The first is from CCSDS
             // 502.0-B-3, OBJECT_ID.
             YYYY-NNNP{PP}, YYYY-NNNP, yyyy-nnnppp, YYYY-NNN, YYYY-NNN-A, YYYYNNNA, YYNNNAAA
             YY-NNNA, XXXX-XXXA, XXXX-067A, XXXXXA, 1998-XXXA, 98XXXA, 20YY-NNNA, 2026-1XXA
@@ -168,7 +168,7 @@ mod tests {
         let table = "
             5, 9999, 99998, A0005, 1998-067A, 1958-002B, 98067A, 1998-067-A, 1998-67NA, 1998-067XX
             OBJECT 1, OBJECT A, UNKNOWN PLEASURES, NOT A DRILL, TO BE, 5.5, AAA, X, ISS, É
-            // Such ids are in use.
+            // Ids in use.
             1998-067, OWN-1, SAT-001A, SAT1-001A, MMS1, AA001, CC-101A, B1234, B1-234A, X1234
             XM-001, 1N123A, NOAA-20, ABCD-EFGH, LLLL-101ABCD, É-001, SSSS-067, SSSS-067A
             AAAA-101A, XX001, NO-101A, NORAD-5, X-37B";

@@ -1,17 +1,18 @@
-//! Names and paths from outside, as they are printed.
+//! Makes external names and paths printable.
 
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Whether a character steers a terminal (C0 and C1 controls) or the order of letters (Unicode Standard Annex 9).
+/// Whether a character controls a terminal (C0 and C1) or the direction of text (Unicode Standard
+/// Annex 9).
 #[must_use]
 pub fn steers(character: char) -> bool {
     character.is_control()
         || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Text that is safe on a terminal. Line ends and tabs stay; other controls and direction marks
-/// become JSON escapes, such as `\u001b`: JSON keeps its meaning.
+/// Makes text safe for a terminal. Line ends and tabs stay. Other controls and direction marks
+/// become JSON escapes such as `\u001b`, so JSON keeps its meaning.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |character| {
@@ -19,7 +20,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     })
 }
 
-/// The same in one line.
+/// [`printable`] in one line.
 #[must_use]
 pub fn printable_line(text: &str) -> Cow<'_, str> {
     escaped(text, steers)
@@ -29,17 +30,18 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);
     }
-    let mut shown = String::with_capacity(text.len() + 16);
+    let mut text_out = String::with_capacity(text.len() + 16);
     for character in text.chars() {
-        match is_escaped(character) {
-            true => shown += &format!("\\u{:04x}", u32::from(character)),
-            false => shown.push(character),
+        if is_escaped(character) {
+            text_out += &format!("\\u{:04x}", u32::from(character));
+        } else {
+            text_out.push(character);
         }
     }
-    Cow::Owned(shown)
+    Cow::Owned(text_out)
 }
 
-/// A path as messages have it: one line that does not steer a terminal.
+/// A path for messages: one line without terminal controls.
 #[must_use]
 pub fn path_text(path: &Path) -> String {
     printable_line(&path.display().to_string()).into_owned()

@@ -1,4 +1,5 @@
-//! Files from outside, read within bounds. A path may name a device without an end or a pipe that nothing writes to.
+//! Reads external files within limits. A path may name an endless device or a pipe without a
+//! writer.
 
 use std::collections::BTreeMap;
 use std::fs::{File, FileType};
@@ -8,15 +9,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Most bytes of a file of orbits or of a recording. A million OMM in XML, as [`crate::write`] writes them, have 1.1 billion.
+/// Largest file of orbits or of a recording, bytes. A million OMM in XML, as [`crate::write`]
+/// writes them, have 1.1 billion.
 pub const LARGEST_FILE: u64 = 2 << 30;
-/// Most bytes of a table of numbers: a list of attitudes, an image of a point spread function.
+/// Largest table of numbers (a list of attitudes, an image of a point spread function), bytes.
 pub const LARGEST_TABLE: u64 = 256 << 20;
-/// Most bytes of a TOML file. The parsed values take up to 130 times as much memory.
+/// Largest TOML file, bytes. The parsed values take up to 130 times as much memory.
 pub const LARGEST_CONFIG: u64 = 4 << 20;
-/// Most bytes that are read from a pipe, whose length is unknown beforehand.
+/// Largest input from a pipe, whose length is unknown in advance, bytes.
 pub const LARGEST_PIPE: u64 = 256 << 20;
-/// Bytes that decide whether a file has the expected kind of contents.
+/// Bytes that show whether a file has the expected kind of contents.
 const HEAD: u64 = 1 << 16;
 /// Longest wait for the next bytes of a pipe.
 const PIPE_TIMEOUT: Duration = Duration::from_secs(10);
@@ -24,18 +26,18 @@ const PIPE_TIMEOUT: Duration = Duration::from_secs(10);
 /// A file that this process has read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Input {
-    /// As it was opened.
+    /// Path as opened.
     pub path: PathBuf,
-    /// Its length.
+    /// Length of the contents.
     pub bytes: u64,
     /// CRC-32 (IEEE 802.3) of its contents.
     pub crc32: u32,
 }
 
-/// Length and CRC-32 of each file read, by path.
+/// Length and CRC-32 of each file that was read, by path.
 static INPUTS: Mutex<BTreeMap<PathBuf, (u64, u32)>> = Mutex::new(BTreeMap::new());
 
-/// All files that this process has read, in order of path. No output may replace one of them.
+/// All files that this process has read, ordered by path. No output may replace one of them.
 #[must_use]
 pub fn inputs() -> Vec<Input> {
     let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -47,7 +49,7 @@ pub fn inputs() -> Vec<Input> {
     inputs.iter().map(input).collect()
 }
 
-/// Whether this process has read the file at `path`, under whatever name.
+/// Whether this process has read the file at `path`, also under another name.
 #[must_use]
 pub fn is_input(path: &Path) -> bool {
     let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -56,7 +58,9 @@ pub fn is_input(path: &Path) -> bool {
 
 /// Refuses to write a file that this process has read.
 ///
-/// Errors: [`ErrorKind::InvalidInput`].
+/// # Errors
+///
+/// [`ErrorKind::InvalidInput`].
 pub fn not_input(path: &Path) -> Result<()> {
     if is_input(path) {
         let why = "this run reads this file: name another file";
@@ -66,7 +70,7 @@ pub fn not_input(path: &Path) -> Result<()> {
 }
 
 /// Whether two paths lead to one regular file, which need not exist yet. Links and other spellings
-/// of a path count as the same. A device or a pipe may be used twice.
+/// of a path count as the same file. A device or a pipe may be used twice.
 #[must_use]
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
     match (a.metadata(), b.metadata()) {
@@ -89,7 +93,7 @@ fn is_one_inode(_: &std::fs::Metadata, _: &std::fs::Metadata) -> bool {
     false
 }
 
-/// By the real path; of a file that does not exist by that of its folder.
+/// Compares the real paths; for a missing file that of its folder.
 fn is_one_path(a: &Path, b: &Path) -> bool {
     let real = |path: &Path| {
         path.canonicalize().ok().or_else(|| {
@@ -101,25 +105,27 @@ fn is_one_path(a: &Path, b: &Path) -> bool {
     real(a).is_some_and(|a| real(b) == Some(a))
 }
 
-/// The bytes of a file of at most `most` bytes, or of a pipe of at most [`LARGEST_PIPE`]. `check`
-/// gets the first 64 KiB before the rest is read.
+/// The bytes of a file of up to `max` bytes, or of a pipe of up to [`LARGEST_PIPE`]. `check` gets
+/// the first 64 KiB before the rest is read.
 ///
-/// Errors: of opening; [`ErrorKind::IsADirectory`]; [`ErrorKind::InvalidInput`] for a device or
+/// # Errors
+///
+/// From opening the file; [`ErrorKind::IsADirectory`]; [`ErrorKind::InvalidInput`] for a device or
 /// socket; [`ErrorKind::FileTooLarge`]; [`ErrorKind::TimedOut`] for a pipe without data for 10 s;
-/// of `check`.
+/// from `check`.
 pub fn read_bytes(
     path: &Path,
-    most: u64,
+    max: u64,
     check: impl FnOnce(&[u8]) -> Result<()>,
 ) -> Result<Vec<u8>> {
     let about = path.metadata()?;
     let kind = about.file_type();
-    let (mut from, length, most): (Box<dyn Read>, u64, u64) = if kind.is_dir() {
+    let (mut from, length, max): (Box<dyn Read>, u64, u64) = if kind.is_dir() {
         return Err(Error::new(ErrorKind::IsADirectory, "this is a folder"));
     } else if kind.is_file() {
-        (Box::new(File::open(path)?), about.len(), most)
+        (Box::new(File::open(path)?), about.len(), max)
     } else if is_pipe(kind) {
-        (Box::new(Pipe::open(path)), 0, most.min(LARGEST_PIPE))
+        (Box::new(Pipe::open(path)), 0, max.min(LARGEST_PIPE))
     } else {
         let why = "this is a device or a socket: name a file or a pipe";
         return Err(Error::new(ErrorKind::InvalidInput, why));
@@ -127,15 +133,15 @@ pub fn read_bytes(
     let mut bytes = Vec::new();
     from.by_ref().take(HEAD).read_to_end(&mut bytes)?;
     check(&bytes)?;
-    if length <= most {
+    if length <= max {
         bytes.try_reserve_exact((length as usize).saturating_sub(bytes.len()))?;
-        let left = (most + 1).saturating_sub(bytes.len() as u64);
+        let left = (max + 1).saturating_sub(bytes.len() as u64);
         from.take(left).read_to_end(&mut bytes)?;
     }
-    if length.max(bytes.len() as u64) > most {
-        let why = match most {
-            GIB.. => format!("longer than {} GiB", most / GIB),
-            _ => format!("longer than {} MiB", most >> 20),
+    if length.max(bytes.len() as u64) > max {
+        let why = match max {
+            GIB.. => format!("longer than {} GiB", max / GIB),
+            _ => format!("longer than {} MiB", max >> 20),
         };
         return Err(Error::new(ErrorKind::FileTooLarge, why));
     }
@@ -157,7 +163,7 @@ fn is_pipe(_: FileType) -> bool {
     false
 }
 
-/// A pipe, read by a thread of its own: opening one without a writer does not return.
+/// A pipe, read by its own thread: opening a pipe without a writer blocks.
 struct Pipe {
     chunks: Receiver<Result<Vec<u8>>>,
     chunk: Cursor<Vec<u8>>,
@@ -167,7 +173,7 @@ impl Pipe {
     fn open(path: &Path) -> Self {
         let (found, chunks) = sync_channel(4);
         let path = path.to_owned();
-        // Where nothing ever comes the thread stays behind.
+        // Without a writer the thread stays blocked until the process ends.
         std::thread::spawn(move || {
             let mut from = match File::open(path) {
                 Ok(from) => from,
@@ -220,24 +226,25 @@ impl Read for Pipe {
 mod tests {
     use super::*;
 
-    fn here(name: &str) -> PathBuf {
+    fn temporary(name: &str) -> PathBuf {
         std::env::temp_dir().join(format!("skyloop-{name}-{}", std::process::id()))
     }
 
-    fn error(path: &Path, most: u64) -> (ErrorKind, String) {
-        let error = read_bytes(path, most, |_| Ok(())).unwrap_err();
+    fn error(path: &Path, max: u64) -> (ErrorKind, String) {
+        let error = read_bytes(path, max, |_| Ok(())).unwrap_err();
         (error.kind(), error.to_string())
     }
 
     #[test]
     fn files_are_read_up_to_their_limit_and_are_inputs_under_every_name() {
-        let (file, other, hard) = (here("input"), here("other"), here("hard"));
+        let [file, other, hard] = ["input", "other", "hard"].map(temporary);
         std::fs::write(&file, "123456789").unwrap();
         assert!(!is_input(&file));
         assert_eq!(error(&file, 8).0, ErrorKind::FileTooLarge);
         let bytes = read_bytes(&file, 9, |_| Ok(())).unwrap();
         assert_eq!(bytes, b"123456789");
-        // X-Val: the check value of CRC-32/ISO-HDLC in the catalogue of parametrised CRC algorithms.
+        // X-Val: the check value of CRC-32/ISO-HDLC in the catalogue of parametrised CRC
+        // algorithms.
         let known = inputs().into_iter().find(|input| input.path == file);
         let known = known.unwrap();
         assert_eq!((known.bytes, known.crc32), (9, 0xCBF4_3926));
@@ -250,13 +257,13 @@ mod tests {
         for path in [&file, &other, &hard] {
             std::fs::remove_file(path).unwrap();
         }
-        // None of them exists now.
+        // `is_same_file` works without the files, too.
         assert!(is_same_file(&file, &spelt) && !is_same_file(&file, &other));
     }
 
     #[test]
     #[cfg(unix)]
-    fn what_is_no_file_is_refused() {
+    fn devices_folders_and_missing_files_are_refused() {
         let folder = std::env::temp_dir();
         for (path, kind) in [
             (Path::new("/dev/zero"), ErrorKind::InvalidInput),
@@ -271,12 +278,12 @@ mod tests {
     #[test]
     #[cfg(unix)]
     fn a_pipe_is_read_to_its_end_and_one_without_a_writer_is_refused() {
-        let pipe = here("pipe");
+        let pipe = temporary("pipe");
         let made = std::process::Command::new("mkfifo").arg(&pipe).status();
         assert!(made.unwrap().success());
         let (kind, text) = error(&pipe, 8);
         assert_eq!(kind, ErrorKind::TimedOut, "{text}");
-        // A pipe of its own: the thread that waited above still reads the first.
+        // A new pipe: the blocked thread still reads the first one.
         std::fs::remove_file(&pipe).unwrap();
         let made = std::process::Command::new("mkfifo").arg(&pipe).status();
         assert!(made.unwrap().success());

@@ -1,4 +1,4 @@
-//! One element set as its file gives it, with the values that other formats need and a scene does not.
+//! An element set as its file gives it, with the values that only other formats need.
 
 use crate::catalogue_number::assigned;
 use crate::elements::Elements;
@@ -9,23 +9,23 @@ use crate::{Designator, Theory};
 /// An element set and its metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Line of the source that it starts in, counted from 1.
+    /// First line in the source, counted from 1.
     pub line: usize,
-    /// Name of the object; empty: none.
+    /// Name of the object, or empty.
     pub name: String,
-    /// International designator in the long form, `1998-067A`, where the source has one; empty: none.
+    /// International designator in the long form, `1998-067A`, or empty.
     pub designator: String,
-    /// Classification, mostly `U`.
+    /// Classification, usually `U`.
     pub classification: char,
-    /// Ephemeris type: 0 for all that are published.
+    /// Ephemeris type: 0 for all published sets.
     pub ephemeris_type: u8,
-    /// The theory that the source names.
+    /// The theory of the elements, as the source gives it.
     pub theory: Theory,
     /// Number of the element set.
     pub element_set: u32,
     /// Revolution number at the epoch.
     pub revolution: u32,
-    /// Half the first derivative of the mean motion, rev/day^2: what both TLE and OMM of the publishers have.
+    /// Half the first derivative of the mean motion, rev/day^2, as in published TLEs and OMMs.
     pub mean_motion_dot: f64,
     /// A sixth of the second derivative of the mean motion, rev/day^3.
     pub mean_motion_ddot: f64,
@@ -34,7 +34,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// The id of the object: `NORAD 44322`; without a number an agency's own id, or a placeholder such as `NORAD 0` with the name behind it.
+    /// The id of the object: `NORAD 44322`. Without a number an agency's own id, or a placeholder
+    /// such as `NORAD 0` followed by the name.
     pub fn object_id(&self) -> String {
         let id = format!("NORAD {}", self.elements.norad);
         if assigned(self.elements.norad).is_some() {
@@ -45,10 +46,10 @@ impl Record {
     }
 }
 
-/// A reason with its line.
+/// A result whose error has a line number and a reason.
 pub(crate) type At<T> = Result<T, (usize, String)>;
 
-/// An international designator in the long form, `1998-067A`; any other text as it is.
+/// An international designator in the long form, `1998-067A`; other text is returned as it is.
 pub(crate) fn long_designator(text: &str) -> String {
     match Designator::parse(text) {
         Some(designator) => designator.to_string(),
@@ -56,8 +57,8 @@ pub(crate) fn long_designator(text: &str) -> String {
     }
 }
 
-/// An international designator in the columns of a TLE, blank for a placeholder; nothing where they
-/// cannot hold it, or for another id.
+/// An international designator in the columns of a TLE, blank for a placeholder. None where it does
+/// not fit, and for another id.
 pub(crate) fn short_designator(text: &str) -> Option<String> {
     match Designator::parse(text) {
         Some(designator) => designator.short(),
@@ -65,19 +66,19 @@ pub(crate) fn short_designator(text: &str) -> Option<String> {
     }
 }
 
-/// The first characters of what a message quotes.
+/// The first characters of a text, for messages.
 pub(crate) fn shorten(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// Versions of the messages that are read, by keyword: those of CCSDS 502.0-B-1 to B-3 and of 504.0-B-1 and B-2.
+/// Supported versions by keyword: CCSDS 502.0-B-1 to B-3, 504.0-B-1 and B-2.
 const VERSIONS: [(&str, &[&str]); 3] = [
     ("CCSDS_OEM_VERS", &["1.0", "2.0", "3.0"]),
     ("CCSDS_OMM_VERS", &["2.0", "3.0"]),
     ("CCSDS_AEM_VERS", &["1.0", "2.0"]),
 ];
 
-/// Refuses a message of a version that is not published: keywords and columns may have other meanings there.
+/// Refuses an unknown version, where keywords and columns may have other meanings.
 pub(crate) fn check_version(key: &str, text: &str) -> Result<(), String> {
     let text = text.trim();
     let known = VERSIONS.iter().find(|(known, _)| *known == key);
@@ -98,14 +99,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn designators_go_there_and_back() {
+    fn designators_are_converted_between_both_forms() {
         for (text, short, long) in [
             ("98067A", Some("98067A"), "1998-067A"),
             ("1998-067-a", Some("98067A"), "1998-067A"),
             ("2057-001A", None, "2057-001A"),
             ("", Some(""), ""),
             ("UNKNOWN", Some(""), "UNKNOWN"),
-            // The ids of others are no designators, though there is room for them.
+            // Other ids are no designators, even if they fit the columns.
             ("98067", None, "98067"),
             ("NORAD-5", None, "NORAD-5"),
             ("X-37B", None, "X-37B"),

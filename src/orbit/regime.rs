@@ -4,20 +4,21 @@ use crate::elements::Elements;
 use crate::units::REV_PER_DAY;
 use std::fmt;
 
-/// Gravitational parameter, km^3/s^2, and radius of the Earth, km, of the elements' model (WGS72).
+/// Gravitational parameter, km^3/s^2, and radius of the Earth, km, in SGP4 (WGS72).
 const MU: f64 = 398_600.8;
 const EARTH_RADIUS_KM: f64 = 6_378.135;
-/// From this eccentricity on an orbit is of its own kind, whatever its period.
+/// Lower bound of the eccentricity of an eccentric orbit, whatever its period.
 const ECCENTRIC: f64 = 0.25;
 
-/// A kind of orbit, by eccentricity and mean motion. Those of Space-Track (LEO, MEO, GEO, HEO), widened so that every orbit has one.
+/// A kind of orbit, by eccentricity and mean motion: the regimes of Space-Track (LEO, MEO, GEO,
+/// HEO), extended so that every orbit has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Regime {
     /// LEO: more than 11.25 revolutions a day.
     Low,
-    /// MEO: between the two beside it.
+    /// MEO: between LEO and GEO.
     Medium,
-    /// GEO: 0.95 to 1.05 revolutions a day, of any inclination.
+    /// GEO: 0.95 to 1.05 revolutions a day, with any inclination.
     Geosynchronous,
     /// HEO: an eccentricity of 0.25 or more.
     Eccentric,
@@ -26,7 +27,7 @@ pub enum Regime {
 }
 
 impl Regime {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Regime; 5] = [
         Regime::Low,
         Regime::Medium,
@@ -66,12 +67,14 @@ impl Elements {
         std::f64::consts::TAU / self.mean_motion
     }
 
-    /// Whether the period is that of deep space, 225 min or more, where SDP4 adds Sun, Moon and resonances.
+    /// Whether it is a deep-space orbit: its period is at least 225 min. SDP4 then adds Sun, Moon
+    /// and resonances.
     pub fn is_deep(&self) -> bool {
         self.period_min() >= 225.0
     }
 
-    /// Heights of perigee and apogee above the equatorial radius, km, of the Kepler orbit with this mean motion: within some 10 km.
+    /// Heights of perigee and apogee above the equatorial radius, km, of the Kepler orbit with this
+    /// mean motion; accurate to some 10 km.
     pub fn heights_km(&self) -> [f64; 2] {
         // a = (mu / n^2)^(1/3), Vallado, Fundamentals of Astrodynamics, Eq. (1-27)
         let n = self.mean_motion / 60.0;

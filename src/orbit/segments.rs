@@ -1,15 +1,15 @@
-//! Segments of CCSDS ephemeris messages in keyword = value notation: one reader for orbits (OEM) and
-//! attitudes (AEM).
+//! Segments of CCSDS ephemeris messages in keyword = value notation. The reader serves orbits (OEM)
+//! and attitudes (AEM).
 
 use crate::meta::{Clock, Meta, is_significant};
 use crate::record::{At, shorten};
 use hifitime::Epoch;
 
-/// A kind of message, and what has been read of it.
+/// A kind of message, with the segments read so far.
 pub(crate) trait Message {
     /// A segment whose data lines are being read.
     type Segment;
-    /// The line that ends the data of a segment, where the standard has one.
+    /// The line that ends the data of a segment, if the standard has one.
     const DATA_STOP: Option<&'static str>;
 
     /// Whether another message starts with this line, in any section.
@@ -17,7 +17,7 @@ pub(crate) trait Message {
         false
     }
 
-    /// Whether the message is of a known version. Segments of others are skipped.
+    /// Whether the version of the message is supported; else its segments are skipped.
     fn is_known(&self) -> bool {
         true
     }
@@ -25,20 +25,20 @@ pub(crate) trait Message {
     /// Reads a line outside of every segment.
     fn header(&mut self, number: usize, line: &str) -> At<()>;
 
-    /// The segment that a metadata block starts.
+    /// Starts a segment from its metadata block.
     fn start(&mut self, meta: &Meta) -> At<Self::Segment>;
 
-    /// Reads a line of data. The error is completed with the line's text.
+    /// Reads a data line. The caller adds the line's text to the error.
     fn data(segment: &mut Self::Segment, number: usize, line: &str) -> Result<(), String>;
 
-    /// Adds a segment that ends before a line.
+    /// Adds a segment that ends before line `number`.
     fn end(&mut self, segment: Self::Segment, number: usize) -> At<()>;
 
-    /// Handles an error. Reading goes on behind the segment, unless this returns the error.
+    /// Handles an error. Reading goes on after the segment, unless this returns the error.
     fn reject(&mut self, error: (usize, String)) -> At<()>;
 }
 
-/// Where in the message the reader is.
+/// Position of the reader in the message.
 enum Section<S> {
     /// In the header, or in a segment that was rejected.
     Outside,
@@ -96,7 +96,7 @@ fn step<M: Message>(
         }
         Section::Data(mut segment) => {
             M::data(&mut segment, number, line)
-                .map_err(|what| (number, format!("{what} in '{}'", shorten(line))))?;
+                .map_err(|fault| (number, format!("{fault} in '{}'", shorten(line))))?;
             Ok(Section::Data(segment))
         }
     }

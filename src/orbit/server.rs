@@ -1,17 +1,17 @@
-//! What a server says in place of the orbits that were fetched: in JSON, on a page, or in a line of text.
+//! Detects a server's error message in place of orbits: in JSON, on a page, or in a line of text.
 
 use crate::lines;
 use crate::omm::Key;
 use crate::omm::json::is_element_line;
 use serde_json::{Map, Value};
 
-/// Bytes of an answer that are read.
+/// Bytes of an answer that are parsed.
 const LONGEST: usize = 1 << 16;
-/// Lines of an answer in plain text.
+/// Largest number of lines of an answer in plain text.
 const MAX_LINES: usize = 4;
-/// Characters of it that a message quotes.
-const SHOWN: usize = 200;
-/// Keys that servers give their reasons in.
+/// Characters of an answer that a message quotes.
+const QUOTED: usize = 200;
+/// JSON keys of an error message.
 const KEYS: [&str; 8] = [
     "error",
     "errors",
@@ -22,9 +22,9 @@ const KEYS: [&str; 8] = [
     "reason",
     "title",
 ];
-/// Keys that say whether a request had success.
+/// JSON keys of the success of a request.
 const STATES: [&str; 5] = ["status", "success", "code", "ok", "fault"];
-/// How their answers in plain text begin.
+/// First words of an answer in plain text.
 const BEGINNINGS: [&str; 20] = [
     "no gp data",
     "no sup-gp data",
@@ -48,7 +48,8 @@ const BEGINNINGS: [&str; 20] = [
     "internal server error",
 ];
 
-/// The words of a server's answer, if the text is one. A page is one unless `source` is the name of a page.
+/// The message in a server's answer, or none for other texts. A page is an answer, unless `source`
+/// is the name of a page.
 pub(crate) fn words(text: &str, source: &str) -> Option<String> {
     let text = text.trim();
     let words = match text.as_bytes().first()? {
@@ -78,15 +79,15 @@ pub(crate) fn words(text: &str, source: &str) -> Option<String> {
     Some(quoted(&words)).filter(|words| !words.is_empty())
 }
 
-/// The first characters of a text in one line, without what could command a terminal.
+/// The first characters of a text in one line, without terminal controls.
 pub(crate) fn quoted(text: &str) -> String {
-    let text: String = text.chars().take(10 * SHOWN).collect();
+    let text: String = text.chars().take(10 * QUOTED).collect();
     let words = text.split(|c: char| c.is_whitespace() || c.is_control());
-    let words: Vec<&str> = words.filter(|word| !word.is_empty()).take(SHOWN).collect();
-    words.join(" ").chars().take(SHOWN).collect()
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).take(QUOTED).collect();
+    words.join(" ").chars().take(QUOTED).collect()
 }
 
-/// Reasons in an object, or in the first of an array, that is no element set.
+/// Error messages in an object, or in the first of an array; none for an element set.
 fn object(value: &Value) -> String {
     let first = match value {
         Value::Array(all) => all.first().unwrap_or(value),
@@ -166,7 +167,7 @@ fn page(text: &str) -> String {
         let hidden = hidden.unwrap_or(tag.len());
         rest = tag.get(hidden..).unwrap_or_default();
         rest = rest.split_once('>').map_or("", |(_, rest)| rest);
-        if words.len() > 2 * SHOWN {
+        if words.len() > 2 * QUOTED {
             break;
         }
     }
@@ -179,10 +180,10 @@ mod tests {
     use crate::texts::rows;
 
     #[test]
-    fn a_servers_answer_is_given_in_its_own_words() {
+    fn a_servers_message_is_quoted() {
         for [text, wanted] in rows(
             r#"
-            // As Space-Track answers without a login, and beyond its limit.
+            // Space-Track without a login, and beyond its rate limit.
             {"error":"You must be logged in to continue"} | You must be logged in to continue
             [{"error":"Query rate limit exceeded"}]  | Query rate limit exceeded
             {"Error":{"code":401,"message":"Invalid\tkey \u001b[31m"}} | Invalid key [31m
@@ -194,7 +195,7 @@ mod tests {
             {"errors":["one","two"],"message":"three"} | one: two: three
             HTTP/1.1 404 Not Found\nContent-Type: text/html\n\n<html></html> | HTTP/1.1 404 Not Found
             HTTP/2 503\n\n                           | HTTP/2 503
-            // As CelesTrak answers.
+            // CelesTrak.
             No GP data found\n                       | No GP data found
             Invalid query: "CATNR=x" (CATNR=x)       | Invalid query: "CATNR=x" (CATNR=x)
             GP data has not updated.\nIt is updated. | GP data has not updated. It is updated.
@@ -206,15 +207,15 @@ mod tests {
         let page = "<!DOCTYPE html>\n<html><head><title>503 Service Unavailable</title>\
                     <style>p > a {}</style><SCRIPT>if (a < b) {}</SCRIPT></head><body><!-- <p> -->\
                     <p>Try again<br>later</body></html>";
-        let shown = words(page, "iss.tle");
+        let quoted = words(page, "iss.tle");
         assert_eq!(
-            shown.as_deref(),
+            quoted.as_deref(),
             Some("503 Service Unavailable Try again later")
         );
     }
 
     #[test]
-    fn other_texts_are_none() {
+    fn other_texts_are_not_answers() {
         for text in [
             "",
             "hello\nworld",
@@ -232,7 +233,7 @@ mod tests {
         }
         assert_eq!(words("<html>A page</html>", "about.html"), None);
         let long = format!("error {}", "é".repeat(1000));
-        assert_eq!(words(&long, "x").unwrap().chars().count(), SHOWN);
+        assert_eq!(words(&long, "x").unwrap().chars().count(), QUOTED);
         let _ = words(&format!("error {}", "é".repeat(LONGEST)), "x");
     }
 }

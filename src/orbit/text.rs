@@ -1,22 +1,26 @@
-//! Text files from outside.
+//! Reads external text files.
 
 use crate::read::{LARGEST_FILE, read_bytes};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-/// The text of a file of orbits, of at most 2 GiB; see [`read_text_within`].
+/// The text of an orbit file of up to 2 GiB; see [`read_text_within`].
 ///
-/// Errors: as there.
+/// # Errors
+///
+/// As for [`read_text_within`].
 pub fn read_text(path: &Path) -> Result<String> {
     read_text_within(path, LARGEST_FILE)
 }
 
-/// The text of a file of at most `most` bytes, without its byte order mark: UTF-8, or UTF-16 by its
-/// mark. Other bytes are replaced: names may be in any encoding, numbers are ASCII.
+/// The text of a file of up to `max` bytes, without its byte order mark: UTF-8, or UTF-16 with a
+/// mark. Invalid bytes are replaced: names may have any encoding, numbers are ASCII.
 ///
-/// Errors: as of [`read_bytes`], and where the file is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
-pub fn read_text_within(path: &Path, most: u64) -> Result<String> {
-    let bytes = read_bytes(path, most, |head| {
+/// # Errors
+///
+/// As for [`read_bytes`]; [`ErrorKind::InvalidData`] for a file that is no text: it has a NUL.
+pub fn read_text_within(path: &Path, max: u64) -> Result<String> {
+    let bytes = read_bytes(path, max, |head| {
         let is_utf_16 = matches!(head, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
         if !is_utf_16 && head.contains(&0) {
             return Err(no_text());
@@ -27,7 +31,7 @@ pub fn read_text_within(path: &Path, most: u64) -> Result<String> {
         [0xff, 0xfe, rest @ ..] => utf_16(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes),
         [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest).into_owned(),
-        // Long ones are not copied.
+        // No copy of a valid text.
         _ => String::from_utf8(bytes)
             .unwrap_or_else(|odd| String::from_utf8_lossy(odd.as_bytes()).into_owned()),
     };
@@ -42,13 +46,13 @@ fn no_text() -> Error {
     Error::new(ErrorKind::InvalidData, why)
 }
 
-/// What to do about a file that cannot be read, where something other than its path is wrong.
+/// The remedy for an unreadable file, if it is other than another path.
 pub fn remedy(error: &Error) -> Option<&'static str> {
     (error.kind() == ErrorKind::FileTooLarge)
         .then_some("give it in parts: a folder stands for all its files of orbits")
 }
 
-/// Text in units of 16 bits; what is none is replaced.
+/// UTF-16 text; invalid units are replaced.
 fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     let (pairs, rest) = bytes.as_chunks();
     let letters = char::decode_utf16(pairs.iter().copied().map(unit));
@@ -57,18 +61,20 @@ fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     text.chain(torn).collect()
 }
 
-/// What a path stands for.
+/// The contents of a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listing {
-    /// The path itself, or what a folder holds, in order of name.
+    /// The path itself, or the files of a folder, ordered by name.
     pub files: Vec<PathBuf>,
-    /// What a folder holds that is no file: folders, pipes, sockets and devices, which might not end.
+    /// Other entries of a folder: folders, pipes, sockets and devices, which may not end.
     pub others: Vec<PathBuf>,
 }
 
-/// The files that a path stands for.
+/// The files of a path.
 ///
-/// Errors: the folder cannot be listed.
+/// # Errors
+///
+/// The folder cannot be listed.
 pub fn files(path: &Path) -> Result<Listing> {
     if !path.is_dir() {
         let files = vec![path.to_owned()];
@@ -78,7 +84,7 @@ pub fn files(path: &Path) -> Result<Listing> {
     let entries = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path()));
     let mut all = entries.collect::<Result<Vec<PathBuf>>>()?;
     all.sort();
-    // A link that leads nowhere is reported when it is read.
+    // A broken link is reported when it is read.
     let is_file = |path: &PathBuf| path.metadata().map_or(true, |it| it.is_file());
     let (files, others) = all.into_iter().partition(is_file);
     Ok(Listing { files, others })
@@ -89,14 +95,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_long_is_reported_with_a_remedy() {
-        let here = std::env::temp_dir().join(format!("skyloop-long-{}", std::process::id()));
-        let mut file = std::fs::File::create(&here).unwrap();
+    fn a_file_that_is_too_long_is_reported_with_a_remedy() {
+        let path = std::env::temp_dir().join(format!("skyloop-long-{}", std::process::id()));
+        let mut file = std::fs::File::create(&path).unwrap();
         std::io::Write::write_all(&mut file, &[b' '; 1 << 16]).unwrap();
-        // The rest is a hole that takes no room.
+        // A sparse file takes no space.
         file.set_len(LARGEST_FILE + 1).unwrap();
-        let error = crate::load(&here).unwrap_err().to_string();
-        std::fs::remove_file(&here).unwrap();
+        let error = crate::load(&path).unwrap_err().to_string();
+        std::fs::remove_file(&path).unwrap();
         assert!(
             error.contains("longer than 2 GiB; give it in parts"),
             "{error}"
@@ -104,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_is_no_text_and_this_file_is() {
+    fn a_program_is_not_text() {
         let program = std::env::current_exe().unwrap();
         let error = read_text(&program).unwrap_err().to_string();
         assert!(error.contains("not a text file"), "{error}");
@@ -113,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_stands_for_its_files_in_order() {
+    fn a_folder_is_listed_in_order() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("omm");
         let names = files(&folder).unwrap().files;
         let names: Vec<_> = names.iter().filter_map(|path| path.file_name()).collect();
@@ -125,21 +131,21 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_order_mark_says_how_text_is_written() {
-        let here = std::env::temp_dir().join(format!("skyloop-marks-{}", std::process::id()));
-        // X-Val: by hand, Unicode 16.0, 23.8: FEFF in the order of its units; U+1F6F0 is D83D DEF0.
+    fn byte_order_marks_select_the_encoding() {
+        let path = std::env::temp_dir().join(format!("skyloop-marks-{}", std::process::id()));
+        // X-Val: by hand, Unicode 16.0, 23.8: FEFF in the byte order; U+1F6F0 is D83D DEF0.
         let little = b"\xff\xfe1\x00\xe9\x00\n\x00\x3d\xd8\xf0\xde".as_slice();
         let big = b"\xfe\xff\x001\x00\xe9\x00\n\xd8\x3d\xde\xf0";
         let eight = "\u{feff}1é\n🛰".as_bytes();
         for bytes in [little, big, eight] {
-            std::fs::write(&here, bytes).unwrap();
-            assert_eq!(read_text(&here).unwrap(), "1é\n🛰");
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read_text(&path).unwrap(), "1é\n🛰");
         }
-        std::fs::write(&here, &little[..little.len() - 1]).unwrap();
-        assert_eq!(read_text(&here).unwrap(), "1é\n\u{fffd}\u{fffd}");
-        std::fs::write(&here, &little[2..]).unwrap();
-        let error = read_text(&here).unwrap_err();
-        std::fs::remove_file(&here).unwrap();
+        std::fs::write(&path, &little[..little.len() - 1]).unwrap();
+        assert_eq!(read_text(&path).unwrap(), "1é\n\u{fffd}\u{fffd}");
+        std::fs::write(&path, &little[2..]).unwrap();
+        let error = read_text(&path).unwrap_err();
+        std::fs::remove_file(&path).unwrap();
         assert_eq!(error.kind(), ErrorKind::InvalidData);
         assert!(error.to_string().contains("UTF-16 with"), "{error}");
     }

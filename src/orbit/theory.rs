@@ -1,21 +1,21 @@
-//! The theories whose mean elements SGP4 and SDP4 can fly, and what is assumed of those that a file names otherwise.
+//! Theories whose mean elements SGP4 and SDP4 can propagate, and the assumptions for the others.
 
 use crate::Record;
 use std::collections::BTreeMap;
 
-/// Why elements of SGP4-XP are refused.
+/// Reason for refusing elements of SGP4-XP.
 pub(crate) const SGP4_XP: &str = "elements of SGP4-XP (MEAN_ELEMENT_THEORY = SGP4-XP, ephemeris type 4, BTERM, AGOM), which SGP4 must not \
                                   fly: fetch those of SGP4, or an ephemeris as OEM";
 
-/// A theory that a file names, of those that SGP4 and SDP4 can fly.
+/// A theory in a file that SGP4 and SDP4 can propagate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Theory {
-    /// SGP4 or SDP4, which are one.
+    /// SGP4 or SDP4, which are one theory.
     #[default]
     Sgp4,
-    /// SGP, the one before.
+    /// SGP, the predecessor.
     Sgp,
-    /// The form of the elements in place of their theory.
+    /// A form of elements, given as the theory.
     Tle,
     /// General perturbations, the class of theories that SGP4 belongs to.
     Gp,
@@ -24,12 +24,14 @@ pub enum Theory {
 impl Theory {
     /// From the value of MEAN_ELEMENT_THEORY.
     ///
-    /// Errors: says why the elements cannot be flown.
+    /// # Errors
+    ///
+    /// The elements are of another theory.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let letters = text.chars().filter(char::is_ascii_alphanumeric);
         let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
         match letters.as_str() {
-            // SGP/SGP4 is what the standard's own examples have.
+            // The standard's own examples have SGP/SGP4.
             "SGP4" | "SDP4" | "SGPSGP4" | "SGP4SDP4" => Ok(Theory::Sgp4),
             "SGP" => Ok(Theory::Sgp),
             "TLE" => Ok(Theory::Tle),
@@ -51,9 +53,11 @@ impl Theory {
     }
 }
 
-/// The ephemeris type of a set that SGP4 can fly: 0, or 1 to 3, which old sets have.
+/// The ephemeris type of a supported set: 0, or 1 to 3 in old sets.
 ///
-/// Errors: says why the elements cannot be flown.
+/// # Errors
+///
+/// The elements are of another theory.
 pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
     match number {
         0..=3 => Ok(number as u8),
@@ -64,11 +68,11 @@ pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
     }
 }
 
-/// What was assumed of records, a line for each kind.
+/// Assumptions for records, a line for each kind.
 pub(crate) fn assumptions(records: &[Record], source: &str) -> Vec<String> {
     const ODD: &str =
         "1, 2 or 3: taken as 0, with Kozai's mean motion (Brouwer's differs by up to 0.1 %)";
-    // By text: the number of records and the line of the first.
+    // For each text the count of records and the first line.
     let mut kinds: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for record in records {
         let theory = record

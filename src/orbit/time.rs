@@ -2,27 +2,27 @@
 
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 
-/// Nanoseconds from 1900-01-01T00:00, where hifitime counts from, to 2000-01-01T12:00.
+/// Nanoseconds from hifitime's origin 1900-01-01T00:00 to 2000-01-01T12:00.
 pub(crate) const J2000_NS: i128 = 36_524 * DAY_NS + DAY_NS / 2;
 /// Nanoseconds in a day of 86,400 s.
 pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 /// Nanoseconds of a second.
 const SECOND_NS: i128 = 1_000_000_000;
 
-/// `s` seconds to the nearest nanosecond, where hifitime truncates; 0 for NaN, saturating.
+/// `s` seconds to the nearest nanosecond (hifitime truncates); 0 for NaN, saturating.
 pub fn seconds(s: f64) -> Duration {
     let whole = (s.trunc() as i128).saturating_mul(SECOND_NS);
     let rest = (s.fract() * SECOND_NS as f64).round() as i128;
     Duration::from_total_nanoseconds(whole.saturating_add(rest))
 }
 
-/// TAI - UTC; in a leap second as in the second before it.
+/// TAI - UTC; a leap second has the value of the second before it.
 pub(crate) fn tai_minus_utc(epoch: Epoch) -> Duration {
     let utc = utc_duration(in_whole_seconds(epoch).0);
     Epoch::from_utc_duration(utc).to_tai_duration() - utc
 }
 
-/// Leap seconds between two instants: how much TAI - UTC grows.
+/// Leap seconds between two instants: the increase of TAI - UTC.
 pub fn leap_seconds(from: Epoch, to: Epoch) -> i32 {
     (tai_minus_utc(to) - tai_minus_utc(from))
         .to_seconds()
@@ -49,8 +49,8 @@ pub(crate) fn tdb_minus_tt_s(tt: Epoch) -> f64 {
 }
 
 /// Reads a CCSDS ASCII time, code A `YYYY-MM-DDThh:mm:ss[.d..]` or code B
-/// `YYYY-DDDThh:mm:ss[.d..]`, with or without a closing `Z` (CCSDS 301.0-B, section 3.5). Digits
-/// past the nanosecond are dropped.
+/// `YYYY-DDDThh:mm:ss[.d..]`, with or without a final `Z` (CCSDS 301.0-B, section 3.5). Digits
+/// after the nanosecond are dropped.
 pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
     let text = text.strip_suffix('Z').unwrap_or(text);
     let (date, clock) = text.split_once('T')?;
@@ -72,18 +72,20 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
         return None;
     }
 
-    // hifitime looks up leap seconds by a rounded number of seconds, which is exact for whole ones
+    // hifitime finds leap seconds by rounded seconds, which are exact without a fraction.
     let epoch = Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, 0, scale)
         .ok()?
         .to_time_scale(TimeScale::TAI);
-    // hifitime gives 23:59:60 the instant of 23:59:59
+    // hifitime gives 23:59:60 the instant of 23:59:59.
     let leap = i64::from(second == 60);
     Some(epoch + leap * Unit::Second + Duration::from_total_nanoseconds(nanoseconds))
 }
 
-/// Reads a UTC time such as `2019-06-15T23:35:50.500Z`, leap seconds included.
+/// Reads a UTC time such as `2019-06-15T23:35:50.500Z`, also in a leap second.
 ///
-/// Errors: says what is wanted, or how many days there are.
+/// # Errors
+///
+/// The expected form, and the fault where it is known.
 pub fn parse_utc(text: &str) -> Result<Epoch, String> {
     parse_ccsds(text.trim(), TimeScale::UTC).ok_or_else(|| {
         let why = why_not(text);
@@ -91,7 +93,7 @@ pub fn parse_utc(text: &str) -> Result<Epoch, String> {
     })
 }
 
-/// What is wrong with a time that cannot be read, behind a colon; nothing where that is not known.
+/// The fault of an unreadable time, after a colon; empty where it is unknown.
 pub(crate) fn why_not(text: &str) -> String {
     let text = text.trim();
     let why = match text.split_once('T') {
@@ -104,7 +106,7 @@ pub(crate) fn why_not(text: &str) -> String {
     why.map_or(String::new(), |why| format!(": {why}"))
 }
 
-/// Which hour, minute or second a time of day of the right form names that no day has.
+/// The fault of a time of day with the right form.
 fn no_such_time(clock: &str) -> Option<&'static str> {
     let clock = clock.strip_suffix('Z').unwrap_or(clock);
     let mut parts = clock.splitn(3, ':');
@@ -123,7 +125,7 @@ fn no_such_time(clock: &str) -> Option<&'static str> {
     }
 }
 
-/// Which day or month a date of the right form names that no calendar has.
+/// The fault of a date with the right form.
 fn no_such_day(text: &str) -> Option<String> {
     let (date, _) = text.split_once('T')?;
     let (year, day) = date.split_once('-')?;
@@ -139,12 +141,12 @@ fn no_such_day(text: &str) -> Option<String> {
             }
         }
     };
-    let is_there = (1..=days).contains(&day);
-    (!is_there).then(|| format!("{span} has days 1 to {days}"))
+    let is_valid = (1..=days).contains(&day);
+    (!is_valid).then(|| format!("{span} has days 1 to {days}"))
 }
 
 /// UTC since 1900-01-01T00:00, in days of 86,400 s; a leap second counts as the second before it.
-/// hifitime's own is 1 s early in the TAI - UTC seconds before a leap second.
+/// hifitime's own result is 1 s early during the last TAI - UTC seconds before a leap second.
 pub fn utc_duration(epoch: Epoch) -> Duration {
     let (whole, fraction) = in_whole_seconds(epoch);
     #[allow(clippy::disallowed_methods)]
@@ -160,7 +162,8 @@ pub fn utc_days_since_j2000(epoch: Epoch) -> f64 {
     ns as f64 / DAY_NS as f64
 }
 
-/// Modified Julian date of UTC, of which a day with a leap second has 86,401 s (SOFA, `iauDtf2d`: "quasi-JD").
+/// Modified Julian date of UTC, where a day with a leap second has 86,401 s (SOFA, `iauDtf2d`:
+/// "quasi-JD").
 pub fn utc_mjd(epoch: Epoch) -> f64 {
     /// MJD of 1900-01-01.
     const MJD_1900: i128 = 15_020;
@@ -168,7 +171,7 @@ pub fn utc_mjd(epoch: Epoch) -> f64 {
     let [start, end] = [day, day + 1].map(|day| {
         Epoch::from_utc_duration(Duration::from_total_nanoseconds(day * DAY_NS)).to_tai_duration()
     });
-    // In hifitime UTC steps by 10 s at 1972: before it days have 86,400 s.
+    // hifitime's UTC steps by 10 s at 1972: earlier days have 86,400 s.
     let length_s = match (end - start).to_seconds() {
         86_402.0.. => 86_400.0,
         length_s => length_s,
@@ -177,7 +180,7 @@ pub fn utc_mjd(epoch: Epoch) -> f64 {
     (day + MJD_1900) as f64 + part
 }
 
-/// An epoch in whole seconds of TAI, for which hifitime's leap seconds are exact, and the fraction.
+/// An epoch in whole TAI seconds, where hifitime's leap seconds are exact, and the fraction.
 fn in_whole_seconds(epoch: Epoch) -> (Epoch, Duration) {
     let ns = epoch.to_tai_duration().total_nanoseconds();
     let fraction = ns.rem_euclid(SECOND_NS);
@@ -185,30 +188,30 @@ fn in_whole_seconds(epoch: Epoch) -> (Epoch, Duration) {
     (whole, Duration::from_total_nanoseconds(fraction))
 }
 
-/// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
+/// UTC text of an epoch with all its decimals, at least three; a leap second is 60.
 pub fn utc_text(epoch: Epoch) -> String {
     let (whole, fraction) = in_whole_seconds(epoch);
     #[allow(clippy::disallowed_methods)]
     let (year, month, day, hour, minute, second, _) = whole.to_gregorian_utc();
-    let shown = Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, 0);
-    // hifitime shows a leap second as the second before it
-    let leap =
-        shown.is_ok_and(|shown| whole - shown.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
+    let read_back = Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, 0);
+    // hifitime prints a leap second as the second before it.
+    let leap = read_back
+        .is_ok_and(|epoch| whole - epoch.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
     let second = second + u8::from(leap);
     let fraction = format!("{:09}", fraction.total_nanoseconds());
-    let kept = fraction.trim_end_matches('0').len().max(3);
+    let decimals = fraction.trim_end_matches('0').len().max(3);
     format!(
         "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{}Z",
-        &fraction[..kept]
+        &fraction[..decimals]
     )
 }
 
-/// The UTC epoch of a TLE: two-digit year (57 to 99 are 19xx) and day of the
-/// year, 1.0 being 1 January 00:00, with its fraction as decimal digits.
+/// The UTC epoch of a TLE: two-digit year (57 to 99 are 19xx), day of the year (1 January is 1),
+/// and the decimal digits of its fraction.
 pub(crate) fn from_tle(year: u8, day: u16, fraction: &str) -> Option<Epoch> {
     let year = i32::from(year) + if year < 57 { 2000 } else { 1900 };
     month_and_day(year, day)?;
-    // Days since 1900, of which a year in four since 1904 has one more: without the walk through all months that a date takes.
+    // Days since 1900; every fourth year from 1904 on is a leap year. Faster than by a date.
     let days = 365 * (year - 1900) + (year - 1901) / 4 + i32::from(day) - 1;
     let midnight = Epoch::from_utc_duration(Unit::Day * i64::from(days));
     let of_day = scaled_fraction(fraction, DAY_NS)?;
@@ -230,10 +233,10 @@ fn scaled_fraction(fraction: &str, unit: i128) -> Option<i128> {
     if !fraction.bytes().all(|b| b.is_ascii_digit()) {
         return None;
     }
-    // 15 digits of a day are 86 ps
-    let kept = &fraction[..fraction.len().min(15)];
-    let value: i128 = format!("0{kept}").parse().ok()?;
-    Some(value * unit / 10_i128.pow(kept.len() as u32))
+    // 15 digits of a day are 86 ps.
+    let digits = &fraction[..fraction.len().min(15)];
+    let value: i128 = format!("0{digits}").parse().ok()?;
+    Some(value * unit / 10_i128.pow(digits.len() as u32))
 }
 
 fn month_and_day(year: i32, day_of_year: u16) -> Option<(u8, u8)> {
@@ -247,14 +250,14 @@ fn month_and_day(year: i32, day_of_year: u16) -> Option<(u8, u8)> {
     None
 }
 
-/// Days of the months.
+/// Lengths of the months, days.
 fn month_lengths(year: i32) -> [u16; 12] {
     let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
     let february = if leap { 29 } else { 28 };
     [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]
 }
 
-/// An unsigned number written with exactly `count` digits.
+/// An unsigned number with exactly `count` digits.
 fn digits<T: std::str::FromStr>(text: &str, count: usize) -> Option<T> {
     let all_digits = text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
     text.parse().ok().filter(|_| all_digits)
@@ -265,7 +268,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn leap_seconds_survive_both_ways() {
+    fn leap_seconds_are_read_and_written() {
         for text in [
             "2016-12-31T23:59:59.000Z",
             "2016-12-31T23:59:60.000Z",
@@ -293,8 +296,9 @@ mod tests {
     }
 
     #[test]
-    fn utc_counts_days_over_leap_seconds() {
-        // X-Val: pyerfa 2.0.1.5, dtf2d("UTC", ...), as days and seconds of a day with a leap second, and of one without.
+    fn utc_days_with_leap_seconds_are_counted() {
+        // X-Val: pyerfa 2.0.1.5, dtf2d("UTC", ...), as days and seconds of a day with a leap
+        // second, and of one without.
         for (text, mjd, utc_s) in [
             (
                 "2016-12-31T12:00:00Z",
@@ -352,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn every_day_of_an_element_set_is_that_day_of_the_calendar() {
+    fn every_day_of_the_year_of_a_tle_is_the_calendar_day() {
         for year in 0..100_u8 {
             let full = i32::from(year) + if year < 57 { 2000 } else { 1900 };
             let mut day = 0;
@@ -370,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_does_not_exist_is_reported() {
+    fn an_invalid_time_is_reported() {
         for (text, why) in [
             ("2026-02-30T00:00:00Z", "2026-02 has days 1 to 28"),
             ("2024-02-30T00:00:00Z", "2024-02 has days 1 to 29"),
@@ -381,7 +385,7 @@ mod tests {
             ("2026-02-28T24:00:00Z", "a day ends at 00:00:00 of the next"),
             ("2026-02-28T23:60:00Z", "minutes are 00 to 59"),
             ("2026-02-28T23:59:61Z", "60 in a leap second"),
-            // X-Val: IERS Bulletins C: none in June 2019, and none ever at another time of day.
+            // X-Val: IERS Bulletins C: none in June 2019, and none at another time of day.
             ("2019-06-30T23:59:60Z", "no leap second then"),
             ("2016-12-31T22:59:60Z", "no leap second then"),
             ("2026-02-28T23:59+02:00", "offsets from UTC"),

@@ -6,25 +6,25 @@ use crate::two_line::Checksum;
 use crate::{Contents, bounded_name, lines};
 use rayon::prelude::*;
 
-/// Name lines have at most 24 characters behind a `0 `; element lines have 69, or 68 without a checksum.
+/// Longest name line: 24 characters after `0 `. Element lines have 69, or 68 without a checksum.
 const LONGEST_NAME: usize = 26;
 /// Columns of a line without its checksum.
 const UNSEALED: usize = 68;
 
-/// Where the name lines of a file stand.
+/// Position of the name lines in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Names {
-    /// Before their sets, as in every 3LE.
+    /// Before their sets, as in a 3LE.
     Before,
-    /// Behind their sets.
-    Behind,
+    /// After their sets.
+    After,
 }
 
 /// Reads every set of a text.
 ///
-/// A record is lines 1 and 2, with an optional name line (with or without a leading `0 `) before
-/// or, in files that begin with line 1 and end with a name, behind them. Blank lines and lines that
-/// begin with `#` are skipped.
+/// A record is lines 1 and 2 with an optional name line (with or without a leading `0 `). The name
+/// is before them. In files that begin with line 1 and end with a name it is after them. Blank
+/// lines and lines that begin with `#` are skipped.
 pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut reader = Reader {
         names: order(part.text),
@@ -41,21 +41,22 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
             None => reader.name_line(number, line),
         }
     }
-    // In parallel: this takes most of the time.
+    // In parallel, since this takes most of the time.
     let steps = reader.close().into_par_iter();
     let read: Vec<At<Record>> = steps.map(Step::read).collect();
     for (line, reason) in read.iter().filter_map(|one| one.as_ref().err()) {
         found.reject(*line, reason);
     }
-    // Collected in place: catalogues are long.
+    // Collected in place to save memory for large catalogues.
     let records: Vec<Record> = read.into_iter().filter_map(Result::ok).collect();
-    match found.records.is_empty() {
-        true => found.records = records,
-        false => found.records.extend(records),
+    if found.records.is_empty() {
+        found.records = records;
+    } else {
+        found.records.extend(records);
     }
 }
 
-/// What lines give.
+/// A set or a refused line.
 enum Step<'a> {
     /// Lines 1 and 2 with their numbers, and the name.
     Set {
@@ -77,9 +78,11 @@ impl Step<'_> {
             } => (first, second, name),
             Step::Refused(line, reason) => return Err((line, reason)),
         };
-        let checksum = match first.1.len() == UNSEALED && second.1.len() == UNSEALED {
-            true => Checksum::Ignored,
-            false => Checksum::Required,
+        let is_bare = first.1.len() == UNSEALED && second.1.len() == UNSEALED;
+        let checksum = if is_bare {
+            Checksum::Ignored
+        } else {
+            Checksum::Required
         };
         let record = Record::from_lines(first.1, second.1, checksum).map_err(|error| {
             let line = if error.line == 1 { first.0 } else { second.0 };
@@ -96,11 +99,11 @@ impl Step<'_> {
 
 struct Reader<'a> {
     names: Names,
-    /// A name whose set has not come yet.
+    /// A name before its set.
     name: Option<(usize, &'a str)>,
-    /// A line 1 whose line 2 has not come yet.
+    /// A line 1 before its line 2.
     first: Option<(usize, &'a str)>,
-    /// Whether what came last was a set, or lines that are none, so that a name behind it is theirs.
+    /// Whether a name at this line belongs to the set, or the refused lines, before it.
     is_unnamed: bool,
     steps: Vec<Step<'a>>,
 }
@@ -127,7 +130,7 @@ impl<'a> Reader<'a> {
 
     fn name_line(&mut self, number: usize, line: &'a str) {
         self.abandon();
-        // An object without a name has `0` alone.
+        // The name line of an object without a name is `0`.
         let line = if line == "0" { "0 " } else { line };
         let text = line.strip_prefix("0 ").unwrap_or(line).trim();
         let is_unnamed = std::mem::take(&mut self.is_unnamed);
@@ -137,16 +140,16 @@ impl<'a> Reader<'a> {
                     self.unused(old);
                 }
             }
-            Names::Behind if is_unnamed => {
+            Names::After if is_unnamed => {
                 if let Some(Step::Set { name, .. }) = self.steps.last_mut() {
                     *name = Some(text);
                 }
             }
-            Names::Behind => self.unused((number, text)),
+            Names::After => self.unused((number, text)),
         }
     }
 
-    /// Gives up a line 1 that is left alone, and its name.
+    /// Refuses a line 1 without its line 2, and drops its name.
     fn abandon(&mut self) {
         if let Some((at, _)) = self.first.take() {
             self.refuse(at, "line 1 of a set without its line 2".to_owned());
@@ -172,7 +175,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Whether the sets of a text have names; none of a text without an element line.
+/// Whether the sets of a text have names; none for a text without an element line.
 pub(crate) fn has_names(text: &str) -> Option<bool> {
     let mut lines = significant(text).map(|(_, line)| element_line(line));
     if lines.clone().all(|line| line.is_none()) {
@@ -181,9 +184,9 @@ pub(crate) fn has_names(text: &str) -> Option<bool> {
     Some(lines.any(|line| line.is_none()))
 }
 
-/// Names stand behind their sets in a file that begins with a set, has a name right after it and
-/// ends with a name. A 3LE begins with a name; one that lost it ends with a set. Names that are
-/// marked as line 0 of a 3LE must be as many as the sets.
+/// The position of names. They are after their sets in a file that begins with a set, has a name
+/// next, and ends with a name. (A 3LE begins with a name; one without its first line ends with a
+/// set.) Names marked as line 0 must be as many as the sets.
 fn order(text: &str) -> Names {
     let all = significant(text).map(|(_, line)| line);
     let mut lines = all.clone();
@@ -197,12 +200,12 @@ fn order(text: &str) -> Names {
             .count()
     };
     let last = lines.last().or(third);
-    let behind = start == [Some(1), Some(2)]
+    let after = start == [Some(1), Some(2)]
         && name(third)
         && name(last)
         && last.is_some_and(|last| last.len() <= LONGEST_NAME)
         && (!marked || count(None) == count(Some(1)));
-    if behind { Names::Behind } else { Names::Before }
+    if after { Names::After } else { Names::Before }
 }
 
 /// The lines that are neither blank nor comments, with their numbers.
@@ -217,7 +220,8 @@ pub(crate) fn is_set(first: &str, second: &str) -> bool {
     element_line(first) == Some(1) && element_line(second) == Some(2)
 }
 
-/// 1 or 2 when the line is that line of a set. A name may begin with these digits too, but has more letters than digits.
+/// 1 or 2 for that line of a set. A name may begin with these digits, but has more letters than
+/// digits.
 fn element_line(line: &str) -> Option<u8> {
     let number = match line.get(..2)? {
         "1 " => 1,

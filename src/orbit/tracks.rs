@@ -1,18 +1,18 @@
-//! Positions of a whole catalogue from frame to frame, within centimetres, in a tenth of SGP4's
-//! time.
+//! Positions of a whole catalogue from frame to frame, within centimetres, in a tenth of the time
+//! of SGP4.
 //!
 //! ```text
-//! t -> blocks that cannot have reached the cone in view: nothing
+//! t -> blocks that cannot have reached the cone: skipped
 //!   -> blocks whose segment contains t: its cubic
 //!   -> others: SGP4; in each frame a share of them gets a segment
 //! ```
 //!
-//! A segment is a cubic through four positions of [`SEGMENT_S`], its ends among them. Velocities
-//! are not used: under drag SGP4's velocity is not the derivative of its position. At the middle,
-//! where the cubic is farthest off, a fifth position checks it. An object that is off by more than
-//! [`TOLERANCE_KM`] there, or fails at any of the five, is propagated in every frame. With the
-//! rounding of coefficients positions are within [`BOUND_KM`]: they select candidates, SGP4 gives
-//! their states.
+//! A segment is a cubic through four positions within [`SEGMENT_S`], including its ends. Velocities
+//! are not used, since SGP4's velocity under drag is not the derivative of its position. The error
+//! is largest at the middle, where a fifth position checks it. An object with an error above
+//! [`TOLERANCE_KM`] there, or with a failure at any of the five, is propagated in every frame. With
+//! rounded coefficients positions are within [`BOUND_KM`]. They select candidates, whose states
+//! come from SGP4.
 
 use crate::StateVector;
 use crate::cone::{Cone, FASTEST_KM_S, Leeway, Moved};
@@ -24,15 +24,16 @@ use rayon::prelude::*;
 
 /// Length of a segment, s.
 pub const SEGMENT_S: i64 = 20;
-/// Largest error of a cubic at its middle, km: of a circular orbit 1.3 m times (rate/0.07 deg/s)^4.
+/// Largest error of a cubic at its middle, km; for a circular orbit 1.3 m times (rate/0.07
+/// deg/s)^4.
 pub const TOLERANCE_KM: f64 = 1e-5;
-/// Largest error of positions, km: twice the tolerance, and coefficients rounded to 24 bits (6e-8
+/// Largest error of positions, km: twice the tolerance, plus coefficients rounded to 24 bits (6e-8
 /// of the path in half a segment, 110 km at 11 km/s).
 pub const BOUND_KM: f64 = 3e-5;
 
-/// Blocks of a task.
+/// Blocks of a work item.
 const CHUNK: usize = 32;
-/// A block without a segment gets one after at most this many frames.
+/// Frames within which every block gets a segment.
 const TURNS: usize = 16;
 /// A segment takes five propagations. It pays only where frames are closer than this part of it.
 const WORTH: i64 = 8;
@@ -41,7 +42,7 @@ const WORTH: i64 = 8;
 #[derive(Debug, Default)]
 pub struct Tracks {
     batch: Batch,
-    /// Whether every position is SGP4's.
+    /// Whether every position is computed by SGP4.
     pub exact: bool,
     watches: Vec<Watch>,
     segments: Vec<Segment>,
@@ -54,11 +55,11 @@ pub struct Tracks {
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Places<'a> {
-    /// x, y, z, km, within [`BOUND_KM`]; 0 of failed objects.
+    /// x, y, z, km, within [`BOUND_KM`]; 0 for failed objects.
     pub position_km: [Row; 3],
-    /// 0, or SGP4's code of a failure, see [`States::get`](crate::sgp4_batch::States::get).
+    /// 0, or SGP4's failure code, see [`States::get`](crate::sgp4_batch::States::get).
     pub code: [u8; BLOCK],
-    /// Indices in the catalogue, [`NOBODY`](crate::sgp4_batch::NOBODY) in unused places.
+    /// Indices in the catalogue, or [`NO_OBJECT`](crate::sgp4_batch::NO_OBJECT).
     pub objects: &'a [u32],
 }
 
@@ -67,15 +68,15 @@ pub trait Look: Sync {
     /// Result for an object.
     type Found: Send;
 
-    /// Objects outside of it are not searched for.
+    /// Objects outside of this cone are not searched for.
     fn cone(&self) -> &Cone;
 
-    /// Adds what is found of a block, and returns whether any object of it may be in the cone.
+    /// Adds the results for a block. Returns whether any of its objects may be in the cone.
     /// Inlined, it uses the vector instructions of the catalogue's level.
     fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool;
 }
 
-/// What decides whether a block's segment is read.
+/// Decides whether a block's segment is read.
 #[derive(Clone, Debug)]
 struct Watch {
     /// Middle of the segment, ns since 1900 TAI, or [`NEVER`].
@@ -83,29 +84,29 @@ struct Watch {
     leeway: Leeway,
 }
 
-/// A segment of a block's paths. Numbers come first: no row lies in two cache lines.
+/// A segment of a block's paths. The order of fields puts each row into one cache line.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 struct Segment {
     /// At the middle, km.
     middle_km: [Row; 3],
-    /// Factors of the time from the middle in half segments, of its square and its cube, km.
+    /// Factors of s, s^2 and s^3, km, with the time s from the middle in half segments.
     rates_km: [[Rates; 3]; 3],
-    /// Codes of objects that fail throughout; their positions are 0.
+    /// Codes of objects that fail over the whole segment; their positions are 0.
     code: [u8; BLOCK],
-    /// Objects for which SGP4 is used instead.
-    asks: [bool; BLOCK],
-    /// Whether no object fails, and none is faster than [`FASTEST_KM_S`].
+    /// Objects that are propagated by SGP4 in every frame.
+    uses_sgp4: [bool; BLOCK],
+    /// Whether no object fails or is faster than [`FASTEST_KM_S`].
     is_calm: bool,
 }
 
-// The time of a frame is that of reading all segments from memory.
+// Reading all segments from memory dominates the time of a frame.
 const _: () = assert!(size_of::<Segment>() == 512);
 
-/// The middle of no segment.
+/// Middle of a missing segment.
 const NEVER: i64 = i64::MIN;
 
-/// A coefficient of each object of a block, km.
+/// A coefficient for each object of a block, km.
 type Rates = [f32; BLOCK];
 
 /// Instants of the positions that fit and check a segment.
@@ -114,19 +115,23 @@ const INSTANTS: usize = 5;
 /// Half a segment, ns.
 const HALF_NS: i64 = SEGMENT_S * 500_000_000;
 
-/// Times that are the same for all blocks.
+/// Times of a frame, the same for all blocks.
 #[derive(Clone, Copy)]
 struct Frame {
     t: Epoch,
     ns: i64,
-    /// The frame before, where it is so near that segments pay.
+    /// The previous frame, if it is near enough for segments to pay.
     last: Option<i64>,
     /// Blocks with this remainder of [`TURNS`] get a segment.
     turn: usize,
 }
 
 impl Tracks {
-    /// Errors: the first set that the model cannot start from.
+    /// Reads a catalogue.
+    ///
+    /// # Errors
+    ///
+    /// The first element set that SGP4 cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Tracks, ModelError> {
         let batch = Batch::new(sets)?;
         Ok(Tracks {
@@ -145,12 +150,12 @@ impl Tracks {
         self.batch.is_empty()
     }
 
-    /// The instructions that are used.
+    /// The vector instructions in use.
     pub fn level(&self) -> Level {
         self.batch.level()
     }
 
-    /// Uses these instructions; the portable ones where the processor lacks them.
+    /// Sets the vector instructions; portable ones where the processor lacks them.
     pub fn set_level(&mut self, level: Level) {
         self.batch.set_level(level);
     }
@@ -162,8 +167,8 @@ impl Tracks {
             + self.watches.capacity() * size_of::<Watch>()
     }
 
-    /// Calls `each` with SGP4's states of some objects in turn, at the same `N` instants, up to
-    /// [`BLOCK`]: TEME, m and m/s, or the code of a failure.
+    /// Calls `each` with SGP4's states of each object in turn, at the same `N` instants, up to
+    /// [`BLOCK`]: TEME, m and m/s, or the failure code.
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],
@@ -173,7 +178,7 @@ impl Tracks {
         self.batch.states_at(objects, when, each);
     }
 
-    /// What `look` finds at `t`, in the order of blocks.
+    /// The results of `look` at `t`, in the order of blocks.
     pub fn at<L: Look>(&mut self, t: Epoch, look: &L) -> Vec<L::Found> {
         let ns = t.to_tai_duration().total_nanoseconds() as i64;
         let near = |last: &i64| (ns - last).abs() <= 2 * HALF_NS / WORTH;
@@ -208,7 +213,7 @@ impl Tracks {
                 batch.blocks_requested(&requested, &mut states);
                 let (states, _) = states.as_chunks::<INSTANTS>();
                 for (i, states) in begun.into_iter().zip(states) {
-                    segments[i].lay(states);
+                    segments[i].fit(states);
                     if !segments[i].is_calm {
                         watches[i].leeway = Leeway::NONE;
                     }
@@ -232,7 +237,7 @@ impl Tracks {
     }
 }
 
-/// Blocks of a task.
+/// Blocks of a work item.
 struct Chunk<'a, L: Look> {
     batch: &'a Batch,
     first: usize,
@@ -252,7 +257,7 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
         let Frame { t, ns, .. } = self.frame;
         let (cone, moved) = (self.look.cone(), self.moved);
         let held = self.watches.iter().filter(|w| w.holds(ns)).count();
-        // Many blocks together take less time than one by one.
+        // Many blocks together take less time than the same blocks one by one.
         let mut all = Vec::new();
         if 2 * held < self.segments.len() {
             all.resize_with(self.segments.len(), BlockStates::default);
@@ -270,9 +275,9 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
                 objects: self.batch.objects_of(self.first + i),
             };
             if holds {
-                segment.place(ns, watch.middle_ns, &mut places.position_km);
+                segment.positions(ns, watch.middle_ns, &mut places.position_km);
             }
-            if !holds || segment.asks.contains(&true) {
+            if !holds || segment.uses_sgp4.contains(&true) {
                 let mut one = [const { BlockStates::NONE }];
                 let states = match all.get(i) {
                     Some(states) => states,
@@ -281,24 +286,25 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
                         &one[0]
                     }
                 };
-                for k in (0..BLOCK).filter(|&k| !holds || segment.asks[k]) {
+                for k in (0..BLOCK).filter(|&k| !holds || segment.uses_sgp4[k]) {
                     for (row, new) in places.position_km.iter_mut().zip(&states.position_km) {
                         row[k] = new[k];
                     }
                     places.code[k] = states.code[k] as u8;
                 }
             }
-            let met = self.look.look(&places, self.found);
-            watch.leeway = match holds && segment.is_calm && !met {
-                true => Leeway::of(&places.position_km, cone, 2.0 * BOUND_KM, moved),
-                false => Leeway::NONE,
+            let any_inside = self.look.look(&places, self.found);
+            watch.leeway = if holds && segment.is_calm && !any_inside {
+                Leeway::of(&places.position_km, cone, 2.0 * BOUND_KM, moved)
+            } else {
+                Leeway::NONE
             };
         }
     }
 }
 
 impl Frame {
-    /// Whether a block gets a new segment now: its last one has just ended, or it is its turn.
+    /// Whether a block gets a new segment now: its last one has just ended, or it has this turn.
     fn is_due(&self, block: usize, watch: &Watch) -> bool {
         self.last
             .is_some_and(|last| watch.holds(last) || block % TURNS == self.turn)
@@ -316,7 +322,7 @@ impl Watch {
         self.middle_ns != NEVER && (ns - self.middle_ns).abs() <= HALF_NS
     }
 
-    /// Begins the segment of `block` that contains `ns`, and returns the instants that it needs.
+    /// Begins the segment of `block` that contains `ns`, and returns the requests for it.
     fn begin(&mut self, block: usize, ns: i64) -> [Requested; INSTANTS] {
         // The golden section distributes the starts of any number of blocks evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -336,12 +342,12 @@ impl Segment {
         middle_km: [[0.0; BLOCK]; 3],
         rates_km: [[[0.0; BLOCK]; 3]; 3],
         code: [0; BLOCK],
-        asks: [false; BLOCK],
+        uses_sgp4: [false; BLOCK],
         is_calm: false,
     };
 
-    /// Fits the cubics.
-    fn lay(&mut self, [a, b, m, c, d]: &[BlockStates; INSTANTS]) {
+    /// Fits and checks the cubics.
+    fn fit(&mut self, [a, b, m, c, d]: &[BlockStates; INSTANTS]) {
         let mut fits = [true; BLOCK];
         let mut speed2 = [0.0; BLOCK];
         for axis in 0..3 {
@@ -367,26 +373,26 @@ impl Segment {
             let code = |states: &BlockStates| states.code[i] as u8;
             let same = [a, b, c, d].iter().all(|s| code(s) == code(m));
             self.code[i] = if same { code(m) } else { 0 };
-            self.asks[i] = !same || !fits;
+            self.uses_sgp4[i] = !same || !fits;
         }
         // km in half a segment
         let fastest = FASTEST_KM_S * (SEGMENT_S as f64 / 2.0);
         self.is_calm = self.code == [0; BLOCK]
-            && self.asks == [false; BLOCK]
+            && self.uses_sgp4 == [false; BLOCK]
             && speed2.iter().all(|speed2| *speed2 <= fastest * fastest);
     }
 
-    /// Positions at an instant.
+    /// Evaluates the cubics at an instant.
     #[inline(always)]
-    fn place(&self, ns: i64, middle_ns: i64, position_km: &mut [Row; 3]) {
+    fn positions(&self, ns: i64, middle_ns: i64, position_km: &mut [Row; 3]) {
         let s = ((ns - middle_ns) as f64 / HALF_NS as f64) as f32;
-        // x = p0 + s (p1 + s (p2 + s p3)); the compiler vectorises one loop, but not three of
-        // eight.
+        // x = p0 + s (p1 + s (p2 + s p3)). The compiler vectorises one loop, but not three of eight
+        // steps.
         let [p1, p2, p3] = self.rates_km.each_ref().map(|rates| rates.as_flattened());
-        let places = position_km.as_flattened_mut().iter_mut();
-        let places = places.zip(self.middle_km.as_flattened());
-        for ((place, middle), ((p1, p2), p3)) in places.zip(p1.iter().zip(p2).zip(p3)) {
-            *place = middle + f64::from(s * (p1 + s * (p2 + s * p3)));
+        let positions = position_km.as_flattened_mut().iter_mut();
+        let positions = positions.zip(self.middle_km.as_flattened());
+        for ((position, middle), ((p1, p2), p3)) in positions.zip(p1.iter().zip(p2).zip(p3)) {
+            *position = middle + f64::from(s * (p1 + s * (p2 + s * p3)));
         }
     }
 }

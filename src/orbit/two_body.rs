@@ -1,4 +1,4 @@
-//! Two-body motion with the Earth's oblateness, between the states that a flight computer sends.
+//! Two-body motion with J2, between the states that a flight computer sends.
 
 use crate::StateVector;
 use nalgebra::Vector3;
@@ -12,13 +12,13 @@ pub const EARTH_J2: f64 = 1.082_635_9e-3;
 
 /// Radians of local circular motion in one integration step.
 const STEP_RAD: f64 = 0.005;
-/// No more steps than this, whatever the state and the interval.
+/// Largest number of steps, for any state and interval.
 const MAX_STEPS: f64 = 2e5;
 
 /// The state `dt_s` seconds later (or earlier, when negative), GCRF, m and m/s.
 ///
-/// Gravity is the central term and J2, with the GCRF z axis as the Earth's pole. Errors, measured
-/// in `tests/two_body.rs` but for the last:
+/// Gravity is the central term and J2, with the GCRF z axis as the Earth's pole. Errors (the first
+/// two measured in `tests/two_body.rs`):
 ///
 /// - integration: 0.7 mm a revolution at 500 km, 6 cm in an orbit of eccentricity 0.74;
 /// - the pole, moved by precession by 0.14 degrees in 2025: at 500 km 0.12 m after a minute, 310 m
@@ -26,15 +26,15 @@ const MAX_STEPS: f64 = 2e5;
 /// - J3 and higher, drag, Sun and Moon are left out: at 500 km some 1e-4 m/s^2, so about 0.2 m
 ///   after a minute, kilometres after some revolutions.
 ///
-/// Intervals beyond 2e5 steps (five days at 500 km) take coarser steps. A state or interval that is
+/// Intervals beyond 2e5 steps (five days at 500 km) use coarser steps. A state or interval that is
 /// not finite gives a state that is not finite.
 pub fn propagate_j2(state: &StateVector, dt_s: f64) -> StateVector {
     propagate(state, dt_s, EARTH_J2)
 }
 
-/// [`propagate_j2`] with another second zonal harmonic: 0 leaves Kepler's ellipse.
+/// [`propagate_j2`] with another second zonal harmonic; 0 gives Kepler's ellipse.
 ///
-/// Runge and Kutta's method of fourth order, with steps that follow the distance.
+/// Fourth-order Runge-Kutta method, with steps that depend on the distance.
 pub fn propagate(state: &StateVector, dt_s: f64, j2: f64) -> StateVector {
     let (mut now, mut left) = (*state, dt_s);
     if dt_s.is_nan() {
@@ -42,7 +42,7 @@ pub fn propagate(state: &StateVector, dt_s: f64, j2: f64) -> StateVector {
         now.velocity_m_s.fill(f64::NAN);
     }
     while left.abs() > 0.0 {
-        // h = STEP sqrt(r^3 / mu): the same share of a circular orbit at any r
+        // h = STEP sqrt(r^3 / mu): the same share of a circular orbit at any r.
         let r = now.position_m.norm();
         let natural = STEP_RAD * (r * r * r / EARTH_MU).sqrt();
         let step = natural.max(dt_s.abs() / MAX_STEPS).min(left.abs());

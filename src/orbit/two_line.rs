@@ -1,4 +1,4 @@
-//! The two lines of an element set: fixed columns.
+//! Reads the two lines of an element set: fixed columns.
 
 use crate::catalogue_number::alpha_5;
 use crate::elements::Elements;
@@ -9,27 +9,27 @@ use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::Epoch;
 use std::borrow::Cow;
 
-/// Whether the checksum in column 69 must be present and right.
+/// Whether the checksum in column 69 is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checksum {
     /// Both lines must carry the right checksum.
     Required,
-    /// Column 69 is not looked at.
+    /// Column 69 is ignored.
     Ignored,
 }
 
-/// Why two lines are not an element set.
+/// The fault of two lines that are not an element set.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{reason}")]
 pub struct ElementsError {
-    /// The line of the set that is at fault, 1 or 2.
+    /// The faulty line of the set, 1 or 2.
     pub line: u8,
-    /// What is wrong there.
+    /// The fault.
     pub reason: String,
 }
 
 impl Elements {
-    /// Reads the two lines of a set, and of them the elements alone.
+    /// Reads the elements from the two lines of a set.
     pub fn parse(line1: &str, line2: &str, checksum: Checksum) -> Result<Self, ElementsError> {
         let first = Line::new(1, line1, checksum)?;
         let second = Line::new(2, line2, checksum)?;
@@ -66,7 +66,8 @@ impl Elements {
 }
 
 impl Record {
-    /// Reads the two lines of a set; its name and line are the caller's. What SGP4 has no use for may be blank.
+    /// Reads the two lines of a set; the caller sets name and line. Fields that SGP4 does not use
+    /// may be blank.
     pub(crate) fn from_lines(
         line1: &str,
         line2: &str,
@@ -84,9 +85,10 @@ impl Record {
             theory: Theory::default(),
             element_set: first.counter("element set number", 65..69)?,
             revolution: second.counter("revolution number", 64..69)?,
-            mean_motion_dot: match blank(34..44) {
-                true => 0.0,
-                false => first.number("first derivative of the mean motion", 34..44)?,
+            mean_motion_dot: if blank(34..44) {
+                0.0
+            } else {
+                first.number("first derivative of the mean motion", 34..44)?
             },
             mean_motion_ddot: first
                 .assumed_point_and_power("second derivative of the mean motion", 45..53)?,
@@ -95,13 +97,13 @@ impl Record {
     }
 }
 
-/// One line of a set: fixed columns, numbered from 1 as the format's description does.
+/// One line of a set. Columns are counted from 1, as in the format's description.
 struct Line<'a> {
     number: u8,
     text: &'a str,
 }
 
-/// The digits' sum, a minus counting one, modulo 10.
+/// The sum of the digits, a minus as one, modulo 10.
 fn checksum_of(columns: &str) -> u8 {
     let values = columns.bytes().map(|byte| match byte {
         b'0'..=b'9' => u32::from(byte - b'0'),
@@ -111,7 +113,7 @@ fn checksum_of(columns: &str) -> u8 {
     (values.sum::<u32>() % 10) as u8
 }
 
-/// A line of 68 columns with its checksum behind it.
+/// Adds the checksum to a line of 68 columns.
 pub(crate) fn seal(line: &str) -> String {
     format!("{line}{}", checksum_of(line))
 }
@@ -137,7 +139,7 @@ impl<'a> Line<'a> {
         if checksum == Checksum::Ignored {
             return Ok(line);
         }
-        // what follows column 69 after a blank is a remark
+        // A remark may follow column 69 after a blank.
         if line.text.len() < 69 || !line.text(70..71).trim().is_empty() {
             return Err(layout());
         }
@@ -157,7 +159,7 @@ impl<'a> Line<'a> {
         ElementsError { line, reason }
     }
 
-    /// Columns `from..to`, counted from 1; what the line does not have is empty.
+    /// Columns `from..to`, counted from 1; empty beyond the end of the line.
     fn text(&self, columns: Columns) -> &'a str {
         let end = (columns.end - 1).min(self.text.len());
         self.text.get(columns.start - 1..end).unwrap_or("")
@@ -178,13 +180,13 @@ impl<'a> Line<'a> {
         theory::ephemeris_type(number).map_err(|reason| self.error(reason))
     }
 
-    /// Columns `from..to` as characters; columns beyond the end of the line are blank.
+    /// Columns `from..to` as bytes; blank beyond the end of the line.
     fn columns(&self, columns: Columns) -> impl Iterator<Item = u8> {
         let bytes = self.text.as_bytes();
         columns.map(|column| bytes.get(column - 1).copied().unwrap_or(b' '))
     }
 
-    /// The columns as one whole number. A blank is a zero: so FORTRAN reads punched cards, and the checksum counts both as 0.
+    /// The columns as one whole number. A blank is a zero, as in FORTRAN and in the checksum.
     fn digits(&self, columns: Columns) -> Option<u64> {
         self.columns(columns)
             .try_fold(0, |number, byte| match byte {
@@ -203,7 +205,7 @@ impl<'a> Line<'a> {
         time::from_tle(year, day, fraction).ok_or_else(bad)
     }
 
-    /// The text of a number with zeros for the blanks between and behind its digits.
+    /// The text of a number with zeros for the blanks between and after its digits.
     fn zero_filled(&self, columns: Columns) -> Cow<'a, str> {
         match self.text(columns).trim_start() {
             text if text.contains(' ') => text.replace(' ', "0").into(),
@@ -214,10 +216,10 @@ impl<'a> Line<'a> {
     /// A whole number; blank is 0.
     fn counter(&self, name: &str, columns: Columns) -> Result<u32, ElementsError> {
         let text = self.text(columns.clone()).trim();
-        let digits = text.bytes().all(|b| b.is_ascii_digit());
+        let is_whole = text.bytes().all(|b| b.is_ascii_digit());
         match text.parse() {
             _ if text.is_empty() => Ok(0),
-            Ok(value) if digits => Ok(value),
+            Ok(value) if is_whole => Ok(value),
             _ => Err(self.bad(name, columns)),
         }
     }
@@ -225,7 +227,8 @@ impl<'a> Line<'a> {
     /// A decimal number with its point.
     fn number(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let text = self.zero_filled(columns.clone());
-        // No letters: neither `inf` nor `nan` nor exponents belong here. Without its point a number has no scale.
+        // No letters: `parse` accepts `inf`, `nan` and exponents. A number without a point has no
+        // scale.
         let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+');
         if !text.bytes().all(plain) || !text.contains('.') {
             return Err(self.bad(name, columns));
@@ -233,7 +236,8 @@ impl<'a> Line<'a> {
         text.parse().map_err(|_| self.bad(name, columns))
     }
 
-    /// Digits with an assumed decimal point before the first column: `0001413` and `   1413` are 0.0001413.
+    /// Digits with an assumed decimal point before the first column: `0001413` and `   1413` are
+    /// 0.0001413.
     fn assumed_point(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let width = columns.len() as i32;
         let is_blank = self.text(columns.clone()).trim().is_empty();
@@ -242,13 +246,13 @@ impl<'a> Line<'a> {
         value.ok_or_else(|| self.bad(name, columns))
     }
 
-    /// A sign, five digits behind an assumed decimal point, and a power of ten with its sign:
-    /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4, blanks alone are 0.
+    /// A sign, five digits after an assumed decimal point, and a power of ten with its sign:
+    /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4, blanks are 0.
     fn assumed_point_and_power(&self, name: &str, columns: Columns) -> Result<f64, ElementsError> {
         let first = columns.start;
         let sign = |column: usize| match self.columns(column..column + 1).next() {
             Some(b'-') => Some(-1),
-            // Some writers have a zero in the place of the sign.
+            // Some writers have a zero in place of the sign.
             Some(b'+' | b' ' | b'0') => Some(1),
             _ => None,
         };
@@ -261,7 +265,8 @@ impl<'a> Line<'a> {
     }
 }
 
-/// A whole number of at most 15 digits times a power of ten, to the nearest: powers up to 22 are exact, and none of a set is beyond.
+/// A whole number of up to 15 digits times a power of ten, to the nearest. Powers up to 22 are
+/// exact, and a set has none beyond.
 fn scaled(whole: f64, power: i32) -> Option<f64> {
     match power {
         -22..0 => Some(whole / 10f64.powi(-power)),
@@ -276,8 +281,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// An assumed point and a power give the number that the same digits give with both written out, wherever blanks stand
-        /// for zeros.
+        /// An assumed point and a power give the same number as written digits, with blanks as
+        /// zeros.
         #[test]
         fn assumed_points_give_the_nearest_number(
             sign in "[-+ ]", digits in "[0-9 ]{5}", power in "[-+ ][0-9]", tail in "[0-9 ]{0,2}",

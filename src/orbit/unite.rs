@@ -1,74 +1,74 @@
-//! Objects of several sources, each once. All sources are read first: the last one may show that
-//! earlier records are of one object.
+//! Unites the objects of several sources. All sources are read first, since the last one may show
+//! that earlier records are of one object.
 
 use crate::{Object, Orbit, Rejected, identity};
 use std::collections::HashMap;
 
-/// The objects of a file, or of another source, one for each record or ephemeris.
+/// The objects of a file or other source, one for each record or ephemeris.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
-    /// Its name in messages; empty: none.
+    /// Name in messages, or empty.
     pub name: String,
     /// In the order of the source.
     pub objects: Vec<Object>,
-    /// The line that each begins at; may be shorter where the source has no lines.
+    /// First line of each object; shorter where the source has no lines.
     pub lines: Vec<usize>,
-    /// An object of several sources is left out of those with a higher rank, without a message.
+    /// An object of several sources is dropped from those with a higher rank, without a message.
     pub rank: u8,
 }
 
-/// The objects of some sources, each once, in the order in which they first appear.
+/// United objects, in the order of first appearance.
 #[derive(Clone, Debug, Default)]
 pub struct United {
-    /// With every element set that differs. The id of an object of several records is its catalogue
-    /// number, `NORAD 25544`, where any of them has it.
+    /// With all different element sets. An object of several records has its catalogue number,
+    /// `NORAD 25544`, as its id where any of them has it.
     pub objects: Vec<Object>,
-    /// The source that each comes from first.
+    /// The first source of each object.
     pub sources: Vec<usize>,
-    /// Records of objects that came before: the object's place, and the record's source.
+    /// Records of known objects: index of the object, and source of the record.
     pub joined: Vec<(usize, usize)>,
-    /// Orbits that cannot be used beside an earlier one of the same object, each with its source.
+    /// Orbits that cannot be combined with an earlier one of the same object, with their source.
     pub refused: Vec<(usize, Rejected)>,
 }
 
-/// What all records say of an object.
+/// Properties of an object, from all its records.
 #[derive(Clone)]
 struct Known {
     number: Option<u32>,
     records: usize,
     rank: u8,
-    place: Option<usize>,
+    index: Option<usize>,
 }
 
-/// Joins the element sets of each object. Only one ephemeris, or element sets alone, can be used of an object.
+/// Unites the element sets of each object. An object has element sets alone, or one ephemeris.
 pub fn unite(mut sources: Vec<Source>) -> United {
-    let places = identity::places(sources.iter().flat_map(|source| &source.objects));
+    let groups = identity::places(sources.iter().flat_map(|source| &source.objects));
     if let [Source { objects, .. }] = sources.as_mut_slice()
-        && places.is_sorted_by(|a, b| a < b)
+        && groups.is_sorted_by(|a, b| a < b)
         && objects
             .iter()
             .all(|object| object.identity.number().is_some())
     {
-        // Catalogues are long: none is moved.
+        // Fast path for large catalogues: no object is moved.
         return United {
             sources: vec![0; objects.len()],
             objects: std::mem::take(objects),
             ..United::default()
         };
     }
-    let count = places.iter().max().map_or(0, |last| last + 1);
+    let count = groups.iter().max().map_or(0, |last| last + 1);
     let unknown = Known {
         number: None,
         records: 0,
         rank: u8::MAX,
-        place: None,
+        index: None,
     };
     let mut all = vec![unknown; count];
     let ranked = sources
         .iter()
         .flat_map(|one| one.objects.iter().map(|object| (object, one.rank)));
-    for ((object, rank), place) in ranked.zip(&places) {
-        let known = &mut all[*place];
+    for ((object, rank), group) in ranked.zip(&groups) {
+        let known = &mut all[*group];
         known.number = known.number.or(object.identity.number());
         known.rank = known.rank.min(rank);
         known.records += 1;
@@ -77,11 +77,11 @@ pub fn unite(mut sources: Vec<Source>) -> United {
     let names: Vec<String> = names.collect();
     let mut united = United::default();
     let mut ids = HashMap::new();
-    let mut places = places.into_iter();
+    let mut groups = groups.into_iter();
     for (source, one) in sources.into_iter().enumerate() {
         let lines = one.lines.into_iter().chain(std::iter::repeat(1));
-        for ((object, line), place) in one.objects.into_iter().zip(lines).zip(places.by_ref()) {
-            let known = &mut all[place];
+        for ((object, line), group) in one.objects.into_iter().zip(lines).zip(groups.by_ref()) {
+            let known = &mut all[group];
             if one.rank > known.rank {
                 continue;
             }
@@ -98,7 +98,9 @@ pub fn unite(mut sources: Vec<Source>) -> United {
 impl United {
     /// Adds an object of a source.
     ///
-    /// Errors: why its orbit cannot be used beside an earlier one of the same object.
+    /// # Errors
+    ///
+    /// Its orbit cannot be combined with an earlier one of the same object.
     fn add(
         &mut self,
         mut object: Object,
@@ -106,17 +108,17 @@ impl United {
         known: &mut Known,
         (ids, names): (&mut Ids, &[String]),
     ) -> Result<(), String> {
-        let Some(place) = known.place else {
-            known.place = Some(self.objects.len());
+        let Some(index) = known.index else {
+            known.index = Some(self.objects.len());
             object.identify(known.number.filter(|_| known.records > 1), ids);
             self.objects.push(object);
             self.sources.push(source);
             return Ok(());
         };
-        let first = &mut self.objects[place];
+        let first = &mut self.objects[index];
         if let (Orbit::Elements(..), Orbit::Elements(..)) = (&first.orbit, &object.orbit) {
             first.join(object);
-            self.joined.push((place, source));
+            self.joined.push((index, source));
             return Ok(());
         }
         first.identity.join(object.identity);
@@ -125,7 +127,7 @@ impl United {
         } else {
             format!("{} ", first.label())
         };
-        let earlier = match self.sources[place] {
+        let earlier = match self.sources[index] {
             same if same == source => "this file already",
             other if names[other].is_empty() => "an earlier file",
             other => &names[other],
@@ -137,12 +139,12 @@ impl United {
     }
 }
 
-/// How often the ids of objects without a number were used.
+/// How often each id of an object without a number was used.
 pub(crate) type Ids = HashMap<String, usize>;
 
 impl Object {
-    /// Gives an object the catalogue number of its records or, without one, a unique id: `UNKNOWN
-    /// #2`.
+    /// Gives an object the catalogue number of its records or, without one, a unique id such as
+    /// `UNKNOWN #2`.
     pub(crate) fn identify(&mut self, number: Option<u32>, ids: &mut Ids) {
         if let Some(number) = number {
             self.identity.set_number(number);
@@ -172,12 +174,12 @@ mod tests {
     use super::*;
     use crate::texts::{OMM, oem, omm_json, rows};
 
-    /// An object from `NUMBER+DESIGNATOR`, an element set, or `oem:OBJECT_ID`; its name is its
-    /// place in the list.
-    fn object(place: usize, text: &str) -> Object {
+    /// An object from `NUMBER+DESIGNATOR`, an element set, or from `oem:OBJECT_ID`; its name is its
+    /// index in the list.
+    fn object(index: usize, text: &str) -> Object {
         let text = match text.strip_prefix("oem:") {
             Some(id) => {
-                let meta = format!("OBJECT_NAME = N{place}\nOBJECT_ID = {id}\n");
+                let meta = format!("OBJECT_NAME = N{index}\nOBJECT_ID = {id}\n");
                 oem(
                     &meta,
                     &[
@@ -188,10 +190,10 @@ mod tests {
             }
             None => {
                 let (number, designator) = text.split_once('+').unwrap();
-                omm_json(&OMM.replace("MADE UP", &format!("N{place}")))
+                omm_json(&OMM.replace("MADE UP", &format!("N{index}")))
                     .replace("2026-101A", designator)
                     .replace("100001", number)
-                    .replace("2026-07-12", &format!("2026-07-1{place}"))
+                    .replace("2026-07-12", &format!("2026-07-1{index}"))
             }
         };
         let contents = crate::parse_contents(&text, "here").unwrap();
@@ -217,23 +219,22 @@ mod tests {
         texts
     }
 
-    /// Records, and their objects: the beginning of the id, and names.
+    /// Records, and the objects that they form: beginning of the id, and names.
     const RECORDS: &str = "
-            // The number of a record that has both links the other two.
+            // A record with number and designator links the other two.
             25544+ 0+1998-067A 25544+98067A       | NORAD 25544: N0 N1 N2
             0+1998-067A 25544+ 99999+98067A 25544+1998-067-A | NORAD 25544: N0 N1 N2 N3
             25544+ 25544+98067A oem:1998-067A     | NORAD 25544: N0 N1 N2
             25544+ 0+98067A 25544+98067A oem:1998-067A | NORAD 25544: N0 N1 N2 N3
             oem:25544 oem:1998-067A 25544+98067A  | NORAD 25544: N0 N1 N2
             oem:1998-067A 25544+98067A            | NORAD 25544: N0 N1
-            // Without such a record they are two.
+            // Without such a record there are two objects.
             25544+ 0+1998-067A 0+98067A           | NORAD 25544: N0; NORAD 0 N: N1 N2
             25544+UNKNOWN oem:UNKNOWN 0+          | NORAD 25544: N0; UNKNOWN N1: N1; NORAD 0 N2: N2
-            // One number with two designators is one object, and either designator alone is it.
+            // A number with two designators is one object, also for each designator alone.
             25544+98067A 25544+98067B 0+98067B 0+98067A | NORAD 25544: N0 N1 N2 N3
             25544+98067A 25544+98067B oem:1998-067B | NORAD 25544: N0 N1 N2
-            // Two numbers are two objects whatever their designators; a designator alone is the
-            // smaller number's.
+            // Two numbers are two objects; a designator alone belongs to the smaller number.
             6+98067A 5+98067A                     | NORAD 5: N1; NORAD 6: N0
             6+98067A 5+98067A 0+98067A            | NORAD 5: N1 N2; NORAD 6: N0
             6+98067A 7+98067B 6+98067B 0+98067B   | NORAD 6: N0 N2 N3; NORAD 7: N1
@@ -243,7 +244,7 @@ mod tests {
             ";
 
     #[test]
-    fn records_are_joined_alike_in_every_order_and_split_into_files() {
+    fn records_are_united_alike_in_every_order_and_split_into_files() {
         for [records, objects] in rows(RECORDS) {
             let all = records
                 .split(' ')
@@ -254,7 +255,7 @@ mod tests {
             let known = sorted(wanted.clone().map(|(id, _)| id.to_owned()));
             let names = sorted(wanted.map(|(_, names)| names.to_owned()));
             for order in permutations(&(0..all.len()).collect::<Vec<_>>()) {
-                // Each bit of `cuts` ends a source behind a record.
+                // Each bit of `cuts` ends a source after a record.
                 for cuts in 0..1 << (all.len() - 1) {
                     let case = format!("{records} {order:?} {cuts:b}");
                     let mut sources = vec![Source::default()];
@@ -267,11 +268,11 @@ mod tests {
                     }
                     let objects: Vec<&Object> = sources.iter().flat_map(|s| &s.objects).collect();
                     let mut groups = vec![Vec::new(); names.len()];
-                    for (object, place) in objects
+                    for (object, group) in objects
                         .iter()
                         .zip(identity::places(objects.iter().copied()))
                     {
-                        groups[place].push(object.names[0].clone());
+                        groups[group].push(object.names[0].clone());
                     }
                     let groups = groups
                         .into_iter()
@@ -290,13 +291,13 @@ mod tests {
     }
 
     #[test]
-    fn a_source_of_lower_rank_has_its_objects_alone() {
+    fn an_object_is_dropped_from_sources_of_higher_rank() {
         let source = |rank, records: &[&str]| Source {
             objects: records.iter().map(|text| object(0, text)).collect(),
             rank,
             ..Source::default()
         };
-        // The record that shows that the first two are one comes last, and in the least source.
+        // The record that links the first two comes last, in the source of the highest rank.
         let united = unite(vec![
             source(1, &["25544+", "5+"]),
             source(0, &["oem:1998-067A"]),

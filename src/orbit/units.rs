@@ -1,4 +1,4 @@
-//! Units of element sets as files have them, and numbers as text that is read back as the same number.
+//! Units of element sets in files, and text that restores numbers exactly.
 
 use std::f64::consts::PI;
 
@@ -7,8 +7,8 @@ pub(crate) const DEGREE: f64 = PI / 180.0;
 /// Radians a minute in a revolution a day.
 pub(crate) const REV_PER_DAY: f64 = PI / 720.0;
 
-/// `value` in units of `unit`, with the fewest of 15 to 17 digits that give the same value when
-/// read. A few values have none and come back one unit in the last place off.
+/// `value` in units of `unit`, with the fewest of 15 to 17 digits that restore it. A few values
+/// have no such text and are restored with an error of one unit in the last place.
 pub(crate) fn decimal(value: f64, unit: f64) -> String {
     let quotient = value / unit;
     let rounded = [14, 15, 16].map(|digits| format!("{quotient:.digits$e}").parse());
@@ -18,11 +18,12 @@ pub(crate) fn decimal(value: f64, unit: f64) -> String {
     plain(exact.unwrap_or(quotient))
 }
 
-/// The shortest text of a number, small ones with a power of ten.
+/// The shortest text of a number; small numbers have a power of ten.
 pub(crate) fn plain(value: f64) -> String {
-    match value != 0.0 && value.abs() < 1e-4 {
-        true => format!("{value:e}"),
-        false => value.to_string(),
+    if value != 0.0 && value.abs() < 1e-4 {
+        format!("{value:e}")
+    } else {
+        value.to_string()
     }
 }
 
@@ -32,7 +33,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_decimal_comes_back_as_it_was_written() {
+    fn a_decimal_is_restored_as_written() {
         for text in [
             "51.6416",
             "0.0001",
@@ -52,7 +53,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_value_comes_back_to_its_last_place(value in -7.0..7.0) {
+        fn any_value_is_restored_to_its_last_place(value in -7.0..7.0) {
             let read: f64 = decimal(value, DEGREE).parse().unwrap();
             prop_assert!((read * DEGREE - value).abs() <= value.abs() * f64::EPSILON);
         }

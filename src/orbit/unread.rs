@@ -1,4 +1,4 @@
-//! Formats of orbits and attitudes that are known by name and not read, with what to do about each.
+//! Unsupported formats of orbits and attitudes that are recognised, each with a remedy.
 
 use crate::format::Format;
 use crate::lines;
@@ -7,7 +7,7 @@ use crate::xml::{Tag, tags};
 use memchr::memmem;
 use std::collections::BTreeMap;
 
-/// A format that is not read.
+/// An unsupported format.
 #[derive(Clone, Copy)]
 struct Known {
     what: &'static str,
@@ -72,7 +72,7 @@ const HTTP: Known = orbits(
     "remove the lines up to the first blank one, or fetch the file again without the header (curl without -i)",
 );
 
-/// Bytes in which a file of Horizons has its first table.
+/// Bytes in which the first table of a Horizons file is searched for.
 const HEADER: usize = 1 << 16;
 
 /// First words of files.
@@ -100,12 +100,12 @@ const MESSAGES: [(&str, Known); 8] = [
     ("acm", ACM),
 ];
 
-/// What a text is that is in none of the formats that are read, and the remedy; nothing where it is unknown.
+/// The kind of a text in an unsupported format, and the remedy; none where it is unknown.
 pub fn found(text: &str) -> Option<String> {
     known(text).map(Known::text)
 }
 
-/// What a text is in place of attitudes, and the remedy: one that is not read, or one of orbits.
+/// The kind of a text that is not attitudes, and the remedy: unsupported, or orbits.
 pub fn not_attitudes(text: &str) -> Option<String> {
     let orbits = || {
         let what = match Format::of(text)? {
@@ -127,10 +127,10 @@ impl Known {
     }
 }
 
-/// Messages that are not read: what each kind is, how many there are, and the line of the first.
+/// Unsupported messages: for each kind the count and the first line.
 pub(crate) type Unread = BTreeMap<String, (usize, usize)>;
 
-/// Adds the messages of an XML text that are not read.
+/// Adds the unsupported messages of an XML text.
 pub(crate) fn add_messages(part: &Part, all: &mut Unread) {
     let mut finder = part.finder();
     for tag in tags(part.text, 0).filter(|tag| tag.name.len() == 3 && !tag.closing) {
@@ -141,7 +141,7 @@ pub(crate) fn add_messages(part: &Part, all: &mut Unread) {
     }
 }
 
-/// What a text is by a header that no format which is read has, though lines behind it may look like one.
+/// The kind of a text by its header, even if later lines look like a supported format.
 pub(crate) fn by_header(text: &str) -> Option<String> {
     header(text).map(Known::text)
 }
@@ -165,7 +165,7 @@ fn header(text: &str) -> Option<Known> {
     }
 }
 
-/// Whether such a text holds orbits.
+/// Whether a text in an unsupported format holds orbits.
 pub(crate) fn has_orbits(text: &str) -> bool {
     known(text).is_some_and(|known| known.has_orbits)
 }
@@ -175,7 +175,7 @@ fn known(text: &str) -> Option<Known> {
         return Some(known);
     }
     let mut all = lines::numbered(text).map(|(_, line)| line.trim());
-    // Of SP3 the first line begins with what others begin a remark with.
+    // The first line of an SP3 begins with the comment mark of other formats.
     let top = all.clone().find(|line| !line.is_empty())?;
     if let [b'#', b'a'..=b'd', b'P' | b'V', b'0'..=b'9', ..] = top.as_bytes() {
         return Some(SP3);

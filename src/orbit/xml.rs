@@ -1,4 +1,4 @@
-//! XML of navigation data messages (CCSDS 505.0-B): tags of a whole file, and the elements of a part of it.
+//! XML of navigation data messages (CCSDS 505.0-B): tags of a whole file, and elements of a part.
 
 use crate::lines::LineFinder;
 use crate::record::{At, shorten};
@@ -7,10 +7,10 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use std::borrow::Cow;
 
-/// A tag, or what of it there is.
+/// A tag, also an incomplete one.
 pub(crate) struct Tag<'a> {
     pub start: usize,
-    /// Behind its closing bracket.
+    /// After its closing bracket.
     pub end: usize,
     /// Without prefix.
     pub name: &'a str,
@@ -24,14 +24,14 @@ impl Tag<'_> {
     }
 }
 
-/// The value of the attribute `version` in the text of a start tag, brackets included.
+/// The value of the attribute `version` in the text of a start tag, with its brackets.
 pub(crate) fn version(tag: &str) -> Option<String> {
     let inside = tag.strip_prefix('<')?.trim_end_matches(['>', '/']);
     let name = inside.find(char::is_whitespace)?;
     attribute(&BytesStart::from_content(inside, name), &["version"])
 }
 
-/// The tags from an offset on; comments and quoted sections are passed over.
+/// The tags from an offset on; comments and CDATA sections are skipped.
 pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     std::iter::from_fn(move || {
         loop {
@@ -60,8 +60,8 @@ pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     })
 }
 
-/// Place of the bracket that closes a tag: a quoted value may have `>`, but no `<` (XML 1.0, 2.4
-/// and 3.1). Of a tag that is not closed, or whose quotes are not, the first bracket.
+/// Offset of the bracket that closes a tag: a quoted value may have `>`, but no `<` (XML 1.0, 2.4
+/// and 3.1). For a tag or a quote that is not closed it is the first bracket.
 fn closing_bracket(inside: &str) -> Option<usize> {
     let mut quote = None;
     for (at, byte) in inside.bytes().enumerate() {
@@ -76,7 +76,7 @@ fn closing_bracket(inside: &str) -> Option<usize> {
     inside.find(['>', '<'])
 }
 
-/// Messages of navigation data, and what holds several of them.
+/// Tags of navigation data messages, and of the NDM for several of them.
 const ROOTS: [&str; 11] = [
     "ndm", "omm", "oem", "opm", "ocm", "cdm", "tdm", "rdm", "aem", "apm", "acm",
 ];
@@ -89,7 +89,7 @@ pub(crate) fn begins(line: &str) -> bool {
         || tags.next().is_some_and(|tag| ROOTS.contains(&tag.name))
 }
 
-/// Text between messages or behind the last, which belongs to none: offsets, and what stands there.
+/// Text between messages or after the last one: offsets and contents.
 pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
     let mut found = Vec::new();
     let mut tags = tags(text, 0).peekable();
@@ -97,7 +97,7 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
         if !tag.closing || !ROOTS.contains(&tag.name) {
             continue;
         }
-        // Tags of no message are foreign too, such as those of a page.
+        // Unknown tags are foreign too, such as those of a web page.
         let is_known = |tag: &Tag| ROOTS.contains(&tag.name) || tag.name.starts_with(['?', '!']);
         let next = tags.peek().filter(|next| is_known(next));
         let end = next.map_or(text.len(), |next| next.start);
@@ -109,25 +109,27 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
     found
 }
 
-/// A text without the blanks and comments that it begins with.
+/// A text without leading blanks and comments.
 fn skip_comments(mut text: &str) -> &str {
     loop {
         text = text.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
         let inside = text.strip_prefix("<!--");
         match inside.and_then(|inside| inside.split_once("-->")) {
-            Some((_, behind)) => text = behind,
+            Some((_, after)) => text = after,
             None => return text,
         }
     }
 }
 
-/// The start of an element, or its end with its text, and the offset in the file behind the start tag.
+/// The start of an element, or its name and text at its end; with the offset in the file after the
+/// start tag.
 pub(crate) enum Element<'a> {
     Start(BytesStart<'a>, usize),
     End(&'a str, &'a str, usize),
 }
 
-/// Reads the elements of a part of a file that starts at `start`. The handler's errors have a line, which the finder gives.
+/// Reads the elements of a part of a file that starts at `start`. The finder gives the line numbers
+/// of the handler's errors.
 pub(crate) fn read_elements(
     text: &str,
     start: usize,
@@ -162,12 +164,13 @@ pub(crate) fn read_elements(
     }
 }
 
-/// The unit that a tag gives its element: `units` in the standard, `unit` in some files.
+/// The unit in a tag: `units` in the standard, `unit` in some files.
 pub(crate) fn unit(tag: &BytesStart) -> Option<String> {
     attribute(tag, &["units", "unit"])
 }
 
-/// The value of the first attribute with one of these names, without its references (XML 1.0, 3.3.3); as it stands where one is unknown.
+/// The value of the first attribute with one of these names, with references resolved (XML 1.0,
+/// 3.3.3), or unchanged where a reference is unknown.
 fn attribute(tag: &BytesStart, names: &[&str]) -> Option<String> {
     let mut attributes = tag.attributes().filter_map(Result::ok);
     let found = attributes.find(|attribute| {
@@ -178,7 +181,7 @@ fn attribute(tag: &BytesStart, names: &[&str]) -> Option<String> {
     Some(value.unwrap_or(found.value).trim().to_owned())
 }
 
-/// Adds what an event says to the text of the element that is open. Whether it is text.
+/// Adds the text of an event to that of the open element; returns whether it was text.
 fn decode(event: &Event, value: &mut String) -> Result<bool, String> {
     match event {
         Event::Text(text) => *value += &text.xml10_content(),

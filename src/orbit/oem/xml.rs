@@ -24,9 +24,9 @@ const STATE: [(&str, &str); 9] = [
     ("Z_DDOT", "km/s**2"),
 ];
 
-/// Whether an XML text has a message of this kind.
+/// Whether an XML text has an OEM.
 pub(crate) fn looks_like(text: &str) -> bool {
-    // Catalogues of OMM are long: most have not even the letters.
+    // A fast search first: most OMM catalogues do not have these letters.
     memmem::find(text.as_bytes(), b"oem").is_some() && tags(text, 0).any(|tag| tag.opens("oem"))
 }
 
@@ -80,7 +80,7 @@ pub(crate) fn read(part: &Part, contents: &mut Contents) {
     read.finish();
 }
 
-/// A segment that starts at an offset of the text.
+/// Reads a segment that starts at this offset of the text.
 fn segment(
     text: &str,
     start: usize,
@@ -103,7 +103,7 @@ fn segment(
     segment.data.ok_or_else(missing)
 }
 
-/// What is read of a segment so far, and the element that is open.
+/// State of the reader within a segment.
 struct Reader<'a> {
     meta: Meta,
     /// START_TIME of the first segment of the file.
@@ -153,7 +153,7 @@ impl Reader<'_> {
     }
 }
 
-/// A `<stateVector>`, which begins in a line.
+/// A `<stateVector>` and its first line.
 struct State {
     line: usize,
     epoch: Option<String>,
@@ -170,7 +170,7 @@ impl State {
         }
     }
 
-    /// Refuses a unit that is not the standard's.
+    /// Refuses a unit other than the standard's.
     fn unit(&self, name: &str, tag: &BytesStart) -> Result<(), String> {
         let known = STATE.iter().find(|(tag, _)| *tag == name);
         match (known, unit(tag)) {
@@ -191,7 +191,7 @@ impl State {
             return self.epoch.replace(epoch).map_or(Ok(()), |_| Err(twice()));
         }
         let mut values = STATE.iter().zip(&mut self.values);
-        let Some((_, place)) = values.find(|((tag, _), _)| *tag == name) else {
+        let Some((_, slot)) = values.find(|((tag, _), _)| *tag == name) else {
             return Ok(());
         };
         let number = value.trim().parse().ok();
@@ -200,15 +200,18 @@ impl State {
             let value = shorten(value);
             format!("a value that is not a number in <{name}> '{value}'")
         })?;
-        place.replace(number).map_or(Ok(()), |_| Err(twice()))
+        slot.replace(number).map_or(Ok(()), |_| Err(twice()))
     }
 
     fn add_to(&self, data: &mut Data) -> At<()> {
         let numbers: Vec<f64> = self.values.iter().map_while(|value| *value).collect();
         let epoch = self.epoch.as_deref().unwrap_or_default();
-        let bad = |what: String| {
+        let bad = |fault: String| {
             let epoch = shorten(epoch);
-            (self.line, format!("{what} in the stateVector of '{epoch}'"))
+            (
+                self.line,
+                format!("{fault} in the stateVector of '{epoch}'"),
+            )
         };
         let time = data.clock.read(epoch).ok_or("no epoch".to_owned());
         time.and_then(|time| data.state(time, &numbers))

@@ -1,5 +1,5 @@
-//! A table with the keywords of the OMM as its header. A record is a line, or several lines where a
-//! value in quotation marks has line breaks (RFC 4180).
+//! A table with the keywords of the OMM as its header. A record takes several lines where a quoted
+//! value has line breaks (RFC 4180).
 
 use super::{Fields, Key};
 use crate::Contents;
@@ -7,10 +7,10 @@ use crate::lines::Part;
 use csv_core::{ReadRecordResult, Reader};
 use std::borrow::Cow;
 
-/// Lines that a record may have.
+/// Largest number of lines in a record.
 const MAX_LINES: usize = 16;
 
-/// Whether a text whose first line is this one is such a table.
+/// Whether a text with this first line is such a table.
 pub(crate) fn begins(line: &str) -> bool {
     let mut names = line.split(',').map(|name| name.trim().trim_matches('"'));
     line.contains(',') && names.any(|name| Key::of(name).is_some())
@@ -51,8 +51,8 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
     }
 }
 
-/// Splits the record that begins with `line`. An open quotation mark at its end takes further lines
-/// that together have a value for every column; else its own line alone is lost.
+/// Splits the record that begins with `line`. After an open quotation mark the next lines are added
+/// until there is a value for every column. If there never is, only the first line is rejected.
 fn record<'a>(
     text: &str,
     line: &str,
@@ -69,11 +69,11 @@ fn record<'a>(
             )),
         };
     }
-    let place = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
+    let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
     let mut ahead = lines.clone();
     for _ in 1..MAX_LINES {
         let Some((_, last)) = ahead.next() else { break };
-        let record = text.get(place(line)..place(last) + last.len());
+        let record = text.get(offset(line)..offset(last) + last.len());
         if let Some(record) = record.filter(|record| is_closed(record)) {
             if splitter.split(record) && splitter.count == columns {
                 *lines = ahead;
@@ -90,19 +90,19 @@ fn is_closed(record: &str) -> bool {
     record.bytes().filter(|b| *b == b'"').count() % 2 == 0
 }
 
-/// Splits records into values. Its buffers are used for all records.
+/// Splits records into values, with reused buffers.
 struct Splitter {
     reader: Reader,
     text: Vec<u8>,
     ends: Vec<usize>,
-    /// How many values the record has.
+    /// Count of values in the record.
     count: usize,
 }
 
 impl Splitter {
     fn new() -> Self {
         Splitter {
-            // Its default is not ready to read.
+            // `Reader::default()` cannot read.
             reader: Reader::new(),
             text: Vec::new(),
             ends: Vec::new(),
@@ -113,7 +113,7 @@ impl Splitter {
     /// Whether the whole text is one record.
     fn split(&mut self, line: &str) -> bool {
         self.reader.reset();
-        // No value is longer than its line, none takes less than a comma.
+        // Upper bounds: no value is longer than its line, and each but the last has a comma.
         self.text.resize(line.len() + 1, 0);
         let commas = line.bytes().filter(|b| *b == b',').count();
         self.ends.resize(commas + 2, 0);
@@ -122,12 +122,12 @@ impl Splitter {
         self.count = 0;
         loop {
             let output = self.text.get_mut(written..).unwrap_or_default();
-            let places = self.ends.get_mut(self.count..).unwrap_or_default();
-            let (result, read, wrote, ended) = self.reader.read_record(input, output, places);
+            let ends = self.ends.get_mut(self.count..).unwrap_or_default();
+            let (result, read, wrote, ended) = self.reader.read_record(input, output, ends);
             input = input.get(read..).unwrap_or_default();
             written += wrote;
             self.count += ended;
-            // An empty input tells the reader that the line is at its end.
+            // An empty input marks the end of the line.
             if result != ReadRecordResult::InputEmpty {
                 return input.is_empty();
             }
@@ -139,7 +139,7 @@ impl Splitter {
         ends.scan(0, |start, end| {
             let value = self.text.get(*start..*end).unwrap_or_default();
             *start = *end;
-            // Pieces of a text that are cut at commas and quotation marks are text.
+            // Text cut at commas and quotation marks stays valid UTF-8.
             Some(std::str::from_utf8(value).unwrap_or_default())
         })
     }

@@ -1,5 +1,5 @@
-//! Objects with the keywords of the OMM: one, an array of them, or one after the other. Values are
-//! numbers or text.
+//! JSON objects with the keywords of the OMM: one, an array, or a sequence. Values are numbers or
+//! text.
 
 use super::{Fields, KEYWORDS, Key};
 use crate::lines::{self, LineFinder, Part};
@@ -12,32 +12,32 @@ use serde_json::{Map, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// Bytes that an object may have; a longer one counts as not closed.
+/// Largest object, bytes; a longer one counts as not closed.
 const LONGEST: usize = 1 << 16;
 
-/// Whether a text that begins with a bracket is JSON with objects, or with nothing. A table of TOML
-/// has a word there.
+/// Whether a text that begins with a bracket is JSON with objects, or empty. A TOML table has a
+/// word after its bracket.
 pub(crate) fn begins(text: &str) -> bool {
     let text = text.get(lines::start(text)..).unwrap_or_default();
     let inside = text.trim_start_matches(|c: char| c == '[' || c.is_whitespace());
     inside.is_empty() || inside.starts_with(['{', ']'])
 }
 
-/// Whether a line of a text in another format begins JSON: behind its first brace stands a key,
-/// which no name of an object has.
+/// Whether a line in another format begins a JSON object: a key follows its first brace. No name of
+/// an object has that.
 pub(crate) fn begins_object(text: &str) -> bool {
     let inside = text.trim_start_matches(|c: char| c == '[' || c.is_whitespace());
     let inside = inside.strip_prefix('{').map(str::trim_start);
     inside.is_some_and(|inside| inside.starts_with(['"', '}']))
 }
 
-/// Reads every object. Objects are flat: one ends at the first closing brace; where another opens
-/// before, it is not closed.
+/// Reads every object. Objects are flat: one ends at the first closing brace. It is not closed
+/// where another opens before.
 pub(crate) fn read(part: &Part, found: &mut Contents) {
     let (text, mut finder) = (part.text, part.finder());
     let first = lines::start(text);
     let mut at = first;
-    // The text behind an object that is not closed belongs to it.
+    // Text after an unclosed object belongs to it.
     let mut torn = false;
     while let Some(gap) = text.get(at..).and_then(|rest| rest.split('{').next()) {
         let start = at + gap.len();
@@ -85,7 +85,7 @@ fn reject_between(gap: &str, at: usize, finder: &mut LineFinder, found: &mut Con
     }
 }
 
-/// The end of the object that opens at `start`, if it is closed.
+/// The end of the object that opens at `start`, or none where it is not closed.
 fn closed(text: &[u8], start: usize) -> Option<usize> {
     let (mut quoted, mut escaped) = (false, false);
     for (i, byte) in text.iter().enumerate().skip(start + 1).take(LONGEST) {
@@ -102,7 +102,7 @@ fn closed(text: &[u8], start: usize) -> Option<usize> {
     None
 }
 
-/// Keys of the two lines of an element set, and of its name, in any case of letters.
+/// Keys of the two lines of an element set, and of its name; case is ignored.
 const FIRST_LINE: [&str; 3] = ["line1", "tle_line1", "tle1"];
 const SECOND_LINE: [&str; 3] = ["line2", "tle_line2", "tle2"];
 const NAMES: [&str; 4] = ["object_name", "name", "tle_line0", "satname"];
@@ -111,12 +111,12 @@ fn is_one_of(key: &str, keys: &[&str]) -> bool {
     keys.iter().any(|known| key.eq_ignore_ascii_case(known))
 }
 
-/// Whether an object's key is that of a line of an element set.
+/// Whether a key is that of a line of an element set.
 pub(crate) fn is_element_line(key: &str) -> bool {
     is_one_of(key, &FIRST_LINE) || is_one_of(key, &SECOND_LINE)
 }
 
-/// The record of an object without elements in keywords, but with the two lines of an element set.
+/// The record of an object with the two lines of an element set in place of keywords.
 fn of_lines(object: &str) -> Option<Result<Record, String>> {
     let pairs: Map<String, Value> = serde_json::from_str(object).ok()?;
     let text = |keys: &[&str]| {
@@ -130,7 +130,7 @@ fn of_lines(object: &str) -> Option<Result<Record, String>> {
     Some(record.map_err(|error| error.to_string()))
 }
 
-/// The record of an object that starts at an offset of the text.
+/// The record of an object that starts at this offset of the text.
 fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
     let mut reader = serde_json::Deserializer::from_str(object);
     let values = reader.deserialize_map(Keywords).map_err(|error| {
@@ -141,19 +141,20 @@ fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
     })?;
     let mut fields = Fields::new(start, false);
     for (key, raw) in values {
-        let place = start + raw.get().as_ptr().addr() - object.as_ptr().addr();
+        let offset = start + raw.get().as_ptr().addr() - object.as_ptr().addr();
         match raw.get() {
             "null" => {}
             text if text.starts_with('"') => {
                 let value = serde_json::from_str::<Text>(text).map(|text| text.0);
-                fields.set(key, value.unwrap_or_default(), place);
+                fields.set(key, value.unwrap_or_default(), offset);
             }
-            number => fields.set(key, Cow::Borrowed(number), place),
+            number => fields.set(key, Cow::Borrowed(number), offset),
         }
     }
-    let of_lines = match fields.has_any_element() {
-        true => None,
-        false => of_lines(object).map(|record| record.map_err(|reason| (start, reason))),
+    let of_lines = if fields.has_any_element() {
+        None
+    } else {
+        of_lines(object).map(|record| record.map_err(|reason| (start, reason)))
     };
     let record = of_lines.unwrap_or_else(|| fields.record());
     record.map_err(|(offset, reason)| (finder.line(offset), reason))
@@ -163,7 +164,7 @@ fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
 #[derive(serde::Deserialize)]
 struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
 
-/// Reads the values of the keywords that are known.
+/// Reads the values of the known keywords.
 struct Keywords;
 
 impl<'de> Visitor<'de> for Keywords {

@@ -1,4 +1,4 @@
-//! OMM in keyword = value notation: messages one after the other.
+//! OMM in keyword = value notation: a sequence of messages.
 
 use super::{Fields, Key};
 use crate::lines::Part;
@@ -6,18 +6,18 @@ use crate::record::{check_version, shorten};
 use crate::{Contents, lines};
 use std::borrow::Cow;
 
-/// The keyword that every message starts with.
+/// First keyword of a message.
 const VERSION: &str = "CCSDS_OMM_VERS";
 
-/// Whether a text whose first line is this one is an OMM. Some files leave the version out.
+/// Whether a text with this first line is an OMM. Some files lack the version.
 pub(crate) fn begins(line: &str) -> bool {
     let header = [VERSION, "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"];
     let keyword = line.split_once('=').map(|(keyword, _)| keyword.trim());
     keyword.is_some_and(|keyword| header.contains(&keyword) || Key::of(keyword).is_some())
 }
 
-/// Reads every message. One begins with its version or, where messages have none, with the keyword
-/// that the one before began with, or with any that is repeated behind a complete message.
+/// Reads every message. A message begins with its version. Where versions are missing, it begins
+/// with the first key of the message before, or with any repeated key after a complete message.
 pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut message: Option<Message> = None;
     for (number, line) in part.lines() {
@@ -56,29 +56,30 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
 
 /// A message being read.
 struct Message<'a> {
-    /// Whether it begins with its version, as the standard demands; the next one then does too.
+    /// Whether it begins with its version, as the standard requires; the next one then does too.
     has_version: bool,
-    /// The key that it begins with.
+    /// First key of the message.
     first: Option<Key>,
     fields: Fields<'a>,
 }
 
 impl<'a> Message<'a> {
-    /// Whether a key belongs to the next message. A repeated key of this one is an error.
+    /// Whether a key belongs to the next message. A repeated key within a message is an error.
     fn ends_before(&self, key: Key) -> bool {
         let is_first = self.first == Some(key);
         let is_complete = self.fields.are_complete();
         self.fields.has(key)
-            && match self.has_version {
-                true => is_first && is_complete,
-                false => is_first || is_complete,
+            && if self.has_version {
+                is_first && is_complete
+            } else {
+                is_first || is_complete
             }
     }
 
-    /// Sets a value with its unit in brackets behind it: `15.5 [rev/day]`.
+    /// Sets a value, and checks a unit in brackets after it: `15.5 [rev/day]`.
     fn set(&mut self, key: Key, value: &'a str, line: usize) {
         self.first.get_or_insert(key);
-        // Text may end in brackets of its own.
+        // Text values may end in brackets.
         let bracketed = value.strip_suffix(']').filter(|_| !key.unit().is_empty());
         let value = match bracketed.and_then(|value| value.split_once('[')) {
             Some((number, unit)) => {

@@ -1,9 +1,8 @@
-//! CCSDS Orbit Mean-Elements Messages (502.0-B, section 4) in four notations: one set of keywords,
-//! one reader for each notation.
+//! CCSDS Orbit Mean-Elements Messages (502.0-B, section 4): one set of keywords, and one reader for
+//! each of four notations.
 //!
 //! CelesTrak and Space-Track give the same keywords in KVN, XML, JSON and CSV. Their JSON and CSV
-//! may leave out centre, frame, time system and theory: these are then the Earth, TEME, UTC and
-//! SGP4.
+//! may lack centre, frame, time system and theory. The defaults are the Earth, TEME, UTC and SGP4.
 
 pub(crate) mod csv;
 pub(crate) mod json;
@@ -21,10 +20,10 @@ use hifitime::{Epoch, TimeScale, Unit};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-/// Largest catalogue number: nine digits.
+/// Largest catalogue number.
 const LARGEST_NUMBER: u32 = 999_999_999;
 
-/// The keywords that are read; all others are skipped.
+/// The supported keywords; others are skipped.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Key {
     Name,
@@ -49,13 +48,13 @@ pub(crate) enum Key {
     Drag,
     MeanMotionDot,
     MeanMotionDdot,
-    /// With the next, drag and solar radiation pressure of SGP4-XP.
+    /// Drag of SGP4-XP; the next is its solar radiation pressure.
     BallisticTerm,
     RadiationTerm,
-    /// With the next, of Space-Track's older classes: the fraction of EPOCH, and OBJECT_ID.
+    /// Fraction of EPOCH in older classes of Space-Track; the next is their OBJECT_ID.
     EpochMicroseconds,
     OldDesignator,
-    /// What TEME must not have: SGP4 gives that of date.
+    /// Refused with TEME: SGP4 gives TEME of date.
     FrameEpoch,
     /// In JSON and CSV; KVN and XML begin with it.
     Version,
@@ -94,7 +93,7 @@ const KEYWORDS: [(Key, &str, &str); 28] = [
     (Key::Version, "CCSDS_OMM_VERS", ""),
 ];
 
-/// Keys without which a JSON object has no elements in keywords.
+/// Keys of mean elements. A JSON object without any of them has no elements in keywords.
 const ELEMENTS: [Key; 4] = [
     Key::MeanMotion,
     Key::Eccentricity,
@@ -118,14 +117,14 @@ impl Key {
     }
 }
 
-/// The values of one message, each with its place in the text: a line or an offset, by notation.
+/// The values of one message, each with its location: a line or an offset, by notation.
 pub(crate) struct Fields<'a> {
-    /// Place of the message.
+    /// Location of the message.
     start: usize,
     /// Whether the metadata are required, as by the standard.
     needs_metadata: bool,
     values: [Option<(Cow<'a, str>, usize)>; KEYWORDS.len()],
-    /// The first error in the text of the message, and its place.
+    /// The first error in the message, and its location.
     wrong: Option<(usize, String)>,
 }
 
@@ -140,20 +139,20 @@ impl<'a> Fields<'a> {
     }
 
     /// Sets a value, once for each key. An empty value counts as missing.
-    pub fn set(&mut self, key: Key, value: Cow<'a, str>, place: usize) {
+    pub fn set(&mut self, key: Key, value: Cow<'a, str>, location: usize) {
         if value.trim().is_empty() {
             return;
         }
         if let Some((first, _)) = self.find(key) {
             let [first, second] = [first, value.trim()].map(shorten);
             let reason = format!("{} twice: '{first}' and '{second}'", key.keyword());
-            return self.refuse(place, reason);
+            return self.refuse(location, reason);
         }
-        self.values[key as usize] = Some((value, place));
+        self.values[key as usize] = Some((value, location));
     }
 
     /// Refuses a unit other than that of the key.
-    pub fn check_unit(&mut self, key: Key, unit: &str, place: usize) {
+    pub fn check_unit(&mut self, key: Key, unit: &str, location: usize) {
         let (unit, wanted) = (unit.trim(), key.unit());
         if unit.eq_ignore_ascii_case(wanted) {
             return;
@@ -163,15 +162,15 @@ impl<'a> Fields<'a> {
             _ => format!("only {wanted} is read"),
         };
         let reason = format!("{} in '{}'; {known}", key.keyword(), shorten(unit));
-        self.refuse(place, reason);
+        self.refuse(location, reason);
     }
 
-    /// Refuses the message, for the first reason that is given.
-    pub fn refuse(&mut self, place: usize, reason: String) {
-        self.wrong.get_or_insert((place, reason));
+    /// Refuses the message; the first reason counts.
+    pub fn refuse(&mut self, location: usize, reason: String) {
+        self.wrong.get_or_insert((location, reason));
     }
 
-    /// Whether every key that a record needs has a value.
+    /// Whether every required key has a value.
     pub fn are_complete(&self) -> bool {
         let others = [Key::Epoch, Key::Node, Key::Perigee, Key::Drag];
         ELEMENTS.iter().chain(&others).all(|key| self.has(*key))
@@ -185,15 +184,16 @@ impl<'a> Fields<'a> {
         self.values[key as usize].is_some()
     }
 
-    /// The record. Errors have the place of the value, or of the message.
+    /// The record. Errors have the location of the value, or of the message.
     pub fn record(&self) -> At<Record> {
-        self.read().map_err(|(place, reason)| {
+        self.read().map_err(|(location, reason)| {
             let value = |key| self.find(key).map(|(text, _)| shorten(text));
             let number = value(Key::Number).map(|number| format!("NORAD_CAT_ID {number}"));
             let object: Vec<String> = value(Key::Name).into_iter().chain(number).collect();
-            match object.is_empty() {
-                true => (place, reason),
-                false => (place, format!("{reason} ({})", object.join(", "))),
+            if object.is_empty() {
+                (location, reason)
+            } else {
+                (location, format!("{reason} ({})", object.join(", ")))
             }
         })
     }
@@ -202,17 +202,17 @@ impl<'a> Fields<'a> {
         if let Some(wrong) = &self.wrong {
             return Err(wrong.clone());
         }
-        if let Some((text, place)) = self.find(Key::Version) {
-            check_version(Key::Version.keyword(), text).map_err(|why| (place, why))?;
+        if let Some((text, location)) = self.find(Key::Version) {
+            check_version(Key::Version.keyword(), text).map_err(|why| (location, why))?;
         }
         self.is_one_of(Key::Centre, &["EARTH"])?;
-        // The second is the frame's name in the registry of SANA.
+        // TEMEOFDATE is the frame's name in the SANA registry.
         self.is_one_of(Key::Frame, &["TEME", "TEMEOFDATE"])?;
         self.is_one_of(Key::TimeSystem, &["UTC"])?;
-        if let Some((text, place)) = self.find(Key::FrameEpoch) {
+        if let Some((text, location)) = self.find(Key::FrameEpoch) {
             let text = shorten(text);
             let remedy = "SGP4 has TEME of date; fetch the elements without it";
-            return Err((place, format!("REF_FRAME_EPOCH '{text}': {remedy}")));
+            return Err((location, format!("REF_FRAME_EPOCH '{text}': {remedy}")));
         }
         let (theory, ephemeris_type) = self.theory()?;
         let angle = |key| Ok(self.number(key, -360.0..=360.0)? * DEGREE);
@@ -230,9 +230,12 @@ impl<'a> Fields<'a> {
         elements
             .orbit()
             .map_err(|error| (self.start, error.to_string()))?;
-        let optional = |key| match self.has(key) {
-            true => self.number(key, -1e9..=1e9),
-            false => Ok(0.0),
+        let optional = |key| {
+            if self.has(key) {
+                self.number(key, -1e9..=1e9)
+            } else {
+                Ok(0.0)
+            }
         };
         let text = |key| self.find(key).map_or("", |(text, _)| text);
         let designator = match text(Key::Designator) {
@@ -256,7 +259,7 @@ impl<'a> Fields<'a> {
 
     fn find(&self, key: Key) -> Option<(&str, usize)> {
         let field = self.values[key as usize].as_ref();
-        field.map(|(text, place)| (text.trim(), *place))
+        field.map(|(text, location)| (text.trim(), *location))
     }
 
     fn need(&self, key: Key) -> At<(&str, usize)> {
@@ -264,18 +267,18 @@ impl<'a> Fields<'a> {
         self.find(key).ok_or_else(missing)
     }
 
-    /// A value of the metadata that must be one of some words, where it is given or required.
+    /// Checks a value of the metadata, where it is given or required.
     fn is_one_of(&self, key: Key, wanted: &[&str]) -> At<()> {
         if !self.has(key) && !self.needs_metadata {
             return Ok(());
         }
-        let (text, place) = self.need(key)?;
+        let (text, location) = self.need(key)?;
         if wanted.iter().any(|word| word.eq_ignore_ascii_case(text)) {
             return Ok(());
         }
         let (keyword, text) = (key.keyword(), shorten(text));
         Err((
-            place,
+            location,
             format!("{keyword} '{text}'; only {} is read", wanted[0]),
         ))
     }
@@ -285,51 +288,51 @@ impl<'a> Fields<'a> {
         let of_xp = self
             .find(Key::BallisticTerm)
             .or(self.find(Key::RadiationTerm));
-        if let Some((_, place)) = of_xp {
-            return Err((place, theory::SGP4_XP.to_owned()));
+        if let Some((_, location)) = of_xp {
+            return Err((location, theory::SGP4_XP.to_owned()));
         }
         let mut theory = Theory::default();
         if self.has(Key::Theory) || self.needs_metadata {
-            let (text, place) = self.need(Key::Theory)?;
+            let (text, location) = self.need(Key::Theory)?;
             theory = Theory::parse(text).map_err(|why| {
                 (
-                    place,
+                    location,
                     format!("MEAN_ELEMENT_THEORY '{}': {why}", shorten(text)),
                 )
             })?;
         }
         let number = self.counter(Key::EphemerisType, u32::MAX)?;
-        let place = self
+        let location = self
             .find(Key::EphemerisType)
-            .map_or(self.start, |(_, place)| place);
-        let kind = theory::ephemeris_type(number).map_err(|reason| (place, reason))?;
+            .map_or(self.start, |(_, location)| location);
+        let kind = theory::ephemeris_type(number).map_err(|reason| (location, reason))?;
         Ok((theory, kind))
     }
 
     fn mean_motion(&self) -> At<f64> {
-        if let (false, Some((_, place))) =
+        if let (false, Some((_, location))) =
             (self.has(Key::MeanMotion), self.find(Key::SemiMajorAxis))
         {
             let reason = "SEMI_MAJOR_AXIS in place of MEAN_MOTION; SGP4 starts from the mean motion: \
                           give that";
-            return Err((place, reason.to_owned()));
+            return Err((location, reason.to_owned()));
         }
         self.number(Key::MeanMotion, 0.0..=100.0)
     }
 
     fn epoch(&self) -> At<Epoch> {
-        let (text, place) = self.need(Key::Epoch)?;
-        // Space-Track had a blank between date and time.
+        let (text, location) = self.need(Key::Epoch)?;
+        // Older files of Space-Track have a blank between date and time.
         let written = text.replacen(' ', "T", 1);
         let epoch = time::parse_ccsds(&written, TimeScale::UTC).ok_or_else(|| {
             let (text, why) = (shorten(text), time::why_not(&written));
             let example = "2026-07-11T12:00:00.000000";
             (
-                place,
+                location,
                 format!("EPOCH '{text}' is no UTC time such as {example}{why}"),
             )
         })?;
-        let Some((more, place)) = self.find(Key::EpochMicroseconds) else {
+        let Some((more, location)) = self.find(Key::EpochMicroseconds) else {
             return Ok(epoch);
         };
         let has_fraction = text.contains('.');
@@ -340,7 +343,7 @@ impl<'a> Fields<'a> {
                 let (more, text) = (shorten(more), shorten(text));
                 let rule = "must be 0 to 999999, and the only fraction of a second";
                 (
-                    place,
+                    location,
                     format!("EPOCH_MICROSECONDS '{more}' with EPOCH '{text}': {rule}"),
                 )
             })?;
@@ -348,22 +351,22 @@ impl<'a> Fields<'a> {
     }
 
     fn number(&self, key: Key, range: RangeInclusive<f64>) -> At<f64> {
-        let (text, place) = self.need(key)?;
-        // Neither `inf` nor `nan`.
+        let (text, location) = self.need(key)?;
+        // `parse` also accepts `inf` and `nan`.
         let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+' | b'e' | b'E');
         let value = text.parse().ok().filter(|value| range.contains(value));
         value.filter(|_| text.bytes().all(plain)).ok_or_else(|| {
             let (keyword, text) = (key.keyword(), shorten(text));
             let (low, high) = (range.start(), range.end());
             (
-                place,
+                location,
                 format!("{keyword} '{text}' is not a number from {low} to {high}"),
             )
         })
     }
 
-    /// NORAD_CAT_ID, in Alpha-5 too. The keyword is optional (502.0-B-3, Table 4-3): without it the
-    /// number in OBJECT_ID, or 0.
+    /// NORAD_CAT_ID, also in Alpha-5. The keyword is optional (502.0-B-3, Table 4-3); without it
+    /// the number in OBJECT_ID, or 0.
     fn catalogue_number(&self) -> At<u32> {
         let number = self.given_number()?;
         let of_id = || catalogue_number(self.find(Key::Designator)?.0).and_then(assigned);
@@ -379,19 +382,19 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A whole number from 0 to `most`, which `25544.0` is too; 0 where it is missing.
-    fn counter(&self, key: Key, most: u32) -> At<u32> {
-        let Some((text, place)) = self.find(key) else {
+    /// A whole number from 0 to `max`, or `25544.0`; 0 where it is missing.
+    fn counter(&self, key: Key, max: u32) -> At<u32> {
+        let Some((text, location)) = self.find(key) else {
             return Ok(0);
         };
         let whole = text.strip_suffix(".0").unwrap_or(text);
-        let digits = whole.bytes().all(|b| b.is_ascii_digit());
-        let value = whole.parse().ok().filter(|value| digits && *value <= most);
+        let is_whole = whole.bytes().all(|b| b.is_ascii_digit());
+        let value = whole.parse().ok().filter(|value| is_whole && *value <= max);
         value.ok_or_else(|| {
             let (keyword, text) = (key.keyword(), shorten(text));
             (
-                place,
-                format!("{keyword} '{text}' is not a whole number from 0 to {most}"),
+                location,
+                format!("{keyword} '{text}' is not a whole number from 0 to {max}"),
             )
         })
     }

@@ -7,7 +7,7 @@ use crate::record::{At, Record, check_version};
 use crate::xml::{Element, read_elements, tags, unit, version};
 use std::borrow::Cow;
 
-/// Whether an XML text has a message of this kind.
+/// Whether an XML text has an OMM.
 pub(crate) fn looks_like(text: &str) -> bool {
     tags(text, 0).any(|tag| tag.opens("omm"))
 }
@@ -42,7 +42,7 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
     }
 }
 
-/// The record of a message that starts at an offset of the text.
+/// The record of a message that starts at this offset of the text.
 fn record(message: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
     let mut fields = Fields::new(start, true);
     read_elements(message, start, finder, |event, _| {

@@ -1,12 +1,12 @@
-//! A catalogue in blocks.
+//! A catalogue in blocks of objects.
 
-use super::block::{BlockStates, NOBODY, UNKNOWN};
+use super::block::{BlockStates, NO_OBJECT, UNKNOWN};
 use super::deep::Deep;
 use super::lanes::BLOCK;
 use super::level::Level;
 use super::model::Model;
 use super::near::Near;
-use super::propagate::{Advance, Alone, Propagate, Request, Requested};
+use super::propagate::{Advance, Propagate, Request, Requested, SingleObject};
 use super::resonance::{Free, HalfDay, OneDay};
 use super::secular::{Instant, Instants, When};
 use super::site::Site;
@@ -16,7 +16,7 @@ use hifitime::Epoch;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Blocks that a thread takes at a time.
+/// Blocks of one work item of a thread.
 const CHUNK: usize = 32;
 
 /// A catalogue, ready to propagate.
@@ -27,28 +27,32 @@ pub struct Batch {
     deep: Vec<Deep<Free>>,
     one_day: Vec<Deep<OneDay>>,
     half_day: Vec<Deep<HalfDay>>,
-    /// The place of each object of the input.
-    places: Vec<u32>,
-    /// The object in each place, or [`NOBODY`].
+    /// The slot of each object of the input.
+    slots: Vec<u32>,
+    /// The object in each slot, or [`NO_OBJECT`].
     objects: Vec<u32>,
 }
 
-/// The states of a catalogue. Its memory is reused.
+/// The states of a catalogue, in reused memory.
 #[derive(Clone, Debug, Default)]
 pub struct States {
     blocks: Vec<BlockStates>,
-    places: Vec<u32>,
+    slots: Vec<u32>,
 }
 
 impl Batch {
-    /// Errors: the first set that the model cannot start from.
+    /// Sorts the objects into blocks.
+    ///
+    /// # Errors
+    ///
+    /// The first element set that SGP4 cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
         let sites = sets.par_iter().map(Site::of);
         let sites: Vec<Result<Site, ModelError>> = sites.collect();
         let sites: Vec<Site> = sites.into_iter().collect::<Result<_, _>>()?;
         let mut batch = Batch {
             level: Level::best(),
-            places: vec![NOBODY; sets.len()],
+            slots: vec![NO_OBJECT; sets.len()],
             ..Batch::default()
         };
         batch.near = batch.fill(sets, &sites)?;
@@ -58,23 +62,23 @@ impl Batch {
         Ok(batch)
     }
 
-    /// The blocks of one kind. An object's constants (600 bytes) are written straight to their
-    /// place.
+    /// The blocks of one kind. Constants (600 bytes an object) are written directly to their slot.
     fn fill<M: Model>(&mut self, sets: &[Elements], sites: &[Site]) -> Result<Vec<M>, ModelError> {
-        let ours = (0..sites.len()).filter(|at| sites[*at] == M::SITE);
-        let ours: Vec<usize> = ours.collect();
-        let members = ours.chunks(BLOCK);
-        for object in members.flat_map(|members| (0..BLOCK).map(|i| members.get(i).copied())) {
-            if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
-                *place = self.objects.len() as u32;
+        let members = (0..sites.len()).filter(|at| sites[*at] == M::SITE);
+        let members: Vec<usize> = members.collect();
+        for block in members.chunks(BLOCK) {
+            for object in (0..BLOCK).map(|i| block.get(i).copied()) {
+                if let Some(slot) = object.and_then(|at| self.slots.get_mut(at)) {
+                    *slot = self.objects.len() as u32;
+                }
+                self.objects.push(object.map_or(NO_OBJECT, |at| at as u32));
             }
-            self.objects.push(object.map_or(NOBODY, |at| at as u32));
         }
         let failed = OnceLock::new();
         let block = |members: &[usize]| {
             let mut block = M::default();
             for i in 0..BLOCK {
-                // The last one fills unused places.
+                // The last object fills unused slots.
                 let member = members.get(i).or(members.last());
                 let Some(elements) = member.and_then(|&at| sets.get(at)) else {
                     continue;
@@ -86,18 +90,18 @@ impl Batch {
             }
             block
         };
-        let blocks = ours.par_chunks(BLOCK).map(block).collect();
+        let blocks = members.par_chunks(BLOCK).map(block).collect();
         failed.into_inner().map_or(Ok(blocks), Err)
     }
 
     /// Number of objects.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.slots.len()
     }
 
     /// Whether there are no objects.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.slots.is_empty()
     }
 
     /// Number of blocks.
@@ -105,18 +109,18 @@ impl Batch {
         self.objects.len() / BLOCK
     }
 
-    /// The objects of the input in a block's places, or [`NOBODY`].
+    /// The objects of the input in a block's slots, or [`NO_OBJECT`].
     pub fn objects_of(&self, block: usize) -> &[u32] {
         let from = block * BLOCK;
         self.objects.get(from..from + BLOCK).unwrap_or(&[])
     }
 
-    /// The instructions that are used.
+    /// The vector instructions in use.
     pub fn level(&self) -> Level {
         self.level
     }
 
-    /// Uses these instructions; the portable ones where the processor lacks them.
+    /// Sets the vector instructions; portable ones where the processor lacks them.
     pub fn set_level(&mut self, level: Level) {
         self.level = level;
     }
@@ -130,42 +134,42 @@ impl Batch {
             + of(&self.deep)
             + of(&self.one_day)
             + of(&self.half_day)
-            + of(&self.places)
+            + of(&self.slots)
             + of(&self.objects)
     }
 
-    /// Every object at one instant.
+    /// Propagates every object to one instant.
     pub fn propagate(&mut self, t: Epoch, states: &mut States) {
         self.states(When::At(Instant::of(t)), states);
     }
 
-    /// Every object a number of minutes after the epoch of its own elements.
+    /// Propagates every object to a number of minutes after the epoch of its elements.
     pub fn propagate_after(&mut self, minutes: f64, states: &mut States) {
         self.states(When::After(minutes), states);
     }
 
     fn states(&mut self, when: When, states: &mut States) {
         self.advance(when);
-        states.places.clone_from(&self.places);
+        states.slots.clone_from(&self.slots);
         let blocks = self.blocks();
         states.blocks.resize_with(blocks, BlockStates::default);
         let chunks = states.blocks.par_chunks_mut(CHUNK).enumerate();
         chunks.for_each(|(chunk, states)| self.blocks_at(chunk * CHUNK, when, states));
     }
 
-    /// The state of one object at an instant, as [`States::get`] gives it.
+    /// The state of one object at an instant, equal to that of [`States::get`].
     pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
         let mut found = Err(UNKNOWN);
         self.states_at(&[object], &[t], |[state]| found = state);
         found
     }
 
-    /// Integrates resonances to near an instant. States do not depend on it, but their time does.
+    /// Integrates resonances to near an instant. This saves time and does not change states.
     pub(crate) fn advance_to(&mut self, t: Epoch) {
         self.advance(When::At(Instant::of(t)));
     }
 
-    /// The blocks from `first` on at an instant, as many as `states` has.
+    /// The blocks from `first` on at an instant; the length of `states` is their number.
     pub(crate) fn blocks_at_epoch(&self, first: usize, t: Epoch, states: &mut [BlockStates]) {
         self.blocks_at(first, When::At(Instant::of(t)), states);
     }
@@ -179,7 +183,7 @@ impl Batch {
         all(self.level, when, &mut self.half_day);
     }
 
-    /// The blocks from `first` on at one instant, as many as `states` has.
+    /// The blocks from `first` on; the length of `states` is their number.
     fn blocks_at(&self, first: usize, when: When, states: &mut [BlockStates]) {
         for (chunk, states) in states.chunks_mut(CHUNK).enumerate() {
             let first = first + chunk * CHUNK;
@@ -191,7 +195,7 @@ impl Batch {
         }
     }
 
-    /// Calls `each` with the states of some objects in turn, at the same `N` instants, up to
+    /// Calls `each` with the states of each object in turn, at the same `N` instants, up to
     /// [`BLOCK`].
     pub fn states_at<const N: usize>(
         &self,
@@ -199,26 +203,26 @@ impl Batch {
         when: &[Epoch; N],
         mut each: impl FnMut([Result<StateVector, u8>; N]),
     ) {
-        const { assert!(N <= BLOCK, "a block has no more places") };
+        const { assert!(N <= BLOCK, "more instants than slots in a block") };
         let instants = Instants::of(when);
         let mut found = vec![BlockStates::NONE; objects.len().min(CHUNK)];
         for objects in objects.chunks(CHUNK) {
-            let alone = objects.iter().map(|object| Alone::<N> {
-                place: self.places.get(*object).copied().unwrap_or(NOBODY) as usize,
+            let requests = objects.iter().map(|object| SingleObject::<N> {
+                slot: self.slots.get(*object).copied().unwrap_or(NO_OBJECT) as usize,
                 instants,
             });
-            let alone: Vec<Alone<N>> = alone.collect();
+            let requests: Vec<SingleObject<N>> = requests.collect();
             let found = &mut found[..objects.len()];
             found.fill(BlockStates::NONE);
-            self.blocks_requested(&alone, found);
+            self.blocks_requested(&requests, found);
             for states in &*found {
                 each(std::array::from_fn(|i| states.get(i)));
             }
         }
     }
 
-    /// The states of the requested blocks, in that order. States of blocks that do not exist stay as
-    /// they are.
+    /// The states of the requested blocks, in that order. The states of a missing block do not
+    /// change.
     pub(crate) fn blocks_requested<A: Request>(&self, requested: &[A], states: &mut [BlockStates]) {
         let ends = self.ends();
         let kind = |requested: &A| ends.iter().filter(|end| requested.block() >= **end).count();
@@ -236,7 +240,7 @@ impl Batch {
         }
     }
 
-    /// The numbers of blocks behind the last of each kind.
+    /// The number of the first block after each kind.
     fn ends(&self) -> [usize; 4] {
         let counts = [
             self.near.len(),
@@ -251,7 +255,7 @@ impl Batch {
         })
     }
 
-    /// Those of one kind, whose first block has the number `first`.
+    /// Propagates blocks of one kind, whose first block has the number `first`.
     fn of_kind<M: Model, A: Request>(
         &self,
         blocks: &[M],
@@ -259,18 +263,18 @@ impl Batch {
         requested: &[A],
         states: &mut [BlockStates],
     ) {
-        for (asked, states) in requested.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
-            match asked.len() {
+        for (requests, states) in requested.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+            match requests.len() {
                 1 => self.level.run(Propagate::<M, A, 1> {
                     blocks,
                     first,
-                    asked,
+                    requests,
                     states,
                 }),
                 _ => self.level.run(Propagate::<M, A, CHUNK> {
                     blocks,
                     first,
-                    asked,
+                    requests,
                     states,
                 }),
             }
@@ -279,12 +283,13 @@ impl Batch {
 }
 
 impl States {
-    /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of
-    /// the reference (1 mean eccentricity, 2 mean motion, 3 perturbed eccentricity, 4 semi-latus
-    /// rectum, 6 decayed), [`TOO_FAR`](super::TOO_FAR) or [`UNKNOWN`](super::UNKNOWN), also for an index without an object.
+    /// The state of an object of the input, TEME, m and m/s. Else the code of the reference (1 mean
+    /// eccentricity, 2 mean motion, 3 perturbed eccentricity, 4 semi-latus rectum, 6 decayed),
+    /// [`TOO_FAR`](super::TOO_FAR) or [`UNKNOWN`](super::UNKNOWN), also for an index without an
+    /// object.
     pub fn get(&self, object: usize) -> Result<StateVector, u8> {
-        let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
-        let states = self.blocks.get(place / BLOCK);
-        states.map_or(Err(UNKNOWN), |states| states.get(place % BLOCK))
+        let slot = self.slots.get(object).copied().unwrap_or(NO_OBJECT) as usize;
+        let states = self.blocks.get(slot / BLOCK);
+        states.map_or(Err(UNKNOWN), |states| states.get(slot % BLOCK))
     }
 }

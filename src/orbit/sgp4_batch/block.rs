@@ -1,10 +1,10 @@
-//! The states of a block, and the codes of failures.
+//! The states of a block, and failure codes.
 
 use super::lanes::{BLOCK, Row};
 use crate::StateVector;
 use nalgebra::Vector3;
 
-/// The reference's code of a position inside the Earth.
+/// The reference's code for a position inside the Earth.
 pub const DECAYED: u8 = 6;
 /// Not a code of the reference: farther from the epoch than
 /// [`MAX_ELAPSED_DAYS`](crate::elements::MAX_ELAPSED_DAYS).
@@ -12,10 +12,10 @@ pub const TOO_FAR: u8 = 7;
 /// Not a code of the reference: numbers that are not finite.
 pub const UNKNOWN: u8 = 8;
 
-/// Marks the unused places of a block.
-pub const NOBODY: u32 = u32::MAX;
+/// Marks the unused slots of a block.
+pub const NO_OBJECT: u32 = u32::MAX;
 
-/// The states of a block, TEME; zero where the code is not.
+/// The states of a block, TEME; zero where the code is not 0.
 #[derive(Clone, Debug, Default)]
 #[repr(align(64))]
 pub struct BlockStates {
@@ -23,12 +23,12 @@ pub struct BlockStates {
     pub position_km: [Row; 3],
     /// x, y, z, km/s.
     pub velocity_km_s: [Row; 3],
-    /// 0, or the code of a failure, see `States::get`.
+    /// 0, or a failure code, see `States::get`.
     pub code: Row,
 }
 
 impl BlockStates {
-    /// Nothing is known yet.
+    /// Before the propagation.
     pub(crate) const NONE: BlockStates = BlockStates {
         position_km: [[0.0; BLOCK]; 3],
         velocity_km_s: [[0.0; BLOCK]; 3],

@@ -1,8 +1,8 @@
-//! The constants of one object, as the `sgp4` crate works them out.
+//! The SGP4 constants of one object, computed by the `sgp4` crate.
 //!
 //! Its `Constants` have private fields but can be serialised. They are written as bytes and read
-//! into the structures of this file, which have the same fields in the same order. Another order in
-//! the crate would fail every test of the batch.
+//! into the structures of this file, which have the same fields in the same order. Every test of
+//! the batch would fail if the crate changed that order.
 
 use crate::elements::ModelError;
 use serde::Deserialize;
@@ -54,7 +54,7 @@ pub enum Method {
 
 /// Drag terms of an orbit with its perigee at 220 km or above.
 #[derive(Clone, Debug, Deserialize)]
-#[allow(clippy::large_enum_variant)] // the crate's own
+#[allow(clippy::large_enum_variant)] // as in the crate
 pub enum High {
     No {},
     Yes {
@@ -101,17 +101,20 @@ pub enum Resonant {
 pub enum Resonance {
     /// dr1, dr2, dr3.
     OneDay([f64; 3]),
-    /// D2201, D2211, D3210, D3222, D4410, D4422, D5220, D5232, D5421, D5433 and k14, the perigee's rate.
+    /// D2201, D2211, D3210, D3222, D4410, D4422, D5220, D5232, D5421, D5433 and k14, the perigee's
+    /// rate.
     HalfDay([f64; 11]),
 }
 
-/// More than the longest form, 69 numbers and the variants.
+/// Buffer size; the longest form has 69 numbers and the variants.
 const LONGEST: usize = 640;
 
 impl ModelConstants {
-    /// The figures in the crate's constants.
+    /// Reads the constants of the crate.
     ///
-    /// Errors: the crate writes them in another form.
+    /// # Errors
+    ///
+    /// The crate serialises them in another form.
     pub fn of(constants: &sgp4::Constants) -> Result<ModelConstants, ModelError> {
         let mut bytes = [0; LONGEST];
         let unread = |error: postcard::Error| ModelError::new(error.to_string());

@@ -1,5 +1,5 @@
 //! Deep-space orbits (periods of 225 min and above): Sun and Moon, Lyddane's form near the equator,
-//! resonance. Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate.
+//! resonance. Source: Vallado et al., AIAA 2006-6753; names are those of the `sgp4` crate.
 
 use super::constants::{Method, ModelConstants, Perturber};
 use super::lanes::{Lanes, Part, Row};
@@ -37,7 +37,7 @@ struct Pull {
     mean_anomaly: Row,
 }
 
-/// What a perturbing body adds to e, I and M, and p4 and p5 to perigee and node.
+/// Perturbations by one body of e, I and M, and p4 and p5 for perigee and node.
 struct Effects<S: Simd> {
     e: Lanes<S>,
     i: Lanes<S>,
@@ -56,8 +56,8 @@ impl Pull {
 
     #[inline(always)]
     fn effects<S: Simd>(&self, part: Part<S>, [e, n]: [f64; 2], t: Lanes<S>) -> Effects<S> {
-        // M = M0 + n t; f = M + 2 e sin M. M0 is up to 1e4 rad, and its last digits matter at low
-        // inclinations, where p5 / sin I is large: it is rounded as in the scalar model.
+        // M = M0 + n t; f = M + 2 e sin M. M0 is up to 1e4 rad. It is rounded as in the scalar
+        // model, since its last digits matter at low inclinations, where p5 / sin I is large.
         let m = part.load(&self.mean_anomaly) + t * n;
         let (sin_m, _) = m.sin_cos();
         let f = m + sin_m * (2.0 * e);
@@ -111,7 +111,7 @@ impl<R: Resonance> Model for Deep<R> {
     #[inline(always)]
     fn advance<S: Simd>(&mut self, part: Part<S>, when: When) {
         let t = self.secular.minutes(part, when);
-        let t = Failed::far(t).where_well(t);
+        let t = Failed::far(t).where_valid(t);
         self.resonance.advance(part, &self.secular, t);
     }
 
@@ -127,8 +127,8 @@ impl<R: Resonance> Model for Deep<R> {
         let p22 = self.secular.node_at(part, t);
         let p23 = self.secular.perigee_at(part, t);
         let mut failed = Failed::far(t);
-        // An orbit that is not to be carried on is not integrated either.
-        let t = failed.where_well(t);
+        // Failed orbits are not integrated.
+        let t = failed.where_valid(t);
         let Unperturbed {
             a: p28,
             mean_anomaly: p29,
@@ -142,8 +142,8 @@ impl<R: Resonance> Model for Deep<R> {
         let moon = self.moon.effects(part, MOON, t);
         let (di, p4, p5) = (sun.i + moon.i, sun.p4 + moon.p4, sun.p5 + moon.p5);
         // I = I0 + I' t + dI
-        let even = part.load(&self.inclination) + part.load(&self.inclination_dot) * t;
-        let inclination = even + di;
+        let secular = part.load(&self.inclination) + part.load(&self.inclination_dot) * t;
+        let inclination = secular + di;
         let (sin_i, cos_i) = inclination.sin_cos();
         // I >= 0.2: node = p22 + p5 / sin I; w = p23 + p4 - cos I p5 / sin I
         let shift = p5 / sin_i;

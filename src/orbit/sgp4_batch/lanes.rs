@@ -1,77 +1,77 @@
-//! Arithmetic on several objects side by side, written like that on one.
+//! Arithmetic on several objects at a time, written like that on one.
 //!
-//! Operations that depend on the order of operands or on the processor are not used: no minimum,
-//! maximum or estimate. A product and a sum are fused in `mul_add` only.
+//! Operations whose result depends on operand order or processor are not used: no minimum, maximum
+//! or estimate. Only `mul_add` fuses a product and a sum.
 
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Objects of a block.
+/// Number of objects in a block.
 pub const BLOCK: usize = 8;
 
-/// One number of each object of a block.
+/// One number for each object of a block.
 pub type Row = [f64; BLOCK];
 
-/// One number of each of the objects that a level works on at a time.
+/// One number for each object in a vector register.
 #[derive(Clone, Copy, Debug)]
 pub struct Lanes<S: Simd> {
     simd: S,
     values: S::f64s,
 }
 
-/// A truth of each of them.
+/// One truth value for each object in a vector register.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth<S: Simd> {
     simd: S,
     truth: S::m64s,
 }
 
-/// The objects of a block that are worked on at a time: which, and with which instructions.
+/// The objects of a block that fit a vector register, and the instructions for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<S: Simd> {
     simd: S,
-    /// Its number within the block.
+    /// Index within the block.
     index: usize,
-    /// The object that stands in all places instead, if any.
-    alone: Option<usize>,
+    /// The object that is loaded into all lanes instead, if any.
+    broadcast: Option<usize>,
 }
 
 impl<S: Simd> Part<S> {
-    /// The parts that a block is worked on in.
+    /// All parts of a block.
     #[inline(always)]
     pub fn all(simd: S) -> impl Iterator<Item = Part<S>> {
         Part::first(simd, BLOCK)
     }
 
-    /// As many of them as hold the first `places`.
+    /// The parts that hold the first `slots`.
     #[inline(always)]
-    pub fn first(simd: S, places: usize) -> impl Iterator<Item = Part<S>> {
-        (0..places.div_ceil(S::F64_LANES)).map(move |index| Part {
+    pub fn first(simd: S, slots: usize) -> impl Iterator<Item = Part<S>> {
+        (0..slots.div_ceil(S::F64_LANES)).map(move |index| Part {
             simd,
             index,
-            alone: None,
+            broadcast: None,
         })
     }
 
-    /// The same places with one object in all of them.
+    /// The same part with one object in all lanes.
     #[inline(always)]
-    pub fn alone(self, object: usize) -> Part<S> {
+    pub fn broadcast(self, object: usize) -> Part<S> {
         Part {
-            alone: Some(object),
+            broadcast: Some(object),
             ..self
         }
     }
 
-    /// This part of a row; of an object that stands alone, its number.
+    /// This part of a row; the broadcast object's number, if there is one.
     #[inline(always)]
     pub fn load(self, row: &Row) -> Lanes<S> {
-        match self.alone {
+        match self.broadcast {
             None => self.each(row),
             Some(object) => self.splat(row[object % BLOCK]),
         }
     }
 
-    /// This part of a row, whoever stands there.
+    /// This part of a row, without broadcast.
     #[inline(always)]
     pub fn each(self, row: &Row) -> Lanes<S> {
         Lanes {
@@ -83,7 +83,7 @@ impl<S: Simd> Part<S> {
     /// This part of three rows.
     #[inline(always)]
     pub fn load_three(self, [a, b, c]: &[Row; 3]) -> [Lanes<S>; 3] {
-        // No closures here: they are compiled without the level's instructions.
+        // A closure would be compiled without the level's instructions.
         [self.load(a), self.load(b), self.load(c)]
     }
 
@@ -93,7 +93,7 @@ impl<S: Simd> Part<S> {
         S::as_mut_simd_f64s(row).0[self.index] = lanes.values;
     }
 
-    /// The same number for all.
+    /// The same number in all lanes.
     #[inline(always)]
     pub fn splat(self, value: f64) -> Lanes<S> {
         Lanes {
@@ -104,7 +104,7 @@ impl<S: Simd> Part<S> {
 }
 
 impl<S: Simd> Lanes<S> {
-    /// The same number for all.
+    /// The same number in all lanes.
     #[inline(always)]
     pub fn splat(self, value: f64) -> Self {
         self.with(self.simd.splat_f64s(value))
@@ -128,19 +128,19 @@ impl<S: Simd> Lanes<S> {
         )
     }
 
-    /// The square root.
+    /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         self.with(self.simd.sqrt_f64s(self.values))
     }
 
-    /// The square.
+    /// Square.
     #[inline(always)]
     pub fn squared(self) -> Self {
         self * self
     }
 
-    /// The size without its sign.
+    /// Absolute value.
     #[inline(always)]
     pub fn abs(self) -> Self {
         let sign = self.simd.splat_f64s(-0.0);
@@ -148,23 +148,23 @@ impl<S: Simd> Lanes<S> {
         self.with(self.simd.xor_f64s(self.values, is))
     }
 
-    /// The size of `self` with the sign of `other`.
+    /// The absolute value with the sign of `other`.
     #[inline(always)]
     pub fn with_sign_of(self, other: Self) -> Self {
         let sign = self.simd.splat_f64s(-0.0);
-        let its = self.simd.and_f64s(other.values, sign);
-        self.with(self.simd.xor_f64s(self.abs().values, its))
+        let sign = self.simd.and_f64s(other.values, sign);
+        self.with(self.simd.xor_f64s(self.abs().values, sign))
     }
 
-    /// The nearest whole number, even ones from halves; up to 2^51.
+    /// The nearest integer, ties to even; for values up to 2^51.
     #[inline(always)]
     pub fn round(self) -> Self {
-        // Adding 1.5 * 2^52 leaves no bits behind the point.
+        // Adding 1.5 * 2^52 leaves no fraction bits.
         let magic = self.splat(6_755_399_441_055_744.0);
         (self + magic) - magic
     }
 
-    /// Whether it is below `other`; not where one is no number.
+    /// Whether it is below `other`; false for NaN.
     #[inline(always)]
     pub fn less_than(self, other: Self) -> Truth<S> {
         Truth {
@@ -173,13 +173,13 @@ impl<S: Simd> Lanes<S> {
         }
     }
 
-    /// Whether it is not below `other`; not where one is no number.
+    /// Whether it is at least `other`; false for NaN.
     #[inline(always)]
     pub fn at_least(self, other: Self) -> Truth<S> {
         other.at_most(self)
     }
 
-    /// Whether it is not above `other`; not where one is no number.
+    /// Whether it is at most `other`; false for NaN.
     #[inline(always)]
     pub fn at_most(self, other: Self) -> Truth<S> {
         Truth {
@@ -204,7 +204,7 @@ impl<S: Simd> Truth<S> {
         yes.with(self.simd.select_f64s(self.truth, yes.values, no.values))
     }
 
-    /// Both.
+    /// Logical and.
     #[inline(always)]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -213,7 +213,7 @@ impl<S: Simd> Truth<S> {
         }
     }
 
-    /// Whether it is true of any.
+    /// Whether it is true in any lane.
     #[inline(always)]
     pub fn any(self) -> bool {
         self.simd.first_true_m64s(self.truth) < S::F64_LANES

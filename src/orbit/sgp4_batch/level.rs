@@ -1,12 +1,13 @@
-//! The vector instructions that a processor has, found when the program runs.
+//! The vector instructions of the processor, detected at run time.
 
 use pulp::{Scalar, WithSimd};
 use std::fmt;
 
-/// A set of vector instructions. All give the same bits: every product that is added is fused on all of them.
+/// A set of vector instructions. All give the same bits, since all fuse the same products and sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Level {
-    /// One object at a time, by Rust's `mul_add`: right on every processor, slow where that is a function call.
+    /// One object at a time, with Rust's `mul_add`. Exact on every processor, but slow where that
+    /// is a function call.
     #[default]
     Portable,
     /// Two at a time (AArch64).
@@ -21,7 +22,7 @@ impl Level {
     /// From the slowest to the fastest.
     pub const ALL: [Level; 4] = [Level::Portable, Level::Neon, Level::Avx2, Level::Avx512];
 
-    /// Those of this processor, from the slowest to the fastest.
+    /// The levels of this processor, from the slowest to the fastest.
     pub fn available() -> Vec<Level> {
         Level::ALL
             .into_iter()
@@ -29,7 +30,7 @@ impl Level {
             .collect()
     }
 
-    /// The fastest of this processor.
+    /// The fastest level of this processor.
     pub fn best() -> Level {
         let mut fastest_first = Level::ALL.into_iter().rev();
         fastest_first
@@ -52,7 +53,7 @@ impl Level {
         }
     }
 
-    /// Runs `work` with these instructions; with the portable ones where the processor lacks them.
+    /// Runs `work` with these instructions; portable ones where the processor lacks them.
     pub(crate) fn run<W: WithSimd>(self, work: W) -> W::Output {
         match self {
             #[cfg(target_arch = "aarch64")]

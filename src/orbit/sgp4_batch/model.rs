@@ -1,4 +1,4 @@
-//! What blocks of every kind of orbit have in common.
+//! Interface of the blocks of all kinds of orbits.
 
 use super::constants::ModelConstants;
 use super::lanes::{Lanes, Part};
@@ -13,9 +13,9 @@ pub trait Model: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants);
-    /// Integrates to near an instant, and keeps the state.
+    /// Integrates to near an instant, and stores the integrator's state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
     fn secular(&self) -> &Secular;
-    /// The mean elements `t` min after the epochs, with all but their short-period perturbations.
+    /// The mean elements `t` min after the epochs, with all but the short-period perturbations.
     fn perturbed<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Perturbed<S>;
 }

@@ -1,6 +1,8 @@
-//! Near-Earth orbits (periods below 225 min) under drag: Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate's transcript.
+//! Near-Earth orbits (periods below 225 min) with drag. Source: Vallado et al., AIAA 2006-6753;
+//! names are those of the `sgp4` crate.
 //!
-//! Perigees below 220 km and near-circular orbits have fewer drag terms. Their coefficients are 0 here, so that all orbits are one case.
+//! Orbits with perigees below 220 km and near-circular orbits have fewer drag terms. The others get
+//! coefficients of 0, so that one formula serves all orbits.
 
 use super::constants::{Elliptic, High, Method, ModelConstants};
 use super::lanes::{Lanes, Part, Row};
@@ -105,12 +107,12 @@ impl Model for Near {
         let a = part.load(&self.a0) * t.neg_mul_add(lost, one).squared();
         // p27 = e0 - (C4 t + C5 (sin p26 - k7))
         let (sin_p26, _) = p26.sin_cos();
-        let swing = part.load(&self.c5) * (sin_p26 - part.load(&self.k7));
-        let p27 = part.load(&self.secular.eccentricity) - part.load(c4).mul_add(t, swing);
+        let periodic = part.load(&self.c5) * (sin_p26 - part.load(&self.k7));
+        let p27 = part.load(&self.secular.eccentricity) - part.load(c4).mul_add(t, periodic);
 
         let mut failed = Failed::far(t);
         failed.outside_of_ellipses(p27);
-        // e = 1e-6 where p27 is below
+        // e = max(p27, 1e-6)
         let least = part.splat(1e-6);
         Perturbed {
             failed,

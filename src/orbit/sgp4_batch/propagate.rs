@@ -1,23 +1,23 @@
-//! Many blocks at a time. Each step is done for all of them before the next: the long dependent
-//! chain of a single block would leave the processor waiting.
+//! Propagates many blocks at a time. Each step is done for all of them before the next. In a single
+//! block every operation would wait for the one before.
 
 use super::block::BlockStates;
 use super::lanes::{BLOCK, Part};
 use super::model::Model;
 use super::secular::{Instant, Instants, When};
-use super::short_period::{Perturbed, Way};
+use super::short_period::{Intermediate, Perturbed};
 use hifitime::Epoch;
 use pulp::{Simd, WithSimd};
 
-/// A request to a block.
+/// A request for the states of a block.
 pub(crate) trait Request {
     /// The number of the block.
     fn block(&self) -> usize;
 
-    /// How many places of the result are used.
-    fn places(&self) -> usize;
+    /// How many slots of the result are used.
+    fn slots(&self) -> usize;
 
-    /// Its perturbed mean elements.
+    /// The perturbed mean elements.
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S>;
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Requested {
 }
 
 impl Requested {
-    /// That block at that instant.
+    /// The block at an instant.
     pub fn of(block: usize, t: Epoch) -> Requested {
         let when = When::At(Instant::of(t));
         Requested { block, when }
@@ -42,7 +42,7 @@ impl Request for Requested {
     }
 
     #[inline(always)]
-    fn places(&self) -> usize {
+    fn slots(&self) -> usize {
         BLOCK
     }
 
@@ -52,37 +52,37 @@ impl Request for Requested {
     }
 }
 
-/// One object at several instants, each in a place of its own.
+/// One object at several instants, each in its own slot.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Alone<const N: usize> {
-    /// Its place in the catalogue's blocks.
-    pub place: usize,
+pub(super) struct SingleObject<const N: usize> {
+    /// The object's slot in the catalogue's blocks.
+    pub slot: usize,
     pub instants: Instants,
 }
 
-impl<const N: usize> Request for Alone<N> {
+impl<const N: usize> Request for SingleObject<N> {
     fn block(&self) -> usize {
-        self.place / BLOCK
+        self.slot / BLOCK
     }
 
     #[inline(always)]
-    fn places(&self) -> usize {
+    fn slots(&self) -> usize {
         N
     }
 
     #[inline(always)]
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S> {
-        let part = part.alone(self.place % BLOCK);
+        let part = part.broadcast(self.slot % BLOCK);
         block.perturbed(part, block.secular().minutes_to(part, &self.instants))
     }
 }
 
-/// At most `N` blocks, step by step, with the instructions of a level.
+/// Propagates up to `N` blocks, with the instructions of a level.
 pub(super) struct Propagate<'a, M, A, const N: usize> {
     pub blocks: &'a [M],
-    /// The number of the first of them.
+    /// The number of the first block.
     pub first: usize,
-    pub asked: &'a [A],
+    pub requests: &'a [A],
     pub states: &'a mut [BlockStates],
 }
 
@@ -91,28 +91,28 @@ impl<M: Model, A: Request, const N: usize> WithSimd for Propagate<'_, M, A, N> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let mut ways = [const { Way::EMPTY }; N];
-        for (requested, way) in self.asked.iter().zip(&mut ways) {
-            if let Some(block) = self.blocks.get(requested.block() - self.first) {
-                for part in Part::first(simd, requested.places()) {
-                    requested.perturbed(block, part).long_period(part, way);
+        let mut work = [const { Intermediate::EMPTY }; N];
+        for (request, work) in self.requests.iter().zip(&mut work) {
+            if let Some(block) = self.blocks.get(request.block() - self.first) {
+                for part in Part::first(simd, request.slots()) {
+                    request.perturbed(block, part).long_period(part, work);
                 }
             }
         }
-        for (requested, way) in self.asked.iter().zip(&mut ways) {
-            for part in Part::first(simd, requested.places()) {
-                way.solve(part);
+        for (request, work) in self.requests.iter().zip(&mut work) {
+            for part in Part::first(simd, request.slots()) {
+                work.solve(part);
             }
         }
-        for ((requested, way), states) in self.asked.iter().zip(&ways).zip(self.states) {
-            for part in Part::first(simd, requested.places()) {
-                way.state(part, states);
+        for ((request, work), states) in self.requests.iter().zip(&work).zip(self.states) {
+            for part in Part::first(simd, request.slots()) {
+                work.state(part, states);
             }
         }
     }
 }
 
-/// The integrators of some blocks.
+/// Advances the integrators of blocks.
 pub(super) struct Advance<'a, M> {
     pub when: When,
     pub blocks: &'a mut [M],

@@ -1,8 +1,8 @@
 //! Resonance of deep-space orbits with the Earth's rotation, integrated from the epoch in steps of
 //! 720 min (Vallado et al., AIAA 2006-6753; Hujsak 1979).
 //!
-//! The integrator's state depends on the number of steps alone. It continues from its last state,
-//! and restarts at the epoch where the requested time lies before that.
+//! The integrator's state depends on the number of steps alone. It continues from its last state.
+//! It restarts at the epoch where the requested time lies before that state.
 
 use super::constants;
 use super::lanes::{Lanes, Part, Row, Truth};
@@ -36,16 +36,16 @@ pub struct Unperturbed<S: Simd> {
     pub is_valid: Truth<S>,
 }
 
-/// How mean anomaly and semi-major axis change with time.
+/// Change of mean anomaly and semi-major axis with time.
 pub trait Resonance: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant);
 
-    /// Integrates to near `t` min after the epoch, and keeps the state.
+    /// Integrates to near `t` min after the epoch, and stores the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: &Secular, _: Lanes<S>) {}
 
-    /// `t` min after the epoch; the node p22 and the perigee p23 are those of that time.
+    /// Mean elements `t` min after the epoch, with the node p22 and the perigee p23 at that time.
     fn unperturbed<S: Simd>(
         &self,
         part: Part<S>,
@@ -111,7 +111,7 @@ pub trait Terms: Default + Send + Sync {
     -> Lanes<S>;
 }
 
-/// Resonant orbits: where the integrator starts, and its state.
+/// Resonant orbits: initial values of the integrator, and its state.
 #[derive(Clone, Debug, Default)]
 pub struct Resonant<T> {
     mean_motion_0: Row,
@@ -133,11 +133,11 @@ struct Integrated<S: Simd> {
 }
 
 impl<T: Terms> Resonant<T> {
-    /// The state within a step before `t`.
+    /// The integrator's state less than a step before `t`.
     #[inline(always)]
     fn near<S: Simd>(&self, part: Part<S>, secular: &Secular, t: Lanes<S>) -> Integrated<S> {
         let zero = part.splat(0.0);
-        // From the epoch, where t lies before the last state or on the other side of the epoch.
+        // Restart where t lies before the last state, or on the other side of the epoch.
         let at = part.load(&self.t);
         let onward = zero.at_most(at * t).and(at.abs().at_most(t.abs()));
         let mut at = onward.select(at, zero);
@@ -154,7 +154,7 @@ impl<T: Terms> Resonant<T> {
                 return Integrated { at, n, lambda };
             }
             // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2, rounded as in the
-            // scalar model: a century has 73,000 steps, whose rounding would outweigh all else.
+            // scalar model: over the 73,000 steps of a century other rounding would dominate.
             let rate = n + lambda_dot;
             let Pull { n_dot, slope } = self.terms.pull(part, secular, lambda, at);
             let next = n + (n_dot * step + slope * rate * half);

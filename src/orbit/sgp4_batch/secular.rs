@@ -1,4 +1,4 @@
-//! What near and deep orbits have in common before their perturbations: time, and angles that run on evenly.
+//! Time since the epochs, and the secular motion that near-Earth and deep-space orbits share.
 
 use super::constants::ModelConstants;
 use super::lanes::{BLOCK, Lanes, Part, Row};
@@ -9,7 +9,8 @@ use pulp::Simd;
 /// Minutes of a day.
 const DAY_MIN: f64 = 1440.0;
 
-/// An instant as the batch counts: days since 1900-01-01T00:00 TAI, and minutes of the day. Neither loses digits in the difference of two.
+/// An instant: days since 1900-01-01T00:00 TAI, and minutes of the day. The difference of two loses
+/// no digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instant {
     day: f64,
@@ -23,7 +24,7 @@ impl Instant {
             day: day as f64,
             minute: ns as f64 / 60e9,
         };
-        // Up to the year 2192 in half the bits, in a tenth of the time.
+        // 64 bits serve up to the year 2192, and take a tenth of the time.
         match i64::try_from(ns) {
             Ok(ns) => of(ns.div_euclid(DAY_NS as i64), ns.rem_euclid(DAY_NS as i64)),
             Err(_) => of(ns.div_euclid(DAY_NS) as i64, ns.rem_euclid(DAY_NS) as i64),
@@ -31,7 +32,7 @@ impl Instant {
     }
 }
 
-/// An instant for each place of a block.
+/// An instant for each slot of a block.
 #[derive(Clone, Copy, Debug)]
 pub struct Instants {
     day: Row,
@@ -39,7 +40,7 @@ pub struct Instants {
 }
 
 impl Instants {
-    /// Those, and the first of them in all places that are left.
+    /// These instants; the first also fills the remaining slots.
     pub fn of(all: &[hifitime::Epoch]) -> Instants {
         let first = all.first().map_or(NO_INSTANT, |t| Instant::of(*t));
         let mut instants = Instants {
@@ -55,22 +56,22 @@ impl Instants {
     }
 }
 
-/// What stands for none.
+/// Fills unused slots.
 const NO_INSTANT: Instant = Instant {
     day: 0.0,
     minute: 0.0,
 };
 
-/// What is asked of a block.
+/// The requested time.
 #[derive(Clone, Copy, Debug)]
 pub enum When {
     /// One instant.
     At(Instant),
-    /// So many minutes after each object's own epoch.
+    /// Minutes after each object's epoch.
     After(f64),
 }
 
-/// Epochs, even rates and drag of a block; rad, rad/min.
+/// Epochs, secular rates and drag of a block; rad, rad/min.
 #[derive(Clone, Debug, Default)]
 pub struct Secular {
     day: Row,
@@ -119,7 +120,7 @@ impl Secular {
         }
     }
 
-    /// Minutes from the epoch of the one in all places, to the instant of each place.
+    /// Minutes from the epoch of the broadcast object to the instant of each slot.
     #[inline(always)]
     pub fn minutes_to<S: Simd>(&self, part: Part<S>, instants: &Instants) -> Lanes<S> {
         let Instants { day, minute } = instants;
@@ -135,8 +136,8 @@ impl Secular {
     /// p22 = node + node_dot t + k0 t^2.
     #[inline(always)]
     pub fn node_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
-        let even = part.load(&self.node_dot).mul_add(t, part.load(&self.node));
-        part.load(&self.node_drag).mul_add(t * t, even)
+        let linear = part.load(&self.node_dot).mul_add(t, part.load(&self.node));
+        part.load(&self.node_drag).mul_add(t * t, linear)
     }
 
     /// p23 = perigee + perigee_dot t.

@@ -1,41 +1,43 @@
-//! From perturbed mean elements to position and velocity: long-period terms, Kepler's equation, short-period terms (Vallado et al., AIAA 2006-6753).
+//! Position and velocity from perturbed mean elements: long-period terms, Kepler's equation,
+//! short-period terms (Vallado et al., AIAA 2006-6753).
 
 use super::block::{BlockStates, DECAYED, TOO_FAR, UNKNOWN};
 use super::lanes::{BLOCK, Lanes, Part, Row, Truth};
 use crate::elements::MAX_ELAPSED_DAYS;
 use pulp::Simd;
 
-/// Radius of the Earth, km, of WGS72; root of its gravitational parameter, radii^1.5/min; J2, J3.
+/// WGS72: radius of the Earth, km; root of its gravitational parameter, radii^1.5/min; J2, J3.
 const EARTH_KM: f64 = sgp4::WGS72.ae;
 const KE: f64 = sgp4::WGS72.ke;
 const J2: f64 = sgp4::WGS72.j2;
 const J3: f64 = sgp4::WGS72.j3;
 
-/// Steps of Newton's method at most, each of at most so many rad, as in the reference.
+/// Limits of Newton's method, as in the reference: number of steps, and size of a step, rad.
 const STEPS: usize = 10;
 const LONGEST_STEP: f64 = 0.95;
-/// A step (rad) after which no other is needed: what remains is e/2(1 - e) of its square, 5e-13 rad at e = 0.99.
+/// A step (rad) after which no other is needed: the error is e/2(1 - e) of its square, 5e-13 rad at
+/// e = 0.99.
 const LAST_STEP: f64 = 1e-7;
 
-/// Codes of those that have failed, 0 of others. The first failure counts.
+/// Failure codes, or 0. The first failure counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Failed<S: Simd>(Lanes<S>);
 
 impl<S: Simd> Failed<S> {
-    /// Those that are asked for too far from their epochs, `t` in minutes.
+    /// Fails objects that are too far from their epochs, `t` in minutes.
     #[inline(always)]
     pub fn far(t: Lanes<S>) -> Self {
         let near = t.abs().at_most(t.splat(MAX_ELAPSED_DAYS * 1440.0));
         Self(near.select(t.splat(0.0), t.splat(f64::from(TOO_FAR))))
     }
 
-    /// The times of those that have not failed; 0 for others.
+    /// The time `t`; 0 for failed objects.
     #[inline(always)]
-    pub fn where_well(self, t: Lanes<S>) -> Lanes<S> {
+    pub fn where_valid(self, t: Lanes<S>) -> Lanes<S> {
         self.0.less_than(t.splat(0.5)).select(t, t.splat(0.0))
     }
 
-    /// Notes what has not held.
+    /// Sets the code where `holds` is false.
     #[inline(always)]
     pub fn unless(&mut self, holds: Truth<S>, code: u8) {
         let none = self.0.abs().less_than(self.0.splat(0.5));
@@ -43,7 +45,7 @@ impl<S: Simd> Failed<S> {
         self.0 = holds.select(self.0, new);
     }
 
-    /// Notes the mean eccentricities outside -0.001 to 1: code 1.
+    /// Fails mean eccentricities outside -0.001 to 1: code 1.
     #[inline(always)]
     pub fn outside_of_ellipses(&mut self, e: Lanes<S>) {
         let holds = e.at_least(e.splat(-0.001)).and(e.less_than(e.splat(1.0)));
@@ -66,7 +68,7 @@ pub struct Perturbed<S: Simd> {
     pub k5: Lanes<S>,
 }
 
-/// k5 of an inclination. Near 180 deg the divisor is held at 1.5e-12.
+/// k5 of an inclination. Near 180 deg the divisor is limited to 1.5e-12.
 #[inline(always)]
 pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
     let (one, least) = (sin_i.splat(1.0), sin_i.splat(1.5e-12));
@@ -76,10 +78,10 @@ pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
 }
 
 /// Intermediate results of a block, from mean elements to states. Each step is done for many
-/// blocks: a single block would wait for its own results.
+/// blocks: in a single block every operation would wait for the one before.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-pub struct Way {
+pub struct Intermediate {
     failed: Row,
     a: Row,
     node: Row,
@@ -96,7 +98,7 @@ pub struct Way {
 impl<S: Simd> Perturbed<S> {
     /// Long-period terms.
     #[inline(always)]
-    pub fn long_period(self, part: Part<S>, way: &mut Way) {
+    pub fn long_period(self, part: Part<S>, work: &mut Intermediate) {
         let Self {
             failed,
             a,
@@ -114,20 +116,20 @@ impl<S: Simd> Perturbed<S> {
         let ayn = e.mul_add(sin_w, p37 * (sin_i * (-0.5 * J3 / J2)));
         // p38 = M + w + p37 p35 axn
         let p38 = (p37 * self.k5).mul_add(axn, self.mean_anomaly + self.perigee);
-        part.store(&mut way.p38, p38.within_a_turn());
-        part.store(&mut way.axn, axn);
-        part.store(&mut way.ayn, ayn);
-        part.store(&mut way.failed, failed.0);
-        part.store(&mut way.a, a);
-        part.store(&mut way.node, self.node);
-        part.store(&mut way.sin_i, sin_i);
-        part.store(&mut way.cos_i, cos_i);
+        part.store(&mut work.p38, p38.within_a_turn());
+        part.store(&mut work.axn, axn);
+        part.store(&mut work.ayn, ayn);
+        part.store(&mut work.failed, failed.0);
+        part.store(&mut work.a, a);
+        part.store(&mut work.node, self.node);
+        part.store(&mut work.sin_i, sin_i);
+        part.store(&mut work.cos_i, cos_i);
     }
 }
 
-impl Way {
+impl Intermediate {
     /// Before the first step.
-    pub const EMPTY: Way = Way {
+    pub const EMPTY: Intermediate = Intermediate {
         failed: [0.0; BLOCK],
         a: [0.0; BLOCK],
         node: [0.0; BLOCK],
@@ -191,13 +193,15 @@ impl Way {
         // r_k = r (1 - 3/2 p46 b p36) + p47 p33 cos 2u / 2
         let flat = (p46 * b * 1.5).neg_mul_add(p36, one);
         let r_k = r.mul_add(flat, p47 * p33 * cos_2u * 0.5);
-        // u_k = u - p46 p34 sin 2u / 4; I_k = I + 3/2 p46 cos I sin I cos 2u; node_k = node + 3/2 p46 cos I sin 2u
+        // u_k = u - p46 p34 sin 2u / 4; I_k = I + 3/2 p46 cos I sin I cos 2u;
+        // node_k = node + 3/2 p46 cos I sin 2u
         let wave = p46 * cos_i * 1.5;
         let (sin_u, cos_u) = turned(sin_u, cos_u, p46 * p34 * sin_2u * -0.25);
         let (sin_ik, cos_ik) = turned(sin_i, cos_i, wave * sin_i * cos_2u);
         let (sin_node, cos_node) = wave.mul_add(sin_2u, node).sin_cos();
 
-        // u = (cos node cos u - sin node cos I sin u, sin node cos u + cos node cos I sin u, sin I sin u)
+        // u = (cos node cos u - sin node cos I sin u, sin node cos u + cos node cos I sin u,
+        // sin I sin u)
         let (across, along) = (cos_ik * sin_u, cos_ik * cos_u);
         let ux = cos_node.mul_add(cos_u, -(sin_node * across));
         let uy = sin_node.mul_add(cos_u, cos_node * across);
@@ -214,7 +218,8 @@ impl Way {
         let speed = inverse_root * a_over_r;
         let rate = (pull * p33).neg_mul_add(sin_2u, speed * p40);
         let turn = pull.mul_add(p33.mul_add(cos_2u, p36 * 1.5), speed * b);
-        // v = r_k' u + r_k f' (-cos node sin u - sin node cos I cos u, cos node cos I cos u - sin node sin u, sin I cos u)
+        // v = r_k' u + r_k f' (-cos node sin u - sin node cos I cos u,
+        // cos node cos I cos u - sin node sin u, sin I cos u)
         let wx = -sin_node.mul_add(along, cos_node * sin_u);
         let wy = cos_node.mul_add(along, -(sin_node * sin_u));
         let wz = sin_ik * cos_u;
@@ -230,18 +235,18 @@ impl Way {
         for number in position.into_iter().chain(velocity) {
             failed.unless(number.abs().at_most(finite), UNKNOWN);
         }
-        let well = failed.0.less_than(part.splat(0.5));
+        let valid = failed.0.less_than(part.splat(0.5));
         for (row, number) in to.position_km.iter_mut().zip(position) {
-            part.store(row, well.select(number, zero));
+            part.store(row, valid.select(number, zero));
         }
         for (row, number) in to.velocity_km_s.iter_mut().zip(velocity) {
-            part.store(row, well.select(number, zero));
+            part.store(row, valid.select(number, zero));
         }
         part.store(&mut to.code, failed.0);
     }
 }
 
-/// Sine and cosine of an angle, turned on by `by` (rad).
+/// Sine and cosine of an angle plus `by` (rad).
 #[inline(always)]
 fn turned<S: Simd>(sin: Lanes<S>, cos: Lanes<S>, by: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let (s, c) = by.sin_cos_often_small();
@@ -249,7 +254,7 @@ fn turned<S: Simd>(sin: Lanes<S>, cos: Lanes<S>, by: Lanes<S>) -> (Lanes<S>, Lan
 }
 
 /// Sine and cosine of E + w from Kepler's equation p38 = (E + w) + ayn cos(E + w) - axn sin(E + w),
-/// by Newton's method. Converged lanes stay fixed: results do not depend on neighbours.
+/// by Newton's method. Converged lanes stay fixed, so results do not depend on other objects.
 #[inline(always)]
 fn kepler<S: Simd>(p38: Lanes<S>, axn: Lanes<S>, ayn: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let one = p38.splat(1.0);

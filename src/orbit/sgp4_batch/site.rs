@@ -1,18 +1,18 @@
-//! Which kind of orbit an object is on.
+//! The kind of orbit of an object.
 
 use super::constants::{Method, ModelConstants, Resonance, Resonant};
 use crate::elements::{Elements, ModelError};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-/// Mean motion (rad/min) above which an orbit is near the Earth: once in 225 min.
+/// Lower bound of the mean motion (rad/min) of near-Earth orbits: one revolution in 225 min.
 const NEAR: f64 = TAU / 225.0;
-/// Mean motions, without their ends, in resonance with a day.
+/// Range of mean motions in resonance with a day, without its ends.
 const ONE_DAY: [f64; 2] = [0.003_490_658_5, 0.005_235_987_7];
-/// Mean motions in resonance with half a day, where the eccentricity is at least the other.
+/// Range of mean motions in resonance with half a day, and the least eccentricity for it.
 const HALF_DAY: (RangeInclusive<f64>, f64) = (8.26e-3..=9.24e-3, 0.5);
 
-/// The kinds of orbits, in the order of their blocks.
+/// Kinds of orbits, in the order of their blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Site {
     Near,
@@ -22,9 +22,11 @@ pub(crate) enum Site {
 }
 
 impl Site {
-    /// Where an orbit belongs, by the bounds of Vallado et al., AIAA 2006-6753.
+    /// The kind of an orbit, by the bounds of Vallado et al., AIAA 2006-6753.
     ///
-    /// Errors: the model cannot start from it.
+    /// # Errors
+    ///
+    /// SGP4 cannot start from the elements.
     pub fn of(elements: &Elements) -> Result<Site, ModelError> {
         let orbit = elements.orbit()?;
         let n = orbit.mean_motion;
@@ -40,9 +42,11 @@ impl Site {
         })
     }
 
-    /// The figures of an orbit that belongs here.
+    /// The SGP4 constants of an orbit of this kind.
     ///
-    /// Errors: the model cannot start from it, or the `sgp4` crate takes it for one of another kind.
+    /// # Errors
+    ///
+    /// SGP4 cannot start from the elements, or the `sgp4` crate assigns another kind.
     pub fn constants(self, elements: &Elements) -> Result<ModelConstants, ModelError> {
         let constants = ModelConstants::of(&elements.constants()?)?;
         let theirs = match &constants.method {
@@ -84,9 +88,9 @@ mod tests {
         }
     }
 
-    /// The `sgp4` crate changes its ways at the same mean motion and eccentricity, to the last digit.
+    /// Bounds of kinds equal those of the `sgp4` crate, to the last digit.
     #[test]
-    fn each_bound_is_the_crates() {
+    fn bounds_equal_those_of_the_crate() {
         let (half_day, eccentric) = HALF_DAY;
         let motions = [
             NEAR,
@@ -102,14 +106,15 @@ mod tests {
             .flat_map(|motion| [0.01, below, eccentric].map(|e| (*motion, e)))
         {
             let site = |n: f64| Site::of(&set(n, eccentricity)).unwrap();
-            // The mean motion of the elements, Kozai's, at which Brouwer's passes the bound.
+            // Bisect the Kozai mean motion at which Brouwer's passes the bound.
             let [mut low, mut high] = [0.99 * motion, 1.01 * motion];
             changes += usize::from(site(low) != site(high));
             while high > low.next_up() {
                 let middle = 0.5 * (low + high);
-                match site(middle) == site(0.99 * motion) {
-                    true => low = middle,
-                    false => high = middle,
+                if site(middle) == site(0.99 * motion) {
+                    low = middle;
+                } else {
+                    high = middle;
                 }
             }
             for n in [low.next_down(), low, high, high.next_up()] {
@@ -120,13 +125,13 @@ mod tests {
                 );
             }
         }
-        // Three bounds at each eccentricity, the two of half a day at the highest.
+        // Three bounds at each eccentricity, and the two of half a day at the highest.
         assert_eq!(changes, 3 * 3 + 2);
     }
 
-    /// What is refused before the constants are computed is what the crate refuses then.
+    /// `Elements::orbit` refuses the same elements as the crate's constants.
     #[test]
-    fn a_set_starts_where_the_crate_starts() {
+    fn elements_are_refused_as_by_the_crate() {
         let [nan, infinite] = [f64::NAN, f64::INFINITY];
         let mut refused = 0;
         for n in [

@@ -1,50 +1,50 @@
-//! The table of classes: how many, where, and how large.
+//! The classes of synthetic objects: shares, orbits and sizes.
 //!
 //! Shares follow the catalogue of 2026, some 33,000 objects. Counts of high orbits, which change
-//! little, are those of the public catalogue of 7 September 2023 (25,587 sets: 4,050 deep, of these
-//! 1,518 in the geostationary belt, 381 on half-day orbits, 1,942 with eccentricities from 0.25 on)
-//! with few additions. Starlink has grown from 4,621 to 9,400, other low objects from 16,207 to
-//! 18,700: 12.3 % are deep and 6.3 % have eccentricities from 0.25 on (15.8 and 8.0 in 2023, 20.7
-//! and 10.8 in June 2019). Orbits and B* follow medians and quartiles of 2023 by shell, local times
-//! of nodes its 1,678 Sun-synchronous payloads below 650 km. Sizes of fragments follow Johnson et
-//! al. 2001 (Adv. Space Res. 28(9), 1377), Eq. (2), those of whole bodies published dimensions,
-//! rounded.
+//! little, are from the public catalogue of 7 September 2023, with few additions. It has 25,587
+//! sets: 4,050 deep-space, of these 1,518 in the geostationary belt, 381 on half-day orbits, 1,942
+//! with eccentricities from 0.25 on. Starlink has grown from 4,621 to 9,400, other low objects from
+//! 16,207 to 18,700. So 12.3 % are deep-space and 6.3 % have eccentricities from 0.25 on (15.8 and
+//! 8.0 in 2023, 20.7 and 10.8 in June 2019). Orbits and B* follow medians and quartiles of 2023 by
+//! shell. Local times of nodes follow its 1,678 Sun-synchronous payloads below 650 km. Sizes of
+//! fragments follow Johnson et al. 2001 (Adv. Space Res. 28(9), 1377), Eq. (2); those of whole
+//! bodies are published dimensions, rounded.
 
-/// A kind of objects.
+/// A class of objects.
 #[derive(Debug, PartialEq)]
 pub struct Class {
-    /// Its name.
+    /// Name of the class.
     pub name: &'static str,
-    /// Objects of a thousand.
+    /// Objects per thousand.
     pub share: f64,
-    /// Size and form of its orbits.
+    /// Size and shape of the orbits.
     pub(super) orbit: Orbit,
-    /// Their inclinations.
+    /// Inclinations.
     pub(super) inclination: Inclination,
-    /// Their B*.
+    /// Drag terms B*.
     pub(super) drag: Drag,
-    /// Its objects' diameters.
+    /// Diameters.
     pub(super) size: Size,
 }
 
-/// Size and form of orbits. Heights are above the model's radius of the Earth, km.
+/// Size and shape of orbits. Heights are above SGP4's radius of the Earth, km.
 #[derive(Debug, PartialEq)]
 pub(super) enum Orbit {
-    /// The mean height, uniform; the eccentricity, log-normal: median and sigma.
+    /// Near-circular: the mean height, uniform; the eccentricity, log-normal: median and sigma.
     Round([f64; 2], (f64, f64)),
-    /// The semi-major axis (km) and the height of the perigee, uniform.
+    /// Eccentric: the semi-major axis (km) and the height of the perigee, uniform.
     Long([f64; 2], [f64; 2]),
 }
 
 /// Inclinations, deg.
 #[derive(Debug, PartialEq)]
 pub(super) enum Inclination {
-    /// Bands of a weight, normal about a mean: weight, mean, sigma. Never below 0.
+    /// Weighted normal bands: weight, mean, sigma. Never below 0.
     Bands(&'static [(f64, f64, f64)]),
-    /// That of a circular Sun-synchronous orbit, normal about it: sigma; and local mean solar times
-    /// (h) of its ascending node, in bands as above; none: any.
+    /// Normal about that of a circular Sun-synchronous orbit: sigma; local mean solar times (h) of
+    /// the ascending node, in weighted bands, or empty for any time.
     SunSynchronous(f64, &'static [(f64, f64, f64)]),
-    /// A geostationary orbit without station keeping: its pole goes around that of the Laplace
+    /// A geostationary orbit without station keeping: its pole precesses about that of the Laplace
     /// plane.
     Abandoned,
 }
@@ -54,7 +54,7 @@ pub(super) enum Inclination {
 pub(super) enum Drag {
     /// None, as for most high orbits.
     None,
-    /// Log-normal: median and sigma; a part of it (1) negative, as manoeuvres and bad fits leave it.
+    /// Log-normal: median and sigma; the negative share (0 to 1), from manoeuvres and bad fits.
     Of((f64, f64), f64),
 }
 
@@ -63,16 +63,17 @@ pub(super) enum Drag {
 pub(super) enum Size {
     /// Log-normal: median and sigma.
     Whole(f64, f64),
-    /// Fragments from the least on: `N(> d) ~ d^-1.6` (Johnson et al. 2001, Eq. (2)); half are below 1.54 times the least.
+    /// Fragments above the least size: `N(> d) ~ d^-1.6` (Johnson et al. 2001, Eq. (2)); half are
+    /// below 1.54 times the least.
     Fragments(f64),
 }
 
-/// The least fragment near the Earth, m: half of them are then below 10.8 cm.
+/// Least fragment near the Earth, m: half are then below 10.8 cm.
 const NEAR_M: f64 = 0.07;
-/// And far from it, where less is seen.
+/// Least fragment far from the Earth, where catalogues are less complete, m.
 const FAR_M: f64 = 0.3;
 
-/// Mid-morning, early afternoon and the terminator, on the way up or down.
+/// Local times of nodes: mid-morning, early afternoon and the terminator, ascending or descending.
 const NODES_H: &[(f64, f64, f64)] = &[
     (50.0, 22.0, 0.7),
     (12.0, 10.5, 0.5),
@@ -109,30 +110,31 @@ use Inclination::{Abandoned, SunSynchronous};
 use Orbit::{Long, Round};
 use Size::{Fragments, Whole};
 
-/// All classes; their shares are 1000 together, 123 of them deep space (periods from 225 min on).
+/// All classes. The sum of their shares is 1000, of which 123 are deep-space (periods from 225 min
+/// on).
 #[rustfmt::skip]
 pub const CLASSES: &[Class] = &[
-    // near the Earth: constellations
+    // Near the Earth: constellations.
     class("STARLINK-53", 155.0, Round([540.0, 560.0], (1.4e-4, 0.25)), bands(&[(1.0, 53.1, 0.07)]), Of((3e-4, 0.9), 0.15), Whole(3.0, 0.2)),
     class("STARLINK-43", 80.0, Round([540.0, 560.0], (1.4e-4, 0.25)), bands(&[(1.0, 43.0, 0.02)]), Of((3e-4, 0.9), 0.15), Whole(3.0, 0.2)),
     class("STARLINK-70", 22.0, Round([565.0, 572.0], (1.4e-4, 0.25)), bands(&[(1.0, 70.0, 0.02)]), Of((3e-4, 0.9), 0.15), Whole(3.0, 0.2)),
     class("STARLINK-98", 28.0, Round([555.0, 565.0], (1.4e-4, 0.25)), bands(&[(1.0, 97.6, 0.03)]), Of((3e-4, 0.9), 0.15), Whole(3.0, 0.2)),
     class("ONEWEB", 20.0, Round([1190.0, 1225.0], (2e-4, 0.3)), bands(&[(1.0, 87.9, 0.03)]), Of((2e-4, 0.8), 0.3), Whole(1.3, 0.1)),
-    // other payloads, rocket bodies
+    // Other payloads, rocket bodies.
     class("SSO-PAYLOAD", 86.0, Round([450.0, 620.0], (1.2e-3, 0.8)), SunSynchronous(0.1, NODES_H), Of((4.5e-4, 0.8), 0.02), Whole(0.8, 0.9)),
     class("LEO-PAYLOAD", 44.0, Round([480.0, 1450.0], (1.3e-3, 0.9)), bands(&[(3.0, 45.0, 8.0), (3.0, 51.6, 0.1), (2.0, 74.0, 0.5), (2.0, 86.4, 0.1)]), Of((2e-4, 1.0), 0.1), Whole(1.2, 0.7)),
     class("LEO-ROCKET", 40.0, Round([560.0, 1050.0], (4e-3, 0.9)), bands(&[(4.0, 82.9, 0.3), (3.0, 74.0, 0.3), (3.0, 98.0, 0.6), (1.0, 65.8, 0.5)]), Of((1.5e-4, 1.0), 0.05), Whole(3.5, 0.4)),
-    // debris, by height
+    // Debris, by height.
     class("SSO-DEBRIS", 167.0, Round([700.0, 900.0], (5e-3, 0.9)), SunSynchronous(0.6, &[]), Of((8e-4, 1.4), 0.02), Fragments(NEAR_M)),
     class("LEO-DEBRIS", 98.0, Round([650.0, 1050.0], (5e-3, 0.9)), bands(&[(4.0, 74.0, 0.5), (3.0, 82.6, 0.6), (2.0, 65.0, 1.0), (1.0, 100.0, 1.5)]), Of((6e-4, 1.4), 0.03), Fragments(NEAR_M)),
     class("LEO-DEBRIS-1200", 36.0, Round([1050.0, 1400.0], (1e-2, 0.8)), bands(&[(3.0, 100.3, 0.8), (3.0, 90.0, 0.5), (2.0, 65.0, 1.0), (2.0, 82.0, 1.0)]), Of((7e-4, 1.4), 0.08), Fragments(NEAR_M)),
     class("LEO-DEBRIS-1450", 40.0, Round([1400.0, 1500.0], (4e-3, 0.9)), bands(&[(6.0, 82.6, 0.3), (2.0, 74.0, 0.2), (2.0, 101.5, 0.5)]), Of((2e-4, 1.5), 0.1), Fragments(NEAR_M)),
-    // those that come down
+    // Low and decaying orbits.
     class("LEO-LOW", 24.0, Round([300.0, 450.0], (9e-4, 0.7)), bands(&[(6.0, 97.2, 0.5), (2.0, 51.6, 0.3), (1.0, 82.0, 1.0)]), Of((8e-4, 0.7), 0.0), Fragments(NEAR_M)),
     class("DECAYING", 8.0, Round([225.0, 300.0], (1.2e-3, 0.5)), bands(&[(6.0, 97.0, 0.5), (2.0, 51.6, 0.3), (1.0, 42.0, 1.0)]), Of((1e-3, 0.8), 0.0), Fragments(NEAR_M)),
     class("LOW-PERIGEE", 4.0, Long([6_650.0, 7_200.0], [125.0, 220.0]), bands(&[(1.0, 65.0, 2.0), (1.0, 51.6, 1.0), (1.0, 28.5, 1.0)]), Of((1e-4, 0.8), 0.0), Fragments(NEAR_M)),
     class("LEO-ECCENTRIC", 25.0, Long([7_800.0, 9_900.0], [350.0, 1_000.0]), bands(&[(4.0, 65.0, 1.5), (3.0, 51.0, 2.0), (2.0, 101.0, 1.0), (2.0, 25.0, 3.0)]), Of((7e-4, 1.5), 0.15), Fragments(NEAR_M)),
-    // deep space
+    // Deep space.
     class("GEO-ACTIVE", 18.0, Round([35_782.0, 35_790.0], (2.5e-4, 0.4)), bands(&[(1.0, 0.03, 0.02)]), NoDrag, Whole(4.0, 0.4)),
     class("GEO-DRIFTING", 30.0, Round([35_500.0, 36_200.0], (1e-3, 0.9)), Abandoned, NoDrag, Whole(3.5, 0.4)),
     class("GPS", 5.0, Round([20_160.0, 20_200.0], (8e-3, 0.5)), bands(&[(1.0, 55.2, 0.6)]), NoDrag, Whole(3.0, 0.3)),

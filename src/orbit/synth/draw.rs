@@ -1,5 +1,5 @@
-//! Random numbers by counter: the draws of an object depend on seed and index alone, and are the
-//! same on every platform by `libm`.
+//! Counter-based random numbers: the draws of an object depend on seed and index alone. By `libm`
+//! they are the same on every platform.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ pub(super) const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 pub(super) struct Draw(u64);
 
 impl Draw {
-    /// Those of object `index`.
+    /// The draws of object `index`.
     pub(super) fn new(seed: u64, index: u64) -> Self {
         Self(mix(seed ^ mix(index)))
     }
@@ -44,7 +44,8 @@ impl Draw {
     }
 }
 
-/// The output function of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators", OOPSLA).
+/// The output function of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
+/// generators", OOPSLA).
 fn mix(z: u64) -> u64 {
     let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

@@ -1,5 +1,5 @@
-//! A synthetic population like the real one, for scale tests. An object's class ([`CLASSES`])
-//! follows from its index, all else from index and seed. The same arguments always give the same
+//! A realistic synthetic population for scale tests. An object's class ([`CLASSES`]) follows from
+//! its index, its orbit and size from index and seed. The same arguments always give the same
 //! objects.
 
 mod classes;
@@ -16,32 +16,34 @@ use draw::{Draw, GOLDEN};
 use hifitime::{Epoch, Unit};
 use std::f64::consts::{PI, TAU};
 
-/// The catalogue number of the first object: beyond those given so far; 209,999 objects fit into TLE from there.
+/// The catalogue number of the first object, beyond those assigned so far. 209,999 objects fit into
+/// TLE from there.
 pub const FIRST_NUMBER: u32 = 130_001;
 
-/// Objects at most: catalogue numbers have nine digits.
+/// Largest population: catalogue numbers have nine digits.
 pub const MAX_OBJECTS: usize = (999_999_999 - FIRST_NUMBER) as usize;
 
 /// km^3/s^2, WGS72.
 const GRAVITY: f64 = 398_600.8;
 /// The largest fragment, m.
 const LARGEST_FRAGMENT_M: f64 = 3.0;
-/// Inclination of the Laplace plane at the geostationary orbit, deg (Allan and Cook 1964, Proc. R. Soc. A 280, 97).
+/// Inclination of the Laplace plane at the geostationary orbit, deg (Allan and Cook 1964, Proc. R.
+/// Soc. A 280, 97).
 const LAPLACE_DEG: f64 = 7.4;
 
-/// A made-up object.
+/// A synthetic object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Synthetic {
-    /// Its orbit. Its number is [`FIRST_NUMBER`] and its place in the population.
+    /// Its orbit. Its number is [`FIRST_NUMBER`] plus its index.
     pub elements: Elements,
-    /// What it stands for.
+    /// Its class.
     pub class: &'static Class,
-    /// Diameter of the sphere that it is, m.
+    /// Diameter of its sphere, m.
     pub diameter_m: f64,
 }
 
 impl Synthetic {
-    /// Its element set, as files have it.
+    /// Its element set.
     pub fn record(&self) -> Record {
         Record {
             line: 0,
@@ -58,7 +60,7 @@ impl Synthetic {
         }
     }
 
-    /// As a file of element sets would give it.
+    /// The object as loaded from a file of element sets.
     pub fn object(&self) -> Object {
         Object {
             id: format!("NORAD {}", self.elements.norad),
@@ -74,7 +76,8 @@ impl Synthetic {
     }
 }
 
-/// So many objects, at most [`MOST_OBJECTS`]; their elements are of the day before `epoch`, and SGP4 has a state of each at it.
+/// The first objects, up to [`MAX_OBJECTS`]. Their elements are up to a day older than `epoch`, and
+/// SGP4 has a state of each at that time.
 pub fn population(objects: usize, seed: u64, epoch: Epoch) -> Vec<Synthetic> {
     let objects = objects.min(MAX_OBJECTS) as u64;
     (0..objects).map(|i| object(i, seed, epoch)).collect()
@@ -99,9 +102,10 @@ fn object(index: u64, seed: u64, epoch: Epoch) -> Synthetic {
             Drag::None => 0.0,
             Drag::Of(size, negative) => {
                 let size = draw.log_normal(size);
-                match draw.uniform() < negative {
-                    true => -size,
-                    false => size,
+                if draw.uniform() < negative {
+                    -size
+                } else {
+                    size
                 }
             }
         },
@@ -120,11 +124,11 @@ fn object(index: u64, seed: u64, epoch: Epoch) -> Synthetic {
     }
 }
 
-/// The class of an index. Multiples of the golden ratio, modulo 1, fill the interval evenly:
-/// classes mix, and their shares hold for every number of objects to within a few.
+/// The class of an index. Multiples of the golden ratio, modulo 1, fill the interval evenly. So
+/// classes mix, and their shares hold to within a few objects for every population.
 fn class_at(index: u64) -> &'static Class {
-    let place = index.wrapping_mul(GOLDEN) >> 11;
-    let mut left = 1000.0 * place as f64 / (1u64 << 53) as f64;
+    let fraction = index.wrapping_mul(GOLDEN) >> 11;
+    let mut left = 1000.0 * fraction as f64 / (1u64 << 53) as f64;
     for class in CLASSES {
         left -= class.share;
         if left < 0.0 {
@@ -150,7 +154,7 @@ fn orbit(orbit: &Orbit, draw: &mut Draw) -> (f64, f64) {
     }
 }
 
-/// A draw from bands of a weight, normal about a mean: weight, mean, sigma.
+/// A draw from weighted normal bands: weight, mean, sigma.
 fn banded(bands: &[(f64, f64, f64)], draw: &mut Draw) -> f64 {
     let all: f64 = bands.iter().map(|(weight, ..)| weight).sum();
     let mut left = all * draw.uniform();

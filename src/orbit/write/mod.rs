@@ -1,4 +1,4 @@
-//! Element sets as text, in every format that holds them.
+//! Writes element sets in every format that holds them.
 
 mod omm;
 mod two_line;
@@ -7,19 +7,19 @@ use crate::format::Format;
 use crate::record::Record;
 use hifitime::Epoch;
 
-/// A text of element sets, and what of them it does not hold.
+/// A text of element sets, and the records that it does not hold.
 #[derive(Clone, Debug, Default)]
 pub struct Written {
     /// The text.
     pub text: String,
-    /// Records that the format cannot hold, each with the reason.
+    /// Records that the format cannot hold, with their reasons.
     pub left_out: Vec<String>,
 }
 
-/// Writes records in a format; messages of notations that say when they were made give `created`.
+/// Writes records in a format; `created` is the creation time in notations that have one.
 ///
-/// Elements that were read from a file come back to the last bit from an OMM, others within one
-/// unit in the last place; two lines have fewer digits. None for formats of ephemerides.
+/// An OMM restores elements from a file to the last bit, others within one unit in the last place.
+/// Two lines have fewer digits. None for formats of ephemerides.
 pub fn write(records: &[Record], format: Format, created: Epoch) -> Option<Written> {
     let text = match format {
         Format::Tle => return Some(two_line::write(records, false)),

@@ -1,4 +1,4 @@
-//! OMM in KVN, XML, JSON and CSV, as the publishers of catalogues lay them out.
+//! OMM in KVN, XML, JSON and CSV, in the layouts of the publishers.
 
 use crate::omm::Key;
 use crate::record::Record;
@@ -7,7 +7,7 @@ use crate::units::{DEGREE, REV_PER_DAY, decimal, plain};
 use hifitime::Epoch;
 use quick_xml::escape::escape;
 
-/// Who made the messages.
+/// ORIGINATOR of the messages.
 const ORIGINATOR: &str = "skyloop";
 /// Metadata that all messages share.
 const METADATA: [(Key, &str); 4] = [
@@ -17,8 +17,8 @@ const METADATA: [(Key, &str); 4] = [
     (Key::Theory, "SGP4"),
 ];
 
-/// The fields of a record: [`OBJECT`] of the object, then [`ELEMENTS`] from the epoch on, then
-/// those of its TLE.
+/// The fields of a record: [`OBJECT`] of the object, then [`ELEMENTS`] of the mean elements, then
+/// those of the TLE.
 type Fields = [(Key, String); 17];
 const OBJECT: usize = 2;
 const ELEMENTS: usize = 7;
@@ -48,7 +48,7 @@ fn fields(record: &Record) -> Fields {
     ]
 }
 
-/// UTC without the closing Z, as the publishers write it.
+/// UTC without the final Z, as from the publishers.
 fn bare_utc(epoch: Epoch) -> String {
     utc_text(epoch).trim_end_matches('Z').to_owned()
 }
@@ -117,9 +117,10 @@ pub(super) fn json(records: &[Record]) -> String {
             key,
             Key::Name | Key::Designator | Key::Epoch | Key::Classification
         );
-        let value = match is_text {
-            true => serde_json::Value::from(value).to_string(),
-            false => value,
+        let value = if is_text {
+            serde_json::Value::from(value).to_string()
+        } else {
+            value
         };
         format!("\"{}\":{value}", key.keyword())
     };
@@ -134,9 +135,12 @@ pub(super) fn csv(records: &[Record]) -> String {
         .map(|record| fields(record).map(|(key, _)| key.keyword()));
     let mut text = header.map_or(String::new(), |header| header.join(",")) + "\n";
     for record in records {
-        let values = fields(record).map(|(_, value)| match value.contains([',', '"']) {
-            true => format!("\"{}\"", value.replace('"', "\"\"")),
-            false => value,
+        let values = fields(record).map(|(_, value)| {
+            if value.contains([',', '"']) {
+                format!("\"{}\"", value.replace('"', "\"\""))
+            } else {
+                value
+            }
         });
         text += &(values.join(",") + "\n");
     }

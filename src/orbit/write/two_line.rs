@@ -1,4 +1,4 @@
-//! Two-line element sets: numbers in fixed columns, rounded to the digits that these have.
+//! Two-line element sets: numbers in fixed columns, rounded to their digits.
 
 use super::Written;
 use crate::elements::Elements;
@@ -9,15 +9,15 @@ use crate::two_line::{Checksum, seal};
 use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::{Duration, Epoch};
 
-/// Longest name of a name line.
+/// Longest name in a name line.
 const LONGEST_NAME: usize = 24;
-/// What the columns of set number and revolution hold: the last digits.
+/// The columns of set number and revolution hold the last digits.
 const SETS: u32 = 10_000;
 const REVOLUTIONS: u32 = 100_000;
-/// A hundred-millionth of a day, in which epochs are written, ns.
+/// Resolution of epochs, a hundred-millionth of a day, ns.
 const TICK_NS: i128 = 864_000;
 
-/// Writes two lines for each record, with `names` a name line before them.
+/// Writes two lines for each record; `names` adds a name line before them.
 pub(super) fn write(records: &[Record], names: bool) -> Written {
     let mut written = Written::default();
     for record in records {
@@ -44,7 +44,7 @@ pub(super) fn write(records: &[Record], names: bool) -> Written {
     written
 }
 
-/// The two lines of a set, sealed.
+/// The two lines of a set, with checksums.
 fn lines(record: &Record) -> Result<(String, String), String> {
     let Elements {
         norad,
@@ -107,12 +107,13 @@ fn alpha_5(number: u32) -> Option<String> {
     }
 }
 
-/// Two digits of the year, and the day of the year with eight decimals; none of a leap second, which these cannot hold.
+/// Two digits of the year, and the day of the year with eight decimals; none in a leap second,
+/// which cannot be written.
 fn epoch_columns(epoch: Epoch) -> Option<String> {
     let ns = utc_duration(epoch).total_nanoseconds();
     let at = |ns| Epoch::from_utc_duration(Duration::from_total_nanoseconds(ns));
     let off = |ns| at(ns).to_tai_duration() - epoch.to_tai_duration();
-    // To the nearest tick, unless a leap second lies between.
+    // The nearest tick, unless a leap second lies between.
     let nearest = [ns + TICK_NS / 2, ns].map(|ns| ns / TICK_NS * TICK_NS);
     let ns = nearest
         .into_iter()
@@ -122,7 +123,7 @@ fn epoch_columns(epoch: Epoch) -> Option<String> {
         return None;
     }
     let start = Epoch::maybe_from_gregorian_utc(year, 1, 1, 0, 0, 0, 0).ok()?;
-    // UTC days, of which those with a leap second count like the others.
+    // UTC days of 86,400 s, also those with a leap second.
     let ns = ns - utc_duration(start).total_nanoseconds();
     let day = ns / DAY_NS + 1;
     let ticks = ns % DAY_NS / TICK_NS;
@@ -136,21 +137,21 @@ fn angle(radians: f64) -> String {
     format!("{:8.4}", ticks / 1e4)
 }
 
-/// A sign and eight decimals without the zero before them.
+/// A sign and eight decimals without the leading zero.
 fn fraction(value: f64) -> Option<String> {
     let ticks = (value.abs() * 1e8).round();
     let sign = if value < 0.0 { '-' } else { ' ' };
     (ticks < 1e8).then(|| format!("{sign}.{ticks:08}"))
 }
 
-/// A sign, five digits behind an understood decimal point and a power of ten.
+/// A sign, five digits after an assumed decimal point, and a power of ten.
 fn power(value: f64) -> Option<String> {
     let sign = if value < 0.0 { '-' } else { ' ' };
     let ticks = (value.abs() * 1e14).round();
     if ticks == 0.0 {
         return Some(" 00000-0".to_owned());
     }
-    // d.dddde-5 is 0.dddddd-4
+    // d.dddde-5 is 0.dddddd-4.
     let text = format!("{:.4e}", value.abs());
     let (digits, exponent) = text.split_once('e')?;
     let exponent = exponent.parse::<i32>().ok()? + 1;
@@ -162,7 +163,7 @@ fn power(value: f64) -> Option<String> {
         0..=9 => format!("+{exponent}"),
         _ => exponent.to_string(),
     };
-    // The publishers write a power of nought as -0.
+    // The publishers write a power of zero as -0.
     let power = power.replace("+0", "-0");
     (exponent <= 9).then(|| format!("{sign}{digits}{power}"))
 }

@@ -17,7 +17,7 @@ use crate::camera::Side;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_orbit::StateVector;
 use skyloop_orbit::cone::{Cone, FASTEST_KM_S};
-use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
+use skyloop_orbit::sgp4_batch::{BLOCK, NO_OBJECT};
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
 use std::f64::consts::PI;
 
@@ -198,7 +198,7 @@ impl Look for Test<'_> {
             return false;
         }
         for (i, &object) in places.objects.iter().enumerate() {
-            if object == NOBODY {
+            if object == NO_OBJECT {
                 continue;
             }
             if places.code[i] != 0 {
