@@ -1,7 +1,7 @@
-//! The batch against the scalar twin on whole catalogues, up to a year from each epoch.
+//! The batch against scalar SGP4 on whole catalogues, up to a year from each epoch.
 //!
-//! Public catalogues are read where they are: in the folder that `SKYLOOP_CATALOGUES` names, else in
-//! `../shared/data/tle` beside the repository. Everywhere else the made-up sets stand for them.
+//! Public catalogues are read from the folder `SKYLOOP_CATALOGUES`, or from `../shared/data/tle`
+//! next to the repository. Without them synthetic sets are used.
 
 use crate::support::{Answer, DECAYED, Tally, answers, batch, samples, scalar};
 use skyloop_orbit::elements::Elements;
@@ -9,25 +9,25 @@ use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR};
 use skyloop_orbit::time::parse_utc;
 use std::process::Command;
 
-/// Days from each epoch; both signs of zero.
+/// Days from each epoch, with both signs of zero.
 const DAYS: [f64; 10] = [-365.0, -30.0, -7.0, -1.0, -0.0, 0.0, 1.0, 7.0, 30.0, 365.0];
 
 #[test]
-fn every_object_of_the_catalogues_is_where_the_scalar_twin_has_it() {
+fn states_of_the_catalogues_agree_with_scalar_sgp4() {
     for (name, sets) in samples::catalogues() {
         let mut tally = Tally::default();
         for days in DAYS {
             let answers = batch(&sets, days * 1440.0);
             for (set, answer) in sets.iter().zip(&answers) {
-                let what = format_args!("{} at {days} d", set.norad);
-                tally.hold(what, set, days * 1440.0, answer);
+                let label = format_args!("{} at {days} d", set.norad);
+                tally.hold(label, set, days * 1440.0, answer);
             }
         }
         tally.print(format_args!("{name}, {} sets", sets.len()));
-        // what the last digit moves is near decay or far from its epoch
+        // Sensitive states are near decay or far from their epoch.
         assert!(tally.states > sets.len() * DAYS.len() * 8 / 10);
         assert!(tally.sensitive.len() <= tally.states / 500);
-        // the one whose radius is negative
+        // One object has a negative radius.
         assert!(tally.brinks.len() <= 1, "{:?}", tally.brinks);
     }
 }
@@ -59,7 +59,7 @@ fn failures_of_the_catalogues_are_those_of_the_reference() {
     }
 }
 
-/// A folder without catalogues is no proof: where one is named, tests fail and say how to give them.
+/// Where a folder is named but empty, tests fail with instructions.
 #[test]
 fn a_named_folder_without_catalogues_fails() {
     let empty = std::env::temp_dir().join(format!("skyloop-no-catalogues-{}", std::process::id()));
@@ -70,22 +70,22 @@ fn a_named_folder_without_catalogues_fails() {
             .env(samples::FOLDER, &folder)
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&run.stdout);
-        assert!(!run.status.success(), "{said}");
-        assert!(said.contains("no public catalogue"), "{said}");
+        let output = String::from_utf8_lossy(&run.stdout);
+        assert!(!run.status.success(), "{output}");
+        assert!(output.contains("no public catalogue"), "{output}");
     }
     std::fs::remove_dir(empty).unwrap();
 }
 
 #[test]
-fn made_up_sets_are_where_the_scalar_twin_has_them() {
+fn states_of_synthetic_sets_agree_with_scalar_sgp4() {
     let synthetic = samples::synthetic();
     let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
     let mut tally = Tally::default();
     for days in DAYS {
         for (one, answer) in synthetic.iter().zip(batch(&sets, days * 1440.0)) {
-            let what = format_args!("{}, {}", one.set.norad, one.kind);
-            tally.hold(what, &one.set, days * 1440.0, &answer);
+            let label = format_args!("{}, {}", one.set.norad, one.kind);
+            tally.hold(label, &one.set, days * 1440.0, &answer);
         }
     }
     tally.print(format_args!("{} made-up sets", sets.len()));
@@ -95,7 +95,7 @@ fn made_up_sets_are_where_the_scalar_twin_has_them() {
 }
 
 #[test]
-fn failures_of_made_up_sets_are_those_of_the_reference() {
+fn failures_of_synthetic_sets_are_those_of_the_reference() {
     let synthetic = samples::synthetic();
     let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
     let (mut failures, mut unseen) = (0, 0);
@@ -103,29 +103,29 @@ fn failures_of_made_up_sets_are_those_of_the_reference() {
         for (one, answer) in synthetic.iter().zip(batch(&sets, days * 1440.0)) {
             let code = |answer: Answer| answer.err().unwrap_or(0);
             let (found, expected) = (code(answer), one.codes[i]);
-            let what = format_args!("{}, {} at {days} d", one.set.norad, one.kind);
-            assert_eq!(found, expected, "{what}");
+            let label = format_args!("{}, {} at {days} d", one.set.norad, one.kind);
+            assert_eq!(found, expected, "{label}");
             failures += usize::from(expected != 0);
-            // the twin does not see that a radius is negative
-            let twin = code(scalar(&one.set, days * 1440.0));
+            // Scalar SGP4 does not detect a negative radius.
+            let scalar = code(scalar(&one.set, days * 1440.0));
             assert!(
-                twin == expected || (twin, expected) == (0, DECAYED),
-                "{what}: {twin}"
+                scalar == expected || (scalar, expected) == (0, DECAYED),
+                "{label}: {scalar}"
             );
-            unseen += usize::from(twin != expected);
+            unseen += usize::from(scalar != expected);
         }
     }
-    println!("{failures} failures, {unseen} of them not seen by the scalar twin");
+    println!("{failures} failures, {unseen} of them not detected by scalar SGP4");
     assert!(failures > 500 && unseen < 20);
 }
 
 #[test]
-fn an_instant_is_so_many_minutes_after_each_epoch() {
+fn an_instant_equals_minutes_after_each_epoch() {
     let synthetic = samples::synthetic();
     let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
     let mut batch = Batch::new(&sets).unwrap();
     let (mut states, mut tally) = (States::default(), Tally::default());
-    // beside a leap second, before and after all epochs, and too far from most of them
+    // Next to a leap second, before and after all epochs, and too far from most of them.
     for utc in [
         "2016-12-31T23:59:59.999Z",
         "2017-01-01T00:00:00.000Z",
@@ -136,8 +136,8 @@ fn an_instant_is_so_many_minutes_after_each_epoch() {
         let t = parse_utc(utc).unwrap();
         batch.propagate(t, &mut states);
         for (one, answer) in synthetic.iter().zip(answers(&batch, &states)) {
-            let what = format_args!("{}, {}, at {utc}", one.set.norad, one.kind);
-            tally.hold(what, &one.set, one.set.minutes_to(t), &answer);
+            let label = format_args!("{}, {}, at {utc}", one.set.norad, one.kind);
+            tally.hold(label, &one.set, one.set.minutes_to(t), &answer);
         }
     }
     tally.print("instants");

@@ -1,6 +1,7 @@
-//! The batch against the scalar twin where the model changes its ways, and as far as a century from the epoch.
+//! The batch against scalar SGP4 at the bounds of the model's cases, up to a century from the
+//! epoch.
 //!
-//! The sets are the same in every run. Others, drawn anew, a minute of them:
+//! The sets are the same in every run. Random sets, for a minute:
 //!
 //!     cargo test --release -p skyloop-orbit --test orbit batch_edges -- --ignored --nocapture
 
@@ -16,10 +17,10 @@ const EARTH_KM: f64 = 6378.135;
 const MU: f64 = 398_600.8 * 3600.0;
 const CENTURY_MIN: f64 = MAX_ELAPSED_DAYS * 1440.0;
 
-/// Either one of a few numbers, or a little to either side of one.
+/// One of a few numbers, or a value close to one.
 fn near(numbers: &'static [f64]) -> impl Strategy<Value = f64> {
-    let beside = prop_oneof![Just(0.0), Just(1e-15), Just(1e-9), Just(1e-5), Just(1e-3)];
-    (prop::sample::select(numbers), beside, any::<bool>())
+    let offset = prop_oneof![Just(0.0), Just(1e-15), Just(1e-9), Just(1e-5), Just(1e-3)];
+    (prop::sample::select(numbers), offset, any::<bool>())
         .prop_map(|(number, by, up)| number * (1.0 + if up { by } else { -by }))
 }
 
@@ -52,9 +53,9 @@ fn shapes() -> impl Strategy<Value = (f64, f64)> {
         (any_e(), near(&[98.0, 156.0, 220.0])).prop_map(of_perigee),
         (any_e(), -200.0..2000.0).prop_map(of_perigee),
         (any_e(), near(&[225.0])).prop_map(of_period),
-        // half a day, and the ends of its resonance: 1/2 and 1/3 day from 0.00826 to 0.00924 rad/min
+        // Half a day, and the ends of its resonance: 0.00826 to 0.00924 rad/min.
         (resonant_e(), near(&[718.0, TAU / 0.00826, TAU / 0.00924])).prop_map(of_period),
-        // a day: 0.0034906585 to 0.0052359877 rad/min
+        // A day: 0.0034906585 to 0.0052359877 rad/min.
         (
             any_e(),
             near(&[1436.0, TAU / 0.003_490_658_5, TAU / 0.005_235_987_7])
@@ -69,7 +70,7 @@ fn inclinations() -> impl Strategy<Value = f64> {
         Just(0.0),
         Just(PI),
         near(&[63.4 * PI / 180.0, PI / 2.0]),
-        // Lyddane's choice, and three degrees, which the integrator of a day's resonance asks for
+        // Lyddane's bound, and three degrees, a bound of the one-day resonance.
         near(&[0.2, 3.0 * PI / 180.0]),
         0.0..0.2,
         0.0..PI,
@@ -104,7 +105,7 @@ fn times() -> impl Strategy<Value = f64> {
     prop_oneof![
         Just(0.0),
         Just(-0.0),
-        // either side of a step of the resonance's integrator
+        // Either side of a step of the resonance integrator.
         near(&[720.0, -720.0, 1440.0, -7200.0]),
         -2000.0..2000.0,
         -1e6..1e6,
@@ -114,7 +115,7 @@ fn times() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Holds many small catalogues, each at a time.
+/// Compares many small catalogues, each at one time.
 fn hold(cases: u32, times: impl Strategy<Value = f64>, rng: TestRng) -> Tally {
     let config = Config {
         cases,
@@ -135,24 +136,24 @@ fn hold(cases: u32, times: impl Strategy<Value = f64>, rng: TestRng) -> Tally {
     tally.into_inner()
 }
 
-fn the_same() -> TestRng {
+fn fixed_seed() -> TestRng {
     TestRng::deterministic_rng(RngAlgorithm::ChaCha)
 }
 
 #[test]
-fn the_model_changes_its_ways_where_the_scalar_twin_does() {
-    let tally = hold(2000, -20_000.0..20_000.0, the_same());
+fn bounds_of_the_models_cases_are_those_of_scalar_sgp4() {
+    let tally = hold(2000, -20_000.0..20_000.0, fixed_seed());
     tally.print("two weeks");
     assert!(tally.states > 15_000);
     assert!(tally.sensitive.len() < tally.states / 50);
     assert!(tally.brinks.len() <= 1, "{:?}", tally.brinks);
-    // each way to fail that such sets have is met
+    // Every failure that such sets can have occurs.
     assert!(tally.codes.keys().eq(&[1, 3, 4, 6]), "{:?}", tally.codes);
 }
 
 #[test]
-fn a_century_is_as_the_last_digit_allows() {
-    let tally = hold(150, times(), the_same());
+fn states_over_a_century_agree_within_rounding() {
+    let tally = hold(150, times(), fixed_seed());
     tally.print("a century");
     assert!(tally.states > 1000);
     assert!(tally.sensitive.len() < tally.states / 10);
@@ -161,7 +162,7 @@ fn a_century_is_as_the_last_digit_allows() {
 
 #[test]
 #[ignore = "a minute; other sets in every run"]
-fn other_sets_than_before() {
+fn random_sets_agree() {
     let seed = std::time::SystemTime::UNIX_EPOCH
         .elapsed()
         .unwrap()

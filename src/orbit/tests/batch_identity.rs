@@ -1,23 +1,23 @@
-//! The batch's results are the same to the last bit on any number of threads, with any instructions, beside any other
-//! objects, and after any other question.
+//! The batch's results are the same to the last bit for any number of threads, any instructions,
+//! any other objects in the batch, and any earlier call.
 
 use crate::support::{Answer, answers, samples};
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{Batch, Level, States};
 
-/// Minutes after the epochs: near and far, to both sides.
+/// Minutes after the epochs: small and large, of both signs.
 const MINUTES: [f64; 8] = [
     0.0, 700.0, -730.0, 10_000.0, -43_200.0, 525_600.0, -525_600.0, 5.2e6,
 ];
 
-/// All sets that the tests have: every kind of orbit, failures among them.
+/// All sets of the tests: every kind of orbit, also failures.
 fn sets() -> Vec<Elements> {
     let cases = samples::verification().into_iter().map(|case| case.set);
     let synthetic = samples::synthetic().into_iter().map(|one| one.set);
     cases.chain(synthetic).collect()
 }
 
-/// To the last bit: not even zeros of both signs are the same.
+/// Bits of a state, so that even zeros of both signs differ.
 fn bits(answer: &Answer) -> Result<[u64; 6], u8> {
     answer.map(|(p, v)| [p[0], p[1], p[2], v[0], v[1], v[2]].map(f64::to_bits))
 }
@@ -28,7 +28,7 @@ fn after(batch: &mut Batch, minutes: f64) -> Vec<Result<[u64; 6], u8>> {
     answers(batch, &states).iter().map(bits).collect()
 }
 
-/// What all others are held to: portable instructions, a batch that was asked nothing else.
+/// The expected bits: portable instructions, and a new batch.
 fn reference(minutes: f64) -> Vec<Result<[u64; 6], u8>> {
     let mut batch = Batch::new(&sets()).unwrap();
     batch.set_level(Level::Portable);
@@ -61,12 +61,12 @@ fn every_level_on_any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
-fn an_object_is_the_same_in_any_company() {
+fn an_object_does_not_depend_on_the_rest_of_the_batch() {
     let sets = sets();
     for minutes in [700.0, -43_200.0] {
         let expected = reference(minutes);
         for level in Level::available() {
-            // alone
+            // One object in the batch.
             for (set, expected) in sets.iter().zip(&expected) {
                 let mut batch = Batch::new(&[*set]).unwrap();
                 batch.set_level(level);
@@ -76,7 +76,7 @@ fn an_object_is_the_same_in_any_company() {
                     "{set:?} at {minutes} min"
                 );
             }
-            // in other orders; all steps have no divisor in common with the number of sets
+            // Other orders; no step has a common divisor with the number of sets.
             for step in [1, 7, 101, 397].map(|step| coprime(step, sets.len())) {
                 let order: Vec<usize> = (0..sets.len())
                     .map(|i| (i * step + 5) % sets.len())
@@ -85,9 +85,9 @@ fn an_object_is_the_same_in_any_company() {
                 let mut batch = Batch::new(&shuffled).unwrap();
                 batch.set_level(level);
                 let found = after(&mut batch, minutes);
-                for (place, i) in order.iter().enumerate() {
+                for (position, i) in order.iter().enumerate() {
                     assert_eq!(
-                        found[place], expected[*i],
+                        found[position], expected[*i],
                         "{:?} at {minutes} min",
                         sets[*i]
                     );
@@ -97,13 +97,13 @@ fn an_object_is_the_same_in_any_company() {
     }
 }
 
-/// Sets that fail, in one way each, beside those that do not.
+/// A failing set in every other slot, one of each kind of failure.
 #[test]
-fn failures_leave_their_neighbours_alone() {
+fn failures_do_not_change_other_objects() {
     let sets = sets();
     for minutes in [700.0, -43_200.0, 525_600.0] {
         let expected = reference(minutes);
-        let well: Vec<usize> = (0..sets.len()).filter(|i| expected[*i].is_ok()).collect();
+        let valid: Vec<usize> = (0..sets.len()).filter(|i| expected[*i].is_ok()).collect();
         let failing = (0..sets.len()).filter(|i| expected[*i].is_err());
         let one_of_each = failing.fold(Vec::<usize>::new(), |mut kinds, i| {
             if kinds.iter().all(|k| expected[*k] != expected[i]) {
@@ -112,13 +112,12 @@ fn failures_leave_their_neighbours_alone() {
             kinds
         });
         for bad in one_of_each {
-            // every other place of every block
-            let order: Vec<usize> = well.iter().flat_map(|i| [*i, bad]).collect();
+            let order: Vec<usize> = valid.iter().flat_map(|i| [*i, bad]).collect();
             let mixed: Vec<Elements> = order.iter().map(|i| sets[*i]).collect();
             let found = after(&mut Batch::new(&mixed).unwrap(), minutes);
-            for (place, i) in order.iter().enumerate() {
+            for (position, i) in order.iter().enumerate() {
                 assert_eq!(
-                    found[place], expected[*i],
+                    found[position], expected[*i],
                     "{:?} at {minutes} min",
                     sets[*i]
                 );
@@ -128,11 +127,11 @@ fn failures_leave_their_neighbours_alone() {
 }
 
 #[test]
-fn what_was_asked_before_does_not_matter() {
+fn earlier_calls_do_not_change_results() {
     let days = [
         0.0, 3.0, 2.5, -4.0, 30.0, 30.0, 0.1, -365.0, 365.0, -0.1, 1000.0, 1.0, -1000.0, 0.0,
     ];
-    // as a run asks: small steps forward over the integrator's own, and back
+    // As in a run: steps shorter than the integrator's, forward and back.
     let steps = (0..100).chain((0..100).rev());
     let minutes = days.into_iter().map(|day| day * 1440.0);
     let minutes = minutes.chain(steps.map(|step| f64::from(step) * 73.0 - 3000.0));
@@ -162,31 +161,31 @@ fn coprime(step: usize, of: usize) -> usize {
     (step..).find(|step| divisor(*step, of) == 1).unwrap()
 }
 
-/// Objects that are asked for one by one, at several instants each.
+/// Objects one by one, at several instants each.
 #[test]
-fn alone_at_several_instants_an_object_is_the_same_as_among_all() {
+fn single_objects_at_several_instants_equal_the_whole_batch() {
     let sets = sets();
     let t = hifitime::Epoch::from_gregorian_utc_at_midnight(2010, 6, 1);
     let instants = [0.0, -0.05, 0.05, 1e7, 3600.0].map(|s| t + hifitime::Unit::Second * s);
     for level in Level::available() {
         let mut batch = Batch::new(&sets).unwrap();
         batch.set_level(level);
-        // In no order, some twice, and one that there is not.
+        // Unordered, some twice, and one index without an object.
         let requested = (0..2 * sets.len()).map(|i| (i * 37) % (sets.len() + 1));
         let requested: Vec<usize> = requested.collect();
         let mut alone = Vec::new();
         batch.states_at(&requested, &instants, |states| alone.push(states));
         assert_eq!(alone.len(), requested.len());
         let mut states = States::default();
-        let mut well = 0;
+        let mut valid = 0;
         for (k, t) in instants.into_iter().enumerate() {
             batch.propagate(t, &mut states);
             for (object, alone) in requested.iter().zip(&alone) {
                 assert_eq!(alone[k], states.get(*object), "{level} {object} {k}");
                 assert_eq!(batch.state(*object, t), states.get(*object));
-                well += usize::from(alone[k].is_ok());
+                valid += usize::from(alone[k].is_ok());
             }
         }
-        assert!(well > requested.len(), "{well}");
+        assert!(valid > requested.len(), "{valid}");
     }
 }

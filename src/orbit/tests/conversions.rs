@@ -1,4 +1,4 @@
-//! Element sets written and read again: the same elements, or what a format cannot hold is reported.
+//! Element sets written and read again are the same, or the loss is reported.
 
 use crate::support::texts::sealed;
 use hifitime::{Epoch, Unit};
@@ -15,7 +15,7 @@ const OMM: [Format; 4] = [
     Format::OmmCsv,
 ];
 
-/// Made-up sets with awkward names and numbers, column 69 left to be filled.
+/// Made-up sets with unusual names and numbers; `sets` fills column 69.
 const SETS: &str = "\
 0 MADE UP, 1 [+]
 1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  9993
@@ -28,7 +28,7 @@ const SETS: &str = "\
 2 Z9999 180.0000   0.0000 7000001   0.0001 359.9999  2.00561234    04
 ";
 
-/// With the checksums that belong behind the lines.
+/// The sets with their checksums.
 fn sets() -> String {
     let line = |line: &str| match line.len() {
         60.. => sealed(&line[..68]) + "\n",
@@ -40,7 +40,7 @@ fn sets() -> String {
 fn read(text: &str) -> Vec<Record> {
     let contents = parse_contents(text, "test").unwrap();
     assert_eq!(contents.rejected, [], "{text}");
-    // Where it stands is no part of a record.
+    // Compare records without their line numbers.
     let records = contents.records.into_iter();
     records.map(|record| Record { line: 0, ..record }).collect()
 }
@@ -51,7 +51,7 @@ fn written(records: &[Record], format: Format) -> Written {
 }
 
 #[test]
-fn a_3le_comes_back_octet_for_octet_from_every_notation() {
+fn a_3le_is_restored_byte_for_byte_from_every_notation() {
     let original = sets();
     let records = read(&original);
     assert_eq!(records[1].name, "<A> & \"B\"");
@@ -71,13 +71,13 @@ fn a_3le_comes_back_octet_for_octet_from_every_notation() {
     assert_eq!(elements(&read(&without)), elements(&records));
 }
 
-/// Up to a leap second days have 86,400 s: 23:59:40 is 86380/86400 of one, 0.99976852.
+/// A TLE counts 86,400 s in each day, also before a leap second: 23:59:40 is day 0.99976852.
 #[test]
-fn epochs_before_a_leap_second_are_written_as_they_are() {
+fn epochs_before_a_leap_second_are_written_as_such() {
     for (utc, columns) in [
         ("2016-12-31T23:59:10Z", " 16366.99942130 "),
         ("2016-12-31T23:59:40Z", " 16366.99976852 "),
-        // A day's last tick is 0.864 ms before its end: nearer than its end, by a leap second.
+        // The day's last tick, 0.864 ms before its end, is nearer than the next day.
         ("2016-12-31T23:59:59.9994Z", " 16366.99999999 "),
         ("2016-12-31T23:59:59.9996Z", " 16366.99999999 "),
         ("2016-12-31T23:59:59.999999999Z", " 16366.99999999 "),
@@ -102,7 +102,7 @@ fn altered(change: fn(&mut Record)) -> Written {
 }
 
 #[test]
-fn what_two_lines_cannot_hold_is_reported() {
+fn values_that_two_lines_cannot_hold_are_reported() {
     let cases: [Case; 9] = [
         (|r| r.elements.norad = 340_000, "numbers up to 339999"),
         (|r| r.elements.epoch += 20_000.0 * Unit::Day, "1957 to 2056"),
@@ -112,7 +112,7 @@ fn what_two_lines_cannot_hold_is_reported() {
         (|r| r.elements.drag = 1e10, "the drag term B* is beyond"),
         (|r| r.mean_motion_dot = -1.0, "first derivatives below 1"),
         (|r| r.mean_motion_ddot = 1e300, "second derivative"),
-        // Of two digits the last alone would make the set one of another theory.
+        // Its last digit alone would be the type of another theory.
         (|r| r.ephemeris_type = 14, "ephemeris type"),
     ];
     for (change, reason) in cases {
@@ -126,7 +126,7 @@ fn what_two_lines_cannot_hold_is_reported() {
 }
 
 #[test]
-fn what_is_longer_than_its_columns_is_cut() {
+fn values_longer_than_their_columns_are_cut() {
     let records = read(&sets());
     let cases: [Case; 5] = [
         (
@@ -156,7 +156,7 @@ fn leap_second() -> Epoch {
     parse_utc("2016-12-31T23:59:60.5Z").unwrap()
 }
 
-/// The greatest difference that the columns of the two lines make, rad, rad/min, 1, s.
+/// Whether elements agree within the resolution of the columns, rad, rad/min, 1, s.
 fn within_columns(a: &Elements, b: &Elements) -> bool {
     let turned = |x: f64, y: f64| {
         let apart = (x - y).rem_euclid(TAU);
@@ -174,7 +174,7 @@ fn within_columns(a: &Elements, b: &Elements) -> bool {
 
 proptest! {
     #[test]
-    fn any_elements_come_back(
+    fn any_elements_are_restored(
         (norad, days, inclination, node, eccentricity) in
             (0u32..340_000, -15_000.0..19_000.0, 0.0..PI, -TAU..TAU, 0.0..0.9),
         (perigee, mean_anomaly, mean_motion, drag, power) in
@@ -224,7 +224,7 @@ proptest! {
         }
         let back = read(&lines.text).remove(0);
         prop_assert!(within_columns(&back.elements, &elements), "{:?} {:?}", back.elements, elements);
-        // What has the digits of the columns keeps them.
+        // Values with the resolution of the columns do not change.
         let again = written(&[back], Format::ThreeLine);
         prop_assert_eq!(again.text, lines.text);
     }

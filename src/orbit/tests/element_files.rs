@@ -1,4 +1,4 @@
-//! TLE and 3LE files: what loads, what is refused, and what it says.
+//! TLE and 3LE files: accepted and refused records, and the reasons.
 
 use crate::support::texts::{rows, sealed};
 use hifitime::{Epoch, TimeScale, Unit};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use skyloop_orbit::elements::PropagationError;
 use skyloop_orbit::{Loaded, Object, Orbit, OrbitError, load, parse};
 
-/// Made-up sets: a low orbit and a geostationary one. Checksums are put behind them.
+/// Made-up sets, a low orbit and a geostationary one, without checksums.
 const LOW_1: &str = "1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999";
 const LOW_2: &str = "2 90001  97.5000 120.0000 0010000  90.0000 270.0000 15.20000000  100";
 const GEO_1: &str = "1 A0007U 16001A   16366.99999999  .00000000  00000-0  00000-0 0  001";
@@ -43,8 +43,8 @@ fn epoch_of(object: &Object) -> Epoch {
 }
 
 #[test]
-fn sets_of_one_object_are_one_object_and_the_nearest_counts() {
-    // Two days later, another place along the orbit.
+fn sets_of_one_object_are_united_and_the_nearest_is_used() {
+    // Two days later, at another position in the orbit.
     let later = LOW_1.replace("19166.5", "19168.5");
     let second = format!("{}\n{}\n", sealed(&later), sealed(LOW_2));
     let loaded = read(&format!("FIRST\n{}{}OTHER\n{second}", low(), geo()));
@@ -61,7 +61,7 @@ fn sets_of_one_object_are_one_object_and_the_nearest_counts() {
         let t = noon + Unit::Hour * hours;
         assert_eq!(both.state(t), nearest.objects[0].state(t), "{hours}");
     }
-    // Settled before the change, it passes noon without a leap.
+    // A settled object does not change its set at noon.
     let settled = both.settled(noon - Unit::Second * 1);
     let after = noon + Unit::Second * 1;
     assert_eq!(settled.state(after), one.objects[0].state(after));
@@ -69,8 +69,8 @@ fn sets_of_one_object_are_one_object_and_the_nearest_counts() {
 }
 
 #[test]
-fn of_two_sets_of_one_epoch_the_one_with_a_state_counts() {
-    // X-Val: by hand: 17.3 revolutions a day are 6313 km from the Earth's centre.
+fn of_two_sets_of_one_epoch_the_one_with_a_state_is_used() {
+    // X-Val: by hand: at 17.3 revolutions a day the semi-major axis is 6313 km.
     let lost = LOW_2.replace("15.20000000", "17.30000000");
     let lost = format!("{}\n{}\n", sealed(LOW_1), sealed(&lost));
     let (good, bad) = (read(&low()), read(&lost));
@@ -100,43 +100,43 @@ fn names_line_ends_blank_lines_and_alpha_5() {
 }
 
 #[test]
-fn names_may_stand_behind_their_sets() {
+fn names_after_their_sets_are_read() {
     let named = |loaded: &Loaded| {
         let objects = loaded.objects.iter();
         let names = objects.map(|object| object.names.first().cloned().unwrap_or_default());
         names.collect::<Vec<_>>().join(";")
     };
-    // The lines of a file, with L and G for the sets; names of the objects; refused lines.
+    // The lines of a file, with L and G for the sets; names of the objects; count of refused lines.
     for [lines, names, rejected] in rows(
         r"
         L;LOW;G;GEO                         | LOW;GEO | 0
         ;L;;LOW;;G;GEO;                     | LOW;GEO | 0
-        // A 3LE, and one that lost its first line, has none, or is cut off behind a name.
+        // A 3LE; one without its first line; one without names; one that is cut off after a name.
         LOW;L;GEO;G                         | LOW;GEO | 0
         L;GEO;G                             | ;GEO    | 0
         L;G                                 | ;       | 0
         LOW;L;GEO;G;NEXT                    | LOW;GEO | 1
-        // Marked as line 0, and a name for each set; one set more: a 3LE without its first line.
+        // Names with line number 0 after the sets; one set more is a 3LE without its first line.
         L;0 LOW;G;0 GEO                     | LOW;GEO | 0
         L;0 GEO;G;G;0 NEXT                  | ;GEO    | 1
         0;L;0 GEO;G                         | ;GEO    | 0
-        // Behind: a set without a name, and one name too many.
+        // Names after the sets: a set without a name, and one name too many.
         L;LOW;L;G;GEO                       | LOW;GEO | 0
         L;LOW;MORE;G;GEO                    | LOW;GEO | 1
-        // A name may begin as element lines do.
+        // Names that begin like element lines.
         2 COSMOS;L;1 KUNS-PF;G              | 2 COSMOS;1 KUNS-PF | 0
         0 2 COSMOS 1408 DEBRIS, LONG;L;1 NAME;G       | 2 COSMOS 1408 DEBRIS, LONG;1 NAME | 0
         LOW;L;1 NAME OF MORE THAN 26 LETTERS;G        | LOW;1 NAME OF MORE THAN 26 LETTERS | 0
         L;2 NAME OF MORE THAN 26 LETTERS;G;GEO        | 2 NAME OF MORE THAN 26 LETTERS;GEO | 0
-        // The name behind a set that is refused goes with it.
-        SPOILT;LOW;G;GEO                    | GEO     | 1
+        // The name after a refused set is dropped.
+        DAMAGED;LOW;G;GEO                   | GEO     | 1
         ",
     ) {
         let corrupted = low().replace("120.0000", "120.0001");
         let text = lines.split(';').map(|line| match line {
             "L" => low(),
             "G" => geo(),
-            "SPOILT" => corrupted.clone(),
+            "DAMAGED" => corrupted.clone(),
             line => format!("{line}\n"),
         });
         let loaded = read(&text.collect::<String>());
@@ -146,7 +146,7 @@ fn names_may_stand_behind_their_sets() {
 }
 
 #[test]
-fn objects_without_a_number_differ_by_name() {
+fn objects_without_a_number_are_distinguished_by_name() {
     for number in ["00000", "99999"] {
         let set = |epoch: &str, node: &str| {
             let bare = [LOW_1, LOW_2].map(|line| {
@@ -157,8 +157,8 @@ fn objects_without_a_number_differ_by_name() {
         };
         let [one, other] = ["120.0000", "130.0000"].map(|node| set("19166.5", node));
         let loaded = read(&format!("ONE\n{one}TWO\n{one}ONE\n{one}"));
-        let shown = number.trim_start_matches('0');
-        let id = format!("NORAD {}", if shown.is_empty() { "0" } else { shown });
+        let digits = number.trim_start_matches('0');
+        let id = format!("NORAD {}", if digits.is_empty() { "0" } else { digits });
         let (first, second) = (format!("{id} ONE"), format!("{id} TWO"));
         assert_eq!(
             ids(&loaded),
@@ -168,13 +168,13 @@ fn objects_without_a_number_differ_by_name() {
             ]
         );
         assert_eq!(loaded.find(Some("two")).unwrap().id, second);
-        // One name is no identity: each orbit is of one more object.
+        // Equal names with different orbits are different objects.
         let later = set("19167.5", "119.0000");
         let loaded = read(&format!("ONE\n{one}ONE\n{other}one\n{one}ONE\n{later}"));
         let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
         let further = [2, 3].map(|count| format!("{first} #{count}"));
         assert_eq!(found, [&first, &further[0], &further[1]]);
-        // Without a name each is an object of its own, and so is one whose name says nothing.
+        // Without a name, or with a placeholder, each orbit is an object.
         for name in ["", "TBA - TO BE ASSIGNED\n"] {
             let loaded = read(&format!("{name}{one}{name}{other}{name}{one}"));
             let second = format!("{id} #2");
@@ -185,7 +185,7 @@ fn objects_without_a_number_differ_by_name() {
 }
 
 #[test]
-fn lines_without_checksum_are_read_if_both_lack_it() {
+fn lines_without_checksum_are_read_if_both_have_none() {
     let bare = |line: &str| format!("{line:<68}\n");
     let loaded = read(&format!("{}{}", bare(LOW_1), bare(LOW_2)));
     assert_eq!(ids(&loaded), [("NORAD 90001", vec![])]);
@@ -231,7 +231,7 @@ fn indented_lines_old_line_ends_and_other_theories() {
 }
 
 #[test]
-fn an_object_of_a_long_catalogue_is_small() {
+fn an_object_takes_at_most_250_bytes() {
     let object = &read(&format!("A NAME OF 24 CHARACTERS.\n{}", low())).objects[0];
     let names = &object.names;
     let heap = object.id.capacity() + names.capacity() * size_of::<String>() + names[0].capacity();
@@ -266,7 +266,7 @@ fn alpha_5_leaves_out_i_and_o() {
 }
 
 #[test]
-fn a_bad_record_is_named_and_the_rest_loads() {
+fn a_bad_record_is_reported_and_the_rest_loads() {
     let corrupt = low().replace("120.0000", "120.0001");
     let loaded = read(&format!("BAD\n{corrupt}GOOD\n{}", geo()));
     assert_eq!(ids(&loaded), [("NORAD 100007", vec!["GOOD"])]);
@@ -279,7 +279,7 @@ fn a_bad_record_is_named_and_the_rest_loads() {
 }
 
 #[test]
-fn every_kind_of_damage_says_what_and_where() {
+fn every_kind_of_damage_is_reported_with_its_line() {
     let set = |line1: &str, line2: &str| format!("{}\n{}\n", sealed(line1), sealed(line2));
     for [old, new, line, reason] in rows(
         r"
@@ -329,14 +329,14 @@ fn every_kind_of_damage_says_what_and_where() {
 fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
     let loaded = read(&geo());
     let object = &loaded.objects[0];
-    // day 366 of 2016 is 31 December; 0.99999999 of a day is 86,399.999136 s
+    // Day 366 of 2016 is 31 December; 0.99999999 of a day is 86,399.999136 s.
     let written = Epoch::from_gregorian_utc(2016, 12, 31, 23, 59, 59, 999_136_000);
     assert_eq!(
         epoch_of(object).to_tai_duration(),
         written.to_tai_duration()
     );
 
-    // the leap second 2016-12-31T23:59:60 lies between: one minute of UTC label is 61 s
+    // The leap second 2016-12-31T23:59:60 lies between: one minute of UTC is 61 s.
     let after = Epoch::from_gregorian_utc(2017, 1, 1, 0, 0, 59, 999_136_000);
     let Orbit::Elements(elements, _) = &object.orbit else {
         panic!("not an element set")
@@ -344,7 +344,7 @@ fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
     let uniform = elements.state_teme_after(61.0 / 60.0).unwrap();
     let requested = elements.state_teme(after).unwrap();
     assert!((uniform.position_m - requested.position_m).norm() < 1e-6);
-    // the scale in which the epoch is written makes no difference
+    // The time scale of the epoch makes no difference.
     for scale in [TimeScale::TAI, TimeScale::TT, TimeScale::GPST] {
         assert_eq!(
             elements.state_teme(after.to_time_scale(scale)).unwrap(),
@@ -355,7 +355,7 @@ fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
 
 #[test]
 fn decay_and_far_epochs_are_errors_that_name_the_object() {
-    // low, and with a drag term ten thousand times larger
+    // A low orbit with a drag term ten thousand times larger.
     let sinking = |line: &str| sealed(&line.replace("10000-4", "99999-1").replace("15.2", "16.3"));
     let loaded = read(&format!("SINKING\n{}\n{}", sinking(LOW_1), sinking(LOW_2)));
     let object = &loaded.objects[0];
@@ -393,15 +393,15 @@ fn text_without_orbits_and_missing_files_are_errors() {
     assert!(error.to_string().contains("no/such/file.tle"), "{error}");
 }
 
-/// A set whose bytes are changed here and there, then sealed again.
+/// A set with some changed characters and correct checksums.
 fn damaged() -> impl Strategy<Value = String> {
     let change = (0usize..68, "[ -~é]");
     let line = |line: &'static str| {
         prop::collection::vec(change.clone(), 0..4).prop_map(move |changes| {
             let mut letters: Vec<String> = line.chars().map(String::from).collect();
             for (column, letter) in changes {
-                if let Some(place) = letters.get_mut(column) {
-                    *place = letter;
+                if let Some(old) = letters.get_mut(column) {
+                    *old = letter;
                 }
             }
             sealed(&letters.concat())
@@ -417,14 +417,14 @@ proptest! {
     }
 
     #[test]
-    fn any_lines_behind_an_element_lines_start_are_read_without_panic(
+    fn any_lines_that_begin_like_element_lines_are_read_without_panic(
         lines in prop::collection::vec("[012 #A-Z][ ][ -~é\t]{20,80}", 0..6)
     ) {
         let _ = parse(&lines.join("\n"), "any");
     }
 
     #[test]
-    fn damaged_sets_never_give_numbers_that_are_not_finite(text in damaged(), days in -400.0..400.0) {
+    fn damaged_sets_never_give_infinite_numbers_or_nan(text in damaged(), days in -400.0..400.0) {
         let Ok(loaded) = parse(&text, "any") else { return Ok(()) };
         for object in &loaded.objects {
             let t = epoch_of(object) + days * Unit::Day;

@@ -1,4 +1,4 @@
-//! CCSDS OEM files: what loads, what lies between the states, and what is refused.
+//! CCSDS OEM files: accepted messages, interpolation, and refused messages.
 
 use crate::support::texts::{oem as message, rows};
 use hifitime::{Epoch, TimeScale, Unit};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 const NAMES: [&str; 4] = ["cassiope", "rcm-1", "rcm-2", "rcm-3"];
 
-/// The scene's files: four objects, states A and B.
+/// The files of a scene: four objects, states A and B.
 fn scene() -> Vec<PathBuf> {
     let folder =
         PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenes/rcm-2019-06-15");
@@ -47,7 +47,7 @@ fn distance(a: &StateVector, b: &StateVector) -> f64 {
 }
 
 #[test]
-fn the_scene_loads_and_meets_its_own_states() {
+fn the_scene_loads_and_gives_its_own_states() {
     for path in scene() {
         let loaded = load(&path).unwrap();
         assert_eq!(loaded.rejected, []);
@@ -75,7 +75,7 @@ fn the_scene_loads_and_meets_its_own_states() {
 }
 
 #[test]
-fn odd_states_are_found_from_the_even_ones() {
+fn odd_states_are_interpolated_from_even_ones() {
     let (mut worst_m, mut worst_m_s) = (0.0_f64, 0.0_f64);
     for path in scene() {
         let text = std::fs::read_to_string(&path).unwrap();
@@ -97,7 +97,7 @@ fn odd_states_are_found_from_the_even_ones() {
         }
     }
     println!("odd from even states: at most {worst_m:.2e} m, {worst_m_s:.2e} m/s");
-    // the files are written to 1 mm and 1 um/s; a window at an end amplifies the rounding
+    // The files have 1 mm and 1 um/s; a window at an end amplifies the rounding.
     assert!(
         worst_m < 5e-3 && worst_m_s < 5e-6,
         "{worst_m} m, {worst_m_s} m/s"
@@ -118,7 +118,7 @@ fn comments_covariance_accelerations_and_both_date_forms_are_read() {
 }
 
 #[test]
-fn asked_outside_it_names_object_epoch_and_interval() {
+fn the_error_outside_the_interval_names_object_epoch_and_interval() {
     let useable = "USEABLE_START_TIME = 2019-06-15T00:00:05\n\
                    USEABLE_STOP_TIME = 2019-06-15T00:00:25\n";
     let object = only(&message(useable, &STATES));
@@ -152,7 +152,7 @@ fn nothing_is_extrapolated_past_the_states() {
 }
 
 #[test]
-fn segments_answer_each_for_its_time_and_never_mix() {
+fn segments_are_not_mixed() {
     let span = "START_TIME = 2019-06-15T00:01:00\nSTOP_TIME = 2019-06-15T00:01:10\n";
     let second = [
         "2019-06-15T00:01:00 8000 0 0 2 0 0",
@@ -162,20 +162,20 @@ fn segments_answer_each_for_its_time_and_never_mix() {
     let x = |t| object.state(t).map(|state| state.position_m.x);
     assert!((x(utc(0, 0, 29, 0)).unwrap() - 7_029_000.0).abs() < 1e-6);
     assert!((x(utc(0, 1, 5, 0)).unwrap() - 8_010_000.0).abs() < 1e-6);
-    // in the gap: the nearer interval is named
+    // In the gap the nearer interval is named.
     let Err(OrbitError::OutsideInterval { start, .. }) = object.state(utc(0, 0, 50, 0)) else {
         panic!("the gap is not covered")
     };
     assert_eq!(start, utc(0, 1, 0, 0));
 }
 
-/// The segment of a message without the version before it.
+/// The segment of a message without its version line.
 fn headless(message: &str) -> &str {
     message.split_once('\n').unwrap().1
 }
 
 #[test]
-fn a_bad_segment_is_named_and_the_rest_loads() {
+fn a_bad_segment_is_reported_and_the_rest_loads() {
     let bad = message("REF_FRAME = LVLH\n", &STATES);
     let good = message("OBJECT_ID = 2019-002A\n", &STATES);
     let loaded = read(&(bad + headless(&good)));
@@ -191,7 +191,7 @@ fn a_bad_segment_is_named_and_the_rest_loads() {
     );
 }
 
-/// Metadata, or the second state behind its year; line and reason of the refusal.
+/// Metadata, or the second state after its year; line and reason of the refusal.
 const DAMAGE: &str = r"
         CENTER_NAME = MARS | 3 | CENTER_NAME 'MARS'; only EARTH is read: give the states from the Earth's
         REF_FRAME = GCRF\nREF_FRAME = TEME | 4 | REF_FRAME twice: 'GCRF' and 'TEME'; keep one
@@ -205,12 +205,12 @@ const DAMAGE: &str = r"
         INTERPOLATION_DEGREE = 0 | 3 | INTERPOLATION_DEGREE '0'
         what is this             | 3 | not KEY = VALUE
         06-15T00:00:10 0 0 0 0 0 0          | 12 | nearer than 1000 km to the Earth's centre
-        // Velocities left out.
+        // Velocities of 0.
         06-15T00:00:10 7010 0 0 0 0 0       | 12 | velocities 50 % off
         06-15T00:00:10 7000 0 0 1 0         | 12 | not 6 values
         06-15T00:00:10 7000 0 0 1 0 x       | 12 | not a number
         06-15T00:00:10 7000 0 0 1 0 NaN     | 12 | not a number
-        // Metres.
+        // In metres.
         06-15T00:00:10 7000000 0 0 7500 0 0 | 12 | km and km/s
         06-15T00:00:10 7000 0 0 7500 0 0    | 12 | km and km/s
         06-15T00:00:10 1e300 0 0 1 0 0      | 12 | km and km/s
@@ -221,15 +221,16 @@ const DAMAGE: &str = r"
         ";
 
 #[test]
-fn every_kind_of_damage_says_what_and_where() {
+fn every_kind_of_damage_is_reported_with_its_line() {
     for [given, line, reason] in rows(DAMAGE) {
-        let text = match given.starts_with('0') {
-            true => message("", &[STATES[0], &format!("2019-{given}"), STATES[3]]),
-            false => message(&format!("{given}\n"), &STATES),
+        let text = if given.starts_with('0') {
+            message("", &[STATES[0], &format!("2019-{given}"), STATES[3]])
+        } else {
+            message(&format!("{given}\n"), &STATES)
         };
         assert_refused(&text, line.parse().unwrap(), &reason);
     }
-    // Against inertial axes, in an Earth-fixed frame: w r = 0.51 km/s of 7.5 km/s.
+    // Inertial velocities in an Earth-fixed frame: w r = 0.51 km/s of 7.5 km/s.
     let inertial = [
         "2019-06-15T00:00:00 7000 0 0 0 7.5 0",
         "2019-06-15T00:00:10 7000 69.9 0 0 7.5 0",
@@ -264,18 +265,18 @@ fn assert_refused(text: &str, line: usize, reason: &str) {
     let [refused] = &loaded.rejected[..] else {
         panic!("{reason}: {:?}\n{text}", loaded.rejected)
     };
-    let shown = refused.to_string();
-    let is_placed = shown.starts_with(&format!("test.oem:{line}: "));
+    let text = refused.to_string();
+    let has_line = text.starts_with(&format!("test.oem:{line}: "));
     assert!(
-        is_placed && shown.contains(reason),
-        "{reason}, line {line}: {shown}"
+        has_line && text.contains(reason),
+        "{reason}, line {line}: {text}"
     );
 }
 
 #[test]
-fn time_systems_differ() {
+fn time_systems_have_their_offsets() {
     // X-Val: UT1 - UTC as given. 2019: TAI = UTC + 37 s, TT = TAI + 32.184 s, GPS = TAI - 19 s
-    // (IERS Bulletin C 57). pyerfa 2.0.1.5, dtdb: TDB = TT + 0.0005631 s; here it is within 10 us.
+    // (IERS Bulletin C 57). pyerfa 2.0.1.5, dtdb: TDB = TT + 0.0005631 s; skyloop is within 10 us.
     for (system, ahead_s, tolerance_m) in [
         ("UTC", 0.0, 1e-6),
         ("TAI", 37.0, 1e-6),
@@ -295,7 +296,7 @@ fn time_systems_differ() {
 }
 
 #[test]
-fn a_leap_second_inside_a_segment_is_a_second() {
+fn a_leap_second_in_a_segment_lasts_a_second() {
     let states = [
         "2016-12-31T23:59:58 7000 0 0 1 0 0",
         "2016-12-31T23:59:60 7002 0 0 1 0 0",
@@ -317,7 +318,7 @@ fn a_leap_second_inside_a_segment_is_a_second() {
 }
 
 #[test]
-fn frames_are_turned_to_gcrf() {
+fn frames_are_rotated_to_gcrf() {
     let t = utc(0, 0, 10, 0);
     let gcrf = only(&message("", &STATES)).state(t).unwrap();
     for (frame, rotation) in [
@@ -342,8 +343,8 @@ fn cubic(t: f64) -> f64 {
 }
 
 #[test]
-fn each_degree_takes_that_many_states() {
-    // x = 5 t + t^3 / 100: a cubic is exact from degree 3 on, and not before
+fn each_degree_uses_its_number_of_states() {
+    // x = 5 t + t^3 / 100: exact from degree 3 on only.
     let states: Vec<String> = (0..9)
         .map(|k| {
             let (x, v) = (cubic(f64::from(k)), 5.0 + 0.03 * f64::from(k * k));

@@ -1,4 +1,4 @@
-//! OEM against independent programs: the states between the states, and the frames.
+//! OEM against independent programs: interpolated states, and frames.
 
 use crate::support::texts;
 use hifitime::{Epoch, Unit};
@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use skyloop_orbit::time::{parse_utc, utc_text};
 use skyloop_orbit::{Object, StateVector, parse};
 
-/// A message whose states are these lines behind their epochs.
+/// A message with these states and epochs.
 fn message(frame: &str, meta: &str, states: &[(Epoch, String)]) -> String {
     let [start, stop] = [&states[0], &states[states.len() - 1]].map(|(t, _)| utc_text(*t));
     let span = format!("START_TIME = {start}\nSTOP_TIME = {stop}\n");
@@ -38,7 +38,7 @@ fn off(state: &StateVector, km: &[f64]) -> (f64, f64) {
     )
 }
 
-/// A line of data/oem_interpolated.txt: words, and numbers from the time on.
+/// A line of data/oem_interpolated.txt.
 struct Row {
     method: String,
     degree: usize,
@@ -49,7 +49,7 @@ struct Row {
 
 fn rows() -> (Vec<Row>, Vec<(u32, f64, String)>) {
     // X-Val: data/make_ephemeris_references.py: an analytic Kepler orbit, and scipy's
-    // interpolators on its states
+    // interpolators on its states.
     let (mut rows, mut states) = (Vec::new(), Vec::new());
     for line in include_str!("data/oem_interpolated.txt").lines().skip(1) {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -76,7 +76,7 @@ fn start() -> Epoch {
     parse_utc("2019-06-15T00:00:00Z").unwrap()
 }
 
-/// The orbit of the reference, its states `step_s` apart, in a message with these metadata.
+/// The states of the reference orbit every `step_s`, in a message with these metadata.
 fn orbit(states: &[(u32, f64, String)], step_s: u32, meta: &str) -> Object {
     let of_step = states.iter().filter(|(step, ..)| *step == step_s);
     let states = of_step.map(|(_, t, state)| (start() + *t * Unit::Second, state.clone()));
@@ -84,7 +84,7 @@ fn orbit(states: &[(u32, f64, String)], step_s: u32, meta: &str) -> Object {
 }
 
 #[test]
-fn states_between_states_are_those_of_an_independent_program() {
+fn interpolated_states_agree_with_an_independent_program() {
     let (rows, states) = rows();
     let compared: Vec<&Row> = rows.iter().filter(|row| row.method != "true").collect();
     assert_eq!(compared.len(), 2 * 9 * 6);
@@ -94,8 +94,8 @@ fn states_between_states_are_those_of_an_independent_program() {
         assert_eq!(comments(&object), [""; 0], "{meta}");
         let state = object.state(start() + row.t * Unit::Second).unwrap();
         let (m, m_s) = off(&state, &row.state_km);
-        let what = format_args!("{meta}{} s at {}", row.step_s, row.t);
-        assert!(m < 1e-5 && m_s < 1e-7, "{what}: {m} m, {m_s} m/s");
+        let label = format_args!("{meta}{} s at {}", row.step_s, row.t);
+        assert!(m < 1e-5 && m_s < 1e-7, "{label}: {m} m, {m_s} m/s");
     }
 }
 
@@ -104,11 +104,11 @@ fn meta(method: &str, degree: usize) -> String {
 }
 
 #[test]
-fn the_methods_own_error_is_known_from_the_analytic_orbit() {
+fn interpolation_errors_on_an_analytic_orbit_are_within_bounds() {
     let (rows, states) = rows();
-    // From below: what the file's method gives. HERMITE of degree 1, of two states, is a straight
-    // line by LINEAR. No method: Hermite's of degree 7.
-    for (meta, step_s, least_m, most_m, most_m_s) in [
+    // HERMITE of degree 1, from two states, is a straight line as LINEAR. Without a method it is
+    // Hermite's of degree 7.
+    for (meta, step_s, min_m, max_m, max_m_s) in [
         ("INTERPOLATION = LINEAR\n".to_owned(), 60, 3e3, 4e3, 5.0),
         (meta("HERMITE", 1), 60, 0.1, 0.4, 0.02),
         (meta("HERMITE", 3), 60, 0.1, 0.4, 0.02),
@@ -128,7 +128,7 @@ fn the_methods_own_error_is_known_from_the_analytic_orbit() {
             (m, m_s) = (m.max(found.0), m_s.max(found.1));
         }
         println!("{meta:?} {step_s} s: {m:.2e} m, {m_s:.2e} m/s");
-        let is_within = (least_m..most_m).contains(&m) && m_s < most_m_s;
+        let is_within = (min_m..max_m).contains(&m) && m_s < max_m_s;
         assert!(is_within, "{meta} {step_s} s: {m} m, {m_s} m/s");
     }
 }
@@ -137,9 +137,9 @@ fn the_methods_own_error_is_known_from_the_analytic_orbit() {
 fn the_velocity_is_the_derivative_of_the_position() {
     let (_, states) = rows();
     let h = 0.01;
-    // Hermite's exactly, but for the difference; Lagrange's as far as the file's velocities
-    // belong to its positions.
-    for (method, degree, step_s, most_m_s) in [
+    // Exact for Hermite, up to the difference quotient. For Lagrange as accurate as the file's
+    // velocities.
+    for (method, degree, step_s, max_m_s) in [
         ("HERMITE", 3, 60, 1e-5),
         ("HERMITE", 7, 240, 1e-5),
         ("LAGRANGE", 7, 60, 1e-4),
@@ -150,11 +150,11 @@ fn the_velocity_is_the_derivative_of_the_position() {
         for share in [0.3, 1.0, 5.5, 6.0, 10.7] {
             let t = start() + share * f64::from(step_s) * Unit::Second;
             let at = |dt: f64| object.state(t + dt * Unit::Second).unwrap();
-            // Eighth order is not needed: over 0.02 s the third derivative is 2e-10 m/s.
+            // Over 0.02 s the third derivative adds 2e-10 m/s.
             let slope = (at(h).position_m - at(-h).position_m) / (2.0 * h);
             let error = (slope - at(0.0).velocity_m_s).norm();
             assert!(
-                error < most_m_s,
+                error < max_m_s,
                 "{method} {degree}, {step_s} s at {share}: {error} m/s"
             );
         }
@@ -162,7 +162,7 @@ fn the_velocity_is_the_derivative_of_the_position() {
 }
 
 #[test]
-fn what_is_not_as_the_file_says_is_remarked() {
+fn deviations_from_the_metadata_are_remarked() {
     let (_, states) = rows();
     for (method, degree, comment) in [
         ("HERMITE", 8, "not 8: 9 is taken"),
@@ -181,11 +181,11 @@ fn what_is_not_as_the_file_says_is_remarked() {
     assert_eq!(comments(&orbit(&states, 60, "")), [""; 0]);
 }
 
-/// Two states 1 s apart along a straight line from one in m and m/s, as a message has them.
-fn around(epoch: Epoch, place: &[f64]) -> Vec<(Epoch, String)> {
+/// Two states 1 s apart on a straight line, from a state in m and m/s.
+fn around(epoch: Epoch, state: &[f64]) -> Vec<(Epoch, String)> {
     let states = [0.0, 1.0].map(|dt| {
-        let moved = (0..3).map(|i| place[i] + dt * place[3 + i]);
-        let numbers = moved.chain(place[3..6].iter().copied());
+        let moved = (0..3).map(|i| state[i] + dt * state[3 + i]);
+        let numbers = moved.chain(state[3..6].iter().copied());
         let km: Vec<String> = numbers.map(|x| format!("{:.12}", x / 1e3)).collect();
         (epoch + dt * Unit::Second, km.join(" "))
     });
@@ -193,9 +193,9 @@ fn around(epoch: Epoch, place: &[f64]) -> Vec<(Epoch, String)> {
 }
 
 #[test]
-fn frames_are_turned_as_by_independent_programs() {
+fn frames_are_rotated_as_by_independent_programs() {
     // X-Val: data/make_ephemeris_references.py: erfa, and astropy with the Earth orientation of
-    // IERS Bulletin B
+    // IERS Bulletin B.
     let [mut worst_m, mut worst_m_s, mut pole, mut ut1_as_utc] = [0.0_f64; 4];
     for line in include_str!("data/frames_to_gcrf.txt").lines().skip(1) {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -205,7 +205,7 @@ fn frames_are_turned_as_by_independent_programs() {
             .map(|word| word.parse().unwrap())
             .collect();
         let epoch = parse_utc(utc).unwrap();
-        let places = around(epoch, &numbers[..6]);
+        let states = around(epoch, &numbers[..6]);
         let across = numbers[0].hypot(numbers[1]);
         let km: Vec<f64> = numbers[6..].iter().map(|x| x / 1e3).collect();
         let names: &[&str] = match frame {
@@ -214,19 +214,19 @@ fn frames_are_turned_as_by_independent_programs() {
         };
         for name in names {
             let meta = format!("COMMENT UT1-UTC = {ut1_utc}\n{}", meta("HERMITE", 3));
-            let object = only(&message(name, &meta, &places));
+            let object = only(&message(name, &meta, &states));
             assert_eq!(comments(&object), [""; 0], "{name}");
             let (m, m_s) = off(&object.state(epoch).unwrap(), &km);
             if source == "erfa" {
                 (worst_m, worst_m_s) = (worst_m.max(m), worst_m_s.max(m_s));
                 continue;
             }
-            // The pole's motion is left out, and without UT1 - UTC the Earth's rotation is off by it.
+            // Polar motion is left out. Without UT1 - UTC the Earth's rotation is off by it.
             pole = pole.max(m / across.hypot(numbers[2]));
-            let without = only(&message(name, "", &places));
-            let said = comments(&without).concat();
+            let without = only(&message(name, "", &states));
+            let remarks = comments(&without).concat();
             for part in ["without Earth-orientation data", "460 m at 7,000 km"] {
-                assert!(said.contains(part), "{said}");
+                assert!(remarks.contains(part), "{remarks}");
             }
             let turned = 7.292_115e-5 * ut1_utc.parse::<f64>().unwrap();
             let (by, _) = off(&without.state(epoch).unwrap(), &km);
@@ -234,27 +234,27 @@ fn frames_are_turned_as_by_independent_programs() {
         }
     }
     println!(
-        "erfa: {worst_m:.2e} m, {worst_m_s:.2e} m/s; the pole's motion: {pole:.2e} rad; \
+        "erfa: {worst_m:.2e} m, {worst_m_s:.2e} m/s; polar motion: {pole:.2e} rad; \
          UT1 as UTC: {ut1_as_utc:.2e} rad"
     );
-    // Axes of date turn by up to 2e-11 rad/s, which velocities leave out: 0.8 mm/s at 42,000 km.
+    // Velocities neglect the rotation of axes of date, up to 2e-11 rad/s: 0.8 mm/s at 42,000 km.
     assert!(
         worst_m < 1e-4 && worst_m_s < 2e-3,
         "{worst_m} m, {worst_m_s} m/s"
     );
-    // 0.6 arcsec, the most that the pole has moved since 1988.
+    // 0.6 arcsec, the largest polar motion since 1988.
     assert!(
         pole > 1e-8 && pole < 2.9e-6 && ut1_as_utc < 2.9e-6,
         "{pole} {ut1_as_utc}"
     );
 }
 
-/// UT1 has no leap seconds: UT1 - UTC steps with UTC's, within a segment too.
+/// UT1 has no leap seconds: UT1 - UTC steps with UTC's, also within a segment.
 #[test]
-fn ut1_runs_on_over_a_leap_second() {
-    // X-Val: pyerfa 2.0.1.5 (utcut1, gst06, pnm06a), GCRF (m) of 7000 km along the x axis of the
-    // Earth, with UT1 - UTC = -0.4 s before the leap second of 2016-12-31 (IERS Bulletin C 52) and
-    // 0.6 s after it; the times in UT1 are those in UTC with it.
+fn ut1_continues_over_a_leap_second() {
+    // X-Val: pyerfa 2.0.1.5 (utcut1, gst06, pnm06a), GCRF (m) of 7000 km along the Earth's x axis.
+    // UT1 - UTC = -0.4 s before the leap second of 2016-12-31 (IERS Bulletin C 52) and 0.6 s after
+    // it. The times in UT1 are those in UTC plus this difference.
     let utc = [
         "2016-12-31T23:58:00",
         "2016-12-31T23:59:60",
@@ -273,7 +273,7 @@ fn ut1_runs_on_over_a_leap_second() {
         [-1_305_422.369, 6_877_199.021, 2_463.007],
         [-1_320_464.012, 6_874_326.775, 2_487.527],
     ];
-    // The first row; the second has START_TIME in the leap second.
+    // The first row of the table; in the second START_TIME lies in the leap second.
     for (first, given, is_step_reported) in
         [(0, "-0.4", true), (1, "-0.4", true), (2, "0.6", false)]
     {

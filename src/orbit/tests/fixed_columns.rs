@@ -1,23 +1,23 @@
-//! Fields of the two lines that are padded with blanks, and how they are written back.
+//! Fields of the two lines that are padded with blanks, and their written form.
 
 use crate::support::texts::sealed;
 use hifitime::Epoch;
 use skyloop_orbit::{Format, Record, parse_contents, write};
 
-/// A made-up set. Checksums are put behind the lines.
+/// A made-up set without checksums.
 const LINES: [&str; 2] = [
     "1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999",
     "2 90001  97.5000 120.0000 0010000  90.0000 270.0000 15.20000000  100",
 ];
 
-/// The set with `text` in a line, 0 or 1, from a column on, counted from 1.
+/// The set with `text` in a line, 0 or 1, at a column, counted from 1.
 fn with(line: usize, column: usize, text: &str) -> String {
     let mut lines = LINES.map(str::to_owned);
     lines[line].replace_range(column - 1..column - 1 + text.len(), text);
     lines.map(|line| sealed(&line) + "\n").concat()
 }
 
-/// The record of that set, or why there is none.
+/// The record of that set, or the reason of the refusal.
 fn read(text: &str) -> Result<Record, String> {
     let contents = parse_contents(text, "test").unwrap();
     match contents.rejected.first() {
@@ -35,14 +35,15 @@ fn a_field_with_an_assumed_point_scales_by_its_columns() {
     let fields: [Field; 3] = [(1, 27, eccentricity), (0, 54, drag), (0, 45, second)];
     let [eccentricity, drag, second] = fields;
     for ((line, column, value), text, wanted) in [
-        // X-Val: python-sgp4 2.27, `Satrec.twoline2rv`; of the first and the third also PyEphem 4.2.1.
+        // X-Val: python-sgp4 2.27, `Satrec.twoline2rv`; the first and the third also PyEphem 4.2.1.
         (eccentricity, "   6703", Some(0.000_670_3)),
         (eccentricity, "6703   ", Some(0.670_3)),
         (eccentricity, "      1", Some(1e-7)),
         (eccentricity, " 00 003", Some(3e-7)),
         (eccentricity, "0000000", Some(0.0)),
         (eccentricity, "9999999", Some(0.999_999_9)),
-        // X-Val: python-sgp4 2.27, whose C++ code reads these of the second derivative, and calls them no number of B*.
+        // X-Val: python-sgp4 2.27. Its C++ code reads these for the second derivative, and refuses
+        // them for B*.
         (second, "  1234-4", Some(0.012_34e-4)),
         (second, "-  123-4", Some(-0.001_23e-4)),
         (drag, "  1234-4", Some(0.012_34e-4)),
@@ -55,7 +56,7 @@ fn a_field_with_an_assumed_point_scales_by_its_columns() {
         (drag, " 12345+1", Some(1.234_5)),
         (drag, " 12345 4", Some(1_234.5)),
         (drag, "01234 -4", Some(0.123_4e-4)),
-        // No number, or none at the place of its columns.
+        // No number, or not in its columns.
         (eccentricity, "       ", None),
         (eccentricity, ".000670", None),
         (eccentricity, "-006703", None),
@@ -109,7 +110,7 @@ fn a_field_with_its_point_may_be_padded_anywhere() {
         (first, "+.00000100", Some(1e-6)),
         (first, "-.00000100", Some(-1e-6)),
         (first, "          ", Some(0.0)),
-        // By the columns: blanks are zeros; the Python readers call these no number.
+        // Blanks count as zeros; the Python readers refuse these.
         (inclination, " 97. 500", Some(97.05)),
         (first, "- .0000123", Some(-1.23e-5)),
         (first, " .     123", Some(1.23e-6)),
@@ -135,7 +136,7 @@ fn short_numbers_may_be_padded_on_either_side() {
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_sets_are_read_back() {
     type Change = fn(&mut Record);
     let changes: [Change; 12] = [
         |_| (),
@@ -167,7 +168,7 @@ fn what_is_written_is_read_back() {
             assert_eq!(written.left_out, Vec::<String>::new(), "{format} {number}");
             let mut back = read(&written.text).unwrap();
             back.line = record.line;
-            // The mean motion of the longest ellipse has fewer digits in the two lines.
+            // Two lines have fewer digits of the lowest mean motion.
             if number == 5 && matches!(format, Format::Tle | Format::ThreeLine) {
                 back.elements.mean_motion = record.elements.mean_motion;
             }

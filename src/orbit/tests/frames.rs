@@ -1,4 +1,4 @@
-//! TEME to GCRF against independent libraries; frames and versions that messages may have.
+//! TEME to GCRF against independent libraries; frames and versions of messages.
 
 use crate::support::texts::{OMM, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 use hifitime::{Epoch, TimeScale, Unit};
@@ -16,7 +16,7 @@ fn vector(numbers: &[f64]) -> Vector3<f64> {
 
 #[test]
 fn teme_to_gcrf_is_within_a_metre_out_to_geostationary() {
-    // X-Val: data/teme_to_gcrf.txt, by skyfield (1960 to 2060) and astropy (1975 to 2026)
+    // X-Val: data/teme_to_gcrf.txt, by skyfield (1960 to 2060) and astropy (1975 to 2026).
     let j2000 = Epoch::from_gregorian(2000, 1, 1, 12, 0, 0, 0, TimeScale::TT);
     let (mut skyfield, mut astropy) = (Vec::new(), Vec::new());
     for line in include_str!("data/teme_to_gcrf.txt").lines() {
@@ -41,7 +41,7 @@ fn teme_to_gcrf_is_within_a_metre_out_to_geostationary() {
 }
 
 #[test]
-fn the_rotation_is_a_rotation() {
+fn rotations_are_orthogonal() {
     let t = Epoch::from_gregorian_utc(2019, 6, 15, 23, 35, 50, 0);
     for rotation in [teme_to_gcrf(t), eme2000_to_gcrf()] {
         let residual = (rotation * rotation.transpose() - nalgebra::Matrix3::identity()).norm();
@@ -51,8 +51,8 @@ fn the_rotation_is_a_rotation() {
 }
 
 #[test]
-fn element_sets_reach_gcrf_as_in_an_independent_library() {
-    // X-Val: data/elements_to_gcrf.txt, by skyfield and its SGP4
+fn element_sets_in_gcrf_agree_with_an_independent_library() {
+    // X-Val: data/elements_to_gcrf.txt, by skyfield and its SGP4.
     let text = include_str!("data/elements_to_gcrf.txt");
     let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
     let (mut worst_m, mut worst_m_s) = (0.0_f64, 0.0_f64);
@@ -81,7 +81,7 @@ const STATES: [&str; 2] = [
     "2019-06-15T00:00:10 7010 0 0 1 0 0",
 ];
 
-/// The same segment as [`STATES`] in XML.
+/// The segment of [`STATES`] in XML.
 fn oem_in_xml(attributes: &str, meta: &str) -> String {
     let kvn = oem(meta, &STATES);
     let (metadata, _) = kvn.split_once("META_STOP").unwrap();
@@ -107,7 +107,7 @@ fn aem_with(version: &str, meta: &str) -> String {
     )
 }
 
-/// Why a message of orbits or attitudes is refused.
+/// The reason of a refused message of orbits or attitudes.
 fn refusal(text: &str) -> Option<String> {
     if aem::is_message(text) {
         return aem::parse(text).err().map(|(_, reason)| reason);
@@ -123,7 +123,7 @@ fn refusal(text: &str) -> Option<String> {
 
 #[test]
 fn axes_of_a_fixed_epoch_are_refused_where_they_differ() {
-    // CCSDS 502.0-B-3, Table 5-3: an epoch only where the frame itself has none.
+    // CCSDS 502.0-B-3, Table 5-3: an epoch only for frames without their own.
     for (frame, is_refused) in [
         ("TOD", true),
         ("MOD", true),
@@ -149,9 +149,9 @@ fn axes_of_a_fixed_epoch_are_refused_where_they_differ() {
     }
 }
 
-/// Messages of versions that are not published are refused by name, in each notation.
+/// Unpublished versions are refused by name, in each notation.
 #[test]
-fn versions_of_messages_are_those_of_the_standards() {
+fn versions_are_those_of_the_standards() {
     let omm = format!("CCSDS_OMM_VERS = @\n{OMM}");
     let pairs = omm.lines().filter_map(|line| line.split_once(" = "));
     let (keys, values): (Vec<&str>, Vec<&str>) = pairs
@@ -173,7 +173,7 @@ fn versions_of_messages_are_those_of_the_standards() {
     let versions = "0.9,1,1.0,1.1,2,2.0,2.00,2.0 COMMENT,2.1,2.5,3.0,3.0x,4.0,x";
     for (kind, published, messages) in published {
         for version in versions.split(',') {
-            // Some writers leave zeros out.
+            // Some writers omit zeros.
             let is_published = match version {
                 "1" => published.contains(&"1.0"),
                 "2" | "2.00" => published.contains(&"2.0"),
@@ -196,10 +196,10 @@ fn versions_of_messages_are_those_of_the_standards() {
 }
 
 #[test]
-fn versions_are_read_from_attributes_as_xml_has_them() {
-    // XML 1.0 (W3C, fifth edition), section 3.1: attributes come in any order, behind blanks, tabs
-    // or line breaks, in quotes of both kinds. Sections 2.4, 4.1 and 4.6: `>` in values, references
-    // to characters, and the predefined entities.
+fn versions_are_read_from_any_valid_xml_attributes() {
+    // XML 1.0 (W3C, fifth edition), section 3.1: attributes in any order, after blanks, tabs or
+    // line breaks, in quotes of both kinds. Sections 2.4, 4.1 and 4.6: `>` in values, character
+    // references, and the predefined entities.
     for [attributes, reason] in rows(
         r#"
         id='CCSDS_OEM_VERS' version='9.0'     | _VERS '9.0'; read are

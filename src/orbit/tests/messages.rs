@@ -25,7 +25,7 @@ fn matrix(attitude: &aem::TimedAttitude) -> Matrix3<f64> {
     q.to_rotation_matrix().into_inner()
 }
 
-/// The frame transformation matrix of 504.0-B-2, annex F2.1, written down from there.
+/// The frame transformation matrix of 504.0-B-2, annex F2.1.
 fn annex_f2([q1, q2, q3, qc]: [f64; 4]) -> Matrix3<f64> {
     let square = |x: f64| x * x;
     Matrix3::new(
@@ -42,8 +42,8 @@ fn annex_f2([q1, q2, q3, qc]: [f64; 4]) -> Matrix3<f64> {
 }
 
 #[test]
-fn the_standards_own_example_has_the_standards_sense() {
-    // X-Val: 504.0-B-2, annex F2.2: body X along ICRF Y: [1, 0, 0] becomes [0, -1, 0]
+fn the_standards_example_has_the_standards_direction() {
+    // X-Val: 504.0-B-2, annex F2.2: body X along ICRF Y: [1, 0, 0] becomes [0, -1, 0].
     let meta = format!("{A_TO_B}{QUATERNION}");
     let message = aem::parse(&attitudes("2.0", &meta, "0 0 0.70710678 0.70710678")).unwrap();
     let m = matrix(&message.segments[0].attitudes[0]);
@@ -51,8 +51,8 @@ fn the_standards_own_example_has_the_standards_sense() {
     assert!((m * Vector3::y() - Vector3::x()).norm() < 1e-8, "{m}");
 }
 
-/// Version, REF_FRAME_A, direction, order, and the rotation of the quaternion.
-const SENSES: &str = "
+/// Version, REF_FRAME_A, direction, order of components, and direction of the quaternion.
+const DIRECTIONS: &str = "
         1.0 | ICRF      | A2B | LAST  | to body
         1.0 | ICRF      | A2B | FIRST | to body
         1.0 | ICRF      | B2A | LAST  | from body
@@ -66,9 +66,9 @@ const SENSES: &str = "
 
 #[test]
 fn direction_and_order_are_those_of_the_file() {
-    // No two components are alike, so that each wrong sense and order is another attitude.
+    // Four different components distinguish each wrong direction and order.
     let q = [0.1, -0.3, 0.5, 0.806_225_774_829_855];
-    // X-Val: scipy 1.17.1, Rotation.from_quat([0.1, -0.3, 0.5, 0.806225774829855]).as_matrix().T
+    // X-Val: scipy 1.17.1, Rotation.from_quat([0.1, -0.3, 0.5, 0.806225774829855]).as_matrix().T.
     let scipy = Matrix3::from_row_slice(&[
         0.32,
         0.746_225_774_829_855,
@@ -83,7 +83,7 @@ fn direction_and_order_are_those_of_the_file() {
     let to_body = annex_f2(q);
     assert!((to_body - scipy).norm() < 1e-12, "{to_body}");
     let last = "0.1 -0.3 0.5 0.806225774829855";
-    for [version, a, direction, order, expected] in rows(SENSES) {
+    for [version, a, direction, order, expected] in rows(DIRECTIONS) {
         let frames = if a == "ICRF" { A_TO_B } else { B_TO_A };
         let keywords = match &*direction {
             "" => String::new(),
@@ -113,7 +113,7 @@ fn direction_and_order_are_those_of_the_file() {
         let error = (matrix(&segment.attitudes[1]) - expected).norm();
         assert!(error < 1e-12, "{version} {frames}{keywords}: {error}");
     }
-    // In axes that are not those of ICRF.
+    // A frame with axes other than ICRF.
     let meta = format!("REF_FRAME_A = TEME\nREF_FRAME_B = SC_BODY\n{QUATERNION}");
     let message = aem::parse(&attitudes("2.0", &meta, last)).unwrap();
     let from_icrf = frames::teme_to_gcrf(utc(0)).transpose();
@@ -128,7 +128,7 @@ fn utc(second: i64) -> Epoch {
 }
 
 #[test]
-fn what_an_attitude_file_has_and_is_not_used_is_remarked() {
+fn unused_attitude_data_are_remarked() {
     for [meta, numbers, comment] in rows(
         r"
         QUATERNION/ANGVEL\nANGVEL_FRAME = SC_BODY_1 | 0 0 0 1 0.1 0.2 0.3 | rates of the slerp
@@ -148,7 +148,7 @@ fn what_an_attitude_file_has_and_is_not_used_is_remarked() {
 }
 
 #[test]
-fn attitude_files_that_cannot_be_flown_say_why() {
+fn unsupported_attitude_files_are_refused_with_a_reason() {
     // Version, both frames, type, further metadata, numbers; line and reason of the refusal.
     for [version, frames, kind, more, numbers, line, reason] in rows(
         r"
@@ -214,7 +214,7 @@ proptest::proptest! {
     }
 
     #[test]
-    fn any_lines_behind_the_first_are_read_without_panic(
+    fn any_lines_after_the_first_are_read_without_panic(
         lines in proptest::collection::vec("META_START|META_STOP|COVARIANCE_START|COVARIANCE_STOP|[ -~é]{0,40}", 0..12)
     ) {
         let _ = parse(&format!("CCSDS_OEM_VERS = 2.0\n{}", lines.join("\n")), "any");

@@ -1,14 +1,14 @@
-//! Files with messages of several kinds, and what of them is refused or reported by name.
+//! Files with messages of several kinds; what is unsupported is refused or reported by name.
 
 use crate::support::texts::{OMM, SET, oem, omm_json, omm_xml, rows, xml_elements, xml_state};
 use hifitime::Unit;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Contents, Format, aem, parse, parse_contents, unread_format};
 
-/// A span for messages of some hours.
+/// A time span of some hours.
 const SPAN: &str = "START_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T06:00:00\n";
 
-/// Along x at 1 km/s, from a minute on.
+/// States along x at 1 km/s, starting at a minute.
 fn states(minute: u32) -> [String; 2] {
     [minute, minute + 10].map(|minute| {
         let x = 7000 + 60 * minute;
@@ -20,7 +20,7 @@ fn read(text: &str) -> Contents {
     parse_contents(text, "mixed").unwrap()
 }
 
-/// Pieces of a text; element sets and ephemerides in it; refusals: line and words.
+/// Parts of a text; counts of element sets and ephemerides; refusals: line and words.
 const MIXED: &str = "
         oem omm                     | 1 | 1 |
         omm oem omm                 | 2 | 1 |
@@ -33,7 +33,7 @@ const MIXED: &str = "
         omm empty-oem       | 1 | 0 | 19: an OEM without a segment
         oem headless-omm    | 0 | 0 | 13: add that, or split the file here in 'OBJECT_NAME = MADE UP'
         torn-oem omm        | 1 | 0 | 12: not a number
-        // Lines, KVN, JSON, XML and tables one behind the other.
+        // Lines, KVN, JSON, XML and tables in sequence.
         set json            | 2 | 0 |
         set xml             | 2 | 0 |
         set json 0_V set xml oem | 4 | 1 |
@@ -57,7 +57,7 @@ const MIXED: &str = "
         ";
 
 #[test]
-fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
+fn messages_of_several_kinds_in_one_file_are_read_or_named() {
     let oem_text = oem(SPAN, &states(0));
     let omm = format!("CCSDS_OMM_VERS = 2.0\n{OMM}");
     let opm_xml = "<opm><body><segment></segment></body></opm>\n";
@@ -99,7 +99,7 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
             });
         assert!(is_named, "{pieces}: {found:?}");
     }
-    // Lines are those of the file, in remarks too.
+    // Line numbers of remarks are those of the file.
     let meta = format!("{SPAN}INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 5\n");
     let assumed = read(&(omm + &oem(&meta, &states(0)))).assumed;
     assert!(
@@ -109,12 +109,11 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
 }
 
 #[test]
-fn formats_that_are_not_read_are_refused_by_name_with_the_remedy() {
+fn unsupported_formats_are_refused_by_name_with_the_remedy() {
     let rinex = "     2.10           N: GPS NAV DATA                         RINEX VERSION / TYPE";
     let http = format!("HTTP/1.1 200 OK\nServer: x\n\n{SET}");
     let stars = "*".repeat(80);
-    // A text, what it is called, the remedy; in a folder those of orbits are losses, others are
-    // not.
+    // A text, its name, the remedy, and whether it is foreign to a folder of orbits.
     for [text, what, remedy, kind] in rows(
         r#"
         CCSDS_TDM_VERS = 2.0\n   | a CCSDS TDM          | a CCSDS OEM | foreign
@@ -145,9 +144,9 @@ fn formats_that_are_not_read_are_refused_by_name_with_the_remedy() {
             text => text.replace("RINEX", rinex).replace("STARS", &stars),
         };
         let error = parse_contents(&text, "odd").unwrap_err();
-        let shown = error.to_string();
-        let is_named = shown.starts_with("odd: ") && shown.contains(&what);
-        assert!(is_named && shown.contains(&remedy), "{what}: {shown}");
+        let message = error.to_string();
+        let is_named = message.starts_with("odd: ") && message.contains(&what);
+        assert!(is_named && message.contains(&remedy), "{what}: {message}");
         assert_eq!(error.is_foreign(), kind == "foreign", "{what}");
     }
     for text in ["# a list\n2019-06-15T23:35:50 0 0 0 1", ""] {
@@ -155,8 +154,7 @@ fn formats_that_are_not_read_are_refused_by_name_with_the_remedy() {
     }
 }
 
-/// OEM in XML with two segments, the first of object 2019-001A with an acceleration and a
-/// covariance.
+/// OEM in XML with two segments; the first has object 2019-001A, an acceleration and a covariance.
 fn two_segments(change: impl Fn(&str) -> String) -> String {
     let meta = "OBJECT_NAME = A &amp; &#66;&lt;&gt;&apos;&quot;\nOBJECT_ID = 2019-001A\n\
                 CENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\n\
@@ -220,8 +218,8 @@ fn oem_in_xml_are_read_alone_and_in_an_ndm() {
 }
 
 #[test]
-fn damage_in_xml_is_named_with_its_line_and_the_other_segments_load() {
-    // A text in the first segment, what stands in its place, and the refusal.
+fn damage_in_xml_is_reported_with_its_line_and_the_other_segments_load() {
+    // A text in the first segment, its replacement, line and reason of the refusal.
     for [from, to, line, reason] in rows(
         r#"
         <CENTER_NAME>EARTH | <CENTER_NAME>MOON  | 3 | CENTER_NAME 'MOON'
@@ -270,7 +268,7 @@ fn damage_in_xml_is_named_with_its_line_and_the_other_segments_load() {
 
 #[test]
 fn segments_that_overlap_are_reported_with_the_times() {
-    // The first minutes of two segments of ten minutes each, and the minutes of the overlap.
+    // Start minutes of two segments of ten minutes each, and the minutes of the overlap.
     for (first, second, overlap) in [
         (0, 10, None),
         (0, 5, Some((5, 10))),
@@ -309,29 +307,32 @@ fn segments_that_overlap_are_reported_with_the_times() {
                 wanted.iter().len(),
                 "{first} {second}: {comments:?}"
             );
-            let is_said = |wanted: String| {
+            let is_reported = |wanted: String| {
                 comments[0].contains(&wanted) && comments[0].contains("USEABLE_START_TIME")
             };
-            assert!(wanted.is_none_or(is_said), "{first} {second}: {comments:?}");
+            assert!(
+                wanted.is_none_or(is_reported),
+                "{first} {second}: {comments:?}"
+            );
         }
     }
 }
 
-/// On a circular orbit of 7,000 km, states at uneven times, rounded to 1 m as files have them.
+/// A circular orbit of 7,000 km with states at uneven times, rounded to 1 m.
 #[test]
 fn a_degree_that_does_not_converge_is_lowered_with_a_warning() {
     let rate = (398_600.441_8_f64 / 7000.0_f64.powi(3)).sqrt();
-    let place = |second: f64| {
+    let position = |second: f64| {
         let (sin, cos) = (rate * second).sin_cos();
         [7000.0 * cos, 7000.0 * sin]
     };
     let even = |k: u32| f64::from(k) * 60.0;
-    // Five states within 5 s, then a gap of 20 minutes, and again.
+    // Five states within 5 s, then a gap of 20 minutes, repeated.
     let uneven = |k: u32| f64::from(k / 5) * 1200.0 + f64::from(k % 5);
     let times: [&dyn Fn(u32) -> f64; 2] = [&even, &uneven];
-    // Over a step h: cubic Hermite h^4/384 of the fourth derivative, 51 km; a line h^2/8 of the
-    // acceleration, 1460 km.
-    for (time, name, degrees, is_lowered, most_km) in [
+    // Errors over a step h: cubic Hermite h^4/384 of the fourth derivative, 51 km; linear h^2/8 of
+    // the acceleration, 1460 km.
+    for (time, name, degrees, is_lowered, max_km) in [
         (times[0], "HERMITE", &[7, 9, 15][..], false, 0.01),
         (times[0], "LAGRANGE", &[9], false, 0.01),
         (times[1], "HERMITE", &[3], false, 60.0),
@@ -340,7 +341,7 @@ fn a_degree_that_does_not_converge_is_lowered_with_a_warning() {
     ] {
         let start = parse_utc("2019-06-15T00:00:00").unwrap();
         let states = (0..30).map(|k| {
-            let [x, y] = place(time(k));
+            let [x, y] = position(time(k));
             let (vx, vy, whole) = (-rate * y, rate * x, time(k) as u32);
             let (hour, minute, second) = (whole / 3600, whole / 60 % 60, whole % 60);
             format!(
@@ -357,9 +358,9 @@ fn a_degree_that_does_not_converge_is_lowered_with_a_warning() {
             for k in 0..29 {
                 let middle = f64::midpoint(time(k), time(k + 1));
                 let state = loaded.objects[0].state(start + middle * Unit::Second);
-                let (found, [x, y]) = (state.unwrap().position_m / 1e3, place(middle));
+                let (found, [x, y]) = (state.unwrap().position_m / 1e3, position(middle));
                 let off_km = (found.x - x).hypot(found.y - y);
-                assert!(off_km < most_km, "{name} {degree}: {off_km} km");
+                assert!(off_km < max_km, "{name} {degree}: {off_km} km");
             }
         }
     }

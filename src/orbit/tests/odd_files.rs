@@ -1,4 +1,4 @@
-//! What files have that their publishers' samples have not: other units, values twice, line breaks in values.
+//! Deviations from the publishers' samples: other units, repeated values, line breaks in values.
 
 use crate::support::texts::{OMM as KVN, SET, oem, omm_json as json, omm_xml as xml, rows};
 use skyloop_orbit::time::utc_text;
@@ -14,7 +14,7 @@ fn rejections(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn theories_that_sgp4_flies_are_taken_and_others_refused_by_name() {
+fn theories_of_sgp4_are_accepted_and_others_refused_by_name() {
     let wanted = read(KVN).records[0].elements;
     let of_theory = |theory: &str| KVN.replace("= SGP4", &format!("= {theory}"));
     for theory in ["SGP4", "sgp4", "SDP4", "SGP/SGP4", "SGP4/SDP4"] {
@@ -55,9 +55,9 @@ fn theories_that_sgp4_flies_are_taken_and_others_refused_by_name() {
     }
 }
 
-/// Space-Track's older classes write the epoch in two fields, and call the designator INTLDES.
+/// Space-Track's older classes have the epoch in two fields, and the designator as INTLDES.
 #[test]
-fn an_epoch_has_its_microseconds_and_an_object_its_old_designator() {
+fn older_fields_of_epoch_and_designator_are_read() {
     // X-Val: a record of class tle_latest of 2016, whose TLE_LINE1 has the epoch 16108.51152292:
     // 0.58029 s after 12:16:35.
     let older = KVN
@@ -78,7 +78,7 @@ fn an_epoch_has_its_microseconds_and_an_object_its_old_designator() {
 }
 
 #[test]
-fn an_answer_of_a_server_is_a_loss_in_its_own_words() {
+fn a_servers_message_is_quoted_in_the_error() {
     for (text, says) in [
         ("<html>No GP data found</html>", "No GP data found"),
         (r#"{"error":"You must log in"}"#, "You must log in"),
@@ -89,10 +89,10 @@ fn an_answer_of_a_server_is_a_loss_in_its_own_words() {
         let answer = format!("the answer of a server: \"{says}\"; fetch the file again");
         assert_eq!(error.to_string(), format!("odd: no orbits, but {answer}"));
     }
-    let error = parse_contents("Dear reader,\nhello", "odd").unwrap_err();
+    let error = parse_contents("First line,\nhello", "odd").unwrap_err();
     let begins = error
         .to_string()
-        .contains("it begins with \"Dear reader, hello\"");
+        .contains("it begins with \"First line, hello\"");
     assert!(begins && error.is_foreign(), "{error}");
 }
 
@@ -124,7 +124,7 @@ fn a_value_in_another_unit_is_refused() {
         let found = rejections(&xml(KVN).replace("units=\"rev/day\"", attribute));
         assert!(found[0].contains("MEAN_MOTION in 'm'"), "{found:?}");
     }
-    // Pure numbers have none.
+    // Dimensionless values have no unit.
     let text = KVN.replace("ECCENTRICITY = 0.001", "ECCENTRICITY = 0.001 [deg]");
     let [kvn, xml] = [rejections(&text), rejections(&xml(&text))].map(|all| all.concat());
     assert!(
@@ -138,7 +138,7 @@ fn a_value_in_another_unit_is_refused() {
 }
 
 #[test]
-fn a_keyword_twice_is_reported_as_such() {
+fn a_repeated_keyword_is_reported() {
     let versioned = format!("CCSDS_OMM_VERS = 3.0\n{KVN}");
     let twice = "INCLINATION = 97.5 [deg]\nINCLINATION = 52\n";
     let reason = "INCLINATION twice: '97.5' and '52' (MADE UP, NORAD_CAT_ID 100001)";
@@ -152,7 +152,7 @@ fn a_keyword_twice_is_reported_as_such() {
         assert_eq!(read(&both).records[0].elements.norad, 100_002);
         assert!(rejections(&xml(&corrupted))[0].ends_with(reason));
     }
-    // At the end of a message that says where it begins; one that does not is taken to end there.
+    // At the end of a message with its version; one without is taken to end there.
     let found = rejections(&format!("{versioned}BSTAR = 1\n"));
     assert!(
         found[0].contains("BSTAR twice: '0.0001' and '1'"),
@@ -177,7 +177,7 @@ fn a_csv_value_may_have_line_breaks() {
             .map(|it| (it.name.as_str(), it.line));
         assert_eq!(found.collect::<Vec<_>>(), [("TWO LINES", 2), ("ONE", 4)]);
     }
-    // Half of a value is never taken for the whole.
+    // A value is never taken in part.
     for corrupted in [
         format!("\"TWO\nLINES\",{REST},7\n"),
         format!("\"TWO\n{REST},7,0\n"),
@@ -200,7 +200,7 @@ fn a_csv_value_may_have_line_breaks() {
 }
 
 #[test]
-fn a_refusal_is_one_line_with_the_number_of_its_record() {
+fn a_refusal_is_one_line_with_the_number_of_the_record() {
     let fine = json(KVN);
     let corrupted = fine.replace("97.5", "9\\n7");
     let torn = fine.replacen("\",", "\" ", 1);
@@ -219,7 +219,7 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
     assert!(found.len() >= 3, "{found:?}");
 }
 
-/// An OEM whose two states are so many minutes past three.
+/// An OEM with two states, `minute` and `minute + 25` minutes past three.
 fn message(name: &str, id: &str, minute: u32) -> String {
     let meta = format!(
         "OBJECT_NAME = {name}\nOBJECT_ID = {id}\nSTART_TIME = 2026-07-12T03:00:00\n\
@@ -234,7 +234,7 @@ fn message(name: &str, id: &str, minute: u32) -> String {
 }
 
 #[test]
-fn ephemerides_of_unknown_objects_stay_apart() {
+fn ephemerides_of_unknown_objects_are_not_joined() {
     // Names and ids of two segments, and the ids of the objects.
     for [one, other, ids] in rows(
         "
@@ -245,10 +245,10 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         A, YYYY-NNNP  | B, YYYY-NNNP  | YYYY-NNNP A, YYYY-NNNP B
         A, 2026-n/a   | B, 2026-n/a   | 2026-n/a A, 2026-n/a B
         UNKNOWN, UNKNOWN | ,          | UNKNOWN, UNKNOWN #2
-        // One name, and one object in however many segments.
+        // Segments with one name are one object.
         A, UNKNOWN    | a, N/A        | UNKNOWN A
         CUBE, TBD     | 0 CUBE, 0     | TBD CUBE, 0 0 CUBE
-        // Names of unidentified objects are no identities (space-track.org).
+        // Names of unidentified objects do not identify (space-track.org).
         DEB, UNKNOWN  | DEB, UNKNOWN  | UNKNOWN DEB, UNKNOWN DEB #2
         0 DEB, 0      | 0 DEB, 0      | 0 0 DEB, 0 0 DEB #2
         R/B,          | R/B,          | UNKNOWN R/B, UNKNOWN R/B #2
@@ -294,7 +294,7 @@ fn an_omm_may_have_no_catalogue_number() {
 }
 
 #[test]
-fn an_oem_behind_another_begins_with_its_version() {
+fn an_oem_after_another_begins_with_its_version() {
     let [first, second] =
         [("2026-101A", 10), ("2026-101B", 20)].map(|(id, at)| message("A", id, at));
     let loaded = parse(&(first.clone() + &second), "odd").unwrap();
@@ -305,14 +305,14 @@ fn an_oem_behind_another_begins_with_its_version() {
         .map(|object| object.id.as_str())
         .collect();
     assert_eq!(ids, ["2026-101A", "2026-101B"]);
-    // One that lost its states is refused alone.
+    // A message without its states is refused alone.
     let torn = first.split("2026-07-12T03:10").next().unwrap();
     let loaded = parse(&(torn.to_owned() + &second), "odd").unwrap();
     assert_eq!((loaded.objects.len(), loaded.rejected.len()), (1, 1));
 }
 
 #[test]
-fn a_table_of_toml_is_no_json_and_an_empty_file_is_a_loss() {
+fn a_toml_table_is_foreign_and_an_empty_file_is_a_loss() {
     for text in [
         "[[objects]]\nfiles = [\"a\"]",
         "# made up\n[ objects ]\n",
@@ -322,7 +322,7 @@ fn a_table_of_toml_is_no_json_and_an_empty_file_is_a_loss() {
         let is_unknown = error.to_string().contains("no orbit found");
         assert!(is_unknown && error.is_foreign(), "{error}");
     }
-    // What has lost its records is a file of orbits all the same.
+    // An orbit file without records is not foreign.
     for text in ["[ ]", "", "\r\n \n"] {
         let error = parse_contents(text, "odd").unwrap_err();
         assert!(!error.is_foreign(), "{error}");
@@ -332,7 +332,7 @@ fn a_table_of_toml_is_no_json_and_an_empty_file_is_a_loss() {
 #[test]
 fn json_with_the_lines_of_element_sets_is_read() {
     let (first, second) = SET.trim_end().split_once('\n').unwrap();
-    // Names of the keys, what stands around them, and the name of the object.
+    // Keys and surroundings of the lines, and the name of the object.
     for [text, name] in rows(
         r#"
         {"name":"V","date":"x","line1":"1","line2":"2"}                             | V

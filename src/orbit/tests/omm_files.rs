@@ -1,26 +1,26 @@
-//! OMM as the publishers of catalogues serve it: KVN, XML, JSON and CSV, whole and damaged.
+//! OMM in the publishers' layouts: KVN, XML, JSON and CSV, whole and damaged.
 
 use crate::support::texts::{rows, sealed};
 use proptest::prelude::*;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::{Checksum, Contents, Format, Orbit, parse, parse_contents};
 
-// Made-up objects, in the layouts and with the keywords of the publishers.
+// Made-up objects with the layouts and keywords of the publishers.
 
-/// As CelesTrak serves JSON: numbers, no metadata.
+/// JSON as from CelesTrak: numbers, no metadata.
 const CELESTRAK_JSON: &str = r#"[{"OBJECT_NAME":"MADE UP 1","OBJECT_ID":"2026-101A","EPOCH":"2026-07-12T03:04:05.678912","MEAN_MOTION":15.20000001,"ECCENTRICITY":0.0010001,"INCLINATION":97.5001,"RA_OF_ASC_NODE":120.0002,"ARG_OF_PERICENTER":90.0003,"MEAN_ANOMALY":270.0004,"EPHEMERIS_TYPE":0,"CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":100001,"ELEMENT_SET_NO":999,"REV_AT_EPOCH":123,"BSTAR":0.00010001,"MEAN_MOTION_DOT":1.234e-5,"MEAN_MOTION_DDOT":0},{"OBJECT_NAME":"MADE UP \"2\"","OBJECT_ID":"2026-101B","EPOCH":"1999-12-31T23:59:59.999999","MEAN_MOTION":1.0027,"ECCENTRICITY":0.0002,"INCLINATION":0.05,"RA_OF_ASC_NODE":80,"ARG_OF_PERICENTER":10,"MEAN_ANOMALY":20,"EPHEMERIS_TYPE":0,"CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":123456789,"ELEMENT_SET_NO":1,"REV_AT_EPOCH":1,"BSTAR":0,"MEAN_MOTION_DOT":-2.7e-6,"MEAN_MOTION_DDOT":0}]"#;
 
-/// The first of them as Space-Track serves JSON: all values text, more keywords, the two lines among them.
+/// The first of them in JSON as from Space-Track: text values, more keywords, also the two lines.
 const SPACE_TRACK_JSON: &str = r#"[{"CCSDS_OMM_VERS":"3.0","COMMENT":"GENERATED VIA SPACE-TRACK.ORG API","CREATION_DATE":"2026-07-12T06:00:00","ORIGINATOR":"18 SPCS","OBJECT_NAME":"MADE UP 1","OBJECT_ID":"2026-101A","CENTER_NAME":"EARTH","REF_FRAME":"TEME","TIME_SYSTEM":"UTC","MEAN_ELEMENT_THEORY":"SGP4","EPOCH":"2026-07-12T03:04:05.678912","MEAN_MOTION":"15.20000001","ECCENTRICITY":"0.00100010","INCLINATION":"97.5001","RA_OF_ASC_NODE":"120.0002","ARG_OF_PERICENTER":"90.0003","MEAN_ANOMALY":"270.0004","EPHEMERIS_TYPE":"0","CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":"100001","ELEMENT_SET_NO":"999","REV_AT_EPOCH":"123","BSTAR":"0.00010001000000","MEAN_MOTION_DOT":"0.00001234","MEAN_MOTION_DDOT":"0.0000000000000","SEMIMAJOR_AXIS":"6881.000","PERIOD":"94.737","APOAPSIS":"509.747","PERIAPSIS":"495.984","OBJECT_TYPE":"PAYLOAD","RCS_SIZE":null,"COUNTRY_CODE":"ISS","LAUNCH_DATE":"2026-07-01","SITE":"TTMTR","DECAY_DATE":null,"FILE":"4800000","GP_ID":"290000000","TLE_LINE0":"0 MADE UP 1","TLE_LINE1":"1 A0001U","TLE_LINE2":"2 A0001"}]"#;
 
-/// As CelesTrak serves CSV.
+/// CSV as from CelesTrak.
 const CELESTRAK_CSV: &str = "\
 OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,EPHEMERIS_TYPE,CLASSIFICATION_TYPE,NORAD_CAT_ID,ELEMENT_SET_NO,REV_AT_EPOCH,BSTAR,MEAN_MOTION_DOT,MEAN_MOTION_DDOT\r
 MADE UP 1,2026-101A,2026-07-12T03:04:05.678912,15.20000001,.0010001,97.5001,120.0002,90.0003,270.0004,0,U,100001,999,123,.10001E-3,.1234E-4,0\r
 \"MADE UP \"\"2\"\"\",2026-101B,1999-12-31T23:59:59.999999,1.0027,.0002,.0500,80.0000,10.0000,20.0000,0,U,123456789,1,1,0,-.27E-5,0\r
 ";
 
-/// The first of them as Space-Track serves CSV: every value in quotation marks.
+/// The first of them in CSV as from Space-Track: every value in quotation marks.
 const SPACE_TRACK_CSV: &str = "\
 \"CCSDS_OMM_VERS\",\"COMMENT\",\"CREATION_DATE\",\"ORIGINATOR\",\"OBJECT_NAME\",\"OBJECT_ID\",\"CENTER_NAME\",\"REF_FRAME\",\"TIME_SYSTEM\",\"MEAN_ELEMENT_THEORY\",\"EPOCH\",\"MEAN_MOTION\",\"ECCENTRICITY\",\"INCLINATION\",\"RA_OF_ASC_NODE\",\"ARG_OF_PERICENTER\",\"MEAN_ANOMALY\",\"EPHEMERIS_TYPE\",\"CLASSIFICATION_TYPE\",\"NORAD_CAT_ID\",\"ELEMENT_SET_NO\",\"REV_AT_EPOCH\",\"BSTAR\",\"MEAN_MOTION_DOT\",\"MEAN_MOTION_DDOT\",\"SEMIMAJOR_AXIS\",\"DECAY_DATE\"
 \"3.0\",\"GENERATED VIA SPACE-TRACK.ORG API, AS TEXT\",\"2026-07-12T06:00:00\",\"18 SPCS\",\"MADE UP 1\",\"2026-101A\",\"EARTH\",\"TEME\",\"UTC\",\"SGP4\",\"2026-07-12T03:04:05.678912\",\"15.20000001\",\"0.00100010\",\"97.5001\",\"120.0002\",\"90.0003\",\"270.0004\",\"0\",\"U\",\"100001\",\"999\",\"123\",\"0.00010001000000\",\"0.00001234\",\"0.0000000000000\",\"6881.000\",\"\"
@@ -76,7 +76,7 @@ const XML: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 </ndm>
 "#;
 
-/// The first object as a TLE: Alpha-5, and the digits that it has room for.
+/// The first object as a TLE: Alpha-5, and fewer digits.
 const TLE: &str = "\
 1 A0001U 26101A   26193.12784351  .00001234  00000-0  10001-3 0  9990
 2 A0001  97.5001 120.0002 0010001  90.0003 270.0004 15.20000001  1236
@@ -127,7 +127,7 @@ fn every_notation_gives_the_same_record() {
             (record.mean_motion_dot, record.mean_motion_ddot),
             (1.234e-5, 0.0)
         );
-        // All digits but the epoch's are those of the TLE.
+        // All digits except the epoch's equal those of the TLE.
         let epoch = record.elements.epoch;
         assert_eq!(record.elements, Elements { epoch, ..reference }, "{format}");
         // X-Val: the TLE's epoch is rounded to 0.864 ms.
@@ -136,7 +136,7 @@ fn every_notation_gives_the_same_record() {
 }
 
 #[test]
-fn numbers_of_nine_digits_and_epochs_before_2000() {
+fn numbers_of_nine_digits_and_epochs_before_2000_are_read() {
     for text in [CELESTRAK_JSON, CELESTRAK_CSV] {
         let loaded = parse(text, "test.omm").unwrap();
         let object = &loaded.objects[1];
@@ -151,7 +151,7 @@ fn numbers_of_nine_digits_and_epochs_before_2000() {
 }
 
 #[test]
-fn epochs_with_and_without_z_fractions_and_as_days_of_the_year() {
+fn all_forms_of_epochs_are_read() {
     const WRITTEN: &str = "2026-07-12T03:04:05.678912";
     let first = read(KVN).records[0].elements.epoch;
     for epoch in [
@@ -181,7 +181,7 @@ fn epochs_with_and_without_z_fractions_and_as_days_of_the_year() {
 }
 
 #[test]
-fn line_ends_marks_and_remarks_change_nothing() {
+fn line_ends_byte_order_marks_and_comments_change_nothing() {
     for (text, format) in ALL {
         let clean = read(text).records;
         for ends in ["\n", "\r\n", "\r"] {
@@ -197,9 +197,9 @@ fn line_ends_marks_and_remarks_change_nothing() {
     }
 }
 
-/// What is wrong with one value is reported with its line, in every notation.
+/// A bad value is reported with its line, in every notation.
 #[test]
-fn a_value_that_cannot_be_used_is_named() {
+fn a_bad_value_is_reported() {
     for [old, new, reason] in rows(
         "
         SGP4  | DSST    | MEAN_ELEMENT_THEORY 'DSST': only elements of SGP4 are flown: fetch those
@@ -220,7 +220,7 @@ fn a_value_that_cannot_be_used_is_named() {
         ",
     ) {
         for (text, format) in ALL {
-            // Numbers of JSON cannot be these, and what is not said cannot be wrong.
+            // JSON numbers cannot have these values, and missing metadata cannot be wrong.
             let bare = text == CELESTRAK_JSON || text == CELESTRAK_CSV;
             if !text.contains(&old) || (bare && !new.parse().is_ok_and(f64::is_finite)) {
                 continue;
@@ -230,14 +230,14 @@ fn a_value_that_cannot_be_used_is_named() {
             let at = text.find(&old).unwrap();
             let line = text[..at].matches('\n').count() + 1;
             let is_of_message = new.is_empty() || new == "0";
-            let is_placed = found[0].starts_with(&format!("test.omm:{line}: "));
-            assert!(is_placed || is_of_message, "{found:?}, line {line}");
+            let has_line = found[0].starts_with(&format!("test.omm:{line}: "));
+            assert!(has_line || is_of_message, "{found:?}, line {line}");
         }
     }
 }
 
 #[test]
-fn what_the_standard_demands_must_be_there_in_kvn_and_xml() {
+fn required_keywords_must_be_present_in_kvn_and_xml() {
     for keyword in [
         "CENTER_NAME",
         "REF_FRAME",
@@ -274,8 +274,8 @@ fn what_the_standard_demands_must_be_there_in_kvn_and_xml() {
 }
 
 #[test]
-fn one_bad_record_does_not_take_others_with_it() {
-    // A text with a damage in its only record, and a second record after it.
+fn one_bad_record_does_not_affect_others() {
+    // Adds a second record to a text with a damaged one.
     let second = |text: &str| {
         text.replace("100001", "100002")
             .replace("MADE UP 1", "MADE UP 3")
@@ -297,7 +297,7 @@ fn one_bad_record_does_not_take_others_with_it() {
     for text in [
         kvn(&KVN.replace("EPOCH  ", "EPOCH? ")),
         kvn(&KVN.replace("ECCENTRICITY        =", "ECCENTRICITY")),
-        // Cut off in the middle.
+        // Cut off in the middle of the message.
         kvn(&KVN[..KVN.find("INCLINATION").unwrap()]),
         xml(&XML.replace("</BSTAR>", "")),
         xml(&XML.replace("</omm>\n</ndm>", "</ndm>")),
@@ -321,7 +321,7 @@ fn one_bad_record_does_not_take_others_with_it() {
 }
 
 #[test]
-fn what_is_cut_off_between_records_or_lost_its_start_is_reported() {
+fn text_between_records_and_a_missing_end_are_reported() {
     let cut = CELESTRAK_JSON.trim_end_matches(']').to_owned();
     let headless = format!("{cut},\n{}", &SPACE_TRACK_JSON[2..]);
     for (text, reason) in [
@@ -341,7 +341,7 @@ fn what_is_cut_off_between_records_or_lost_its_start_is_reported() {
 }
 
 #[test]
-fn objects_stand_alone_in_arrays_or_in_lines() {
+fn json_objects_are_read_alone_in_arrays_and_in_lines() {
     let bare = SPACE_TRACK_JSON.trim_matches(['[', ']']);
     assert_eq!(read(bare).records.len(), 1);
     let records = read(&format!("{bare}\n{}\n", bare.replace("100001", "7"))).records;
@@ -363,7 +363,7 @@ fn objects_stand_alone_in_arrays_or_in_lines() {
 }
 
 #[test]
-fn what_holds_no_record_is_said_to_hold_none() {
+fn files_without_records_are_reported() {
     for (text, is_foreign, reason) in [
         ("[]", false, "omm-json, and no record in it"),
         ("NORAD_CAT_ID,EPOCH,MEAN_MOTION\n", false, "omm-csv, and"),
@@ -387,13 +387,13 @@ fn what_holds_no_record_is_said_to_hold_none() {
     }
 }
 
-/// A text with octets changed, cut and doubled here and there.
+/// A text with some characters replaced, removed and repeated.
 fn damaged(text: &'static str) -> impl Strategy<Value = String> {
     let change = (any::<prop::sample::Index>(), "[ -~é\n\r]{0,3}", 0usize..40);
     prop::collection::vec(change, 1..6).prop_map(move |changes| {
         let mut letters: Vec<char> = text.chars().collect();
-        for (place, new, length) in changes {
-            let start = place.index(letters.len());
+        for (position, new, length) in changes {
+            let start = position.index(letters.len());
             let end = (start + length).min(letters.len().max(start));
             letters.splice(start..end, new.chars());
             if letters.is_empty() {
@@ -406,7 +406,7 @@ fn damaged(text: &'static str) -> impl Strategy<Value = String> {
 
 proptest! {
     #[test]
-    fn no_damage_stops_a_reader_or_gives_numbers_that_are_not_finite(
+    fn no_damage_stops_a_reader_or_gives_invalid_numbers(
         text in (0..ALL.len()).prop_flat_map(|i| damaged(ALL[i].0)),
     ) {
         if let Ok(contents) = parse_contents(&text, "any") {
@@ -422,7 +422,7 @@ proptest! {
     }
 
     #[test]
-    fn any_text_behind_any_beginning_is_read_without_panic(
+    fn any_text_after_any_beginning_is_read_without_panic(
         head in prop::sample::select(vec!["<omm>", "[{", "{\"EPOCH\":", "CCSDS_OMM_VERS = 2.0\n", "EPOCH,MEAN_MOTION,NORAD_CAT_ID\n"]),
         text in "(?s).{0,300}",
     ) {

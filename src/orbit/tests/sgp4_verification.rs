@@ -1,13 +1,13 @@
-//! SGP4/SDP4, one object at a time and in the batch, against the vectors published with AIAA
-//! 2006-6753 and PyPI sgp4's error codes.
+//! SGP4/SDP4, one object at a time and in the batch, against the published vectors of AIAA
+//! 2006-6753 and the error codes of PyPI sgp4.
 
 use crate::support::{Tally, batch, distance, samples, scalar};
 
-/// 5 mm: what the last digits of the published vectors and another order of operations leave.
+/// 5 mm: the last digits of the published vectors, and another order of operations.
 const TOLERANCE: (f64, f64) = (5e-6, 2e-9);
 
 #[test]
-fn published_vectors_are_met() {
+fn published_vectors_are_reproduced() {
     let cases = samples::verification();
     assert_eq!(cases.len(), 33);
     let (mut compared, mut worst) = (0, [(0.0_f64, 0.0_f64); 2]);
@@ -19,9 +19,9 @@ fn published_vectors_are_met() {
             let answers = [scalar(&case.set, *minutes), batch];
             for (answer, worst) in answers.iter().zip(&mut worst) {
                 let (km, km_s) = distance(&answer.unwrap(), &published);
-                let what = format_args!("{} at {minutes} min", case.name);
+                let label = format_args!("{} at {minutes} min", case.name);
                 let is_met = km <= TOLERANCE.0 && km_s <= TOLERANCE.1;
-                assert!(is_met, "{what}: {km:e} km, {km_s:e} km/s");
+                assert!(is_met, "{label}: {km:e} km, {km_s:e} km/s");
                 *worst = (worst.0.max(km), worst.1.max(km_s));
             }
             tally.hold(&case.name, &case.set, *minutes, &batch);
@@ -46,6 +46,6 @@ fn error_codes_are_those_of_the_reference() {
             failures += usize::from(*code != 0);
         }
     }
-    // X-Val: PyPI sgp4 2.27: sub-orbital, decaying and made-up cases
+    // X-Val: PyPI sgp4 2.27: sub-orbital, decaying and made-up cases.
     assert_eq!(failures, 1520);
 }

@@ -1,4 +1,4 @@
-//! The synthetic population: its mix, its orbits, and that it is the same for ever.
+//! The synthetic population: shares, orbits, and reproducibility.
 
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::synth::{CLASSES, FIRST_NUMBER, Synthetic, population};
@@ -11,7 +11,7 @@ fn made(objects: usize, seed: u64) -> Vec<Synthetic> {
     population(objects, seed, parse_utc("2026-11-22T12:00:00Z").unwrap())
 }
 
-/// Where an orbit is: period in minutes, heights in km, Kepler's third law.
+/// Regime of an orbit, from its period and the height of its apogee by Kepler's third law.
 fn regime(of: &Elements) -> &'static str {
     let period = TAU / of.mean_motion;
     let semi_major_km = (398_600.8 * (period * 60.0 / TAU).powi(2)).cbrt();
@@ -26,7 +26,7 @@ fn regime(of: &Elements) -> &'static str {
 }
 
 #[test]
-fn the_regimes_have_the_shares_of_the_table() {
+fn the_regimes_have_their_shares() {
     assert!((CLASSES.iter().map(|class| class.share).sum::<f64>() - 1000.0).abs() < 1e-9);
     const OBJECTS: usize = 100_000;
     let all = made(OBJECTS, 1);
@@ -36,7 +36,7 @@ fn the_regimes_have_the_shares_of_the_table() {
         *regimes.entry(regime(&one.elements)).or_insert(0.0) += 1.0;
         *classes.entry(one.class.name).or_insert(0.0) += 1.0;
     }
-    // X-Val: the table's classes, added up by hand.
+    // X-Val: the table's classes, added by hand.
     let expected = [
         ("low", 852.0),
         ("near, apogee above 2000 km", 25.0),
@@ -60,8 +60,8 @@ fn the_regimes_have_the_shares_of_the_table() {
         let count = all.iter().filter(|one| one.elements.regime() == of).count();
         100.0 * count as f64 / OBJECTS as f64
     };
-    // X-Val: the public catalogues: 10.8 % eccentric in June 2019, 8.0 % in September 2023, when 25,587 objects were 2,046 with them;
-    // 2,046 of 33,000 are 6.2 %. Beyond the geostationary belt 0.15 %.
+    // X-Val: the public catalogues: 10.8 % eccentric in June 2019, 8.0 % in September 2023, 2,046
+    // of 25,587 objects; 2,046 of 33,000 are 6.2 %. Beyond the geostationary belt 0.15 %.
     assert!((6.0..6.6).contains(&share(Regime::Eccentric)));
     assert!((0.1..0.3).contains(&share(Regime::High)));
 }
@@ -86,7 +86,8 @@ fn every_object_has_a_state_at_the_epoch() {
             round += usize::from(one.elements.eccentricity < 1e-4);
         }
     }
-    // The model's simpler drag below 220 km, and what it leaves out below an eccentricity of 1e-4: both are there.
+    // The model has simpler drag below 220 km, and fewer terms below an eccentricity of 1e-4. Both
+    // cases occur.
     println!("perigee below 220 km: {low}, near-circular: {round}");
     assert!((300..1500).contains(&low) && (1_000..5_000).contains(&round));
 }
@@ -100,15 +101,16 @@ fn sizes_are_those_of_their_classes() {
         sizes.sort_by(f64::total_cmp);
         sizes[sizes.len() / 2]
     };
-    // X-Val: by hand: 0.07 m * 2^(1 / 1.6) = 0.1080 m; the median of a log-normal is its first number.
+    // X-Val: by hand: 0.07 m * 2^(1 / 1.6) = 0.1080 m; the first number of a log-normal is its
+    // median.
     assert!((median("SSO-DEBRIS") / 0.1080 - 1.0).abs() < 0.03);
     assert!((median("LEO-ROCKET") / 3.5 - 1.0).abs() < 0.03);
     assert!(all.iter().all(|one| (0.05..15.0).contains(&one.diameter_m)));
 }
 
-/// Where the Sun stands when a Sun-synchronous payload passes its node, as in the public catalogue of 2023.
+/// Local mean solar times of the nodes of Sun-synchronous payloads, as in the catalogue of 2023.
 #[test]
-fn sun_synchronous_payloads_keep_their_hours() {
+fn sun_synchronous_payloads_have_their_local_times() {
     let epoch = parse_utc("2026-11-22T12:00:00Z").unwrap();
     let all = made(100_000, 6);
     let hours = |name: &str| {
@@ -123,11 +125,12 @@ fn sun_synchronous_payloads_keep_their_hours() {
         let within = hours.iter().filter(|hour| (from..to).contains(*hour));
         within.count() as f64 / hours.len() as f64
     };
-    // X-Val: counted in the catalogue of 2023, 1,678 payloads: 50 % at 20.5 to 23.5 h, 4 % at 2.5 to 5.5 h, 4 % at 6.5 to 9 h.
+    // X-Val: counted in the catalogue of 2023, 1,678 payloads: 50 % at 20.5 to 23.5 h, 4 % at 2.5
+    // to 5.5 h, 4 % at 6.5 to 9 h.
     let payloads = hours("SSO-PAYLOAD");
     assert!((0.45..0.55).contains(&part(&payloads, 20.5, 23.5)));
     assert!(part(&payloads, 3.2, 5.0) < 0.01 && part(&payloads, 7.0, 9.0) < 0.01);
-    // What broke up has gone all around since.
+    // Nodes of debris have spread over all hours.
     let debris = hours("SSO-DEBRIS");
     for hour in 0..24 {
         let part = part(&debris, hour.into(), f64::from(hour) + 1.0);
@@ -135,32 +138,33 @@ fn sun_synchronous_payloads_keep_their_hours() {
     }
 }
 
-/// The poles of orbits that nobody keeps go around that of the Laplace plane: inclinations reach twice its 7.4 deg, and the
-/// node follows from the inclination.
+/// Poles of orbits without station keeping precess about that of the Laplace plane. Inclinations
+/// reach twice its 7.4 deg, and the node follows from the inclination.
 #[test]
-fn abandoned_geostationary_orbits_have_the_plane_that_sun_and_moon_give_them() {
+fn abandoned_geostationary_orbits_precess_about_the_laplace_plane() {
     let all = made(100_000, 4);
-    let mut most: f64 = 0.0;
+    let mut max: f64 = 0.0;
     for one in all.iter().filter(|one| one.class.name == "GEO-DRIFTING") {
         let Elements {
             inclination, node, ..
         } = one.elements;
         let (sin, cos) = inclination.sin_cos();
-        // X-Val: the pole (sin i sin W, -sin i cos W, cos i) times that of the plane (0, -sin 7.4 deg, cos 7.4 deg).
+        // X-Val: the pole (sin i sin W, -sin i cos W, cos i) times that of the plane (0, -sin 7.4
+        // deg, cos 7.4 deg).
         let along = sin * node.cos() * 7.4f64.to_radians().sin() + cos * 7.4f64.to_radians().cos();
         assert!(
             (along.acos().to_degrees() - 7.4).abs() < 1e-6,
             "{}",
             one.name()
         );
-        most = most.max(inclination.to_degrees());
+        max = max.max(inclination.to_degrees());
     }
-    assert!((14.7..14.801).contains(&most), "{most}");
+    assert!((14.7..14.801).contains(&max), "{max}");
 }
 
-/// Files bring them back: the two lines to their last digits, the CSV of the OMM but for the last bits.
+/// A TLE restores its last digits, the CSV of the OMM all but the last bits.
 #[test]
-fn files_give_the_same_elements_back() {
+fn files_restore_the_elements() {
     let all = made(2_000, 5);
     let records: Vec<_> = all.iter().map(Synthetic::record).collect();
     for format in [Format::ThreeLine, Format::OmmCsv] {
@@ -178,8 +182,8 @@ fn files_give_the_same_elements_back() {
                 (read.norad, object.names[0].to_string()),
                 (made.norad, one.name())
             );
-            // X-Val: half of the last digits of a TLE: 1e-4 deg, 1e-7, 1e-8 rev/day, five digits, 1e-8 day. The CSV has all;
-            // degrees and back cost the last bit.
+            // X-Val: half of the last digits of a TLE: 1e-4 deg, 1e-7, 1e-8 rev/day, five digits,
+            // 1e-8 day. The CSV has all; the conversion of degrees costs the last bit.
             let part = if format == Format::OmmCsv { 1e-5 } else { 1.0 };
             let angle = |a: f64, b: f64| {
                 let apart = (a - b).rem_euclid(TAU);
@@ -215,23 +219,23 @@ fn numbers(one: &Synthetic) -> [f64; 8] {
     ]
 }
 
-/// The same for ever: a population is named by its seed in reports.
+/// Reports name a population by its seed, so it must never change.
 #[test]
-fn the_population_is_that_of_its_seed() {
+fn the_population_depends_on_its_seed_alone() {
     let all = made(1_000, 7);
     assert_eq!(all, made(1_000, 7));
     assert_eq!(all[..10], made(10, 7)[..]);
     assert_ne!(all[..10], made(10, 8)[..]);
     assert_eq!(all[0].elements.norad, FIRST_NUMBER);
-    let shown = |one: &Synthetic| format!("{} {:?}", one.name(), numbers(one));
-    // X-Val: this program's own, as it first was: a change of these lines makes all older reports void.
+    let text = |one: &Synthetic| format!("{} {:?}", one.name(), numbers(one));
+    // X-Val: this program's first output. A change of these lines invalidates older reports.
     assert_eq!(
-        shown(&all[0]),
+        text(&all[0]),
         "STARLINK-53 130001 [0.9261502917218741, 2.50370456516298, 0.00020076946182392692, 5.098179391887916, 0.5496500931582118, \
          0.06568255502170862, 0.0003610590129532383, 2.9849169614997386]"
     );
     assert_eq!(
-        shown(&all[998]),
+        text(&all[998]),
         "LEO-DEBRIS-1450 130999 [1.2854100223726928, 1.8431750499363322, \
          0.0018793133066384849, 5.636220561818968, 3.710226345733746, \
          0.054923427370710924, 0.00038127605298019315, 0.08263345996813183]"

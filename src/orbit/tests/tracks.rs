@@ -1,20 +1,20 @@
-//! Interpolated positions against SGP4 itself, frame by frame.
+//! Interpolated positions against SGP4, frame by frame.
 
 use crate::support::{answers, distance, samples};
 use hifitime::{Duration, Epoch, Unit};
 use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
-use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, NOBODY, States};
+use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, NO_OBJECT, States};
 use skyloop_orbit::synth::population;
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places, Tracks};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Where an object is, TEME, km; or the code of its failure.
+/// Position, TEME, km; or the failure code.
 type Place = Result<[f64; 3], u8>;
 
-/// Finds everybody before it.
+/// Finds every object.
 struct All(Cone);
 
 impl Look for All {
@@ -25,7 +25,7 @@ impl Look for All {
     }
 
     fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool {
-        for i in (0..BLOCK).filter(|i| places.objects[*i] != NOBODY) {
+        for i in (0..BLOCK).filter(|i| places.objects[*i] != NO_OBJECT) {
             let place = match places.code[i] {
                 0 => Ok([0, 1, 2].map(|axis| places.position_km[axis][i])),
                 code => Err(code),
@@ -36,7 +36,7 @@ impl Look for All {
     }
 }
 
-/// Everybody's place, in the order of the sets.
+/// The positions of all objects, in the order of the sets.
 fn places(tracks: &mut Tracks, t: Epoch) -> Vec<Place> {
     let mut found = tracks.at(t, &All(Cone::new([0.0; 3], [0.0, 0.0, 1.0], PI, 0.0)));
     assert_eq!(found.len(), tracks.len());
@@ -58,11 +58,11 @@ fn bits(places: &[Place]) -> Vec<Result<[u64; 3], u8>> {
     places.iter().map(bits).collect()
 }
 
-/// A population of today, and every kind of orbit that SGP4 tells apart, but for those that pass the Earth's centre within
-/// seconds: failures that come and go between two of a segment's instants are not seen.
+/// A realistic population, and every kind of orbit in SGP4. Orbits that pass the Earth's centre
+/// within seconds are left out: failures between two instants of a segment are not detected.
 fn sets(objects: usize) -> Vec<Elements> {
     let today = population(objects, 6, samples::epoch()).into_iter();
-    // their epochs are all over half a century
+    // Their own epochs extend over half a century.
     let any = (samples::synthetic().into_iter()).filter(|one| one.kind != samples::CORE);
     let any = any.map(|one| Elements {
         epoch: samples::epoch() - Unit::Day * 1,
@@ -79,7 +79,7 @@ struct Worst {
     failures: usize,
 }
 
-/// Asks for a place at every time, and compares every `stride`th answer with SGP4's.
+/// Computes positions at all times, and compares every `stride`th frame with SGP4.
 fn hold(sets: &[Elements], times: impl Iterator<Item = Epoch>, stride: usize) -> Worst {
     let (mut tracks, mut batch) = (Tracks::new(sets).unwrap(), Batch::new(sets).unwrap());
     let mut worst = Worst::default();
@@ -105,15 +105,15 @@ fn hold(sets: &[Elements], times: impl Iterator<Item = Epoch>, stride: usize) ->
     worst
 }
 
-/// Frames from `start` on, `step` s apart.
+/// `count` frames from `start` on, `step` s apart.
 fn frames(start: Epoch, step: f64, count: usize) -> impl Iterator<Item = Epoch> {
     (0..count).map(move |i| start + Duration::from_seconds(i as f64 * step))
 }
 
 #[test]
-fn everybody_is_within_the_bound() {
+fn all_objects_are_within_the_bound() {
     let sets = sets(1000);
-    // prime strides meet all phases of segments
+    // Prime strides cover all phases of segments.
     for (step, count, stride) in [(0.1, 900, 13), (0.5, 600, 17), (2.0, 1800, 29)] {
         let worst = hold(&sets, frames(samples::epoch(), step, count), stride);
         assert!(2 * worst.interpolated > worst.compared);
@@ -134,7 +134,7 @@ fn the_catalogues_are_within_the_bound() {
 }
 
 #[test]
-fn jumps_in_time_are_followed() {
+fn positions_after_jumps_in_time_are_within_the_bound() {
     let start = samples::epoch();
     let jumps = [
         0.0, 3.0, -2.0, 3600.0, -86_400.0, 1e6, 0.05, -0.05, 10.0, 9.9, 30.0,
@@ -151,11 +151,11 @@ fn jumps_in_time_are_followed() {
 }
 
 #[test]
-fn where_exactness_is_asked_for_the_bits_are_those_of_sgp4() {
+fn exact_positions_equal_those_of_sgp4_to_the_last_bit() {
     let sets = sets(500);
     let (mut tracks, mut batch) = (Tracks::new(&sets).unwrap(), Batch::new(&sets).unwrap());
     let mut states = States::default();
-    // exact frames, others, and exact ones again
+    // Exact frames, interpolated ones, and exact ones again.
     for (frame, t) in frames(samples::epoch(), 0.1, 150).enumerate() {
         tracks.exact = !(50..100).contains(&frame);
         let found = places(&mut tracks, t);
@@ -199,7 +199,7 @@ fn levels_and_threads_give_the_same_bits() {
 
 /// The resonance's integrator takes a step every 720 min from the epoch.
 #[test]
-fn a_step_of_the_integrator_is_no_jump() {
+fn a_step_of_the_resonance_integrator_makes_no_jump() {
     let sets = sets(500);
     let epoch = sets.last().unwrap().epoch;
     for step in [1, -1, 2] {
@@ -214,11 +214,12 @@ fn a_step_of_the_integrator_is_no_jump() {
     }
 }
 
-/// Where the inclination passes 0.2 rad node and perigee are perturbed in another way, and SGP4's positions jump.
+/// Where the inclination passes 0.2 rad, the perturbation of node and perigee changes its form, and
+/// SGP4's positions jump.
 #[test]
-fn jumps_of_the_model_are_asked_of_it() {
+fn segments_with_a_jump_of_sgp4_are_not_interpolated() {
     let epoch = samples::epoch();
-    let mut met = 0;
+    let mut jumps = 0;
     for i in 0..40 {
         let set = Elements {
             norad: i,
@@ -228,26 +229,26 @@ fn jumps_of_the_model_are_asked_of_it() {
             eccentricity: 0.01,
             perigee: 1.0,
             mean_anomaly: 2.0,
-            // a day
+            // One revolution a day.
             mean_motion: 0.004_375,
             drag: 0.0,
         };
         let Some(jump) = jump(&set) else {
             continue;
         };
-        met += 1;
-        // company in the block, and the same object in every place of it
+        jumps += 1;
+        // The same object in every slot of a block, and in a second one.
         hold(
             &[set; 9],
             frames(epoch + Unit::Minute * jump - Unit::Second * 30, 0.1, 600),
             1,
         );
     }
-    println!("{met} jumps");
-    assert!(met >= 5);
+    println!("{jumps} jumps");
+    assert!(jumps >= 5);
 }
 
-/// Minutes from the epoch to a jump of more than a metre, within 2 s; of sets that have one within 20 days.
+/// Minutes from the epoch to a jump of more than a metre within 2 s, in the first 20 days.
 fn jump(set: &Elements) -> Option<f64> {
     const STEP_MIN: f64 = 1.0 / 30.0;
     let state = |minutes: f64| set.state_teme_after(minutes).unwrap();
@@ -262,19 +263,19 @@ fn jump(set: &Elements) -> Option<f64> {
     let near = hours
         .clone()
         .find(|hour| is_below(*hour) != is_below(hour + 60.0))?;
-    // short-period terms move the passage by up to an hour
+    // Short-period terms shift the passage by up to an hour.
     let steps = (0..9000).map(|step| near - 120.0 + f64::from(step) * STEP_MIN);
     steps.into_iter().find(|minutes| {
         let (a, b) = (state(*minutes), state(minutes + STEP_MIN));
-        let way = (a.velocity_m_s + b.velocity_m_s) / 2.0 * STEP_MIN * 60.0;
-        (b.position_m - a.position_m - way).norm() > 1.0
+        let path = (a.velocity_m_s + b.velocity_m_s) / 2.0 * STEP_MIN * 60.0;
+        (b.position_m - a.position_m - path).norm() > 1.0
     })
 }
 
-/// Finds whoever is in a cone or has no place, and counts the blocks that it is shown.
+/// Finds objects that are in a cone or have no position, and counts the searched blocks.
 struct Within {
     cone: Cone,
-    shown: AtomicUsize,
+    searched: AtomicUsize,
 }
 
 impl Look for Within {
@@ -285,42 +286,43 @@ impl Look for Within {
     }
 
     fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool {
-        self.shown.fetch_add(1, Ordering::Relaxed);
+        self.searched.fetch_add(1, Ordering::Relaxed);
         let [x, y, z] = &places.position_km;
-        let mut met = false;
-        for i in (0..BLOCK).filter(|i| places.objects[*i] != NOBODY) {
+        let mut any_inside = false;
+        for i in (0..BLOCK).filter(|i| places.objects[*i] != NO_OBJECT) {
             let inside = self.cone.holds([x[i], y[i], z[i]]);
-            met |= inside;
+            any_inside |= inside;
             if inside || places.code[i] != 0 {
                 found.push((places.objects[i], places.code[i] != 0));
             }
         }
-        met
+        any_inside
     }
 }
 
-/// Motions of a cone. Columns: number of frames and s from one to the next; then start and change a
+/// Motions of a cone. Columns: number of frames and their distance in s; then start and change per
 /// frame of the observer (km), of the axis from +x (rad), of half the cone's angle (rad); margin,
 /// km.
 const MOTIONS: [[f64; 9]; 11] = [
     [300.0, 0.5, 7000.0, 0.0, 0.4, 0.0, 0.3, 0.0, 1.0],
     [600.0, 0.5, 7000.0, 0.0, 0.4, 0.0, 0.1, 0.0, 94.0],
-    // The observer alone, while time stands still.
+    // The observer moves at constant time.
     [300.0, 0.0, 7000.0, 15.0, 0.4, 0.0, 0.3, 0.0, 1.0],
     [300.0, 0.5, 42_000.0, -3.0, 0.4, 0.0, 0.1, 0.0, 1.0],
-    // A slow turn, a fast one, leaps.
+    // A slow rotation, a fast one, jumps.
     [300.0, 0.0, 7000.0, 0.0, 1.0, 1e-3, 0.3, 0.0, 1.0],
     [100.0, 0.5, 7000.0, 0.0, 1.0, 0.03, 0.3, 0.0, 1.0],
     [30.0, 0.5, 7000.0, 0.0, 0.0, 2.1, 0.3, 0.0, 1.0],
     // The cone opens beyond a half space, and closes again.
     [300.0, 0.0, 7000.0, 0.0, 0.4, 0.0, 0.1, 0.01, 1.0],
     [300.0, -0.5, 7000.0, 0.0, 0.4, 0.0, 3.1, -0.01, 1.0],
-    // As long as a segment holds, and longer.
+    // Steps near the length of a segment.
     [50.0, 9.0, 7000.0, 0.0, 0.4, 0.0, 0.3, 0.0, 1.0],
     [300.0, 0.5, 7000.0, 0.0, 0.4, 0.0, 0.3, 0.0, 1.0],
 ];
 
-/// Those who are low, and brake so much that they come down one after another, from a day after their epoch on.
+/// Low objects with so much drag that they decay one after another, from a day after their epoch
+/// on.
 fn decaying() -> impl Iterator<Item = Elements> {
     let set = |i: u32, drag: f64| Elements {
         norad: i,
@@ -330,31 +332,31 @@ fn decaying() -> impl Iterator<Item = Elements> {
         eccentricity: 0.001,
         perigee: 1.0,
         mean_anomaly: f64::from(i) * 0.7,
-        // 16 a day
+        // 16 revolutions a day.
         mean_motion: 0.0698,
         drag,
     };
     (0..100).map(move |i| {
         let minutes = 1440.0 + f64::from(i) / 6.0;
-        let (mut stays, mut falls) = (0.0, 0.1);
+        let (mut flying, mut decayed) = (0.0, 0.1);
         for _ in 0..40 {
-            let mid = (stays + falls) / 2.0;
+            let mid = (flying + decayed) / 2.0;
             match set(i, mid).state_teme_after(minutes) {
-                Ok(_) => stays = mid,
-                Err(_) => falls = mid,
+                Ok(_) => flying = mid,
+                Err(_) => decayed = mid,
             }
         }
-        set(i, falls)
+        set(i, decayed)
     })
 }
 
 /// A moving cone finds the same objects as when all objects are evaluated in each frame.
 #[test]
-fn nobody_comes_into_a_cone_unseen() {
+fn a_moving_cone_misses_no_object() {
     let sets: Vec<Elements> = sets(4000).into_iter().chain(decaying()).collect();
     let (mut tracks, mut exact) = (Tracks::new(&sets).unwrap(), Tracks::new(&sets).unwrap());
     exact.exact = true;
-    let (mut t, mut shown, mut all) = (samples::epoch(), 0, 0);
+    let (mut t, mut searched, mut all) = (samples::epoch(), 0, 0);
     let (mut inside, mut failed) = (BTreeSet::new(), BTreeSet::new());
     let (mut first, mut failed_at_first) = (true, BTreeSet::new());
     let frames = MOTIONS
@@ -364,7 +366,7 @@ fn nobody_comes_into_a_cone_unseen() {
         [
             _,
             step_s,
-            place,
+            start_km,
             moved,
             axis,
             turned,
@@ -380,24 +382,24 @@ fn nobody_comes_into_a_cone_unseen() {
         let (sin, cos) = now(axis, turned).sin_cos();
         let within = |path_km: f64| Within {
             cone: Cone::new(
-                [0.0, now(place, moved), 500.0],
+                [0.0, now(start_km, moved), 500.0],
                 [cos, sin, 0.0],
                 now(angle, opened),
                 path_km,
             ),
-            shown: AtomicUsize::new(0),
+            searched: AtomicUsize::new(0),
         };
         let find = |tracks: &mut Tracks, look: &Within| -> BTreeSet<(u32, bool)> {
             tracks.at(t, look).into_iter().collect()
         };
         let ours = within(*path_km);
         let found = find(&mut tracks, &ours);
-        // An object may count as either where tracks and SGP4 put it on two sides of the surface.
+        // Near the surface tracks and SGP4 may differ, up to the bound.
         let some = find(&mut exact, &within(path_km - BOUND_KM));
         let more = find(&mut exact, &within(path_km + BOUND_KM));
         assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);
         assert!(found.is_subset(&more), "{t} {frame}: {:?}", &found - &more);
-        shown += ours.shown.into_inner();
+        searched += ours.searched.into_inner();
         all += sets.len().div_ceil(BLOCK);
         for (object, has_failed) in found {
             match has_failed {
@@ -408,9 +410,9 @@ fn nobody_comes_into_a_cone_unseen() {
         }
         first = false;
     }
-    let came_down = failed.difference(&failed_at_first).count();
-    let met = inside.len();
-    println!("{shown} of {all} blocks shown; {met} objects met, {came_down} came down");
-    assert!(came_down > 20, "{came_down}");
-    assert!(2 * shown < all && met > 1000);
+    let decayed = failed.difference(&failed_at_first).count();
+    let entered = inside.len();
+    println!("{searched} of {all} blocks searched; {entered} objects found, {decayed} decayed");
+    assert!(decayed > 20, "{decayed}");
+    assert!(2 * searched < all && entered > 1000);
 }

@@ -66,7 +66,7 @@ fn distance(a: &StateVector, b: &StateVector) -> f64 {
 }
 
 #[test]
-fn without_j2_it_is_keplers_ellipse() {
+fn motion_without_j2_is_keplers_ellipse() {
     for (name, orbit, limit_m) in [
         ("low", LOW, 7e-4),
         ("Molniya", MOLNIYA, 0.06),
@@ -84,7 +84,7 @@ fn without_j2_it_is_keplers_ellipse() {
 }
 
 #[test]
-fn j2_turns_the_node_at_the_secular_rate() {
+fn j2_rotates_the_node_at_the_secular_rate() {
     // d(node)/dt = -(3/2) n J2 (Re / p)^2 cos i   (Vallado, 4th edition, eq. 9-41)
     let p = LOW.a * (1.0 - LOW.e * LOW.e);
     let rate = -1.5 * LOW.mean_motion() * EARTH_J2 * (EARTH_RADIUS_M / p).powi(2) * LOW.i.cos();
@@ -96,12 +96,12 @@ fn j2_turns_the_node_at_the_secular_rate() {
     let dt = 15.0 * LOW.period();
     let drift = (node(&propagate_j2(&start, dt)) - node(&start) + PI).rem_euclid(TAU) - PI;
     println!("node: {:.4} of the secular drift", drift / (rate * dt));
-    // the short-period swing of the node is 0.6 % of fifteen revolutions' drift at most
+    // The node's short-period amplitude is at most 0.6 % of its drift in fifteen revolutions.
     assert!((drift / (rate * dt) - 1.0).abs() < 0.01);
 }
 
 #[test]
-fn forward_and_back_is_where_it_started() {
+fn propagation_forward_and_back_gives_the_start() {
     let start = MOLNIYA.state(2.0);
     let back = propagate_j2(&propagate_j2(&start, 7000.0), -7000.0);
     assert!(distance(&start, &back) < 0.01);
@@ -109,7 +109,7 @@ fn forward_and_back_is_where_it_started() {
 }
 
 #[test]
-fn the_pole_of_date_matters_as_little_as_the_documentation_says() {
+fn the_error_of_the_pole_is_as_documented() {
     let pole: Matrix3<f64> = teme_to_gcrf(Epoch::from_gregorian_utc_at_midnight(2025, 1, 1));
     for (dt, limit_m) in [(60.0, 0.12), (LOW.period(), 310.0)] {
         let worst = (0..12)
@@ -125,7 +125,7 @@ fn the_pole_of_date_matters_as_little_as_the_documentation_says() {
 }
 
 #[test]
-fn any_state_and_interval_come_to_an_end() {
+fn any_state_and_interval_terminates() {
     let at = |x: f64| StateVector {
         position_m: Vector3::new(x, 0.0, 0.0),
         velocity_m_s: Vector3::new(0.0, 1.0, 0.0),

@@ -1,4 +1,4 @@
-//! What the tests of the batch share: the scalar twin's answers, and how far the batch may be from them.
+//! Shared by the tests of the batch: results of scalar SGP4, and the tolerances against it.
 
 pub mod samples;
 pub mod texts;
@@ -10,19 +10,19 @@ use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR, UNKNOWN};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-/// Position, km, and velocity, km/s, TEME; or the reference implementation's error code.
+/// Position, km, and velocity, km/s, TEME; or an error code of the reference implementation.
 pub type Answer = Result<([f64; 3], [f64; 3]), u8>;
 
-/// The reference's code of a radius below the Earth's, or below 0.
+/// The reference's code for a radius below the Earth's, or below 0.
 pub const DECAYED: u8 = 6;
 
-/// How far from the scalar twin every answer may be, km and km/s.
+/// Largest difference from scalar SGP4, km and km/s.
 pub const TOLERANCE: (f64, f64) = (1e-6, 1e-9);
 
-/// The other bound: so many times what one unit in the last place of an element does to the scalar answer.
+/// The other bound: this many times the effect of one unit in the last place of an element.
 const SHIFTS: f64 = 10.0;
 
-/// The answer of the `sgp4` crate, one object at a time.
+/// The result of the `sgp4` crate, one object at a time.
 pub fn scalar(set: &Elements, minutes: f64) -> Answer {
     match set.state_teme_after(minutes) {
         Ok(state) => Ok(km(&state)),
@@ -32,7 +32,7 @@ pub fn scalar(set: &Elements, minutes: f64) -> Answer {
     }
 }
 
-/// The answers of the batch, in the order of the sets.
+/// The results of the batch, in the order of the sets.
 pub fn batch(sets: &[Elements], minutes: f64) -> Vec<Answer> {
     let mut states = States::default();
     let mut batch = Batch::new(sets).unwrap();
@@ -40,7 +40,7 @@ pub fn batch(sets: &[Elements], minutes: f64) -> Vec<Answer> {
     answers(&batch, &states)
 }
 
-/// All answers, in the order of the sets.
+/// All results, in the order of the sets.
 pub fn answers(batch: &Batch, states: &States) -> Vec<Answer> {
     let all = 0..batch.len();
     all.map(|i| states.get(i).map(|state| km(&state))).collect()
@@ -62,7 +62,7 @@ pub fn distance(a: &([f64; 3], [f64; 3]), b: &([f64; 3], [f64; 3])) -> (f64, f64
     (norm(a.0, b.0), norm(a.1, b.1))
 }
 
-/// The sets one unit in the last place of B*, eccentricity or mean motion away, as far as they are sets.
+/// Valid sets that differ by one unit in the last place of B*, eccentricity or mean motion.
 pub fn neighbours(set: &Elements) -> impl Iterator<Item = Elements> {
     let set = *set;
     let steps: [fn(f64) -> f64; 2] = [f64::next_up, f64::next_down];
@@ -76,26 +76,27 @@ pub fn neighbours(set: &Elements) -> impl Iterator<Item = Elements> {
     sets.filter(|set| set.eccentricity >= 0.0 && set.constants().is_ok())
 }
 
-/// What became of many comparisons.
+/// Statistics of many comparisons.
 #[derive(Default)]
 pub struct Tally {
     pub states: usize,
     pub codes: BTreeMap<u8, usize>,
-    /// Of those within [`TOLERANCE`], km and km/s.
+    /// Largest differences within [`TOLERANCE`], km and km/s.
     pub worst: (f64, f64),
-    /// Those that only the other bound allows: what, and distance over shift (of velocities where positions are within).
+    /// Results that only the other bound allows: label, and difference over shift (velocities where
+    /// positions are within the tolerance).
     pub sensitive: Vec<(String, f64)>,
-    /// Those of which one fails and the other does not, or in another way: on the brink of failure the last digit decides.
+    /// Results with different failures: near a failure the last digit decides.
     pub brinks: Vec<String>,
 }
 
 impl Tally {
-    /// Compares the batch's answer with the scalar one, and panics where neither bound holds.
-    pub fn hold(&mut self, what: impl Display, set: &Elements, minutes: f64, batch: &Answer) {
+    /// Compares a result of the batch with scalar SGP4, and panics where neither bound holds.
+    pub fn hold(&mut self, label: impl Display, set: &Elements, minutes: f64, batch: &Answer) {
         let exact = scalar(set, minutes);
         if let Ok((position, velocity)) = batch {
             let finite = position.iter().chain(velocity).all(|x| x.is_finite());
-            assert!(finite, "{what} at {minutes} min: {batch:?}");
+            assert!(finite, "{label} at {minutes} min: {batch:?}");
         }
         match (&exact, batch) {
             (Ok(exact), Ok(batch)) => {
@@ -111,8 +112,8 @@ impl Tally {
                 };
                 assert!(
                     within(km, TOLERANCE.0, shift.0) && within(km_s, TOLERANCE.1, shift.1),
-                    "{what} at {minutes} min: {km:e} km and {km_s:e} km/s off, one unit in the last place \
-                     does {shift:?}: {set:?}"
+                    "{label} at {minutes} min: {km:e} km and {km_s:e} km/s off, the effect of one unit in the last place \
+                     is {shift:?}: {set:?}"
                 );
                 let ratio = if km > TOLERANCE.0 {
                     km / shift.0
@@ -120,25 +121,25 @@ impl Tally {
                     km_s / shift.1
                 };
                 self.sensitive
-                    .push((format!("{what} at {minutes} min: {km:.1e} km"), ratio));
+                    .push((format!("{label} at {minutes} min: {km:.1e} km"), ratio));
             }
             (Err(code), Err(found)) if code == found => *self.codes.entry(*code).or_default() += 1,
             _ => {
                 let allowed = neighbours(set).any(|set| is_alike(&scalar(&set, minutes), batch))
                     || (*batch == Err(DECAYED)
                         && exact.is_ok_and(|state| is_inside_out(set, minutes, &state)));
-                let what = format!("{what} at {minutes} min: {exact:?}, in the batch {batch:?}");
-                assert!(allowed, "{what}: {set:?}");
-                self.brinks.push(what);
+                let label = format!("{label} at {minutes} min: {exact:?}, in the batch {batch:?}");
+                assert!(allowed, "{label}: {set:?}");
+                self.brinks.push(label);
             }
         }
     }
 
-    /// Prints what was found, and the objects that the last digit moves.
-    pub fn print(&self, of: impl Display) {
+    /// Prints the statistics, and the sensitive results.
+    pub fn print(&self, title: impl Display) {
         println!(
-            "{of}: {} states, at most {:.1e} km and {:.1e} km/s off; error codes {:?}; {} more that a unit in the last place \
-             moves, at most by {:.1} of what it does",
+            "{title}: {} states, at most {:.1e} km and {:.1e} km/s off; error codes {:?}; {} more are sensitive to a unit in the \
+             last place, at most by {:.1} of its effect",
             self.states,
             self.worst.0,
             self.worst.1,
@@ -148,17 +149,18 @@ impl Tally {
                 .iter()
                 .fold(0.0, |worst: f64, (_, ratio)| worst.max(*ratio)),
         );
-        println!("{} brinks of failure", self.brinks.len());
-        for what in &self.brinks {
-            println!("  {what}");
+        println!("{} near a failure", self.brinks.len());
+        for label in &self.brinks {
+            println!("  {label}");
         }
-        for (what, ratio) in &self.sensitive {
-            println!("  {what}, {ratio:.2} of what a unit in the last place does");
+        for (label, ratio) in &self.sensitive {
+            println!("  {label}, {ratio:.2} of the effect of a unit in the last place");
         }
     }
 }
 
-/// How far one unit in the last place of an element moves the scalar answer, km and km/s; no bound where it makes it fail.
+/// Effect of one unit in the last place of an element on scalar SGP4, km and km/s; infinite where
+/// it fails.
 fn shift(set: &Elements, minutes: f64, exact: &([f64; 3], [f64; 3])) -> (f64, f64) {
     let shifts = neighbours(set).map(|set| match scalar(&set, minutes) {
         Ok(moved) => distance(exact, &moved),
@@ -169,7 +171,7 @@ fn shift(set: &Elements, minutes: f64, exact: &([f64; 3], [f64; 3])) -> (f64, f6
     })
 }
 
-/// Whether an answer is as a neighbour's: of the same code, or with a state where that one is, to a thousandth of its size.
+/// Whether a result equals that of a neighbour: the same code, or a state within a thousandth.
 fn is_alike(neighbour: &Answer, answer: &Answer) -> bool {
     match (neighbour, answer) {
         (Ok(a), Ok(b)) => {
@@ -182,9 +184,9 @@ fn is_alike(neighbour: &Answer, answer: &Answer) -> bool {
     }
 }
 
-/// Whether a state is none of a body in motion: its velocity is not how its position changes. So it is where J2's short-period
-/// term has made the radius negative: the reference says that such an object has decayed, the crate gives the point beyond the
-/// Earth's centre.
+/// Whether a velocity is not the derivative of the position. This happens where J2's short-period
+/// term makes the radius negative. The reference then reports a decayed object, and the crate gives
+/// the point beyond the Earth's centre.
 fn is_inside_out(set: &Elements, minutes: f64, state: &([f64; 3], [f64; 3])) -> bool {
     const STEP_MIN: f64 = 0.01;
     let (Ok(before), Ok(after)) = (

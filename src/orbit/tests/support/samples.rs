@@ -1,4 +1,4 @@
-//! The element sets that come with the tests.
+//! Element sets for the tests.
 
 use hifitime::Epoch;
 use skyloop_orbit::Checksum;
@@ -19,9 +19,9 @@ pub struct Case {
     pub codes: Vec<(f64, u8)>,
 }
 
-/// All verification cases; checksums and what stands in fields that SGP4 does not use are not looked at.
+/// All verification cases. Checksums and fields that SGP4 does not use are ignored.
 pub fn verification() -> Vec<Case> {
-    // X-Val: SGP4-VER.TLE and tcppver.out, as data/make_references.py takes them from PyPI sgp4
+    // X-Val: SGP4-VER.TLE and tcppver.out, taken from PyPI sgp4 by data/make_references.py.
     let text = include_str!("../data/sgp4_verification.txt");
     let mut cases: Vec<Case> = Vec::new();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
@@ -45,7 +45,7 @@ pub fn verification() -> Vec<Case> {
     cases
 }
 
-/// `0.0 5.0 11x0 2x6`: first step, distance of steps, runs.
+/// Parses `0.0 5.0 11x0 2x6`: first step, distance of steps, runs.
 fn codes(text: &str) -> Vec<(f64, u8)> {
     let mut words = text.split_whitespace();
     let start: f64 = words.next().unwrap().parse().unwrap();
@@ -65,17 +65,17 @@ pub struct Synthetic {
     pub codes: Vec<u8>,
 }
 
-/// Days from the epoch at which the error codes of made-up sets are known.
+/// Days from the epoch with known error codes of made-up sets.
 pub const DAYS: [f64; 11] = [
     -36525.0, -365.0, -30.0, -7.0, -1.0, 0.0, 1.0, 7.0, 30.0, 365.0, 36525.0,
 ];
 
-/// The kind whose orbits reach into the Earth's core.
+/// The kind of orbits that reach into the Earth's core.
 pub const CORE: &str = "beside the Earth's centre";
 
-/// Made-up sets of every kind of orbit that SGP4 tells apart.
+/// Made-up sets of every kind of orbit in SGP4.
 pub fn synthetic() -> Vec<Synthetic> {
-    // X-Val: data/make_batch_references.py: drawn by it, error codes by PyPI sgp4 2.27
+    // X-Val: data/make_batch_references.py: random sets, with error codes of PyPI sgp4 2.27.
     let text = include_str!("../data/synthetic_elements.txt");
     let (head, rows) = text.split_at(text.match_indices('\n').nth(2).unwrap().0 + 1);
     let days: Vec<f64> = numbers(&head.lines().last().unwrap().split('.').next().unwrap()[1..]);
@@ -118,16 +118,17 @@ pub fn synthetic() -> Vec<Synthetic> {
     sets
 }
 
-/// Where a folder of public catalogues is named.
+/// Environment variable with the folder of public catalogues.
 pub const FOLDER: &str = "SKYLOOP_CATALOGUES";
 
-/// Says what was not tested, and why, even where the test harness keeps a test's output to itself.
-pub fn not_tested(what: &str) {
-    let _ = writeln!(std::io::stderr(), "NOT TESTED: {what}");
+/// Prints a test that was skipped, even where the test harness captures output.
+pub fn not_tested(test: &str) {
+    let _ = writeln!(std::io::stderr(), "NOT TESTED: {test}");
 }
 
-/// The public catalogues that are there, by name, and the element sets in them: in the folder that `SKYLOOP_CATALOGUES` names, else
-/// in `../shared/data/tle` beside the repository. Where there are none, that is said; in a folder that is named there must be some.
+/// The public catalogues, by name, with their element sets. They are in the folder
+/// `SKYLOOP_CATALOGUES`, or in `../shared/data/tle` next to the repository. An empty folder is
+/// reported; a named one must not be empty.
 pub fn catalogues() -> Vec<(String, Vec<Elements>)> {
     let named = std::env::var_os(FOLDER);
     let folder = match &named {
@@ -177,11 +178,11 @@ pub struct Codes {
     pub days: Vec<(f64, Vec<u8>)>,
 }
 
-/// Of all catalogues whose codes are known.
+/// The codes of all catalogues.
 pub fn catalogue_codes() -> Vec<Codes> {
-    // X-Val: data/make_catalogue_codes.py: PyPI sgp4 2.27
+    // X-Val: data/make_catalogue_codes.py: PyPI sgp4 2.27.
     let text = include_str!("../data/catalogue_codes.txt");
-    // All of these days are known, with or without a failure.
+    // All of these days are covered, also those without a failure.
     const DAYS: [f64; 9] = [-365.0, -30.0, -7.0, -1.0, 0.0, 1.0, 7.0, 30.0, 365.0];
     let mut all: Vec<Codes> = Vec::new();
     for line in text.lines().filter(|line| !line.starts_with('#')) {
@@ -198,16 +199,19 @@ pub fn catalogue_codes() -> Vec<Codes> {
         let mut words = line.split(' ');
         let days: f64 = words.next().unwrap().parse().unwrap();
         let code = words.next().unwrap().parse().unwrap();
-        let of = &mut all.last_mut().unwrap().days;
-        let (_, codes) = of.iter_mut().find(|(one, _)| *one == days).unwrap();
-        for place in words {
-            codes[place.parse::<usize>().unwrap()] = code;
+        let days_of_all = &mut all.last_mut().unwrap().days;
+        let (_, codes) = days_of_all
+            .iter_mut()
+            .find(|(one, _)| *one == days)
+            .unwrap();
+        for index in words {
+            codes[index.parse::<usize>().unwrap()] = code;
         }
     }
     all
 }
 
-/// An epoch for sets that are made up in a test.
+/// The epoch of sets that a test makes.
 pub fn epoch() -> Epoch {
     parse_utc("2026-07-11T00:00:00Z").unwrap()
 }

@@ -2,7 +2,7 @@
 
 #![allow(dead_code)] // the unit tests of the crate use a part
 
-/// The rows of a table: cells between bars, `\n` in a cell stands for a line break.
+/// The rows of a table: cells between bars; `\n` in a cell is a line break.
 /// Blank lines and lines that begin with `//` are skipped.
 pub fn rows<const N: usize>(table: &str) -> Vec<[String; N]> {
     let lines = table.lines().map(str::trim);
@@ -17,7 +17,7 @@ pub fn rows<const N: usize>(table: &str) -> Vec<[String; N]> {
     lines.map(row).collect()
 }
 
-/// A line of an element set with its checksum: digits, a minus counting one, modulo ten.
+/// A line of an element set with its checksum: the sum of the digits, a minus as one, modulo 10.
 pub fn sealed(line: &str) -> String {
     let digit = |c: char| c.to_digit(10).unwrap_or((c == '-').into());
     format!("{line:<68}{}", line.chars().map(digit).sum::<u32>() % 10)
@@ -29,8 +29,8 @@ pub const SET: &str = "\
 2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667
 ";
 
-/// An OEM with one segment. `meta` has further keywords, or others than the default ones, a line
-/// each.
+/// An OEM with one segment. `meta` has keywords, a line each, that add to the defaults or replace
+/// them.
 pub fn oem(meta: &str, states: &[impl AsRef<str>]) -> String {
     let defaults = "OBJECT_NAME = MADE UP\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\n\
                     REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T00:00:00\n\
@@ -80,7 +80,7 @@ fn fields(kvn: &str) -> impl Iterator<Item = (&str, &str, Option<&str>)> {
     )
 }
 
-/// The elements of such a message in XML, units as attributes.
+/// The elements of such a message in XML, with units as attributes.
 pub fn xml_elements(kvn: &str) -> String {
     let element = |(key, value, unit): (&str, &str, Option<&str>)| {
         let unit = unit.map_or(String::new(), |unit| format!(" units=\"{unit}\""));
@@ -94,7 +94,7 @@ pub fn omm_xml(kvn: &str) -> String {
     format!("<omm>{}</omm>", xml_elements(kvn))
 }
 
-/// Such an OMM as an object of JSON.
+/// Such an OMM as a JSON object.
 pub fn omm_json(kvn: &str) -> String {
     let pairs = fields(kvn).map(|(key, value, _)| format!("\"{key}\":\"{value}\""));
     format!("{{{}}}", pairs.collect::<Vec<_>>().join(","))
