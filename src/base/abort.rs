@@ -1,11 +1,11 @@
-//! Limits the work on a frame: another thread may cancel it, and it may cost too much.
+//! Limits the work on a frame: it can be cancelled by another thread, and its cost is limited.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A flag that one thread sets and the threads that make a frame read: between the stages of a
-/// scene, images, squares of area light, labels and bands of rows. What is made after it was set is
-/// incomplete and is not used.
+/// A flag for cancelling a frame. One thread sets it. The threads that make the frame read it
+/// between stages of a scene, images, squares of area light, labels and bands of rows. Results
+/// after cancellation are incomplete and are not used.
 #[derive(Debug, Clone, Default)]
 pub struct Abort(Arc<AtomicBool>);
 
@@ -21,10 +21,10 @@ impl Abort {
     }
 }
 
-/// How much work a frame may cost, and how much it has cost so far, by the times that the
-/// operations take on one core. Only what can grow without bound is counted: images, tracks, area
-/// light that moves, particles. The sum is the same whatever the machine and the number of threads:
-/// so is whether it exceeds the limit.
+/// The cost limit of a frame, and its cost so far, by operation times on one core. Only work that
+/// can grow without bound is counted: images, tracks, moving area light, particles. The sum does
+/// not depend on the machine or the number of threads, so whether it exceeds the limit does not
+/// either.
 #[derive(Debug, Clone, Default)]
 pub struct WorkLimit {
     abort: Abort,
@@ -33,7 +33,7 @@ pub struct WorkLimit {
 }
 
 impl WorkLimit {
-    /// At most so many s of a core, if that is limited; `abort` cancels the work.
+    /// Limits the work, s of one core, or not at all; `abort` cancels it.
     pub fn new(limit_s: Option<f64>, abort: Abort) -> WorkLimit {
         WorkLimit {
             abort,
@@ -42,23 +42,23 @@ impl WorkLimit {
         }
     }
 
-    /// Counts work of so many ns on one core.
+    /// Counts work, ns of one core.
     pub fn spend(&self, ns: f64) {
         self.spent_ns.fetch_add(ns as u64, Ordering::Relaxed);
     }
 
-    /// Work so far, s on one core.
+    /// Work so far, s of one core.
     pub fn spent_s(&self) -> f64 {
         self.spent_ns.load(Ordering::Relaxed) as f64 * 1e-9
     }
 
-    /// Whether the work has cost more than it may.
+    /// Whether the work exceeds its limit.
     pub fn is_exceeded(&self) -> bool {
         let spent_ns = self.spent_ns.load(Ordering::Relaxed);
         self.limit_ns.is_some_and(|limit_ns| spent_ns > limit_ns)
     }
 
-    /// Whether the work is cancelled or has cost more than it may: nothing more is to be done.
+    /// Whether the work is cancelled or exceeds its limit, so that it must stop.
     pub fn is_over(&self) -> bool {
         self.abort.is_set() || self.is_exceeded()
     }
@@ -74,11 +74,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_ends_when_it_is_cancelled_or_has_cost_more_than_it_may() {
+    fn work_is_over_when_cancelled_or_above_its_limit() {
         let abort = Abort::default();
         let limits = [Some(2e-6), None].map(|s| WorkLimit::new(s, abort.clone()));
         let state = |limit: &WorkLimit| (limit.is_exceeded(), limit.is_over());
-        // X-Val: 1500 ns and 500 ns are 2 us, one more is too much.
+        // X-Val: 1500 ns and 500 ns are 2 us, one more exceeds the limit.
         for (ns, exceeded) in [(1500.0, false), (500.0, false), (1.0, true)] {
             limits.iter().for_each(|limit| limit.spend(ns));
             let expected = [(exceeded, exceeded), (false, false)];

@@ -1,5 +1,5 @@
-//! What the renderer and the links share: keyed random numbers, ranges, and configuration files with
-//! error texts that name file, key, value and allowed range.
+//! Shared by renderer and links: keyed random numbers, ranges, and configuration files with error
+//! texts that name file, key, value and allowed range.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,10 +1,10 @@
-//! `[objects]` of a scene and the population file that it may name: the objects in orbit, their shapes and attitudes.
+//! Objects in orbit, their shapes and attitudes: `[objects]` of a scene, and its population file.
 
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_base::load::Allowed::{Needs, NotBoth, OneOf};
-use skyloop_base::load::orbits::{Findings, Pool, Shelf, named};
+use skyloop_base::load::orbits::{FileCache, Findings, Pool, named};
 use skyloop_base::load::{
     Check, ConfigError, Folder, Limit, advice, named_tables, read, schema_of, some_table,
     some_tables,
@@ -22,11 +22,11 @@ use std::sync::Arc;
 pub struct Objects {
     /// Orbits and names.
     pub objects: Vec<Object>,
-    /// What is known of some of them.
+    /// Shapes and spheres of some objects.
     pub looks: Looks,
     /// Refusals and notices of their files.
     pub findings: Findings,
-    /// The sphere of all others.
+    /// The default sphere.
     pub sphere: Sphere,
 }
 
@@ -66,7 +66,7 @@ impl Default for RawObjects {
     }
 }
 
-/// A valid population file with all keys that have no default.
+/// A valid population file with all required keys.
 const EXAMPLE: &str = r#"
 objects = []
 [shapes.NAME]
@@ -123,7 +123,7 @@ const ENTRIES: &[Limit] = &[
 ];
 
 impl RawObjects {
-    /// The objects of the population file first, then those of `files`.
+    /// The objects of the population file, followed by those of `files`.
     pub fn validate(self, check: &Check, folder: &Folder) -> Result<Objects, ConfigError> {
         let sphere = RawSphere {
             diameter_m: self.diameter_m,
@@ -145,7 +145,7 @@ impl RawObjects {
                 &text,
                 EXAMPLE,
                 &[LIMITS, ENTRIES],
-                |raw: RawPopulation, check| raw.entries(check, &folder.beside(name)),
+                |raw: RawPopulation, check| raw.entries(check, &folder.folder_of(name)),
             );
             entries = read.map_err(|error| check.named("objects.population", error))?;
         }
@@ -159,7 +159,8 @@ impl RawObjects {
     }
 }
 
-/// Ranks of orbits: what the population says of an object counts, and in it the entry of that object alone.
+/// Ranks of orbits. The population file overrides `files`, and in it an entry for a single object
+/// overrides those for files.
 const ONE: u8 = 0;
 const POPULATION: u8 = 1;
 const FILES: u8 = 2;
@@ -168,12 +169,12 @@ const FILES: u8 = 2;
 #[derive(Default)]
 struct Entries {
     pool: Pool,
-    /// Of each source of the pool that the population brings.
+    /// Origin of each source in the pool that comes from the population file.
     sources: Vec<Origin>,
     findings: Findings,
 }
 
-/// Where in a population file a source comes from.
+/// The entry of a population file that gave a source.
 struct Origin {
     entry: usize,
     key: String,
@@ -186,11 +187,11 @@ impl Entries {
     /// Refuses an object that two entries select.
     fn check_selected(&self, check: &Check) -> Result<(), ConfigError> {
         let selected = self.pool.of_rank(ONE);
-        let places = places(selected.clone().map(|(_, object)| object));
+        let groups = places(selected.clone().map(|(_, object)| object));
         let mut known = BTreeSet::new();
-        for ((source, object), place) in selected.zip(places) {
+        for ((source, object), group) in selected.zip(groups) {
             if let Some(Origin { key, .. }) =
-                self.sources.get(source).filter(|_| !known.insert(place))
+                self.sources.get(source).filter(|_| !known.insert(group))
             {
                 let label = object.label();
                 let reason =
@@ -201,23 +202,25 @@ impl Entries {
         Ok(())
     }
 
-    /// Adds the objects, each with the look of the first entry that has it.
+    /// Adds the objects, each with the shape or sphere of the first entry that has it.
     fn add_to(mut self, all: &mut Objects) {
         let united = self.pool.unite(&mut self.findings);
         let origin = |source: usize| self.sources.get(source);
-        // The objects that a source has in common with earlier entries.
+        // The objects of a source that are also in earlier entries.
         let mut again: BTreeMap<(usize, &str), BTreeSet<usize>> = BTreeMap::new();
-        for (place, source) in united.joined {
-            let first = united.sources.get(place).and_then(|first| origin(*first));
+        for (index, source) in united.joined {
+            let first = united.sources.get(index).and_then(|first| origin(*first));
             if let (Some(first), Some(origin)) = (first, origin(source))
                 && first.entry < origin.entry
             {
-                let places = again.entry((origin.entry, &origin.key)).or_default();
-                places.insert(place);
+                let indices = again.entry((origin.entry, &origin.key)).or_default();
+                indices.insert(index);
             }
         }
-        for ((entry, key), places) in again {
-            let objects = places.iter().filter_map(|place| united.objects.get(*place));
+        for ((entry, key), indices) in again {
+            let objects = indices
+                .iter()
+                .filter_map(|index| united.objects.get(*index));
             let objects: Vec<&Object> = objects.collect();
             let mut origins = self.sources.iter();
             let Some(Origin { file, name, .. }) =
@@ -246,7 +249,7 @@ impl Entries {
 }
 
 impl RawPopulation {
-    /// Objects that an entry selects are left out of files that others bring whole.
+    /// Reads the entries. Objects of single entries are later left out of files of other entries.
     fn entries(self, check: &Check, folder: &Folder) -> Result<Entries, ConfigError> {
         let Some(listed) = self.objects else {
             let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; \
@@ -259,14 +262,14 @@ impl RawPopulation {
             shapes.insert(name, shape);
         }
         let mut all = Entries::default();
-        let mut shelf = Shelf::new(folder);
+        let mut cache = FileCache::new(folder);
         for (i, entry) in listed.into_iter().enumerate() {
             let key = format!("objects[{i}]");
             let look = entry.look(&key, &shapes, check)?;
             let mut origins = Vec::new();
             if let Some(selector) = &entry.object {
                 let key = format!("{key}.object");
-                let one = shelf
+                let one = cache
                     .one(selector, &mut all.findings)
                     .map_err(|error| check.explain(&key, error))?;
                 all.pool.push(one, ONE);
@@ -294,7 +297,7 @@ impl RawPopulation {
 }
 
 impl RawEntry {
-    /// What the entry says of the looks of its objects.
+    /// The shape or sphere of the entry's objects.
     fn look(
         &self,
         key: &str,
@@ -326,7 +329,7 @@ impl RawEntry {
                 let reason = "says nothing of its objects: give sphere = { diameter_m = ... }, or shape and attitude";
                 Err(check.explain(key, reason))
             }
-            // Rules between keys refuse other combinations.
+            // Rules between keys refuse all other combinations.
             (sphere, ..) => Ok(Look::Sphere(sphere.unwrap_or_default())),
         }
     }

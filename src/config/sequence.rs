@@ -1,10 +1,10 @@
-//! `[sequence]`: the exposures of an offline run and where its camera looks.
+//! `[sequence]`: exposures and pointing of an offline run.
 
 use super::look_at::{DEC_DEG, LookAt, RawTarget, TURN_DEG, Up};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use skyloop_base::load::Allowed::{EachOfSeveral, Needs, NotBesideSeveral, NotBoth, Number, OneOf};
+use skyloop_base::load::Allowed::{EachOfSeveral, Needs, NotBoth, NotWithSeveral, Number, OneOf};
 use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit, RawTime, some_word, tables};
 use skyloop_orbit::time::seconds;
 use skyloop_orbit::{LARGEST_TABLE, Object, aem};
@@ -12,21 +12,21 @@ use skyloop_render::attitude::Attitude;
 use skyloop_render::camera::Camera;
 use skyloop_render::sky::bodies::Bodies;
 
-/// The exposures of an offline run and the attitudes they are made with.
+/// The exposures of an offline run, and their attitudes.
 #[derive(Debug, Clone)]
 pub struct Sequence {
     /// Middle of the first exposure.
     pub epoch: Epoch,
-    /// Exposures.
+    /// Number of exposures.
     pub frames: u32,
-    /// From one exposure's middle to the next, s.
+    /// Time between the middles of exposures, s.
     pub period_s: f64,
-    /// Slerp between them; of several, the exposures must lie within their span. Without any: +Z to the Earth's
-    /// centre, +X towards the velocity, or what `look_at` says.
+    /// Attitudes for slerp; exposures must lie within the span of several. Without any: +Z to the
+    /// Earth's centre and +X along the velocity, or `look_at`.
     pub attitudes: Vec<TimedAttitude>,
-    /// What the camera looks at and follows, instead of attitudes.
+    /// Target that the camera follows, instead of attitudes.
     pub look_at: Option<LookAt>,
-    /// A file of attitudes instead.
+    /// A file of attitudes, instead of attitudes.
     pub attitude_file: Option<AttitudeFile>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],
@@ -35,16 +35,16 @@ pub struct Sequence {
 /// A file of attitudes: a CCSDS AEM, or lines `UTC x y z w`.
 #[derive(Debug, Clone)]
 pub struct AttitudeFile {
-    /// As messages name it.
+    /// Name in messages.
     pub name: String,
-    /// What it holds.
+    /// Contents.
     pub text: String,
 }
 
 /// An attitude at an instant.
 #[derive(Debug, Clone, Copy)]
 pub struct TimedAttitude {
-    /// When.
+    /// Time of the attitude.
     pub epoch: Epoch,
     /// ICRF to body.
     pub attitude: Attitude,
@@ -109,7 +109,7 @@ pub(super) const LIMITS: &[Limit] = &[
     ("sequence", NotBoth(["rates_deg_s", "nadir"])),
     ("sequence", NotBoth(["rates_deg_s", "look_at"])),
     ("sequence", NotBoth(["rates_deg_s", "attitude_file"])),
-    ("sequence", NotBesideSeveral(["rates_deg_s", "attitudes"])),
+    ("sequence", NotWithSeveral(["rates_deg_s", "attitudes"])),
     ("sequence", EachOfSeveral(["attitudes", "utc"])),
     ("sequence.frames", Number(1.0..=1e6)),
     ("sequence.period_s", Number(1e-6..=1e6)),
@@ -122,7 +122,8 @@ pub(super) const LIMITS: &[Limit] = &[
     ("sequence.look_at[1]", Number(DEC_DEG)),
 ];
 
-/// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
+/// The body attitude that gives the boresight of `camera` this right ascension and declination, and
+/// the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
     if !(DEC_DEG.contains(&dec) && TURN_DEG.contains(&ra) && TURN_DEG.contains(&roll)) {
         return Err(format!(
@@ -141,7 +142,7 @@ impl RawSequence {
         check: &Check,
         folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
-        // Keys by themselves first: what a rule between keys repairs hides none of them.
+        // Single keys before rules between keys, whose repair would hide other faults.
         let epoch = self.epoch.utc(check, "sequence.epoch")?;
         let frames = check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32;
         let period_s = check.limit(LIMITS, "sequence.period_s", self.period_s)?;
@@ -204,7 +205,7 @@ impl RawSequence {
             };
             attitudes.push(TimedAttitude { epoch, attitude });
         }
-        // A rule between keys refuses one without its time.
+        // A rule between keys refuses several attitudes without times.
         let are_timed = self.attitudes.iter().all(|raw| raw.utc.is_some());
         if are_timed && attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
             let reason =
@@ -217,14 +218,15 @@ impl RawSequence {
 }
 
 impl AttitudeFile {
-    /// What of it is not used, or was assumed: a line each. What is wrong with it is reported when it is flown.
+    /// Remarks on the file: ignored data and assumptions, a line each. Faults are reported when the
+    /// file is used.
     pub(super) fn comments(&self) -> Vec<String> {
         let Some(Ok(message)) = aem::is_message(&self.text).then(|| aem::parse(&self.text)) else {
             return Vec::new();
         };
         let comments = message.comments.iter();
-        let shown = comments.map(|(line, comment)| format!("{}:{line}: {comment}", self.name));
-        shown.collect()
+        let lines = comments.map(|(line, comment)| format!("{}:{line}: {comment}", self.name));
+        lines.collect()
     }
 }
 
@@ -288,13 +290,13 @@ period_s = 1.0
     fn the_schema_has_the_loaders_limits() {
         let bases = [BY_RADEC, BY_TARGET].map(scene);
         let schema = Config::schema("scene");
-        // JSON has no end of whole numbers.
-        let most = schema.pointer("/properties/seed/maximum");
-        assert_eq!(most.and_then(|most| most.as_u64()), Some(u64::MAX));
+        // JSON has no limit of integers.
+        let max = schema.pointer("/properties/seed/maximum");
+        assert_eq!(max.and_then(|max| max.as_u64()), Some(u64::MAX));
         agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
     }
 
-    /// Whether schema and loader find this scene valid.
+    /// Asserts whether schema and loader accept this scene.
     fn check(text: &str, is_valid: bool) {
         both(&Config::schema("scene"), text, load, is_valid);
     }
@@ -329,7 +331,7 @@ period_s = 1.0
                 check(&format!("[run]\nmetrics = {address:?}"), is_valid);
             }
         }
-        // Values without their keys are no table.
+        // A list is not a table.
         for table in ["run", "sky", "effects", "objects", "observer"] {
             check(&format!("[{table}]\n"), true);
             check(&format!("[[{table}]]\n"), false);
@@ -347,9 +349,9 @@ period_s = 1.0
             "nadir = true",
             "look_at = \"Moon\"",
         ];
-        for (place, pointing) in one.iter().enumerate() {
+        for (index, pointing) in one.iter().enumerate() {
             check(&scene(pointing), true);
-            for other in &one[place + 1..] {
+            for other in &one[index + 1..] {
                 check(&scene(&format!("{pointing}\n{other}")), false);
             }
         }

@@ -1,4 +1,4 @@
-//! Checks of the values of a file.
+//! Checks values of a file.
 
 use super::error::ConfigError;
 use super::limits::{self, Limit};
@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Checks values of one file, so that each check is one line.
+/// Checks of one file.
 pub struct Check<'a> {
     /// The file's name in messages.
     pub file: &'a str,
@@ -22,13 +22,13 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// Notes a value that is allowed, but hardly meant; reported if the file is valid.
+    /// Adds a notice for an allowed but improbable value; reported if the file is valid.
     pub fn notice(&self, text: fmt::Arguments) {
         let notice = format!("{}: {text}", self.file);
         self.notices.borrow_mut().push(notice);
     }
 
-    /// `value` if it lies within the limit of `key` in the table (NaN never does).
+    /// `value` if it lies within the limit of `key` in the table; NaN does not.
     pub fn limit(&self, limits: &[Limit], key: &str, value: f64) -> Result<f64, ConfigError> {
         let unknown = "has no limit in the tables of skyloop: please report it";
         match limits::range_of(limits, key) {
@@ -37,7 +37,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// `values` if each lies within the limit of `key[]`; the error names the first that does not.
+    /// `values` if each lies within the limit of `key[]`; the error names the first other one.
     pub fn each_limit<const N: usize>(
         &self,
         limits: &[Limit],
@@ -50,7 +50,7 @@ impl<'a> Check<'a> {
         Ok(values)
     }
 
-    /// `value` if it lies in `range` (NaN never does).
+    /// `value` if it lies in `range`; NaN does not.
     pub fn range(
         &self,
         key: &str,
@@ -58,7 +58,7 @@ impl<'a> Check<'a> {
         range: RangeInclusive<f64>,
     ) -> Result<f64, ConfigError> {
         if range.contains(&value) {
-            // No negative zero.
+            // Avoids a negative zero.
             return Ok(value + 0.0);
         }
         let mut allowed = range_text(key, &range);
@@ -69,7 +69,7 @@ impl<'a> Check<'a> {
         Err(self.refuse(key, short(value), allowed))
     }
 
-    /// The error of `key` where another message says what is wrong.
+    /// The error of `key` with a reason.
     pub fn explain(&self, key: &str, reason: impl fmt::Display) -> ConfigError {
         ConfigError::Key {
             file: self.file.to_string(),
@@ -78,7 +78,8 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// The error of a file that `key` names: a file that cannot be read is reported with the key, faults in the file without.
+    /// The error of a file that `key` names. Where the file cannot be read, the error has the key;
+    /// faults in the file have their own.
     pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
         match error {
             ConfigError::Read { .. } => self.explain(key, error),

@@ -1,4 +1,4 @@
-//! The keys of a TOML document, such as `heads[1].dead_px[3][0]`: their values, places, and replacement.
+//! Keys of a TOML document, such as `heads[1].dead_px[3][0]`: their values, spans, and replacement.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -31,7 +31,7 @@ pub(super) fn as_entry(key: &str) -> Option<(&str, usize)> {
     Some((list, index.parse().ok()?))
 }
 
-/// The names (`Ok`) and indices (`Err`) that a key is made of.
+/// The names (`Ok`) and indices (`Err`) in a key.
 pub(super) fn steps(key: &str) -> impl Iterator<Item = Result<&str, usize>> {
     let parts = key.split(['.', '[']).filter(|part| !part.is_empty());
     parts.map(|part| match part.strip_suffix(']').map(str::parse) {
@@ -40,7 +40,7 @@ pub(super) fn steps(key: &str) -> impl Iterator<Item = Result<&str, usize>> {
     })
 }
 
-/// The value of a key; `first`: of the first entry of every list, whatever the index.
+/// The value of a key; `first` takes the first entry of every list instead of the index.
 pub(super) fn value_at<'t, 'i>(
     table: &'t DeTable<'i>,
     key: &str,
@@ -72,7 +72,7 @@ fn value_mut<'t, 'i>(table: &'t mut DeTable<'i>, key: &str) -> Option<&'t mut De
     Some(value)
 }
 
-/// The table that holds a named key, and the key's name in it.
+/// The table with a named key, and the key's name in it.
 fn table_around<'t, 'i, 'k>(
     table: &'t mut DeTable<'i>,
     key: &'k str,
@@ -86,7 +86,8 @@ fn table_around<'t, 'i, 'k>(
     }
 }
 
-/// Sets the value of a key; without a value the key, or the entry of the list, is removed. False where nothing holds the key.
+/// Sets the value of a key; without a value removes the key or the list entry. False for a key
+/// whose table or list is missing.
 pub(super) fn set<'i>(document: &mut DeTable<'i>, key: &str, value: Option<DeValue<'i>>) -> bool {
     let Some((list, index)) = as_entry(key) else {
         let Some((table, name)) = table_around(document, key) else {
@@ -106,15 +107,16 @@ pub(super) fn set<'i>(document: &mut DeTable<'i>, key: &str, value: Option<DeVal
         (Some(value), Some(old)) => *old.get_mut() = value,
         (None, Some(_)) => {
             let old = std::mem::replace(values, DeArray::new()).into_iter();
-            let kept = old.enumerate().filter(|(place, _)| *place != index);
-            *values = kept.map(|(_, value)| value).collect();
+            let others = old.enumerate().filter(|(i, _)| *i != index);
+            *values = others.map(|(_, value)| value).collect();
         }
         _ => return false,
     }
     true
 }
 
-/// Removes the key that stands at a place of the text: it may be a quoted one, with dots and brackets in it. False where none stands there.
+/// Removes the key at a span of the text; a quoted one may have dots and brackets. False without a
+/// key there.
 pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
     fn of_value(value: &mut DeValue<'_>, span: &Range<usize>) -> bool {
         match value {
@@ -132,7 +134,7 @@ pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
     }
 }
 
-/// Gives the entry of a misspelt key the name that is meant, unless that is there.
+/// Renames a misspelt key, unless the meant one exists.
 pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
     let entry = table_around(document, key).and_then(|(table, name)| {
         let is_free = !table.contains_key(meant);
@@ -144,7 +146,7 @@ pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool
     entry.is_some()
 }
 
-/// A value without places, so that none of them is taken for a place in another text.
+/// A value without spans, so that they are not taken for positions in another text.
 pub(super) fn placeless<'i>(value: &DeValue<'i>) -> DeValue<'i> {
     let spanned = |value: &Spanned<DeValue<'i>>| Spanned::new(0..0, placeless(value.get_ref()));
     match value {
@@ -161,26 +163,27 @@ pub(super) fn placeless<'i>(value: &DeValue<'i>) -> DeValue<'i> {
     }
 }
 
-/// A key of `document` as `original` has it, from which entries of lists were removed: these are known by their places in the text.
+/// The key in `original` of a key in `document`, from which list entries were removed. Entries are
+/// identified by their spans.
 pub(super) fn key_in(original: &DeTable<'_>, document: &DeTable<'_>, key: &str) -> String {
     let Some(at) = key.rfind('[') else {
         return key.to_string();
     };
     let (list, rest) = key.split_at(at);
-    let list_there = key_in(original, document, list);
-    let place = rest.find(']').and_then(|end| {
+    let original_list = key_in(original, document, list);
+    let entry = rest.find(']').and_then(|end| {
         let (entry, rest) = key.split_at(at + end + 1);
         let span = value_at(document, entry, false)?.span();
-        let DeValue::Array(values) = value_at(original, &list_there, false)?.get_ref() else {
+        let DeValue::Array(values) = value_at(original, &original_list, false)?.get_ref() else {
             return None;
         };
         let index = values.iter().position(|value| value.span() == span)?;
         Some(format!("[{index}]{rest}"))
     });
-    list_there + place.as_deref().unwrap_or(rest)
+    original_list + entry.as_deref().unwrap_or(rest)
 }
 
-/// Where a key's value stands, or the innermost of the tables around it that is there.
+/// The span of a key's value, or of the innermost existing table around it.
 pub(super) fn span_of(table: &DeTable<'_>, key: &str) -> Range<usize> {
     let mut key = key;
     while !key.is_empty() {
@@ -192,7 +195,7 @@ pub(super) fn span_of(table: &DeTable<'_>, key: &str) -> Range<usize> {
     0..0
 }
 
-/// Calls `each` with every value within `value`, which `key` stands for, that is neither a table nor a list.
+/// Calls `each` with every value within `value` (at `key`) that is neither a table nor a list.
 pub(super) fn each_leaf(
     key: &str,
     value: &Spanned<DeValue<'_>>,
@@ -213,7 +216,7 @@ pub(super) fn each_leaf(
     }
 }
 
-/// The tables that a pattern stands for, each with its key.
+/// The tables that match a pattern, with their keys.
 pub(super) fn tables_at<'t, 'i>(
     document: &'t DeTable<'i>,
     pattern: &str,
@@ -235,7 +238,7 @@ pub(super) fn tables_at<'t, 'i>(
         .collect()
 }
 
-/// The values of a table or a list that a step of a pattern stands for.
+/// The members of a table or a list that match a step of a pattern.
 fn members<'t, 'i>(
     key: &str,
     value: &'t DeValue<'i>,
@@ -258,7 +261,7 @@ fn members<'t, 'i>(
     }
 }
 
-/// Whether `key` is one of those that `pattern` stands for.
+/// Whether `key` matches `pattern`.
 pub(super) fn matches(pattern: &str, key: &str) -> bool {
     let wild = [pattern.find("[]"), pattern.find('*')];
     let Some(at) = wild.into_iter().flatten().min() else {

@@ -1,4 +1,4 @@
-//! The configuration files that are built in, so that the binary needs no file beside it.
+//! The built-in configuration files, so that the binary needs no other file.
 
 macro_rules! files {
     ($($path:literal),* $(,)?) => {
@@ -6,7 +6,7 @@ macro_rules! files {
     };
 }
 
-/// Every built-in file by its path below `configs/`.
+/// Every built-in file, with its path below `configs/`.
 const FILES: &[(&str, &str)] = files![
     "default.toml",
     "cameras/fai-nir.toml",
@@ -28,7 +28,7 @@ const FILES: &[(&str, &str)] = files![
     "scenes/rcm-2019-06-15/rcm-3-B.oem",
 ];
 
-/// The bare names of the cameras in `configs/cameras/`.
+/// Names of the cameras in `configs/cameras/`.
 pub const CAMERAS: &[&str] = &[
     "fai-nir",
     "fai-630",
@@ -40,7 +40,7 @@ pub const CAMERAS: &[&str] = &[
     "horizon",
 ];
 
-/// A valid camera file, and in the table `spare` valid values of other keys.
+/// A valid camera file; its table `spare` has valid values of the other keys.
 pub const EXAMPLE_CAMERA: &str = concat!(
     include_str!("../../../configs/cameras/cots-wide.toml"),
     r#"
@@ -61,7 +61,7 @@ hot_e_s = 0.0
 /// Every key with its default.
 pub const DEFAULT_TOML: &str = include_str!("../../../configs/default.toml");
 
-/// Folder and file of the scene that runs where none is named.
+/// Folder and file of the default scene.
 pub const DEFAULT_SCENE: (&str, &str) = ("scenes/rcm-2019-06-15", "scene.toml");
 
 /// The text of a built-in file.

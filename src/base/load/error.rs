@@ -1,4 +1,4 @@
-//! What is wrong with a configuration file.
+//! Faults of a configuration file.
 
 use super::words::MEANT;
 use thiserror::Error;
@@ -6,7 +6,7 @@ use thiserror::Error;
 /// Largest number of faults that are listed.
 pub(super) const MAX_FAULTS: usize = 30;
 
-/// What is wrong with a configuration file.
+/// A fault of a configuration file.
 #[derive(Debug, Error)]
 pub enum ConfigError {
     /// The file cannot be read.
@@ -14,20 +14,20 @@ pub enum ConfigError {
     Read {
         /// As named by the user.
         file: String,
-        /// Why.
+        /// The error of the system.
         source: std::io::Error,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
-    /// The text is not TOML, lacks a key or has an unknown one, or a value is of another type.
+    /// The text is not TOML, a key is missing or unknown, or a value has another type.
     #[error("{place}: {}", line(reason))]
     Syntax {
         /// File, line and column.
         place: String,
-        /// Key, and what is expected there.
+        /// Key and expected value.
         reason: String,
     },
-    /// A value that the emulator cannot work with.
+    /// A value out of its range.
     #[error("{file}: {}", line(&format!("{key} = {value}: must be {allowed}")))]
     Value {
         /// As named by the user.
@@ -36,17 +36,17 @@ pub enum ConfigError {
         key: String,
         /// As given.
         value: String,
-        /// Range or choice.
+        /// Range or choices.
         allowed: String,
     },
-    /// A key that cannot be used as it is.
+    /// A key with another fault than its value.
     #[error("{file}: {}", line(&format!("{key}: {reason}")))]
     Key {
         /// As named by the user.
         file: String,
         /// Table and key.
         key: String,
-        /// What is wrong, and the remedy.
+        /// The fault and the remedy.
         reason: String,
     },
     /// A value that breaks a rule between keys.
@@ -54,18 +54,18 @@ pub enum ConfigError {
     Rule {
         /// The other keys that the rule compares it with.
         needs: Vec<String>,
-        /// What is wrong.
+        /// The fault.
         error: Box<ConfigError>,
     },
     /// An orbit file that cannot be used.
     #[error("{0}")]
     Orbit(String),
-    /// What is wrong with another file that a key names.
+    /// A fault of another file that a key names.
     #[error("{error}")]
     Named {
         /// Table and key.
         key: String,
-        /// What is wrong.
+        /// The fault.
         error: Box<ConfigError>,
     },
     /// A file with more than one fault, in the order of its lines.
@@ -73,18 +73,21 @@ pub enum ConfigError {
     Several {
         /// As named by the user.
         file: String,
-        /// Its faults.
+        /// The faults.
         faults: Vec<ConfigError>,
     },
 }
 
-/// A text in one line of at most 2,000 characters. Of a longer one the middle is left out: key and
+/// A text in one line of at most 2,000 characters. A longer one loses its middle, so that key and
 /// remedy stay.
 fn line(text: &str) -> String {
     const ENDS: [usize; 2] = [1300, 600];
-    let escaped = |c: char| match c.is_control() {
-        true => c.escape_default().to_string(),
-        false => c.to_string(),
+    let escaped = |c: char| {
+        if c.is_control() {
+            c.escape_default().to_string()
+        } else {
+            c.to_string()
+        }
     };
     let count = text.chars().count();
     if count <= ENDS.iter().sum() {
@@ -95,11 +98,12 @@ fn line(text: &str) -> String {
     format!("{first} ... {last}")
 }
 
-/// Whether there may be more than are listed.
+/// Text for more faults than are listed.
 fn more(faults: &[ConfigError]) -> &'static str {
-    match faults.len() < MAX_FAULTS {
-        true => "",
-        false => " or more",
+    if faults.len() < MAX_FAULTS {
+        ""
+    } else {
+        " or more"
     }
 }
 
@@ -110,7 +114,7 @@ fn lines(faults: &[ConfigError]) -> String {
 }
 
 impl ConfigError {
-    /// The key that a check refused.
+    /// The faulty key.
     pub(super) fn key(&self) -> Option<&str> {
         match self {
             ConfigError::Value { key, .. }
@@ -121,7 +125,7 @@ impl ConfigError {
         }
     }
 
-    /// Whether another value of the key would do.
+    /// Whether another value of the key would be valid.
     pub(super) fn is_of_value(&self) -> bool {
         match self {
             ConfigError::Value { .. } | ConfigError::Syntax { .. } => true,
@@ -130,7 +134,8 @@ impl ConfigError {
         }
     }
 
-    /// The same with the place of the key in the file, where the error is of this file; `given`: keys as the file has them.
+    /// Adds the position of the key to an error of `of_file`; `given` converts keys to those of the
+    /// file.
     pub(super) fn at(
         self,
         of_file: &str,
@@ -162,7 +167,8 @@ impl ConfigError {
         }
     }
 
-    /// The same as the error of a rule between its key and `keys`: where one of these is faulty itself, only that is reported.
+    /// Makes this the error of a rule between its key and `keys`. Where one of these is faulty,
+    /// only that is reported.
     pub fn needs(self, keys: &[&str]) -> ConfigError {
         ConfigError::Rule {
             needs: keys.iter().map(|key| (*key).to_string()).collect(),
@@ -170,7 +176,7 @@ impl ConfigError {
         }
     }
 
-    /// What is said of an unknown key.
+    /// The text after `unknown key`.
     pub(super) fn unknown_key(&self) -> Option<&str> {
         let ConfigError::Syntax { reason, .. } = self else {
             return None;
@@ -178,7 +184,7 @@ impl ConfigError {
         Some(reason.split_once("unknown key ")?.1)
     }
 
-    /// The key that is meant by an unknown one.
+    /// The key that an unknown one was meant to be.
     pub(super) fn meant(&self) -> Option<&str> {
         let (_, meant) = self.unknown_key()?.split_once(MEANT)?;
         meant.strip_suffix("`?")

@@ -1,4 +1,4 @@
-//! Arrays whose length is part of their meaning: a pixel, a quaternion, a point of a table.
+//! Arrays with a fixed length: a pixel, a quaternion, a point of a table.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
@@ -6,12 +6,12 @@ use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Exactly `N` values. Serde's own arrays stop reading after `N` and leave what follows unseen.
+/// Exactly `N` values. Serde's own arrays stop reading after `N` and ignore the rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fixed<T, const N: usize>(pub [T; N]);
 
 impl<T, const N: usize> Fixed<T, N> {
-    /// The arrays of a list of them.
+    /// Unwraps a list.
     pub fn all(list: Vec<Self>) -> Vec<[T; N]> {
         list.into_iter().map(|Fixed(values)| values).collect()
     }

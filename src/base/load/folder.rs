@@ -1,4 +1,4 @@
-//! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
+//! Folders of configuration and orbit files: on disk, or built into the binary.
 
 use super::embedded;
 use super::error::ConfigError;
@@ -7,10 +7,10 @@ use skyloop_orbit::{LARGEST_CONFIG, LARGEST_FILE};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// What stands for a folder where a scene is wanted.
+/// Scene file of a folder.
 const SCENE: &str = "scene.toml";
 
-/// What to do about a file of settings that is too long.
+/// The remedy for a configuration file that is too long.
 fn too_long(error: &std::io::Error) -> Option<&'static str> {
     (error.kind() == ErrorKind::FileTooLarge)
         .then_some("check that it is the right file; long tables of orbits and attitudes have files of their own")
@@ -21,7 +21,7 @@ fn too_long(error: &std::io::Error) -> Option<&'static str> {
 pub enum Folder {
     /// On disk.
     Disk(PathBuf),
-    /// A folder below `configs/` that is built in.
+    /// A built-in folder below `configs/`.
     Embedded(&'static str),
 }
 
@@ -31,41 +31,42 @@ impl Folder {
         Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
     }
 
-    /// The scene or run file at a path of the command line, or the `scene.toml` of a folder: its
-    /// folder, its name in messages, and its text.
+    /// The scene or run file at a path, or the `scene.toml` of a folder: its folder, its name in
+    /// messages, and its text.
     pub fn open(path: &Path) -> Result<(Folder, String, String), ConfigError> {
         let of_folder =
             "a folder stands for the scene.toml in it: name the file, or a folder that has one";
-        let (path, remedy) = match path.is_dir() {
-            true => (path.join(SCENE), of_folder),
-            false => (path.to_path_buf(), "check the path"),
+        let (path, remedy) = if path.is_dir() {
+            (path.join(SCENE), of_folder)
+        } else {
+            (path.to_path_buf(), "check the path")
         };
-        let shown = path_text(&path);
+        let name = path_text(&path);
         match skyloop_orbit::read_text_within(&path, LARGEST_CONFIG) {
-            Ok(text) => Ok((Folder::of(&path), shown, text)),
+            Ok(text) => Ok((Folder::of(&path), name, text)),
             Err(source) => Err(ConfigError::Read {
-                file: shown,
+                file: name,
                 remedy: too_long(&source).unwrap_or(remedy).to_string(),
                 source,
             }),
         }
     }
 
-    /// The folder that holds the file called `name` of this one.
-    pub fn beside(&self, name: &str) -> Folder {
+    /// The folder with the file `name` of this one.
+    pub fn folder_of(&self, name: &str) -> Folder {
         match self {
             Folder::Disk(folder) => Folder::of(&folder.join(name)),
-            // Built-in folders have no folders inside.
+            // Built-in folders have no subfolders.
             Folder::Embedded(folder) => Folder::Embedded(folder),
         }
     }
 
-    /// The folder that the process runs in.
+    /// The working directory.
     pub fn current() -> Folder {
         Folder::Disk(PathBuf::new())
     }
 
-    /// Whether there is a file called `name`.
+    /// Whether the file `name` exists.
     pub fn has(&self, name: &str) -> bool {
         match self {
             Folder::Disk(folder) => folder.join(name).exists(),
@@ -73,8 +74,8 @@ impl Folder {
         }
     }
 
-    /// The names of the files in the folder called `name`, in order, and of its other entries;
-    /// nothing where `name` is not a folder.
+    /// The files of the folder `name`, ordered by name, and its other entries; none where `name` is
+    /// not a folder.
     pub fn listing(&self, name: &str) -> Result<Option<[Vec<String>; 2]>, ConfigError> {
         let Folder::Disk(folder) = self else {
             return Ok(None);
@@ -96,20 +97,20 @@ impl Folder {
         Ok(Some(all.map(|all| all.into_iter().map(below).collect())))
     }
 
-    /// The TOML file called `name`, and the name to use for it in messages.
+    /// The TOML file `name`: its name in messages, and its text.
     pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
         self.read_within(name, LARGEST_CONFIG)
     }
 
-    /// The file of orbits called `name`, likewise.
+    /// The orbit file `name`: its name in messages, and its text.
     pub fn read_orbits(&self, name: &str) -> Result<(String, String), ConfigError> {
         self.read_within(name, LARGEST_FILE)
     }
 
-    /// The file called `name`, of at most `most` bytes, likewise.
-    pub fn read_within(&self, name: &str, most: u64) -> Result<(String, String), ConfigError> {
+    /// The file `name` of up to `max` bytes: its name in messages, and its text.
+    pub fn read_within(&self, name: &str, max: u64) -> Result<(String, String), ConfigError> {
         let failed = |file: String, source: std::io::Error| {
-            let remedy = match most {
+            let remedy = match max {
                 LARGEST_FILE => skyloop_orbit::remedy(&source),
                 _ => too_long(&source),
             };
@@ -128,13 +129,13 @@ impl Folder {
         match self {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
-                let shown = match name {
+                let file = match name {
                     "" => "\"\"".to_string(),
                     _ => path_text(&path),
                 };
-                match skyloop_orbit::read_text_within(&path, most) {
-                    Ok(text) => Ok((shown, text)),
-                    Err(source) => Err(failed(shown, source)),
+                match skyloop_orbit::read_text_within(&path, max) {
+                    Ok(text) => Ok((file, text)),
+                    Err(source) => Err(failed(file, source)),
                 }
             }
             Folder::Embedded(folder) => {

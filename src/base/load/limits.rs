@@ -1,4 +1,4 @@
-//! Limits of the values of a file, read by the checks and by the JSON Schema.
+//! Limits of the values of a file, for the checks and for the JSON Schema.
 
 use super::document::{matches, steps};
 use super::units::range_text;
@@ -7,48 +7,50 @@ use schemars::Schema;
 use serde_json::{Map, Value, json};
 use std::ops::RangeInclusive;
 
-/// A key and what its value may be. In the key `[]` stands for any place in a list, `*` for any name.
+/// A key and its allowed values. In the key `[]` matches any index, `*` any name.
 pub type Limit = (&'static str, Allowed);
 
-/// The end of a text in a [`Allowed::Form`]: `$` would match before a last line feed in Python.
+/// The end of a text in an [`Allowed::Form`]: in Python `$` also matches before a last line feed.
 pub const END: &str = r"(?![\s\S])";
 
-/// What the value of a key may be.
+/// Allowed values of a key.
 #[derive(Clone)]
 pub enum Allowed {
     /// A number.
     Number(RangeInclusive<f64>),
-    /// A text of these.
+    /// One of these texts.
     Word(fn() -> Vec<&'static str>),
     /// The length of a list.
     Count(RangeInclusive<usize>),
     /// The length of a text, in characters.
     Length(RangeInclusive<usize>),
-    /// A text of this form: a regular expression as ECMA-262, Python and Rust have it.
+    /// A text of this form: a regular expression of ECMA-262, Python and Rust.
     Form(fn() -> String),
-    /// A table with exactly one of these keys, each with its form in messages; true and lists that are
-    /// not empty count.
+    /// A table with exactly one of these keys, each with its form in messages; true and non-empty
+    /// lists count.
     OneOf(&'static [(&'static str, &'static str)]),
-    /// A table without both of these keys, of which errors name the first; true counts, zeros do not.
+    /// A table without both of these keys, of which errors name the first. True counts, zeros do
+    /// not.
     NotBoth([&'static str; 2]),
-    /// A table with the second key where it has the first.
+    /// A table that has the second key where it has the first.
     Needs([&'static str; 2]),
-    /// A table without the first key where its list of the second key has several entries; zeros do not count.
-    NotBesideSeveral([&'static str; 2]),
-    /// A table whose list of the first key, where it has several entries, has the second key in each.
+    /// A table without the first key where its list of the second key has several entries. Zeros do
+    /// not count.
+    NotWithSeveral([&'static str; 2]),
+    /// A table with a list of the first key: where it has several entries, each has the second key.
     EachOfSeveral([&'static str; 2]),
-    /// A table whose first key names its kind: for each kind the keys that it needs and others that it may have.
+    /// A table whose first key is its kind: for each kind the required keys and the optional ones.
     Kind(&'static str, &'static [Kind]),
 }
 
-/// A kind of table, the keys that it needs, and others that it may have.
+/// A kind of table, its required keys, and its optional ones.
 pub type Kind = (
     &'static str,
     &'static [&'static str],
     &'static [&'static str],
 );
 
-/// The range of the number of a key, if the table has one.
+/// The range of a number, if the table has one for the key.
 pub fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
     limits.iter().find_map(|(pattern, allowed)| match allowed {
         Allowed::Number(range) if matches(pattern, key) => Some(range.clone()),
@@ -56,14 +58,14 @@ pub fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
     })
 }
 
-/// What a key may be, in words, if its schema has a range, a length or a choice of words.
+/// The allowed values of a key in words, if its schema has a range, a length or a choice of words.
 pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
     let forms = forms_of(schema, key);
     let mut words = Vec::new();
     let mut texts = Vec::new();
     for (form, around) in &forms {
         let own = |name: &str| form.get(name).or(around.get(name));
-        // The end of 64 bits is no limit of a key.
+        // The end of 64 bits is not reported as a limit.
         let number = |name: &str| {
             let end = own(name).filter(|end| end.as_u64() != Some(u64::MAX));
             end.and_then(Value::as_f64)
@@ -73,10 +75,10 @@ pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
         let listed: Vec<&str> = listed.filter_map(Value::as_str).collect();
         if !listed.is_empty() {
             words.extend(listed);
-        } else if let (Some(least), Some(most)) = (number("minimum"), number("maximum")) {
-            texts.push(range_text(key, &(least..=most)));
-        } else if let (Some(least), Some(most)) = (number("minLength"), number("maxLength")) {
-            texts.push(format!("a text of {least} to {most} characters in quotes"));
+        } else if let (Some(min), Some(max)) = (number("minimum"), number("maximum")) {
+            texts.push(range_text(key, &(min..=max)));
+        } else if let (Some(min), Some(max)) = (number("minLength"), number("maxLength")) {
+            texts.push(format!("a text of {min} to {max} characters in quotes"));
         } else if form.get("properties").is_some() && forms.len() > 1 {
             texts.push("a table of keys".to_string());
         } else {
@@ -98,7 +100,8 @@ pub fn is_number(schema: &Schema, key: &str) -> bool {
     forms_of(schema, key).iter().any(is_number)
 }
 
-/// The schemas of the value of a key, one for each form that it may have, and the schema around them, which may have limits too.
+/// The schemas of the value of a key, one for each of its forms, and the schema around them, which
+/// may have limits too.
 fn forms_of<'s>(schema: &'s Schema, key: &str) -> Vec<(&'s Value, &'s Value)> {
     let root = schema.as_value();
     let mut found = vec![(root, root)];
@@ -122,7 +125,7 @@ fn forms_of<'s>(schema: &'s Schema, key: &str) -> Vec<(&'s Value, &'s Value)> {
     found
 }
 
-/// A schema behind its reference, or each of those that it is a choice of; null, for a key that is left out, is none.
+/// Resolves a reference or a choice of schemas; null, for an optional key, is left out.
 fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
     if let Some(reference) = node.get("$ref").and_then(Value::as_str) {
         let pointer = reference.strip_prefix('#').unwrap_or_default();
@@ -138,19 +141,20 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
     }
 }
 
-/// Gives whole numbers the ends of their types: schemars leaves out those of 32 and 64 bits. Limits of keys replace them.
+/// Adds the ends of integer types: schemars omits those of 32 and 64 bits. Limits of keys replace
+/// them.
 pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
     for node in nodes {
         match node {
             Value::Array(list) => bound_integers(list.iter_mut()),
             Value::Object(map) => {
-                let most = match map.get("format").and_then(Value::as_str) {
+                let max = match map.get("format").and_then(Value::as_str) {
                     Some("uint32") => Some(u64::from(u32::MAX)),
                     Some("uint64") => Some(u64::MAX),
                     _ => None,
                 };
-                if let Some(most) = most {
-                    map.entry("maximum").or_insert_with(|| json!(most));
+                if let Some(max) = max {
+                    map.entry("maximum").or_insert_with(|| json!(max));
                 }
                 bound_integers(map.values_mut());
             }
@@ -162,7 +166,7 @@ pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
 /// Writes the limits into the schema of a file.
 pub fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
-        // Rules between keys stand where the keys are.
+        // Rules between keys apply to the schema with the keys.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {
             Allowed::Number(_)
             | Allowed::Word(_)
@@ -213,7 +217,7 @@ impl Allowed {
                     needs.insert((*key).into(), json!([needed]));
                 }
             }
-            Allowed::NotBesideSeveral([key, list]) => {
+            Allowed::NotWithSeveral([key, list]) => {
                 let both = [is_given(key, &zeros()), several(list, &json!({}))];
                 add_rules(node, vec![json!({ "not": { "allOf": both } })]);
             }
@@ -239,7 +243,7 @@ fn own_keys((_, needed, others): &Kind) -> impl Iterator<Item = &'static str> {
     needed.iter().chain(others.iter()).copied()
 }
 
-/// What a kind needs, and that it has none of `all` keys that are not its own.
+/// The rule of a kind: its required keys, and none of `all` keys of other kinds.
 fn rule(key: &str, kind: &Kind, all: &[&str]) -> Value {
     let (name, needed, _) = kind;
     let foreign = all
@@ -254,7 +258,7 @@ fn rule(key: &str, kind: &Kind, all: &[&str]) -> Value {
     })
 }
 
-/// Adds rules that all hold.
+/// Adds rules that must all hold.
 fn add_rules(node: &mut Map<String, Value>, rules: Vec<Value>) {
     let all = node.entry("allOf").or_insert_with(|| json!([]));
     if let Value::Array(all) = all {
@@ -262,7 +266,7 @@ fn add_rules(node: &mut Map<String, Value>, rules: Vec<Value>) {
     }
 }
 
-/// That a key is there, and neither false nor an empty list nor one of `defaults`.
+/// The schema of a key that is present, and neither false nor an empty list nor one of `defaults`.
 fn is_given(key: &str, defaults: &[Value]) -> Value {
     let none = [json!(false), json!([])];
     let none: Vec<&Value> = none.iter().chain(defaults).collect();
@@ -270,18 +274,18 @@ fn is_given(key: &str, defaults: &[Value]) -> Value {
     json!({ "required": [key], "properties": { key: counts } })
 }
 
-/// Numbers that count as not given.
+/// Numbers that count as missing.
 fn zeros() -> [Value; 2] {
     [json!(0.0), json!([0.0, 0.0, 0.0])]
 }
 
-/// That a list is there with two entries or more, and is as `more` says.
+/// The schema of a list with at least two entries that also matches `more`.
 fn several(list: &str, more: &Value) -> Value {
     let count = json!({ "minItems": 2 });
     json!({ "required": [list], "properties": { list: { "allOf": [count, more] } } })
 }
 
-/// The JSON pointer to the schema of the values that a pattern stands for.
+/// The JSON pointer to the schema of the values that match a pattern.
 fn pointer(schema: &mut Schema, pattern: &str) -> Option<String> {
     let mut pointer = String::new();
     let pattern = pattern.replace('[', ".[");
@@ -310,7 +314,7 @@ fn pointer(schema: &mut Schema, pattern: &str) -> Option<String> {
     Some(pointer)
 }
 
-/// The place with the `member`, behind references and in choices.
+/// The pointer to the schema with `member`, through references and choices.
 fn resolved(schema: &Schema, mut pointer: String, member: &str) -> Option<String> {
     loop {
         let node = schema.pointer(&pointer)?;
@@ -322,23 +326,24 @@ fn resolved(schema: &Schema, mut pointer: String, member: &str) -> Option<String
             (None, Some(choices)) => {
                 let has =
                     |choice: &Value| choice.get(member).is_some() || choice.get("$ref").is_some();
-                let place = choices.as_array()?.iter().position(has)?;
-                format!("{pointer}/anyOf/{place}")
+                let index = choices.as_array()?.iter().position(has)?;
+                format!("{pointer}/anyOf/{index}")
             }
             (None, None) => return None,
         };
     }
 }
 
-/// Gives each place of a list of fixed length a schema of its own.
+/// Gives each index of a list of fixed length its own schema.
 fn split_items(schema: &mut Schema, pointer: &str) {
     let Some(Value::Object(list)) = schema.pointer_mut(pointer) else {
         return;
     };
     let length = list.get("maxItems").and_then(Value::as_u64).unwrap_or(0);
     let items = list.get("items").cloned().unwrap_or_default();
-    let places = || (0..length).map(|_| items.clone()).collect::<Vec<_>>();
-    list.entry("prefixItems").or_insert_with(|| places().into());
+    let schemas = || (0..length).map(|_| items.clone()).collect::<Vec<_>>();
+    list.entry("prefixItems")
+        .or_insert_with(|| schemas().into());
 }
 
 #[cfg(any(test, feature = "test-support"))]

@@ -1,5 +1,5 @@
-//! Loading text files: folders on disk or built in, checked TOML, errors that name file, key, value and
-//! the allowed range. Unknown keys are refused.
+//! Loads text files: folders on disk or built in, checked TOML, errors that name file, key, value
+//! and allowed range. Unknown keys are refused.
 
 mod check;
 mod document;

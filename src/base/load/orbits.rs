@@ -1,4 +1,4 @@
-//! Orbit files of every format, and folders of them, by name.
+//! Orbit files of every format, and folders of them.
 
 use super::error::ConfigError;
 use super::folder::Folder;
@@ -10,7 +10,7 @@ use skyloop_orbit::{
     Contents, Loaded, Object, Rejected, Source, United, file_and_name, parse_contents, unite,
 };
 
-/// Largest number of objects that a line names.
+/// Largest number of objects in a message.
 const NAMED: usize = 3;
 
 /// Refusals and notices of orbit files.
@@ -22,8 +22,8 @@ pub struct Findings {
     pub notices: Vec<String>,
 }
 
-/// All orbit files of a scene. Records of an object are joined when all are read: the last file may
-/// show that earlier records are of one object.
+/// All orbit files of a scene. Records of an object are united after all are read, since the last
+/// file may show that earlier records are of one object.
 #[derive(Debug, Default)]
 pub struct Pool {
     sources: Vec<Source>,
@@ -39,9 +39,12 @@ impl Pool {
         });
     }
 
-    /// Adds every object of a file, or of all files in a folder, each a source with this rank.
+    /// Adds every object of a file, or of all files in a folder; each file is a source with this
+    /// rank.
     ///
-    /// Errors: a file that cannot be read, or no usable object.
+    /// # Errors
+    ///
+    /// A file cannot be read, or has no usable object.
     pub fn read(
         &mut self,
         folder: &Folder,
@@ -59,7 +62,7 @@ impl Pool {
         let mut refused = Vec::new();
         let mut is_empty = true;
         for (file, contents) in load(folder, name, findings)? {
-            findings.book(&contents.rejected, &contents.assumed);
+            findings.add(&contents.rejected, &contents.assumed);
             refused.extend_from_slice(&contents.rejected);
             let source = contents.into_source(file, rank);
             is_empty &= source.objects.is_empty();
@@ -76,25 +79,25 @@ impl Pool {
         Ok(())
     }
 
-    /// The objects of a rank, and the source of each.
+    /// The objects of a rank, each with the index of its source.
     pub fn of_rank(&self, rank: u8) -> impl Iterator<Item = (usize, &Object)> + Clone {
         let sources = self.sources.iter().enumerate();
         let sources = sources.filter(move |(_, source)| source.rank == rank);
-        sources.flat_map(|(place, source)| source.objects.iter().map(move |object| (place, object)))
+        sources.flat_map(|(index, source)| source.objects.iter().map(move |object| (index, object)))
     }
 
-    /// The number of sources so far.
+    /// Number of sources so far.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no sources.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
 
-    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused:
-    /// the object would be drawn twice.
+    /// Unites the records of each object. An ephemeris in addition to another orbit of an object is
+    /// refused, since the object would be drawn twice.
     pub fn unite(self, findings: &mut Findings) -> United {
         let united = unite(self.sources);
         let refused = united.refused.iter().map(|(_, refused)| refused);
@@ -119,7 +122,7 @@ pub fn several_sets(objects: &[Object]) -> Option<String> {
     ))
 }
 
-/// Names that several objects without any other identity share, with their counts.
+/// Names that several objects share that have no other identity, with their counts.
 pub fn shared_names(objects: &[Object]) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for object in objects.iter().filter(|o| o.identity.has_name_alone()) {
@@ -143,65 +146,65 @@ pub fn of_one_name(shared: &BTreeMap<String, usize>) -> Option<String> {
     })
 }
 
-/// The first of some objects by name: `NORAD 5 (VANGUARD 1), ...`.
+/// The first objects by name: `NORAD 5 (VANGUARD 1), ...`.
 pub fn named(objects: &[&Object]) -> String {
     let labels = objects.iter().take(NAMED).map(|object| object.label());
     let more = (objects.len() > NAMED).then(|| "...".to_string());
     labels.chain(more).collect::<Vec<_>>().join(", ")
 }
 
-/// The object that `FILE` or `FILE:NAME` selects, see [`file_and_name`] and [`Loaded::pick`].
+/// The object of a selector `FILE` or `FILE:NAME`, see [`file_and_name`] and [`Loaded::pick`].
 pub fn one(
     folder: &Folder,
     selector: &str,
     findings: &mut Findings,
 ) -> Result<Object, ConfigError> {
-    Shelf::new(folder).one(selector, findings)
+    FileCache::new(folder).one(selector, findings)
 }
 
-/// Files that are read once, however many objects are taken out of them.
-pub struct Shelf<'a> {
+/// Files that are read once for several objects.
+pub struct FileCache<'a> {
     folder: &'a Folder,
     files: HashMap<String, Loaded>,
 }
 
-impl Shelf<'_> {
-    /// Of the files in `folder`; none is read yet.
-    pub fn new(folder: &Folder) -> Shelf<'_> {
+impl FileCache<'_> {
+    /// An empty cache for the files in `folder`.
+    pub fn new(folder: &Folder) -> FileCache<'_> {
         let files = HashMap::new();
-        Shelf { folder, files }
+        FileCache { folder, files }
     }
 
-    /// [`one`], from a file that may have been read before.
+    /// [`one`], from a cached file if possible.
     pub fn one(&mut self, selector: &str, findings: &mut Findings) -> Result<Object, ConfigError> {
         let (file, name) = file_and_name(selector, |file| self.folder.has(file));
         let loaded = match self.files.entry(file.to_string()) {
             Entry::Occupied(read) => read.into_mut(),
-            Entry::Vacant(place) => place.insert(whole(load(self.folder, file, findings)?)),
+            Entry::Vacant(entry) => entry.insert(whole(load(self.folder, file, findings)?)),
         };
         let object = loaded
             .find(name)
             .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-        findings.book(&loaded.rejected, &loaded.assumed);
+        findings.add(&loaded.rejected, &loaded.assumed);
         Ok(object.clone())
     }
 }
 
 impl Findings {
-    /// Adds what was refused or assumed, unless another use of the same file has said it already.
-    fn book(&mut self, rejected: &[Rejected], assumed: &[String]) {
+    /// Adds refusals and assumptions, without duplicates from other uses of the same file.
+    fn add(&mut self, rejected: &[Rejected], assumed: &[String]) {
         add_new(&mut self.rejected, rejected.iter().map(Rejected::to_string));
         add_new(&mut self.notices, assumed.iter().cloned());
     }
 }
 
-/// Adds the lines that are not there yet.
+/// Adds lines without duplicates.
 fn add_new(all: &mut Vec<String>, lines: impl Iterator<Item = String>) {
     let known: HashSet<String> = all.iter().cloned().collect();
     all.extend(lines.filter(|line| !known.contains(line)));
 }
 
-/// Reports what a folder has besides files of orbits, if anything.
+/// Reports the entries of a folder that are not orbit files, if any.
 pub fn passed_over(names: &[String]) -> Option<String> {
     let more = if names.len() > NAMED { ", ..." } else { "" };
     let mut named: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -219,7 +222,7 @@ pub fn passed_over(names: &[String]) -> Option<String> {
     ))
 }
 
-/// A file, or all files of a folder without those that are not of orbits, each with its name.
+/// A file, or all orbit files of a folder, with their names.
 fn load(
     folder: &Folder,
     name: &str,
@@ -260,12 +263,12 @@ fn whole(files: Vec<(String, Contents)>) -> Loaded {
     loaded
 }
 
-/// What a file of a folder gives.
+/// The contents of a file in a folder.
 enum Given {
     Orbits(Contents),
-    /// It is no file of orbits.
+    /// Not an orbit file.
     Foreign,
-    /// It cannot be read, or has the form of one and holds nothing.
+    /// Unreadable, or an orbit file without records.
     Unusable(String),
 }
 

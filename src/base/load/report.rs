@@ -2,8 +2,8 @@
 //!
 //! Parser and checks stop at the first fault. The faulty key is then replaced by that of an example
 //! file, or removed, and the file is read again until it is valid. Faults that follow from a
-//! replaced key are not reported. At last all values are compared with their limits, since a check
-//! may have been skipped after another fault.
+//! replaced key are not reported. At the end all values are compared with their limits, since a
+//! fault may have prevented a check.
 
 use super::check::Check;
 use super::document::{
@@ -24,15 +24,15 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue, Deserializer, ValueDeserializer};
 
-/// Largest number of times that a file is read.
+/// Largest number of passes over a file.
 const MAX_READS: usize = 100;
 
 /// A value and the notices of its checks, one line each.
 pub type Noticed<T> = (T, Vec<String>);
 
-/// Parses `text`, the contents of `file`, checks it with `validate`, and logs notices of a valid
-/// file. `example` is a valid file with all required keys, and in its table `spare` values of
-/// others.
+/// Parses `text`, the contents of `file`, checks it with `validate`, and logs the notices of a
+/// valid file. `example` is a valid file with all required keys; its table `spare` has values of
+/// other keys.
 pub fn read<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
@@ -47,7 +47,7 @@ pub fn read<Raw: DeserializeOwned + JsonSchema, T>(
     Ok(value)
 }
 
-/// The same; notices are returned instead of logged.
+/// [`read`], but notices are returned instead of logged.
 pub fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
     file: &str,
     text: &str,
@@ -74,7 +74,7 @@ pub fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
         let outcome = match raw {
             Ok(raw) => {
                 let document = report.document.get_ref();
-                // Keys by themselves before rules between them, whose repair would hide other faults.
+                // Single keys before rules between them, whose repair would hide other faults.
                 rules::keys_of_kinds(document, limits, &check)
                     .and_then(|()| validate(raw, &check))
                     .and_then(|value| rules::between_keys(document, limits, &check).map(|()| value))
@@ -103,7 +103,7 @@ struct Fault {
     /// The key in the file.
     key: String,
     /// The key in the repaired document.
-    place: String,
+    repaired_key: String,
     span: Range<usize>,
     error: ConfigError,
 }
@@ -113,71 +113,73 @@ struct Report<'a> {
     file: &'a str,
     text: &'a str,
     original: &'a Spanned<DeTable<'a>>,
-    /// The same without its faults.
+    /// The document with its faults repaired.
     document: Spanned<DeTable<'a>>,
     faults: Vec<Fault>,
     /// The keys that were replaced or removed.
     repaired: Vec<String>,
-    /// Names that misspelt keys got: the file does not have them.
+    /// Corrected names of misspelt keys, which the file does not have.
     meant_keys: Vec<String>,
-    /// Tables with keys that are unknown: keys that they lack may be meant.
+    /// Tables with unknown keys, which may be misspelt forms of missing keys.
     misread: Vec<String>,
 }
 
 impl Report<'_> {
-    /// A key of the repaired document as the file has it.
-    fn given(&self, place: &str) -> String {
-        key_in(self.original.get_ref(), self.document.get_ref(), place)
+    /// The key in the file of a key in the repaired document.
+    fn given(&self, key: &str) -> String {
+        key_in(self.original.get_ref(), self.document.get_ref(), key)
     }
 
-    /// A fault that a check found.
+    /// A fault from a check.
     fn of_check(&self, error: ConfigError) -> Fault {
-        let place = error.key().unwrap_or_default().to_string();
-        let span = span_of(self.document.get_ref(), &place);
-        let shown = shown(self.file, self.text, &span);
+        let repaired_key = error.key().unwrap_or_default().to_string();
+        let span = span_of(self.document.get_ref(), &repaired_key);
+        let location = location(self.file, self.text, &span);
         Fault {
-            key: self.given(&place),
-            error: error.at(self.file, &shown, &|key| self.given(key)),
-            place,
+            key: self.given(&repaired_key),
+            error: error.at(self.file, &location, &|key| self.given(key)),
+            repaired_key,
             span,
         }
     }
 
-    /// A fault that the parser found.
+    /// A fault from the parser.
     fn of_parser(&self, error: &toml::de::Error, schema: &Schema) -> Fault {
-        let (place, span, error) = locate(self.file, self.text, &self.document, error, |key| {
-            (self.given(key), limits::text_of(schema, key))
-        });
+        let (repaired_key, span, error) =
+            locate(self.file, self.text, &self.document, error, |key| {
+                (self.given(key), limits::text_of(schema, key))
+            });
         Fault {
-            key: self.given(&place),
-            place,
+            key: self.given(&repaired_key),
+            repaired_key,
             span,
             error,
         }
     }
 
-    /// Reports a fault, unless it follows from an earlier one, and repairs the document; false if nothing more can be found.
+    /// Reports a fault, unless it follows from an earlier one, and repairs the document. False if
+    /// no more faults can be found.
     fn take(&mut self, fault: Fault, example: &DeTable<'static>, schema: &Schema) -> bool {
         let Fault {
             key,
-            place,
+            repaired_key,
             span,
             error,
         } = &fault;
-        // No value is right for a key that does not belong here.
+        // No value is valid for an unknown key.
         let is_value = error.is_of_value();
         let unknown = error.unknown_key().map(|_| (key.clone(), span.clone()));
         let mut meant_keys = self.meant_keys.iter();
         let is_guess = !is_value && meant_keys.any(|meant| meant == without_indices(key));
-        let place = place.clone();
+        let repaired_key = repaired_key.clone();
         if !is_guess && !self.follows(key, error) {
             let renamed = error.meant().is_some_and(|meant| {
-                let (table, _) = place.rsplit_once('.').unwrap_or_default();
+                let (table, _) = repaired_key.rsplit_once('.').unwrap_or_default();
                 let new = format!("{table}.{meant}");
                 self.meant_keys
                     .push(new.trim_start_matches('.').to_string());
                 // The value of a misspelt key is checked as well.
-                rename(self.document.get_mut(), &place, meant)
+                rename(self.document.get_mut(), &repaired_key, meant)
             });
             if !renamed && unknown.is_some() {
                 self.misread.push(parent(key).to_string());
@@ -196,11 +198,11 @@ impl Report<'_> {
             self.repaired.push(key);
             return true;
         }
-        self.repair(place, is_value, example, schema)
+        self.repair(repaired_key, is_value, example, schema)
     }
 
-    /// Whether a fault of `key` follows from a repair, is of a table with an unknown key, which may
-    /// be the one that it lacks, or of a rule that needs a key that such a table lacks.
+    /// Whether a fault of `key` follows from a repair or from an unknown key. An unknown key may be
+    /// the one that its table lacks, or that a rule needs.
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
@@ -212,62 +214,63 @@ impl Report<'_> {
         };
         let is_of_misread = !key.is_empty() && self.misread.iter().any(|table| table == key);
         let lacks_more = is_of_misread && !error.is_of_value();
-        // The file has no value of a key that was only guessed.
+        // The file has no value for a guessed key.
         let message = error.to_string();
-        let speaks_of_guess = |meant: &String| {
+        let names_a_guess = |meant: &String| {
             meant.contains('.') && !within(key, meant) && message.contains(meant.as_str())
         };
         lacks_more
-            || self.meant_keys.iter().any(speaks_of_guess)
+            || self.meant_keys.iter().any(names_a_guess)
             || needs.iter().any(is_misread)
             || (self.repaired.iter()).any(|done| follows_from(key, error, done))
     }
 
-    /// Replaces the key, or the first table or list around it that has not been replaced before; false if there is none.
+    /// Replaces the key, or the innermost table or list around it that has not been replaced. False
+    /// if there is none.
     fn repair(
         &mut self,
-        place: String,
+        key: String,
         is_value: bool,
         example: &DeTable<'static>,
         schema: &Schema,
     ) -> bool {
-        // Of a replacement that is no good itself all is replaced.
-        let key = self.given(&place);
-        let around = |done: &&String| *done != &key && within(&key, done);
+        // A replacement that is itself faulty is replaced as a whole.
+        let given = self.given(&key);
+        let around = |done: &&String| *done != &given && within(&given, done);
         let around = self.repaired.iter().find(around);
-        let mut place = around.cloned().unwrap_or(place);
+        let mut key = around.cloned().unwrap_or(key);
         let value = loop {
-            let value = self.replacement(&place, is_value, example, schema);
-            let is_missing = value_at(self.document.get_ref(), &place, false).is_none();
-            let is_lost = is_missing && as_entry(&place).is_some();
-            // A key that was removed may be needed.
+            let value = self.replacement(&key, is_value, example, schema);
+            let is_missing = value_at(self.document.get_ref(), &key, false).is_none();
+            let is_lost = is_missing && as_entry(&key).is_some();
+            // A removed key may be required.
             let is_needed = is_missing && value.is_some();
-            if !is_lost && (is_needed || !self.repaired.contains(&self.given(&place))) {
+            if !is_lost && (is_needed || !self.repaired.contains(&self.given(&key))) {
                 break value;
             }
-            place = parent(&place).to_string();
+            key = parent(&key).to_string();
         };
-        if place.is_empty() {
+        if key.is_empty() {
             return false;
         }
-        let key = self.given(&place);
-        self.repaired.push(key);
-        set(self.document.get_mut(), &place, value)
+        let given = self.given(&key);
+        self.repaired.push(given);
+        set(self.document.get_mut(), &key, value)
     }
 
-    /// The replacement of a faulty key: 0 for a number in a list, which may need its length; for a
-    /// key, or the only entry of a list, the value in the example, or in its table `spare` where
-    /// the value is wrong (`is_value`) or missing. Anything else is removed.
+    /// The replacement of a faulty key. A number in a list, which may need its length, becomes 0. A
+    /// key, or the only entry of a list, gets the value in the example. Where the value is faulty
+    /// (`is_value`) or missing, it may come from the table `spare`. Anything else is removed.
     fn replacement(
         &self,
-        place: &str,
+        key: &str,
         is_value: bool,
         example: &DeTable<'static>,
         schema: &Schema,
     ) -> Option<DeValue<'static>> {
         let document = self.document.get_ref();
-        if let Some((list, _)) = as_entry(place) {
-            if limits::is_number(schema, place) {
+        if let Some((list, _)) = as_entry(key) {
+            if limits::is_number(schema, key) {
                 return Some(DeValue::Integer(DeInteger::default()));
             }
             let list = value_at(document, list, false)?.get_ref().as_array()?;
@@ -275,16 +278,16 @@ impl Report<'_> {
                 return None;
             }
         }
-        let is_missing = value_at(document, place, false).is_none();
+        let is_missing = value_at(document, key, false).is_none();
         let spare = || {
-            let spare = value_at(example, &format!("spare.{place}"), true);
+            let spare = value_at(example, &format!("spare.{key}"), true);
             spare.filter(|_| is_value || is_missing)
         };
-        let value = value_at(example, place, true).or_else(spare)?;
+        let value = value_at(example, key, true).or_else(spare)?;
         Some(placeless(value.get_ref()))
     }
 
-    /// Adds unreported values that are out of their limits.
+    /// Adds unreported values beyond their limits.
     fn compare_with(&mut self, limits: &[&[Limit]]) {
         let check = Check::of(self.file);
         let mut found = Vec::new();
@@ -298,11 +301,11 @@ impl Report<'_> {
                 .find_map(|limits| beyond(limits, key, value, &check));
             if let Some(error) = error.filter(|_| !reported) {
                 let (key, span) = (key.to_string(), value.span());
-                let shown = shown(self.file, self.text, &span);
+                let location = location(self.file, self.text, &span);
                 found.push(Fault {
-                    place: key.clone(),
+                    repaired_key: key.clone(),
                     key,
-                    error: error.at(self.file, &shown, &str::to_string),
+                    error: error.at(self.file, &location, &str::to_string),
                     span,
                 });
             }
@@ -328,7 +331,7 @@ impl Report<'_> {
     }
 }
 
-/// The error of a number or a word beyond the limit of its key.
+/// The error of a number or a word that is not allowed for its key.
 fn beyond(
     limits: &[Limit],
     key: &str,
@@ -351,7 +354,7 @@ fn beyond(
 }
 
 /// Whether a fault of `key` follows from the replacement of `done`: it lies within, is of the list
-/// that holds it, or of a rule that needs it or whose message names it.
+/// around it, or of a rule that needs it or whose message names it.
 fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
     let is_of = |need: &String| within(need, done) || within(done, need);
     if let ConfigError::Rule { needs, .. } = error
@@ -363,21 +366,20 @@ fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
         ConfigError::Syntax { .. } => String::new(),
         other => other.to_string(),
     };
-    // Behind the place, which may have any words.
+    // Only the message after the location, which may have any words.
     let message = message.split_once(": ").map_or("", |(_, message)| message);
-    let speaks_of = |name: &str| {
+    let names = |name: &str| {
         let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');
         words.any(|word| word == name)
     };
     let is_of_list = (done.strip_prefix(key)).is_some_and(|rest| rest.starts_with('['));
     let around = done.rsplit_once('.');
-    let misses =
-        around.is_some_and(|(table, name)| table == key && speaks_of(without_indices(name)));
+    let misses = around.is_some_and(|(table, name)| table == key && names(without_indices(name)));
     within(key, done) || is_of_list || misses || (done.contains('.') && message.contains(done))
 }
 
 /// File, line and column of a span.
-fn shown(file: &str, text: &str, span: &Range<usize>) -> String {
+fn location(file: &str, text: &str, span: &Range<usize>) -> String {
     if span.end == 0 {
         return file.to_string();
     }

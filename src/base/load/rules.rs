@@ -1,4 +1,4 @@
-//! Rules between the keys of a table, from the limits that the JSON Schema has too.
+//! Rules between the keys of a table, from the limits that are also in the JSON Schema.
 
 use super::check::Check;
 use super::document::tables_at;
@@ -7,7 +7,7 @@ use super::limits::{Allowed, Kind, Limit};
 use super::words::one_of;
 use toml::de::{DeArray, DeTable, DeValue};
 
-/// Refuses the first table of a document that has not the keys of its kind.
+/// Refuses the first table of a document without the keys of its kind.
 pub(super) fn keys_of_kinds(
     document: &DeTable<'_>,
     limits: &[&[Limit]],
@@ -55,7 +55,7 @@ impl Table<'_, '_> {
         match rule {
             Allowed::OneOf(keys) => self.has_one_of(keys),
             Allowed::NotBoth([key, other]) if self.is_set(key) && self.is_set(other) => {
-                Err(self.beside(key, other))
+                Err(self.both_given(key, other))
             }
             Allowed::Needs([key, needed])
                 if self.values.contains_key(*key) && !self.values.contains_key(*needed) =>
@@ -64,7 +64,7 @@ impl Table<'_, '_> {
                 let reason = format!("goes with {needed}: add that, or leave it out");
                 Err(self.error(key, reason, &[&needed]))
             }
-            Allowed::NotBesideSeveral([key, list])
+            Allowed::NotWithSeveral([key, list])
                 if self.is_set(key) && self.several(list).is_some() =>
             {
                 let reason = format!("given beside several {list}: leave it out");
@@ -86,7 +86,7 @@ impl Table<'_, '_> {
         error.needs(needs)
     }
 
-    fn beside(&self, name: &str, other: &str) -> ConfigError {
+    fn both_given(&self, name: &str, other: &str) -> ConfigError {
         let other = self.key_of(other);
         let reason = format!("given beside {other}: leave one of them out");
         self.check.explain(&self.key_of(name), reason)
@@ -96,7 +96,7 @@ impl Table<'_, '_> {
         self.values.get(name).map(|value| value.get_ref())
     }
 
-    /// Whether a key is there, and neither false nor an empty list.
+    /// Whether a key is present, and neither false nor an empty list.
     fn is_given(&self, name: &str) -> bool {
         self.value(name).is_some_and(|value| match value {
             DeValue::Boolean(flag) => *flag,
@@ -105,7 +105,7 @@ impl Table<'_, '_> {
         })
     }
 
-    /// The same, and not zeros.
+    /// Whether a key is given and not zero.
     fn is_set(&self, name: &str) -> bool {
         let is_zeros = match self.value(name) {
             Some(DeValue::Array(list)) => list.iter().all(|one| is_zero(one.get_ref())),
@@ -115,19 +115,19 @@ impl Table<'_, '_> {
         self.is_given(name) && !is_zeros
     }
 
-    /// A list with two entries or more.
+    /// A list with at least two entries.
     fn several(&self, list: &str) -> Option<&DeArray<'_>> {
         let list = self.value(list)?.as_array()?;
         (list.len() > 1).then_some(list)
     }
 
-    /// Each key stands with its form, which the error shows.
+    /// Checks that exactly one of the keys is given; errors have their forms.
     fn has_one_of(&self, keys: &[(&str, &str)]) -> Result<(), ConfigError> {
         let mut given = keys.iter().filter(|(name, _)| self.is_given(name));
         match (given.next(), given.next_back()) {
             (Some(_), None) => Ok(()),
-            // The last one: the table is checked again without it.
-            (Some((first, _)), Some((last, _))) => Err(self.beside(last, first)),
+            // The last one, since the table is checked again without it.
+            (Some((first, _)), Some((last, _))) => Err(self.both_given(last, first)),
             (None, _) => {
                 let forms: Vec<&str> = keys.iter().map(|(_, form)| *form).collect();
                 let reason = format!("give one of {}", forms.join(", "));
@@ -151,7 +151,7 @@ impl Table<'_, '_> {
         }
     }
 
-    /// Refuses an unknown kind, keys of other kinds, and a lack of keys that the kind needs.
+    /// Refuses an unknown kind, keys of other kinds, and missing required keys.
     fn has_keys_of_kind(&self, key: &str, kinds: &[Kind]) -> Result<(), ConfigError> {
         let Some(kind) = self.value(key).and_then(DeValue::as_str) else {
             return Ok(());

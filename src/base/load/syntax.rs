@@ -1,4 +1,4 @@
-//! TOML into raw keys. Each fault is one line: file, line, column, key, and what is expected there.
+//! Faults of TOML and of raw keys. Each is one line: file, line, column, key, and expected value.
 
 use super::document::{as_entry, value_at};
 use super::error::ConfigError;
@@ -13,15 +13,15 @@ pub(super) fn not_toml(file: &str, text: &str, error: &Error) -> ConfigError {
     let (line, column) = position(text, span.start);
     let code = text.lines().nth(line - 1).unwrap_or_default();
     let begin = text.get(..span.start).and_then(|before| before.rfind('\n'));
-    let place = span.start - begin.map_or(0, |feed| feed + 1);
+    let offset = span.start - begin.map_or(0, |feed| feed + 1);
     ConfigError::Syntax {
         place: format!("{file}:{line}:{column}"),
-        reason: format!("not TOML: {}", no_toml(error.message(), code, place)),
+        reason: format!("not TOML: {}", no_toml(error.message(), code, offset)),
     }
 }
 
-/// The key of the parser's error, its place in the text, and the error in words of the files.
-/// `known` gives the name of a key in the file and its allowed values.
+/// The key of the parser's error, its span, and the error in the terms of the files. `known` gives
+/// the name of a key in the file and its allowed values.
 pub(super) fn locate(
     file: &str,
     text: &str,
@@ -31,11 +31,11 @@ pub(super) fn locate(
 ) -> (String, Range<usize>, ConfigError) {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
-    // What is missing at the top is missing in no entry.
+    // A key that is missing in the whole file has no entry around it.
     let inside = (table.span() != span).then(|| in_table(table.get_ref(), &span));
     let key = inside.flatten().unwrap_or_default();
     let key = key.trim_start_matches('.');
-    // A list of one table that has its own header has the place of that.
+    // A list of one table with its own header has the span of that header.
     let is_list =
         |key| value_at(table.get_ref(), key, false).is_some_and(|it| it.get_ref().is_array());
     let key = match as_entry(key) {
@@ -59,8 +59,15 @@ pub(super) fn locate(
         ("", Some(missing)) => missing.to_string(),
         (key, Some(missing)) => format!("{key}.{missing}"),
     };
-    let place = format!("{file}:{line}:{column}");
-    (key, span, ConfigError::Syntax { place, reason })
+    let location = format!("{file}:{line}:{column}");
+    (
+        key,
+        span,
+        ConfigError::Syntax {
+            place: location,
+            reason,
+        },
+    )
 }
 
 /// Line and column, from 1, of the byte at `at`.
@@ -70,7 +77,7 @@ pub(super) fn position(text: &str, at: usize) -> (usize, usize) {
     (before.matches('\n').count() + 1, line.chars().count() + 1)
 }
 
-/// `.key` of the innermost entry that `span` lies in.
+/// `.key` of the innermost entry around `span`.
 fn in_table(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
     table.iter().find_map(|(key, value)| {
         let at_key = || holds(&key.span(), span).then(String::new);
@@ -79,10 +86,11 @@ fn in_table(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
     })
 }
 
-/// What follows a key whose value `span` lies in: `[1].key`, or nothing.
+/// The rest of the key after a value around `span`: `[1].key`, or empty.
 fn in_value(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
     let inside = match value.get_ref() {
-        // A table without its own header has its name's span, within the header of the table inside it.
+        // A table without its own header has the span of its name, within the header of the inner
+        // table.
         DeValue::Table(_) if value.span() == *span => None,
         DeValue::Table(table) => in_table(table, span),
         DeValue::Array(values) => (0..)
@@ -136,8 +144,8 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_a_line_with_place_and_key() {
-        // Lines of a file, each behind a `;` after the seed, and the error.
+    fn errors_are_one_line_with_location_and_key() {
+        // Lines of a file, each after a `;` behind the seed, and the error.
         let table = r#"
             ;points = [[0, 1], [2, 3, 4]]    | f:2:19: points[1]: must have 2 values, not 3
             ;points = [[0]]                  | f:2:11: points[0]: must have 2 values, not 1

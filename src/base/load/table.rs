@@ -1,5 +1,5 @@
-//! Tables of keys that must not be lists: serde accepts a list of values for a struct, in the order
-//! of its keys. The functions are for `#[serde(deserialize_with = ...)]`.
+//! Tables of keys that must not be lists: serde also accepts a list of values for a struct, in the
+//! order of its keys. Use the functions with `#[serde(deserialize_with = ...)]`.
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{
@@ -44,15 +44,15 @@ pub fn named_tables<'de, T: Deserialize<'de>, D: Deserializer<'de>>(
 }
 
 /// A value that is a text or a list, or a whole number where `number` accepts one. Serde's untagged
-/// enums refuse a list as a whole; here the error is of the entry.
+/// enums report an error for the whole list; this type reports it for the entry.
 pub struct TextOrList<T, L> {
-    /// What the value is, in errors.
+    /// Name of the expected value in errors.
     pub expected: &'static str,
-    /// Makes it of a text.
+    /// Converts a text.
     pub text: fn(String) -> T,
-    /// Makes it of a number.
+    /// Converts a number.
     pub number: Option<fn(u32) -> T>,
-    /// Makes it of a list.
+    /// Converts a list.
     pub list: fn(L) -> T,
 }
 
@@ -78,7 +78,7 @@ impl<'de, T, L: Deserialize<'de>> Visitor<'de> for TextOrList<T, L> {
     }
 }
 
-/// A choice of words: serde takes tables for them too.
+/// A choice of words, not a table, which serde also accepts.
 pub fn word<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     T::deserialize(String::deserialize(from)?.into_deserializer())
 }

@@ -10,10 +10,11 @@ use skyloop_orbit::time::parse_utc;
 use std::borrow::Cow;
 use std::fmt;
 
-/// What the years of times begin with: the series of the Earth's and the Sun's positions hold from 1900 to 2100 (`sky::bodies`).
+/// First digits of valid years: the series for Earth and Sun hold from 1900 to 2100
+/// (`sky::bodies`).
 const CENTURIES: [&str; 2] = ["19", "20"];
 
-/// A time: a string, or TOML's own date and time.
+/// A time: a string, or a date and time of TOML.
 #[derive(Deserialize)]
 #[serde(
     untagged,
@@ -22,7 +23,7 @@ const CENTURIES: [&str; 2] = ["19", "20"];
 pub enum RawTime {
     /// As text.
     Text(String),
-    /// As TOML writes it.
+    /// As a TOML date and time.
     Date(toml::value::Datetime),
 }
 

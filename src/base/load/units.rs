@@ -1,9 +1,9 @@
-//! Numbers and their ranges in words, with the units that keys name.
+//! Numbers and their ranges in words, with the units in the names of keys.
 
 use super::document::matches;
 use std::ops::RangeInclusive;
 
-/// A number as it was written, one of many digits by its power of ten.
+/// A number in decimals, or with a power of ten if it has many digits.
 pub(super) fn short(value: f64) -> String {
     match value.abs() {
         0.0 | 1e-5..1e16 => value.to_string(),
@@ -15,7 +15,7 @@ pub(super) fn short(value: f64) -> String {
 pub(super) fn range_text(key: &str, range: &RangeInclusive<f64>) -> String {
     let text = match *range.start() {
         f64::MIN_POSITIVE => format!("above 0, at most {}", range.end()),
-        least => format!("{least} to {}", range.end()),
+        min => format!("{min} to {}", range.end()),
     };
     match unit_of(key) {
         "" => text,
@@ -23,7 +23,7 @@ pub(super) fn range_text(key: &str, range: &RangeInclusive<f64>) -> String {
     }
 }
 
-/// Units of keys whose names do not have them.
+/// Units of keys whose names have none.
 const UNITS_OF_KEYS: &[(&str, &str)] = &[
     ("optics.band[]", "nm"),
     ("optics.psf.width_by_field[][0]", "deg"),
@@ -33,7 +33,7 @@ const UNITS_OF_KEYS: &[(&str, &str)] = &[
     ("sequence.radec[]", "deg"),
 ];
 
-/// Ends of keys and the units that they name; of two that fit the first.
+/// Suffixes of keys and their units; the first match counts.
 const UNITS: &[(&str, &str)] = &[
     ("_e_per_dn", "e-/DN"),
     ("_cm2_s", "1/cm^2/s"),
@@ -57,7 +57,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_s", "s"),
 ];
 
-/// The unit that a key names; none where it names none.
+/// The unit in the name of a key, or empty.
 pub(super) fn unit_of(key: &str) -> &'static str {
     let mut own = UNITS_OF_KEYS.iter();
     if let Some((_, unit)) = own.find(|(pattern, _)| matches(pattern, key)) {

@@ -1,8 +1,9 @@
-//! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
+//! Parser errors in the terms of the files: no Rust types, the key that may be meant, the remedy.
 
 use skyloop_orbit::time::parse_utc;
 
-/// What serde says of a key or of a value, `text` in the file. `allowed`: what the key may be, in words, if it has a limit.
+/// Rewrites serde's message on a key or a value, `text` in the file. `allowed` is the allowed value
+/// in words, if the key has a limit.
 pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
     let quoted = |text: &str| -> Vec<String> {
         let words = text.split('`').skip(1).step_by(2);
@@ -16,7 +17,7 @@ pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
         let wanted = match (given.parse::<f64>(), allowed) {
             (_, Some(allowed)) if WHOLE.contains(&wanted) => format!("a whole number, {allowed}"),
             (_, Some(allowed)) => allowed.to_string(),
-            (Ok(most), None) if wanted == "u32" && most > f64::from(u32::MAX) => {
+            (Ok(number), None) if wanted == "u32" && number > f64::from(u32::MAX) => {
                 "a whole number below 4294967296".to_string()
             }
             _ => wanted_value(wanted),
@@ -46,18 +47,18 @@ pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
     }
 }
 
-/// How serde names whole numbers.
+/// Serde's names of whole numbers.
 const WHOLE: &[&str] = &["u8", "u16", "u32", "u64", "i64"];
 
-/// The key that serde misses.
+/// The key that is missing by serde's message.
 pub fn missing_key(message: &str) -> Option<&str> {
     message.strip_prefix("missing field `")?.strip_suffix('`')
 }
 
-/// What stands before the key that may be meant.
+/// Text before a suggested key.
 pub const MEANT: &str = ": did you mean `";
 
-/// The choice between words.
+/// A choice of words in a message.
 pub fn one_of(words: &[&str]) -> String {
     let quoted: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
     match quoted.as_slice() {
@@ -66,7 +67,7 @@ pub fn one_of(words: &[&str]) -> String {
     }
 }
 
-/// What may be meant by a word that is none of those known.
+/// Suggests a word for an unknown one, or lists the known words.
 pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
     match nearest(given, &known) {
@@ -75,22 +76,23 @@ pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {
     }
 }
 
-/// The word that is most like `given`: off by a slip or two (Damerau's distance), or by the unit at its end.
+/// The known word nearest to `given`: one or two typing errors (Damerau's distance), or without its
+/// unit.
 pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
-    let alike = |word: &str| word.to_lowercase().replace('-', "_");
-    let given = alike(given);
+    let normalized = |word: &str| word.to_lowercase().replace('-', "_");
+    let given = normalized(given);
     let far = |word: &&str| {
-        let word = alike(word);
+        let word = normalized(word);
         let is_long = given.len().min(word.len()) >= 3;
         let unit_apart = is_long && (word.starts_with(&given) || given.starts_with(&word));
         match strsim::osa_distance(&given, &word) {
-            slips if unit_apart => slips.min(1),
-            slips => slips,
+            errors if unit_apart => errors.min(1),
+            errors => errors,
         }
     };
     let meant = known.iter().min_by_key(|word| far(word))?;
     let letters = given.chars().count();
-    // Of a letter that is another one nothing is left.
+    // All letters must not differ.
     let near = far(meant) <= (letters / 3).clamp(1, 3) && far(meant) < letters;
     near.then_some(*meant)
 }
@@ -112,8 +114,8 @@ fn wanted_value(serde: &str) -> String {
 }
 
 fn given_value(serde: &str) -> String {
-    let shown = ["integer ", "floating point ", "boolean "];
-    let value = shown.iter().find_map(|kind| serde.strip_prefix(kind));
+    let kinds = ["integer ", "floating point ", "boolean "];
+    let value = kinds.iter().find_map(|kind| serde.strip_prefix(kind));
     match (serde, value) {
         ("sequence", _) => "a list".to_string(),
         ("map", _) => "a table or a date".to_string(),
@@ -122,12 +124,12 @@ fn given_value(serde: &str) -> String {
     }
 }
 
-/// How TOML is written, for those who have not.
+/// A reminder of TOML's form.
 const FORM: &str = "write key = value, a key a line, texts in quotes";
 
-/// What is wrong with a line that is not TOML, where the parser says `message` of what stands at `place`, in bytes.
-pub fn no_toml(message: &str, line: &str, place: usize) -> String {
-    if let Some(reason) = no_date(line, place) {
+/// The fault of a line that is not TOML, from the parser's `message` and the offset of the fault.
+pub fn no_toml(message: &str, line: &str, offset: usize) -> String {
+    if let Some(reason) = no_date(line, offset) {
         return reason;
     }
     if message.starts_with("duplicate key") {
@@ -162,9 +164,9 @@ pub fn no_toml(message: &str, line: &str, place: usize) -> String {
     }
 }
 
-/// What is wrong with a date or a time at `place` of a line, without quotes; nothing where there is none.
-fn no_date(line: &str, place: usize) -> Option<String> {
-    let (before, rest) = line.split_at_checked(place)?;
+/// The fault of an unquoted date or time at an offset of a line; none where there is none.
+fn no_date(line: &str, offset: usize) -> Option<String> {
+    let (before, rest) = line.split_at_checked(offset)?;
     let value = rest.split([',', ']', '}', '#']).next()?.trim();
     let (year, _) = value.split_once('-')?;
     if year.len() != 4 || !year.bytes().all(|byte| byte.is_ascii_digit()) {
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slips_and_lacking_units_are_seen_through() {
+    fn typing_errors_and_missing_units_are_recognised() {
         let keys = ["focal_length_mm", "aperture_mm", "band", "psf"];
         for (given, meant) in [
             ("focal_length", Some("focal_length_mm")),
@@ -206,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_serde_says_is_said_in_words_of_the_files() {
+    fn messages_of_serde_are_in_the_terms_of_the_files() {
         for (given, words) in [
             ("integer `-3`", "a whole number, 0 or more, not -3"),
             ("floating point `3.5`", "a whole number, 0 or more, not 3.5"),
@@ -235,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_are_not_toml_have_their_own_remedy() {
+    fn lines_that_are_not_toml_have_a_remedy() {
         for row in "
             gain =   # e-/DN | gain has no value: write gain = value
             name = one  | name = one: texts stand in quotes, name = \"one\"
@@ -259,8 +261,8 @@ mod tests {
         {
             let (line, words) = row.split_once(" | ").unwrap();
             let line = line.trim();
-            let place = line.rfind("= ").map_or(0, |at| at + 2);
-            let text = no_toml("why", line, place);
+            let offset = line.rfind("= ").map_or(0, |at| at + 2);
+            let text = no_toml("why", line, offset);
             assert!(text.contains(words), "{line}: {text}");
         }
         assert!(no_toml("duplicate key", "a = 1", 0).contains("leave one out"));

@@ -1,7 +1,7 @@
-//! Counter-based random numbers: what a pixel draws depends on its key alone, never on order or threads.
+//! Counter-based random numbers: a pixel's draw depends on its key alone, not on order or threads.
 //!
 //! Generator: Philox 4x32, Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", SC11.
-//! All functions of floats are our own or `libm`'s, so the draws are the same on every platform.
+//! All float functions are our own or `libm`'s, so the draws are the same on every platform.
 
 pub mod normal;
 pub mod poisson;
@@ -9,31 +9,31 @@ pub mod poisson;
 use normal::normal;
 use poisson::{Switch, poisson};
 
-/// What the noise of one frame is keyed by: `(seed, attitude sequence number)`; effect and pixel follow. A
-/// second frame of the same attitude message gets draws of its own by its `repeat`.
+/// Noise key of a frame: `(seed, attitude sequence number)`; effect and pixel are added later. A
+/// second frame of the same attitude message has its own draws by its `repeat`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoiseKey {
     /// The run's seed.
     pub seed: u64,
-    /// The sequence number of the attitude message that the frame answers.
+    /// The sequence number of the frame's attitude message.
     pub sequence: u32,
-    /// How many frames of this attitude message came before.
+    /// Number of earlier frames of this attitude message.
     pub repeat: u32,
 }
 
-/// Pixels that share a group of counters, and counters that they share. Pixel `i` of a group has word `i / 16` of counter `i % 16`:
-/// sixteen counters computed side by side give sixteen neighbours their words.
+/// Pixels in a group, which shares 16 counters. Pixel `i` of a group has word `i / 16` of counter
+/// `i % 16`, so that vectors of sixteen counters give the words of sixteen neighbours.
 pub const GROUP: usize = 64;
-/// Counters that a group shares.
+/// Counters of a group.
 pub const COUNTERS: usize = 16;
 
-/// Rounds of Philox, with the authors' margin of safety.
+/// Rounds of Philox, with the authors' safety margin.
 const ROUNDS: usize = 10;
-/// Rounds for the words that every pixel of every frame draws: the fewest that pass all of BigCrush
-/// (their table 2).
+/// Rounds for words that every pixel of every frame draws: the minimum that passes all of BigCrush
+/// (table 2 of the source).
 pub const PIXEL_ROUNDS: usize = 7;
 
-/// The word of one pixel (row-major index) for an effect that draws a single one in each.
+/// The word of a pixel (row-major index) for an effect with one draw for each pixel.
 #[inline(always)]
 pub fn word(key: NoiseKey, effect: u8, pixel: usize) -> u32 {
     let counter = pixel / GROUP * COUNTERS + pixel % COUNTERS;
@@ -52,7 +52,7 @@ pub fn block<const ROUNDS: usize>(key: NoiseKey, effect: u8, index: u32, draw: u
     philox::<ROUNDS>(counter, [key.seed as u32, (key.seed >> 32) as u32])
 }
 
-/// The random numbers of one effect in one pixel of one frame, as many as it wants.
+/// Stream of random numbers for one effect in one pixel of one frame.
 pub struct PixelStream {
     key: NoiseKey,
     effect: u8,
@@ -102,8 +102,8 @@ impl PixelStream {
     }
 }
 
-/// Philox 4x32: one bijection of the counter under the key. Words stand in the lower halves of 64 bits; what products leave in the upper
-/// ones is passed over.
+/// Philox 4x32: a bijection of the counter under the key. Words are in the lower halves of 64 bits;
+/// the upper halves of products are ignored.
 #[inline(always)]
 fn philox<const ROUNDS: usize>(counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     const LOW: u64 = 0xFFFF_FFFF;
@@ -133,7 +133,7 @@ mod tests {
 
     // X-Val: Random123 1.14 `kat_vectors`, lines "philox4x32 10" and "philox4x32 7".
     #[test]
-    fn philox_meets_the_known_answers() {
+    fn philox_agrees_with_known_answers() {
         assert_eq!(
             philox::<10>([0; 4], [0; 2]),
             [0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8]
@@ -167,12 +167,12 @@ mod tests {
     }
 
     #[test]
-    fn a_pixels_word_is_its_own() {
+    fn words_of_pixels_differ() {
         let mut words: Vec<u32> = (0..1 << 16).map(|pixel| word(KEY, 1, pixel)).collect();
         words.extend((0..1 << 16).map(|pixel| word(KEY, 2, pixel)));
         words.sort_unstable();
         words.dedup();
-        // Of 2^17 words by chance 2^17^2 / 2^33 = 2 pairs are alike.
+        // In 2^17 words 2^17^2 / 2^33 = 2 pairs are equal by chance.
         assert!(words.len() > (1 << 17) - 10, "{}", words.len());
     }
 }

@@ -1,18 +1,20 @@
-//! The normal distribution's quantile: one word in, one draw out.
+//! Quantile of the normal distribution: one draw from one word.
 //!
 //! ```text
 //! z = x P(w),   x = 2 u - 1,   w = -ln(1 - x^2)
 //! ```
 //!
-//! The form of Giles 2010 ("Approximating the erfinv function", GPU Computing Gems, Jade ed., ch. 10): `P` is smooth, a polynomial in
-//! `w` up to 7 and in its square root beyond. The coefficients here are minimax fits of our own to the exact quantile (Lawson's
-//! weights, against SciPy's `ndtri`). `z` is within 7.3e-6 of the exact quantile: `tests/physics/draws/words.rs` looks
-//! at every word.
+//! The form is that of Giles 2010 ("Approximating the erfinv function", GPU Computing Gems, Jade
+//! ed., ch. 10): `P` is smooth, a polynomial in `w` up to 7 and in its square root beyond. The
+//! coefficients are our own minimax fits to the exact quantile (Lawson's weights, against SciPy's
+//! `ndtri`). `z` is within 7.3e-6 of the exact quantile: `tests/physics/draws/words.rs` tests every
+//! word.
 //!
-//! All products that are added are fused but where a difference would lose digits, and no function of the platform is called: the same bits
-//! everywhere.
+//! Products and sums are fused, except where a difference would lose digits, and no function of the
+//! platform is called, so the bits are the same everywhere.
 
-/// The place of a word in (0, 1): its upper bit chooses the half, and the others count from that half's end.
+/// Position of a word in (0, 1). Its upper bit selects the half, and the others count from that
+/// half's end.
 #[inline(always)]
 pub fn uniform_of(word: u32) -> f64 {
     let beyond = (f64::from(from_the_end(word) as i32) + 0.5) * (1.0 / 4_294_967_296.0);
@@ -23,7 +25,7 @@ pub fn uniform_of(word: u32) -> f64 {
     }
 }
 
-/// The same in single precision, within 1e-7 of it.
+/// [`uniform_of`] in single precision, within 1e-7.
 #[inline(always)]
 pub fn uniform_quickly(word: u32) -> f32 {
     let beyond = beyond(word) * (1.0 / ALL);
@@ -34,37 +36,38 @@ pub fn uniform_quickly(word: u32) -> f32 {
     }
 }
 
-/// Words nearer than this to either end lie beyond `w = 7`: 1 in 2193 (`u (1 - u) = exp(-7) / 4`).
+/// Words nearer than this to either end have `w > 7`: 1 in 2193 (`u (1 - u) = exp(-7) / 4`).
 pub const FAR: u32 = 979_349;
 
-/// How many words lie between this one and the end of its half.
+/// Number of words between this one and the end of its half.
 #[inline(always)]
 pub fn from_the_end(word: u32) -> u32 {
     word & 0x7FFF_FFFF
 }
 
-/// All words.
+/// Number of all words.
 const ALL: f32 = 4_294_967_296.0;
 
-/// `2^62 (1 - x^2)` where so many words lie `beyond`.
+/// `2^62 (1 - x^2)` for a number of words beyond.
 #[inline(always)]
 pub fn square_left(beyond: f32) -> f32 {
     beyond * (ALL - beyond)
 }
 
-/// How far `w` is from the middle of where it is near, `3.5 - w`, by [`square_left`].
+/// Distance of `w` from the middle of its near range, `3.5 - w`, from [`square_left`].
 #[inline(always)]
 pub fn to_middle(left: f32) -> f32 {
     3.5 + ln_over_62(left)
 }
 
-/// `2^31 |x|` with its sign turned.
+/// `-2^31 |x|`.
 #[inline(always)]
 fn x_of(beyond: f32) -> f32 {
     beyond - ALL / 2.0
 }
 
-/// `ln(y / 2^62)` of a normal positive number, within 9e-6: `ln(2^e m) = e ln 2 + ln m`, 1 <= m < 2.
+/// `ln(y / 2^62)` of a positive normal number, within 9e-6: `ln(2^e m) = e ln 2 + ln m`, 1 <= m <
+/// 2.
 #[inline(always)]
 fn ln_over_62(y: f32) -> f32 {
     let exponent = (y.to_bits() >> 23) as i32 - (127 + 62);
@@ -77,13 +80,13 @@ fn ln_over_62(y: f32) -> f32 {
     (exponent as f32).mul_add(std::f32::consts::LN_2, poly)
 }
 
-/// So many words lie beyond one that is not far.
+/// Number of words beyond one that is not far.
 #[inline(always)]
 pub fn beyond(word: u32) -> f32 {
     from_the_end(word) as i32 as f32
 }
 
-/// The draw, where the word is not far, by [`to_middle`].
+/// The draw of a word that is not far, from [`to_middle`].
 #[inline(always)]
 pub fn near(word: u32, v: f32) -> f32 {
     let v2 = v * v;
@@ -95,7 +98,7 @@ pub fn near(word: u32, v: f32) -> f32 {
     signed(x_of(beyond(word)) * poly, word)
 }
 
-/// The draw, where the word is far.
+/// The draw of a far word.
 #[inline(always)]
 pub fn far(word: u32) -> f32 {
     let beyond = beyond(word) + 0.5;
@@ -109,14 +112,14 @@ pub fn far(word: u32) -> f32 {
     signed(x * (1.0 / 2_147_483_648.0) * poly, word)
 }
 
-/// Turns the sign in the upper half.
+/// Inverts the sign in the upper half.
 #[inline(always)]
 fn signed(z: f32, word: u32) -> f32 {
     f32::from_bits(z.to_bits() ^ (word & 0x8000_0000))
 }
 
-/// The standard normal draw that `word` stands for, from -6.34 to 6.34. It rises with the word's place in (0, 1), but for what it errs by: it falls by a last
-/// digit here and there, and by up to 8.3e-6 where the polynomials meet.
+/// The standard normal draw of a word, from -6.34 to 6.34. It increases with the word's position in
+/// (0, 1), except for errors of the last digit, and of up to 8.3e-6 where the polynomials meet.
 #[inline(always)]
 pub fn normal(word: u32) -> f32 {
     if from_the_end(word) < FAR {

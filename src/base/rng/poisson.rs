@@ -1,34 +1,42 @@
-//! Poisson's distribution: one mean and one word in, one draw out, which rises with both, but for rounding.
+//! Poisson distribution: one draw from one mean and one word. It increases with both, except for
+//! rounding.
 //!
-//! Below a mean of 16 the draw is exact, but for the word's 32 bits: a sequential search of the cumulative distribution (Devroye
-//! 1986, Non-Uniform Random Variate Generation, X.3.3). From a [`Switch`] on it is the expansion of Giles 2016 (ACM TOMS 42, 7: "Algorithm
-//! 955: approximation of the inverse Poisson cumulative distribution function"), Cornish and Fisher's on the lattice of whole numbers:
+//! Below a mean of 16 the draw is exact, except for the word's 32 bits: a sequential search of the
+//! cumulative distribution (Devroye 1986, Non-Uniform Random Variate Generation, X.3.3). From a
+//! [`Switch`] on it is the expansion of Giles 2016 (ACM TOMS 42, 7: "Algorithm 955: approximation
+//! of the inverse Poisson cumulative distribution function"), a Cornish-Fisher expansion on the
+//! integers:
 //!
 //! ```text
-//! k = floor(m + sqrt(m) z + 1/3 + z^2/6 - (z/36 + z^3/72) / sqrt(m) + (-8/405 + 7 z^2/810 + z^4/270) / m)
+//! k = floor(m + sqrt(m) z + 1/3 + z^2/6
+//!           - (z/36 + z^3/72) / sqrt(m) + (-8/405 + 7 z^2/810 + z^4/270) / m)
 //! ```
 //!
-//! Its total-variation distance from Poisson is computed in the tests, by counting what all words draw; from a mean of 30 to 2^20 it is
-//! 1e-5 to 5e-5, what the normal draw errs by and single precision. Single precision is all that counts beyond: 1e-4 at 5 million, 2e-4 at 2^24,
-//! from where draws are multiples of 2 e-, 4 e- and so on, as a frame's electrons are. Between 16 and the switch the search begins 9 sigma below the mean.
+//! Tests compute its total-variation distance from Poisson by counting the draws of all words. For
+//! means from 30 to 2^20 it is 1e-5 to 5e-5, the error of the normal draw and of single precision.
+//! Beyond, single precision dominates: 1e-4 at 5 million, 2e-4 at 2^24. From there draws are
+//! multiples of 2 e-, 4 e- and so on, as are a frame's electrons. Between 16 and the switch the
+//! search begins 9 sigma below the mean.
 
 use super::normal::{normal, uniform_of};
 
-/// Means below this (e-) are searched from 0 on.
+/// For means below this (e-) the search begins at 0.
 pub const SEARCHED: f32 = 16.0;
-/// Means from this on (e-) are drawn by the expansion in any case: their draws have no more digits than a single-precision number.
+/// Means from this on (e-) always use the expansion: their draws have no more digits than single
+/// precision.
 const WHOLE: f32 = 1_048_576.0;
 
-/// The mean (e-) from which on draws are the expansion's.
+/// The mean (e-) from which on draws use the expansion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch(pub f32);
 
 impl Switch {
-    /// Switches, and what the draws' total-variation distance from Poisson is below (1).
+    /// Switches, and upper bounds of the total-variation distance from Poisson (1).
     const KNOWN: [(f32, f64); 4] = [(WHOLE, 1e-6), (SEARCHED, 6e-5), (12.0, 1e-4), (6.0, 5e-4)];
 
-    /// The least mean from which on draws are within `variation` (1) of Poisson's, up to 2^20 e- (1e-4 up to 5 million): beyond, single precision
-    /// is what bounds them. At best they are exact but for the word's 32 bits (1e-6, thousands of draws together).
+    /// The smallest switch with draws within `variation` (1) of Poisson, up to 2^20 e- (1e-4 up to
+    /// 5 million); beyond, single precision is the limit. At best draws are exact, except for the
+    /// word's 32 bits (1e-6 over thousands of draws).
     pub fn within(variation: f64) -> Switch {
         let known = Self::KNOWN.iter().rev();
         let mut within = known.filter(|(_, of)| *of <= variation);
@@ -36,20 +44,20 @@ impl Switch {
     }
 }
 
-/// No mean is more than this (e-): a frame's electrons are single precision.
+/// Largest mean (e-), within the single precision of a frame's electrons.
 const LARGEST: f32 = 1e30;
 
-/// The expansion is not asked for less.
+/// Smallest mean for the expansion.
 const MIN: f32 = 6.0;
 
-/// A mean that can be drawn of: none where it is negative or no number.
+/// A valid mean: 0 for negative numbers and NaN.
 #[inline(always)]
 pub fn mean_of(e: f32) -> f32 {
     let e = if e > 0.0 { e } else { 0.0 };
     if e < LARGEST { e } else { LARGEST }
 }
 
-/// The draw of a mean from 6 e- on, by its [`inverse_root`] and the normal draw `z`.
+/// The draw for a mean from 6 e- on, from its [`inverse_root`] and the normal draw `z`.
 #[inline(always)]
 pub fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
     let mean = if mean > MIN { mean } else { MIN };
@@ -61,14 +69,14 @@ pub fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
     if k > 0.0 { k } else { 0.0 }
 }
 
-/// The draw of a mean from the switch on, by the normal draw `z`.
+/// The draw for a mean from the switch on, from the normal draw `z`.
 #[inline(always)]
 pub fn expanded(mean: f32, z: f32) -> f32 {
     expansion(mean, inverse_root(mean), z)
 }
 
-/// `1 / sqrt(x)` for a normal number, within 5e-6 of it: a first guess by halving the exponent, and Newton's method (processors divide and
-/// take roots as slowly as they do all else of a draw).
+/// `1 / sqrt(x)` of a normal number, within 5e-6: a first guess with half the exponent, and
+/// Newton's method. (Divisions and roots would take as long as the rest of the draw.)
 #[inline(always)]
 pub fn inverse_root(x: f32) -> f32 {
     let x = if x > MIN { x } else { MIN };
@@ -79,12 +87,13 @@ pub fn inverse_root(x: f32) -> f32 {
     y
 }
 
-/// `exp(-mean)`, for means below 16, within 1e-14 of it: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the exponential's series.
+/// `exp(-mean)` for means below 16, within 1e-14: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the
+/// exponential series.
 #[inline(always)]
 pub fn none(mean: f64) -> f64 {
-    // What is added to 1.5 * 2^52 is rounded, and its last bits are the whole number.
+    // A number added to 1.5 * 2^52 is rounded, and its last bits are the integer.
     const ROUND: f64 = 6_755_399_441_055_744.0;
-    // In two parts, the first of 32 bits.
+    // Two parts, the first with 32 bits.
     const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
     let rounded = ROUND - mean * std::f64::consts::LOG2_E;
     let n = rounded - ROUND;
@@ -98,12 +107,12 @@ pub fn none(mean: f64) -> f64 {
     f64::from_bits(series.to_bits().wrapping_add(rounded.to_bits() << 52))
 }
 
-/// The same in single precision, within 5e-7 of it (relative).
+/// [`none`] in single precision, within 5e-7 (relative).
 #[inline(always)]
 pub fn none_quickly(mean: f32) -> f32 {
-    // What is added to 1.5 * 2^23 is rounded, and its last bits are the whole number.
+    // A number added to 1.5 * 2^23 is rounded, and its last bits are the integer.
     const ROUND: f32 = 12_582_912.0;
-    // In two parts, the first of 10 bits.
+    // Two parts, the first with 10 bits.
     const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
     let rounded = ROUND - mean * std::f32::consts::LOG2_E;
     let n = rounded - ROUND;
@@ -150,16 +159,18 @@ const INVERSE_FACTORIAL: [f64; 12] = {
     inverse
 };
 
-/// A search in single precision errs by less (1): a word that is no nearer to any step of the cumulative distribution draws what it does by an exact one.
+/// Error bound of a search in single precision (1). A word farther than this from every step of the
+/// cumulative distribution has the draw of an exact search.
 ///
-/// A step's probability errs by 5e-7 of it and, of each of k steps, by three roundings: 3 m 2^-24 in all below a mean of m; so many sums of numbers below 1 by half
-/// as much each. Of 40 steps at a mean of 16 that is 5e-6, and the place of a word adds 1e-7.
+/// The relative error of a step's probability is 5e-7, plus three roundings for each of k steps: 3
+/// m 2^-24 in total below a mean of m. Each sum of numbers below 1 adds half as much. For 40 steps
+/// at a mean of 16 the total is 5e-6, and the position of a word adds 1e-7.
 pub const UNSURE: f32 = 1e-5;
 
-/// More than any draw of a mean below 16: the last word's quantile is 50.
+/// Above any draw for a mean below 16: the last word's quantile is 50.
 const MAX: usize = 64;
 
-/// The draw that `word` stands for at a mean (e-); 0 for one that is not positive.
+/// The draw of a word for a mean (e-); 0 for a mean that is not positive.
 #[inline(always)]
 pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
     let mean = mean_of(mean);
@@ -181,7 +192,7 @@ pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
     k as f32
 }
 
-/// The draw by a search from where less than 10^-19 lies below.
+/// The draw by a search that starts where the probability below is less than 10^-19.
 pub fn from_below(mean: f32, word: u32) -> f32 {
     let (u, mean) = (uniform_of(word), f64::from(mean));
     let reach = 9.0 * libm::sqrt(mean);

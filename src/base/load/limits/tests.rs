@@ -4,7 +4,7 @@ use super::*;
 use toml::Value as Toml;
 
 #[test]
-fn patterns_stand_for_places_and_names() {
+fn patterns_match_indices_and_names() {
     for (pattern, key, is) in [
         ("a.b", "a.b", true),
         ("a.b", "a.bc", false),
@@ -22,9 +22,9 @@ fn patterns_stand_for_places_and_names() {
     }
 }
 
-/// Asserts that schema and loader, which returns its error, refuse values just outside of each
-/// limit and accept those at it. Each key with a limit is in one of the `bases`, valid files;
-/// `shapes.NAME` is the name that `*` stands for.
+/// Asserts that schema and loader (which returns its error) refuse values just outside each limit
+/// and accept those at it. Each key with a limit is in one of the `bases`, valid files; `*` in it
+/// matches the name `NAME`.
 pub fn agree(
     schema: &Schema,
     limits: &[&[Limit]],
@@ -38,7 +38,7 @@ pub fn agree(
     let tried = |key: &str, value: Toml| {
         let with = |base: &&str| {
             let mut table = Toml::Table(base.parse().unwrap());
-            *place(&mut table, key)? = value.clone();
+            *value_mut(&mut table, key)? = value.clone();
             Some(table)
         };
         let table = bases.iter().find_map(with);
@@ -64,19 +64,20 @@ pub fn agree(
         };
         match allowed {
             Allowed::Number(range) => {
-                let [least, most] = [*range.start(), *range.end()];
-                let words = format!("must be {least} to {most}");
-                for (at, beyond, step) in [
-                    (least, least.next_down(), -1.0),
-                    (most, most.next_up(), 1.0),
-                ] {
+                let [min, max] = [*range.start(), *range.end()];
+                let words = format!("must be {min} to {max}");
+                for (at, beyond, step) in [(min, min.next_down(), -1.0), (max, max.next_up(), 1.0)]
+                {
                     let is_whole = bases.iter().any(|base| {
                         let mut table = Toml::Table(base.parse().unwrap());
-                        place(&mut table, &key).is_some_and(|value| value.is_integer())
+                        value_mut(&mut table, &key).is_some_and(|value| value.is_integer())
                     });
-                    let number = |value: f64| match is_whole {
-                        true => Toml::Integer(value as i64),
-                        false => Toml::Float(value),
+                    let number = |value: f64| {
+                        if is_whole {
+                            Toml::Integer(value as i64)
+                        } else {
+                            Toml::Float(value)
+                        }
                     };
                     accepted(number(at), &words);
                     match is_whole {
@@ -97,7 +98,7 @@ pub fn agree(
                     let mut table = Toml::Table(bases[0].parse().unwrap());
                     let found = bases.iter().find_map(|base| {
                         table = Toml::Table(base.parse().unwrap());
-                        place(&mut table, &format!("{key}[0]")).cloned()
+                        value_mut(&mut table, &format!("{key}[0]")).cloned()
                     });
                     Toml::Array(vec![found.unwrap(); count])
                 };
@@ -127,11 +128,11 @@ pub fn agree(
                 assert!(by_schema.is_some() && by_loader.is_some(), "{key}");
             }
             Allowed::Form(_) => refused(Toml::String("no form: \u{7}".to_string()), ""),
-            // The rooms have cases of their own.
+            // Each crate has its own cases.
             Allowed::OneOf(_)
             | Allowed::NotBoth(_)
             | Allowed::Needs(_)
-            | Allowed::NotBesideSeveral(_)
+            | Allowed::NotWithSeveral(_)
             | Allowed::EachOfSeveral(_) => {}
         }
     }
@@ -146,8 +147,8 @@ pub fn both(schema: &Schema, text: &str, load: impl Fn(&str) -> Option<String>, 
     assert_eq!(by_loader.is_none(), is_valid, "{by_loader:?}: {text}");
 }
 
-/// The value of a key that is there.
-fn place<'a>(table: &'a mut Toml, key: &str) -> Option<&'a mut Toml> {
+/// The value of an existing key.
+fn value_mut<'a>(table: &'a mut Toml, key: &str) -> Option<&'a mut Toml> {
     let mut value = table;
     for step in key
         .replace('[', ".[")
@@ -167,7 +168,7 @@ fn place<'a>(table: &'a mut Toml, key: &str) -> Option<&'a mut Toml> {
     Some(value)
 }
 
-/// What is wrong with a value by a schema; JSON Schema draft 2020-12, the keywords that occur.
+/// The fault of a value by a schema. Supports the keywords of draft 2020-12 that occur.
 fn flaw(root: &Schema, schema: &Value, value: &Value) -> Option<String> {
     let Some(keywords) = schema.as_object() else {
         return (schema == &json!(false)).then(|| format!("{value} is not allowed"));
@@ -215,14 +216,14 @@ fn flaw(root: &Schema, schema: &Value, value: &Value) -> Option<String> {
                 }),
             "enum" => rule.as_array().unwrap().contains(value),
             "const" => rule == value,
-            "minimum" => bound(rule).is_none_or(|(value, least)| value >= least),
-            "maximum" => bound(rule).is_none_or(|(value, most)| value <= most),
-            "minItems" => length(rule).is_none_or(|(length, least)| length as u64 >= least),
-            "maxItems" => length(rule).is_none_or(|(length, most)| length as u64 <= most),
-            "minLength" => characters(rule).is_none_or(|(n, least)| n as u64 >= least),
-            "maxLength" => characters(rule).is_none_or(|(n, most)| n as u64 <= most),
+            "minimum" => bound(rule).is_none_or(|(value, min)| value >= min),
+            "maximum" => bound(rule).is_none_or(|(value, max)| value <= max),
+            "minItems" => length(rule).is_none_or(|(length, min)| length as u64 >= min),
+            "maxItems" => length(rule).is_none_or(|(length, max)| length as u64 <= max),
+            "minLength" => characters(rule).is_none_or(|(n, min)| n as u64 >= min),
+            "maxLength" => characters(rule).is_none_or(|(n, max)| n as u64 <= max),
             "pattern" => value.as_str().is_none_or(|text| {
-                // This library has no look-ahead; its `$` matches at the end alone.
+                // This library has no look-ahead; its `$` matches only at the end.
                 let pattern = rule.as_str().unwrap().replace(END, "$");
                 let pattern = regex_lite::Regex::new(&pattern);
                 pattern.unwrap().is_match(text)
