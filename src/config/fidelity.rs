@@ -1,4 +1,5 @@
-//! The key `fidelity`: the name of a preset, or a table of a preset and the knobs that differ from it.
+//! The key `fidelity`: the name of a preset, or a table of a preset and the tolerances that differ
+//! from it.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
@@ -9,15 +10,15 @@ use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
 
-/// As it stands in the file.
+/// The value in the file.
 pub struct RawFidelity {
-    /// Where the preset stands.
+    /// The key of the preset.
     key: &'static str,
     preset: String,
     tolerances: Vec<(&'static Tolerance, Raw)>,
 }
 
-/// What a knob is to be set to.
+/// The value of a tolerance.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Raw {
@@ -35,10 +36,10 @@ enum Key {
 
 const PRESET: &str = "preset";
 
-/// All of them.
+/// All keys of the table.
 static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
-    let knobs = TOLERANCES.iter().map(|tolerance| tolerance.name);
-    [PRESET].into_iter().chain(knobs).collect()
+    let tolerances = TOLERANCES.iter().map(|tolerance| tolerance.name);
+    [PRESET].into_iter().chain(tolerances).collect()
 });
 
 impl JsonSchema for RawFidelity {
@@ -51,8 +52,8 @@ impl JsonSchema for RawFidelity {
         let mut keys = json_schema!({ PRESET: { "enum": names } });
         for tolerance in TOLERANCES {
             let mut schema = match tolerance.allowed {
-                Allowed::Numbers([least, most]) => {
-                    json_schema!({ "type": "number", "minimum": least, "maximum": most })
+                Allowed::Numbers([min, max]) => {
+                    json_schema!({ "type": "number", "minimum": min, "maximum": max })
                 }
                 Allowed::Words(words) => json_schema!({ "enum": words }),
             };
@@ -81,7 +82,7 @@ impl Default for RawFidelity {
 }
 
 impl RawFidelity {
-    /// The tolerances, each within its range.
+    /// The tolerances, checked against their ranges.
     pub fn validate(self, check: &Check) -> Result<Fidelity, ConfigError> {
         let mut fidelity = Fidelity::preset(&self.preset).ok_or_else(|| {
             let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
@@ -96,7 +97,7 @@ impl RawFidelity {
     }
 }
 
-/// The form of an entry of `run.coarsen`; ranges are checked by [`steps`] alone.
+/// The form of an entry of `run.coarsen`; only [`steps`] checks ranges.
 pub fn step_form() -> String {
     let presets: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
     let tolerances = TOLERANCES.iter().map(|tolerance| {
@@ -110,7 +111,7 @@ pub fn step_form() -> String {
     format!("^({}|{}){END}", presets.join("|"), tolerances.join("|"))
 }
 
-/// What each of `run.coarsen` asks for: a preset, or a knob.
+/// The steps of `run.coarsen`: presets and tolerances.
 pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
     if texts.is_empty() {
         let allowed = "at least one preset or knob, such as [\"fast\"]";
@@ -150,11 +151,11 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
     texts.iter().enumerate().map(step).collect()
 }
 
-/// What `knob` is set to by `key`.
+/// The value of a tolerance, given by `key`.
 fn value(key: &str, tolerance: &Tolerance, raw: Raw, check: &Check) -> Result<Value, ConfigError> {
     match (tolerance.allowed, raw) {
-        (Allowed::Numbers([least, most]), Raw::Number(number)) => {
-            let number = check.range(key, number, least..=most)?;
+        (Allowed::Numbers([min, max]), Raw::Number(number)) => {
+            let number = check.range(key, number, min..=max)?;
             Ok(Value::Number(number))
         }
         (allowed, raw) => {
@@ -170,9 +171,9 @@ fn value(key: &str, tolerance: &Tolerance, raw: Raw, check: &Check) -> Result<Va
             };
             let refused = || {
                 let allowed = match allowed {
-                    Allowed::Numbers([least, most]) => match tolerance.unit {
-                        "1" => format!("{least} to {most}"),
-                        unit => format!("{least} to {most} {unit}"),
+                    Allowed::Numbers([min, max]) => match tolerance.unit {
+                        "1" => format!("{min} to {max}"),
+                        unit => format!("{min} to {max} {unit}"),
                     },
                     Allowed::Words(words) => format!("one of {}", words.join(", ")),
                 };

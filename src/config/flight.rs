@@ -1,4 +1,4 @@
-//! The vehicle's motion in runs that make their own attitudes: what a mock flight computer would send.
+//! The vehicle's motion in runs that make their own attitudes, as from a mock flight computer.
 
 mod aim;
 
@@ -24,26 +24,26 @@ use thiserror::Error;
 /// Why a run cannot make its attitudes.
 #[derive(Debug, Error)]
 pub enum FlightError {
-    /// The scene has none.
+    /// The scene has no sequence.
     #[error(
         "the scene has no [sequence]: add one (see configs/default.toml), or use `skyloop run`"
     )]
     NoSequence,
-    /// Objects are seen from somewhere.
+    /// Objects need an observer.
     #[error(
         "objects without an observer: from the Earth's centre they have no meaningful direction; \
          give [observer] state or orbit in the scene, or --state or --orbit where the command has them"
     )]
     NoObserver,
-    /// A direction that depends on where the observer is.
+    /// A direction that depends on the observer's position.
     #[error(
         "{what} needs an orbit: give [observer] state or orbit in the scene, or --state or --orbit where the command has them"
     )]
     NeedsOrbit {
-        /// What.
+        /// The direction.
         what: &'static str,
     },
-    /// A place inside the Earth.
+    /// A position inside the Earth.
     #[error(
         "{key} = {value}: at {} it is {position_km:?} km (GCRF), {:.1} km from the Earth's centre and below the ground (WGS84): must be above it; \
          check orbit, units and epochs",
@@ -53,54 +53,54 @@ pub enum FlightError {
     BelowGround {
         /// The key or option that gives the observer's orbit.
         key: &'static str,
-        /// What it gives.
+        /// The value.
         value: String,
         /// Middle of the exposure.
         epoch: Epoch,
-        /// Where the observer would be, GCRF, km.
+        /// The position, GCRF, km.
         position_km: [f64; 3],
     },
-    /// A place inside the Moon, or a time at which nobody knows where that is.
+    /// A position inside the Moon, or a time without a known position of the Moon.
     #[error("{key} = {value}: {source}")]
     NearMoon {
         /// The key or option that gives the observer's orbit.
         key: &'static str,
-        /// What it gives.
+        /// The value.
         value: String,
-        /// What is wrong.
+        /// The fault.
         source: Unobservable,
     },
-    /// Attitude or orbit at a frame.
+    /// No attitude or orbit for a frame.
     #[error(transparent)]
     Profile(#[from] ProfileError),
-    /// A value of a frame.
+    /// An invalid value of a frame.
     #[error("at {}: {source}", utc_text(*epoch))]
     Attitude {
         /// Middle of the exposure.
         epoch: Epoch,
-        /// What is wrong.
+        /// The fault.
         source: AttitudeError,
     },
-    /// The attitudes do not make a list.
+    /// The attitudes are no valid list.
     #[error(transparent)]
     List(#[from] ListError),
-    /// A frame that cannot be shown.
+    /// A frame that cannot be rendered.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
 }
 
 impl FlightError {
-    /// Whether the target of a pointing has no known direction at an instant.
+    /// Whether the error is a target without a known direction.
     pub fn lacks_direction(&self) -> bool {
         matches!(self, FlightError::Profile(ProfileError::Target { .. }))
     }
 }
 
-/// How long a flight computer waits for a frame.
+/// Timeout of a flight computer for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The mission that `config`'s sequence describes, in lock-step with the emulator. It has an attitude
-/// and a state for every frame, and those of the first and last can be shown.
+/// The mission of `config`'s sequence, in lock-step with the emulator. It has an attitude and a
+/// state for every frame, and the first and last frames can be rendered.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = (config.observer.as_ref()).map(|observer| orbit(observer, sequence.epoch));
@@ -127,7 +127,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         output: None,
         positions: None,
     };
-    // Said before anything is opened or written.
+    // Reported before any file is opened or written.
     if let Some(observer) = &config.observer {
         above_ground(observer, &mission)?;
     }
@@ -136,7 +136,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         let vehicle = vehicle(&mission, number)?;
         shutter(&vehicle, &Exposure::around(vehicle.epoch, open_s))?;
     }
-    // An orbit may have gaps; a state that drifts has none, and takes longer with every frame.
+    // Orbits may have gaps; a propagated state has none, and takes longer with every frame.
     let may_lack = matches!(config.observer, Some(Observer::Object(_)));
     for number in 0..mission.frames {
         let epoch = mission.epoch(number);
@@ -154,13 +154,15 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     Ok(mission)
 }
 
-/// Nearer to the Earth's centre than this (m) there is no Moon: its perigees are 356,400 km away.
+/// Distance from the Earth's centre (m) below which the Moon cannot be: its perigees are 356,400
+/// km.
 const BELOW_MOON: f64 = 3.5e8;
 
-/// Refuses an observer who is inside the Earth or the Moon in the middle of an exposure. Packets on a wire are held to the radius of the Earth's
-/// pole alone (`attitude::check_orbit`) before their time, which comes with them, and to the Moon at it (`scene::shutter`).
+/// Refuses an observer inside the Earth or the Moon in the middle of an exposure. Packets are
+/// checked otherwise: against the radius of the Earth's pole (`attitude::check_orbit`) before their
+/// time is known, and against the Moon at that time (`scene::shutter`).
 fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightError> {
-    // A state is carried on from frame to frame: from the first to each would take longer with every frame.
+    // Propagated from frame to frame; from the first frame each would take longer.
     let mut drifting = match observer {
         Observer::State(state) => Some(*state),
         Observer::Object(_) => None,
@@ -169,7 +171,7 @@ fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightErro
         let epoch = mission.epoch(number);
         let (key, value, state) = match (observer, &mut drifting) {
             (Observer::Object(object), _) => {
-                // A gap in an orbit is told by the attitudes.
+                // A gap in an orbit is reported with the attitudes.
                 let Ok(state) = object.state(epoch) else {
                     continue;
                 };
@@ -220,11 +222,11 @@ pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightErr
 /// The vehicle at any instant, without frames.
 #[derive(Clone)]
 pub struct Flight {
-    /// Where it points.
+    /// Pointing.
     pub profile: Profile,
-    /// Where it is.
+    /// Orbit.
     pub orbit: OrbitSource,
-    /// The object that it points at, where it does.
+    /// The object that it points at, if any.
     pub target: Option<Object>,
 }
 
@@ -234,10 +236,10 @@ impl Flight {
         (self.orbit)(epoch).map_err(|source| ProfileError::Orbit { epoch, source }.into())
     }
 
-    /// The vehicle that is known to be at `state` then.
+    /// The vehicle with a known state.
     pub fn vehicle(&self, epoch: Epoch, state: StateVector) -> Result<VehicleState, FlightError> {
-        let here: OrbitSource = std::sync::Arc::new(move |_| Ok(state));
-        let pointing = self.profile.at(epoch, Some(&here))?;
+        let known: OrbitSource = std::sync::Arc::new(move |_| Ok(state));
+        let pointing = self.profile.at(epoch, Some(&known))?;
         let q = pointing.attitude.as_vector();
         let orbit = (state.position_m.into(), state.velocity_m_s.into());
         let rates = pointing.rates_rad_s.into();
@@ -246,7 +248,7 @@ impl Flight {
     }
 }
 
-/// The orbit of an observer whose state, if it is one, holds `at` an epoch.
+/// The orbit of an observer; a state holds at the epoch `at`.
 pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
     match observer {
         Observer::Object(object) => orbit_of((**object).clone()),
@@ -254,8 +256,9 @@ pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
     }
 }
 
-/// A target is followed by the boresight of `camera`. One attitude turns with the sequence's rates; several are slerped. None of these: +Z to
-/// the Earth's centre, +X towards the velocity.
+/// The pointing of a sequence. A target is followed by the boresight of `camera`. One attitude
+/// turns with the sequence's rates; several are slerped. Without these +Z points to the Earth's
+/// centre and +X along the velocity.
 pub fn profile(
     sequence: &Sequence,
     camera: &Camera,
@@ -290,11 +293,12 @@ pub fn profile(
     )?))
 }
 
-/// Seconds from one stored state of a propagated orbit to the next, and how many are stored each way: 694 days.
+/// Interval of the stored states of a propagated orbit, s, and their number in each direction: 694
+/// days.
 const STORED_S: f64 = 600.0;
 const STORED: usize = 100_000;
 
-/// A state carried on by two-body motion and J2. States on the way are stored: a search asks for thousands.
+/// A state propagated by two-body motion and J2. States are stored, since a search needs thousands.
 fn drift(state: StateVector, at: Epoch) -> OrbitSource {
     let stored = [(); 2].map(|()| Mutex::new(vec![state]));
     Arc::new(move |epoch| {
@@ -303,17 +307,17 @@ fn drift(state: StateVector, at: Epoch) -> OrbitSource {
         let count = (dt_s / step_s) as usize;
         let [after, before] = &stored;
         let stored = if dt_s < 0.0 { before } else { after };
-        // What a thread that panicked leaves behind is a list like any other.
+        // The list is valid even after a panic of another thread.
         let mut stored = stored.lock().unwrap_or_else(PoisonError::into_inner);
         let mut last = stored.last().copied().unwrap_or(state);
         while stored.len() <= count.min(STORED) {
             last = propagate_j2(&last, step_s);
             stored.push(last);
         }
-        let place = count.min(STORED);
-        let from = stored.get(place).copied().unwrap_or(state);
+        let index = count.min(STORED);
+        let from = stored.get(index).copied().unwrap_or(state);
         drop(stored);
-        Ok(propagate_j2(&from, dt_s - place as f64 * step_s))
+        Ok(propagate_j2(&from, dt_s - index as f64 * step_s))
     })
 }
 
@@ -321,9 +325,9 @@ fn drift(state: StateVector, at: Epoch) -> OrbitSource {
 mod tests {
     use super::*;
 
-    /// Whatever is asked for before: places between stored states, on one, and beyond the last, on either side.
+    /// Times in any order: between stored states, on one, and beyond the last, in both directions.
     #[test]
-    fn a_stored_orbit_is_that_of_one_propagation() {
+    fn stored_states_equal_one_propagation() {
         let state = StateVector {
             position_m: Vector3::new(7.0e6, 0.0, 1.0e5),
             velocity_m_s: Vector3::new(0.0, 7.4e3, 1.0e3),
@@ -333,7 +337,7 @@ mod tests {
         for dt_s in [0.0, 1.5, 599.0, -600.0, 86_400.3, 1200.0, -43_210.9] {
             let found = orbit(at + hifitime::Unit::Second * dt_s).unwrap();
             let off_m = (found.position_m - propagate_j2(&state, dt_s).position_m).norm();
-            // Two integrations differ by their errors, 0.7 mm a revolution (`propagate_j2`).
+            // Both integrations have errors of 0.7 mm a revolution (`propagate_j2`).
             assert!(off_m < 0.02, "{dt_s} s: {off_m} m");
         }
         let far_s = STORED_S * (STORED as f64 + 2.5);

@@ -7,16 +7,16 @@ use skyloop_base::load::Allowed::{Count, Form, Number};
 use skyloop_base::load::{Check, ConfigError, Folder, Limit};
 use skyloop_render::camera::{Camera, RATE_HZ};
 
-/// A further camera, with links of its own. Its mounting and misalignment are those of its camera file.
+/// A further camera with its own links. Mounting and misalignment are those of its camera file.
 #[derive(Debug)]
 pub struct Head {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The camera.
     pub camera: Camera,
-    /// Whether its rate is not its camera file's.
+    /// Whether its rate differs from that of its camera file.
     pub has_own_rate: bool,
-    /// Links that bring its frames, as URLs; none of them the truth, which is the first camera's.
+    /// URLs of the links for its frames. None has the role truth, which is the first camera's.
     pub links: Vec<String>,
 }
 
@@ -47,10 +47,9 @@ impl RawHead {
         let mut camera = camera.map_err(|error| check.named(&key("camera"), error))?;
         if let Some(rate_hz) = self.rate_hz {
             camera.rate_hz = check.limit(LIMITS, &key("rate_hz"), rate_hz)?;
-            let most = 1.0 / camera.period_s(camera.exposure_s);
-            if camera.rate_hz > most {
-                let allowed =
-                    format!("at most {most} Hz, or exposures of its camera would overlap");
+            let max = 1.0 / camera.period_s(camera.exposure_s);
+            if camera.rate_hz > max {
+                let allowed = format!("at most {max} Hz, or exposures of its camera would overlap");
                 let error = check.refuse(&key("rate_hz"), rate_hz.to_string(), allowed);
                 return Err(error.needs(&[&key("camera")]));
             }
@@ -68,7 +67,7 @@ impl RawHead {
     }
 }
 
-/// All of them beside `camera`; no two with one name, and none with that of the first.
+/// The further cameras; all names differ, also from that of the first `camera`.
 pub(super) fn validate(
     raw: Vec<RawHead>,
     camera: &Camera,

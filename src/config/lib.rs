@@ -1,4 +1,4 @@
-//! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
+//! Configuration of a run, from the files of `skyloop run --config` and `skyloop render --scene`.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -52,9 +52,9 @@ pub struct Config {
     pub camera: Camera,
     /// Error tolerances.
     pub fidelity: Fidelity,
-    /// Which effects may run.
+    /// Selection of effects.
     pub choice: Choice,
-    /// The faintest object that labels list, as signal-to-noise ratio.
+    /// Smallest signal-to-noise ratio of labelled objects.
     pub label_snr: f64,
     /// Star catalogue, and corrections of direction and colour.
     pub sky: Sky,
@@ -62,13 +62,13 @@ pub struct Config {
     pub objects: Vec<Object>,
     /// Records of the object files that were refused, one line each.
     pub rejected: Vec<String>,
-    /// What was passed over of the object files, one line each.
+    /// Skipped entries of object files, one line each.
     pub notices: Vec<String>,
-    /// What an object reflects where nothing is known of it.
+    /// The default sphere of objects.
     pub sphere: Sphere,
-    /// What is known of others.
+    /// Shapes and spheres of other objects.
     pub looks: Looks,
-    /// The observer's own orbit, for runs that make their own attitudes.
+    /// The observer's orbit, for runs that make their own attitudes.
     pub observer: Option<Observer>,
     /// The exposures of an offline run.
     pub sequence: Option<Sequence>,
@@ -78,12 +78,12 @@ pub struct Config {
     pub cameras: Vec<Head>,
 }
 
-/// Where a run's observer is.
+/// The orbit of the observer.
 #[derive(Debug, Clone)]
 pub enum Observer {
     /// On the orbit of an object.
     Object(Box<Object>),
-    /// At this state (GCRF) in the middle of the first exposure, carried on by two-body motion and J2.
+    /// This state (GCRF) in the middle of the first exposure, propagated by two-body motion and J2.
     State(StateVector),
 }
 
@@ -196,7 +196,7 @@ impl Default for RawSky {
 }
 
 impl Config {
-    /// Reads a file, of a folder its `scene.toml`; names in it are relative to its folder.
+    /// Reads a file, or the `scene.toml` of a folder. File names in it are relative to its folder.
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
         let (folder, file, text) = Folder::open(path)?;
         Config::parse(&file, &text, &folder)
@@ -207,7 +207,7 @@ impl Config {
         Config::read(&Folder::Embedded(DEFAULT_SCENE.0), DEFAULT_SCENE.1)
     }
 
-    /// Everything at its default: no objects, no sequence.
+    /// The default configuration: no objects, no sequence.
     pub fn defaults() -> Result<Config, ConfigError> {
         Config::parse("defaults", "", &Folder::current())
     }
@@ -228,13 +228,13 @@ impl Config {
         Config::parse(&file, &text, folder)
     }
 
-    /// The objects and what they look like; takes them out of the configuration.
+    /// Takes the objects, with their shapes, out of the configuration.
     pub fn take_population(&mut self) -> Population {
         let objects = std::mem::take(&mut self.objects);
         Population::new(objects, self.sphere, std::mem::take(&mut self.looks))
     }
 
-    /// What the emulator needs; takes the objects out of the configuration.
+    /// The input of the emulator; takes the objects out of the configuration.
     pub fn setup(&mut self) -> Setup {
         Setup {
             camera: self.camera.clone(),
@@ -248,7 +248,7 @@ impl Config {
         }
     }
 
-    /// From text; `file` is its name in messages.
+    /// Parses a text; `file` is its name in messages.
     pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
         read(file, text, EXAMPLE, LIMITS, |raw: Raw, check| {
             raw.validate(check, folder)
@@ -262,7 +262,7 @@ impl From<&mut Config> for Setup {
     }
 }
 
-/// A valid file with all keys that have no default.
+/// A valid file with all required keys.
 const EXAMPLE: &str = r#"
 heads = [{ name = "B", camera = "fai-nir", link = "udp://127.0.0.1:4811" }]
 [sequence]
@@ -313,7 +313,7 @@ impl Raw {
     }
 }
 
-/// Effects without which there would be no pixel values.
+/// Effects that make the pixel values.
 const ALWAYS_ON: &[&str] = &["readout"];
 
 fn can_be_off() -> Vec<&'static str> {

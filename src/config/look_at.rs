@@ -1,4 +1,5 @@
-//! Where the camera of a run looks that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]` and of the command line.
+//! Pointing of a run that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]`
+//! and of the command line.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer};
@@ -10,18 +11,18 @@ use std::ops::RangeInclusive;
 /// A target and the roll about the line of sight to it.
 #[derive(Debug, Clone)]
 pub struct LookAt {
-    /// At what the boresight points.
+    /// The target of the boresight.
     pub target: Target,
-    /// What is up in the image (-Y).
+    /// Reference direction for image up (-Y).
     pub up: Up,
     /// Position angle of -Y from `up`, in the sense from north through east, rad.
     pub roll_rad: f64,
 }
 
-/// At what a boresight points, and follows it.
+/// A target that a boresight follows.
 #[derive(Debug, Clone)]
 pub enum Target {
-    /// A right ascension and declination (rad, ICRF), as the observer sees them: aberration is included in them.
+    /// An apparent right ascension and declination (rad, ICRF), with aberration included.
     Direction([f64; 2]),
     /// The Sun's centre.
     Sun,
@@ -31,13 +32,14 @@ pub enum Target {
     Planet(&'static str),
     /// An object of the scene.
     Object(Box<Object>),
-    /// A tangent point over the Earth's limb, at a height above WGS84 (m) and an azimuth from the velocity, to the right of it (rad).
+    /// A tangent point above the Earth's limb: height above WGS84 (m) and azimuth from the velocity
+    /// to the right (rad).
     Limb([f64; 2]),
     /// The direction of the observer's geocentric velocity.
     Velocity,
 }
 
-/// What is up in the image, as far as it lies across the line of sight.
+/// Reference direction for image up, projected perpendicular to the line of sight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Up {
@@ -51,12 +53,12 @@ pub enum Up {
     Zenith,
 }
 
-/// A target in words, or right ascension and declination in deg.
+/// A target as text, or right ascension and declination in deg.
 #[derive(JsonSchema)]
 #[schemars(untagged)]
 pub(super) enum RawTarget {
     Named(String),
-    /// The number of an object.
+    /// The catalogue number of an object.
     Number(u32),
     Direction(Fixed<f64, 2>),
 }
@@ -79,11 +81,11 @@ pub(super) const DEC_DEG: RangeInclusive<f64> = -90.0..=90.0;
 
 /// The forms of a target.
 const FORMS: &str = "Sun, Moon, a planet, an object's name or number, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg";
-/// Names of targets that are not objects, beside the planets.
+/// Names of targets that are neither planets nor objects.
 const NAMES: &[&str] = &["Sun", "Moon", "velocity"];
 
 impl Up {
-    /// All of them by name.
+    /// All directions by name.
     pub const ALL: [(&'static str, Up); 4] = [
         ("north", Up::North),
         ("velocity", Up::Velocity),
@@ -99,20 +101,20 @@ impl Up {
 }
 
 impl LookAt {
-    /// With the target's own rule for the roll where none is given: `zenith` for the limb and the velocity, else `north`.
+    /// `up` defaults to `zenith` for the limb and the velocity, else to `north`.
     pub fn new(target: Target, up: Option<Up>, roll_rad: f64) -> LookAt {
-        let own = match target {
+        let default = match target {
             Target::Limb(_) | Target::Velocity => Up::Zenith,
             _ => Up::North,
         };
         LookAt {
             target,
-            up: up.unwrap_or(own),
+            up: up.unwrap_or(default),
             roll_rad,
         }
     }
 
-    /// Why it needs an orbit; none if it does not.
+    /// The reason why it needs an orbit, if it does.
     pub fn needs_orbit(&self) -> Option<&'static str> {
         match (&self.target, self.up) {
             (Target::Limb(_), _) => Some("the limb"),
@@ -125,7 +127,7 @@ impl LookAt {
 }
 
 impl Target {
-    /// From its name; objects are those of a scene. The error says what is allowed.
+    /// Parses a target; objects are those of a scene. The error has the allowed forms.
     pub fn parse(text: &str, objects: &[Object]) -> Result<Target, String> {
         let text = text.trim();
         let is = |name: &str| text.eq_ignore_ascii_case(name);
@@ -219,7 +221,7 @@ mod tests {
 
     #[test]
     fn targets_are_read_and_refused_by_name() {
-        for (text, shown) in [
+        for (text, expected) in [
             ("Sun", "Ok(Sun)"),
             ("moon", "Ok(Moon)"),
             (" MARS ", "Ok(Planet(\"Mars\"))"),
@@ -238,9 +240,9 @@ mod tests {
             ("", "no objects here"),
         ] {
             let found = format!("{:?}", Target::parse(text, &[]));
-            assert!(found.contains(shown), "{text}: {found}");
+            assert!(found.contains(expected), "{text}: {found}");
         }
-        // Beside objects a misspelt name has the same advice, before the list of these.
+        // With objects a misspelt name has the same advice, before the list of objects.
         let objects = &crate::Config::builtin().unwrap().objects;
         let found = Target::parse("Mooon", objects).unwrap_err();
         let (_, after) = found.split_once(": did you mean `Moon`?; ").unwrap();

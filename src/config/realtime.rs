@@ -1,4 +1,4 @@
-//! The help that a run file requests of the operating system.
+//! Real-time settings that a run file requests from the operating system.
 
 /// The requested settings.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -7,7 +7,7 @@ pub struct Requested {
     pub priority: Option<u8>,
     /// Whether touched memory is locked.
     pub lock_memory: bool,
-    /// The processors to run on, numbered as the system does from 0; empty: all.
+    /// The processors to run on, numbered by the system from 0; empty for all.
     pub cpus: Vec<usize>,
 }
 
@@ -18,8 +18,8 @@ impl Requested {
         *self == Self::default()
     }
 
-    /// The settings of each thread: all but memory. Threads that wait for each other by yielding
-    /// need the same priority: one would wait for ever for a thread of lower priority.
+    /// The settings of each thread: all except memory. Threads that yield to each other need the
+    /// same priority; one would wait for ever for a thread of lower priority.
     #[must_use]
     pub fn of_thread(&self) -> Self {
         Self {

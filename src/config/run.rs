@@ -1,4 +1,4 @@
-//! How a live run listens and keeps time: the table `[run]`.
+//! The table `[run]`: links, clock and limits of a live run.
 
 use super::fidelity;
 use crate::realtime::Requested;
@@ -14,116 +14,118 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// How a live run listens and keeps time.
+/// Links, clock and limits of a live run.
 #[derive(Debug, Clone)]
 pub struct Run {
     /// Links, as URLs.
     pub links: Vec<String>,
-    /// What frames bring until a client says otherwise.
+    /// Content of frames until a client changes it.
     pub output: Output,
-    /// Who gives the time.
+    /// Source of the time.
     pub clock: Clock,
-    /// What asks for a frame.
+    /// Source of triggers.
     pub trigger: Trigger,
-    /// After this silence (s) of its client an exchange may be taken over by another.
+    /// Silence (s) of a client after which another may take over its exchange.
     pub idle_s: f64,
-    /// Time (s) after its exposure's end by which a frame must have left; none: one period of the camera.
+    /// Deadline: time (s) from the end of the exposure until the frame has left; default: one
+    /// period of the camera.
     pub latency_s: Option<f64>,
-    /// How much later the device gives its frames out.
+    /// Delay of the device.
     pub delay: Delay,
-    /// What is done where a frame would be late.
+    /// Action if a frame would miss its deadline.
     pub on_overrun: OnOverrun,
-    /// What is made coarser then, one after another.
+    /// Steps of coarser rendering.
     pub coarsen: Vec<Coarser>,
-    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much for smaller frames.
+    /// Limit of the work on a frame, s of one core per megapixel; smaller frames count as one
+    /// megapixel.
     pub work_limit_s: f64,
-    /// What is made of an attitude that is too old.
+    /// Use of old attitudes.
     pub staleness: Staleness,
-    /// What is done with an attitude that is older than one before it.
+    /// Use of attitudes earlier than the last one.
     pub out_of_order: OutOfOrder,
-    /// After this silence (s) of the client's time it is no longer followed, by the external clock.
+    /// Silence (s) of the client after which the external clock no longer follows it.
     pub holdover_s: f64,
-    /// Where the figures of the run can be fetched, if anywhere.
+    /// Address for metrics, if any.
     pub metrics: Option<String>,
-    /// What is asked of the system for a run in real time.
+    /// Real-time settings.
     pub realtime: Requested,
 }
 
-/// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
+/// Action if a frame would miss its deadline (wall and external clock).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OnOverrun {
-    /// It comes late.
+    /// Send it late.
     #[default]
     Late,
-    /// Its exposure has no frame.
+    /// Send no frame.
     Drop,
-    /// It is rendered more coarsely.
+    /// Render with larger tolerances.
     Coarsen,
 }
 
-/// Who gives the time.
+/// Source of the time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Clock {
-    /// Each attitude, or each trigger, gives one frame, of its own time.
+    /// One frame for each attitude or trigger, at its time.
     Stepped,
-    /// Frames at the camera's rate by this machine's clock.
+    /// Frames at the camera's rate, by this machine's clock.
     Wall,
     /// Frames at the camera's rate, or at triggers, by the client's clock.
     External,
 }
 
-/// What asks for a frame.
+/// Source of triggers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Trigger {
-    /// An attitude (stepped) or the camera's own rate.
+    /// An attitude (stepped), or the camera's rate.
     #[default]
     Own,
-    /// A Trigger packet.
+    /// Trigger packets.
     Packet,
 }
 
-/// How much later than it could the device gives a frame out.
+/// Delay of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Delay {
-    /// From the exposure's end to the first packet at the earliest, s.
+    /// Shortest time from the end of the exposure to the first packet, s.
     pub delay_s: f64,
-    /// Up to so much more (s), another time for each frame, all equally likely.
+    /// Random addition, uniform from 0 to this for each frame, s.
     pub jitter_s: f64,
 }
 
-/// When an attitude is too old, and what is made of it then.
+/// Limit of an attitude's age, and the action beyond it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Staleness {
-    /// Older than this (s) in the middle of an exposure it is stale.
+    /// Age in the middle of an exposure above which an attitude is stale, s.
     pub limit_s: f64,
-    /// What is done then.
+    /// Action if it is stale.
     pub then: OnStale,
 }
 
-/// What is made of a stale attitude. Labels and packets say so in any case.
+/// Action if an attitude is stale. Labels and packets report it in any case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OnStale {
-    /// It is carried on by its rates all the same.
+    /// Propagate by its rates.
     #[default]
     Extrapolate,
-    /// The body stands still where it was carried to at the limit.
+    /// Stop the body at the limit.
     Hold,
-    /// Likewise, and the frame is marked as invalid.
+    /// Stop the body at the limit, and mark the frame as invalid.
     Invalid,
 }
 
-/// What is done with an attitude whose time lies before that of one that came earlier.
+/// Action for an attitude earlier than the last one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OutOfOrder {
-    /// It is refused.
+    /// Reject it.
     #[default]
     Refuse,
-    /// It takes its place among the others, for exposures between them.
+    /// Use it for exposures between others.
     Use,
 }
 
@@ -154,7 +156,7 @@ impl Default for Run {
 }
 
 impl Run {
-    /// What is set here that the stepped clock makes nothing of.
+    /// Keys that are set but have no effect with the stepped clock.
     pub fn idle_in_step(&self) -> Vec<&'static str> {
         let set = [
             (self.delay.delay_s > 0.0, "run.delay_s"),
@@ -168,7 +170,8 @@ impl Run {
 }
 
 impl Delay {
-    /// How much later than its exposure's end a frame of a camera (0: the first) leaves at the earliest: the same for the same frame in every run.
+    /// Earliest time from the end of the exposure until a frame leaves, for a camera (0 is the
+    /// first). It is the same for the same frame in every run.
     pub fn of(&self, camera: u32, frame: u32) -> Duration {
         // SplitMix64 (Steele, Lea and Flood 2014) of both numbers.
         let mut word = (u64::from(camera) << 32 | u64::from(frame))
@@ -181,7 +184,7 @@ impl Delay {
     }
 }
 
-/// Priorities of SCHED_FIFO, sched(7).
+/// Priorities of SCHED_FIFO, see sched(7).
 const PRIORITIES: RangeInclusive<f64> = 1.0..=99.0;
 
 pub(super) const LIMITS: &[Limit] = &[
@@ -204,17 +207,17 @@ pub(super) const LIMITS: &[Limit] = &[
     ("run.output", Word(levels)),
 ];
 
-/// URLs of links. Their targets and options are checked where the link is opened.
+/// URLs of links. Targets and options are checked when the link is opened.
 pub(super) fn link_form() -> String {
     let schemes: Vec<&str> = LINKS.iter().map(|link| link.scheme).collect();
     format!("^({})://", schemes.join("|"))
 }
 
-/// A port, or the address of an interface and a port.
+/// A port, or an address and a port.
 fn metrics_form() -> String {
     let port = "0*(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5]?[0-9]{1,4})";
     let part = "(25[0-5]|2[0-4][0-9]|1[0-9]{2}|[1-9]?[0-9])";
-    // `::` stands for one or more of eight groups (RFC 4291, 2.2).
+    // `::` replaces one or more of eight groups (RFC 4291, 2.2).
     let group = "[0-9A-Fa-f]{1,4}";
     let mut groups = vec![
         format!("({group}:){{7}}{group}"),
@@ -227,7 +230,8 @@ fn metrics_form() -> String {
     format!(r"^({port}|{part}(\.{part}){{3}}:{port}|\[({groups})\]:{port}){END}")
 }
 
-/// The address of `run.metrics`, of an IPv6 address without a zone and with groups alone; a port alone is of 127.0.0.1.
+/// The address of `run.metrics`. IPv6 addresses have no zone and groups only. A port alone is that
+/// of 127.0.0.1.
 pub fn metrics_address(text: &str) -> Option<SocketAddr> {
     if text.contains(['+', '%']) || (text.starts_with('[') && text.contains('.')) {
         return None;
@@ -448,7 +452,7 @@ fn listening(text: String, check: &Check) -> Result<String, ConfigError> {
     }
 }
 
-/// Whether a processor exists is known when it is requested.
+/// The system checks later whether the processors exist.
 fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError> {
     let number = |(i, number): (usize, &i64)| {
         let key = format!("run.cpus[{i}]");
@@ -463,11 +467,11 @@ fn priority_of(priority: i64, check: &Check) -> Result<u8, ConfigError> {
         .ok()
         .filter(|priority| PRIORITIES.contains(&f64::from(*priority)));
     allowed.ok_or_else(|| {
-        let [least, most] = [PRIORITIES.start(), PRIORITIES.end()];
+        let [min, max] = [PRIORITIES.start(), PRIORITIES.end()];
         check.refuse(
             "run.priority",
             priority.to_string(),
-            format!("a priority of SCHED_FIFO, {least} to {most}"),
+            format!("a priority of SCHED_FIFO, {min} to {max}"),
         )
     })
 }

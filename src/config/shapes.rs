@@ -1,4 +1,4 @@
-//! What a population file says of looks: spheres, shapes and attitudes.
+//! Spheres, shapes and attitudes of population files.
 
 use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
@@ -99,7 +99,8 @@ pub struct RawAttitude {
     rates_deg_s: Option<Fixed<f64, 3>>,
 }
 
-/// The keys of each kind of part beside those of all: needed ones, then others.
+/// The keys of each kind of part, in addition to those of all parts: required ones, then optional
+/// ones.
 const KINDS: &[Kind] = &[
     ("plate", &["area_m2", "normal"], &["two_sided", "sun_axis"]),
     ("box", &["size_m"], &[]),
@@ -112,7 +113,7 @@ const KINDS: &[Kind] = &[
     ("sphere", &["diameter_m"], &[]),
 ];
 
-/// Attitudes, their needed keys and others.
+/// The modes of attitudes: required keys, then optional ones.
 const MODES: &[Kind] = &[
     ("inertial", &["q"], &[]),
     ("nadir", &[], &["q"]),
@@ -121,13 +122,13 @@ const MODES: &[Kind] = &[
 
 /// Lengths of parts, m.
 const LENGTHS: RangeInclusive<f64> = 1e-3..=1e4;
-/// Shares of light.
+/// Fractions of light.
 const SHARES: RangeInclusive<f64> = 0.0..=1.0;
-/// Diameters of spheres that stand for objects, m.
+/// Diameters of objects' spheres, m.
 const SPHERES: RangeInclusive<f64> = 1e-6..=1e6;
 /// Components of directions.
 const AXES: RangeInclusive<f64> = -1e6..=1e6;
-/// Edges of lobes, deg.
+/// Half widths of lobes, deg.
 const LOBES: RangeInclusive<f64> = Lobe::NARROWEST * 180.0 / std::f64::consts::PI..=90.0;
 
 /// Limits of the keys of scenes.
@@ -166,7 +167,7 @@ pub const LIMITS: &[Limit] = &[
     ("shapes.*.parts[]", Allowed::Kind("kind", KINDS)),
 ];
 
-/// Which ends of a cylinder or a cone are closed: base and top.
+/// Closed ends of a cylinder or a cone: base and top.
 const ENDS: [(&str, [bool; 2]); 4] = [
     ("both", [true, true]),
     ("base", [true, false]),
@@ -178,9 +179,9 @@ fn ends() -> Vec<&'static str> {
     ENDS.iter().map(|(name, _)| *name).collect()
 }
 
-/// Directions nearer to each other than this (rad) are the same.
+/// Directions at a smaller angle (rad) count as parallel.
 const ALONG: f64 = 1e-6;
-/// Parts that a shape may have: their light is worked out in up to hundreds of instants a frame.
+/// Largest number of parts: a frame may need their light at hundreds of instants.
 const MAX_PARTS: usize = 200;
 
 impl RawSphere {
@@ -313,7 +314,8 @@ impl RawPart {
         Ok(surface)
     }
 
-    /// The axis that a plate turns about, across its normal at least in part: about that itself no turn faces it to anything.
+    /// The axis that a plate turns about. It must not be the plate's normal: a turn about that does
+    /// not change what the plate faces.
     fn hinge(
         &self,
         key: &str,
@@ -365,7 +367,7 @@ impl RawAttitude {
     }
 }
 
-/// A direction of any length but none.
+/// A direction from a vector of any length except 0.
 fn direction(
     key: &str,
     given: &Option<Fixed<f64, 3>>,

@@ -1,9 +1,10 @@
-//! Every fault of a scene or population file is reported, and none beside.
+//! Every fault of a scene or population file is reported, and no other.
 
 use super::objects::load_population;
 use super::*;
 
-/// Asserts that the loader reports these faults, a line each, and no other. They begin so behind file, line and column.
+/// Asserts that the loader reports exactly these faults, a line each. Each is the beginning of a
+/// line after file, line and column.
 fn assert_reported(text: &str, load: impl Fn(&str) -> Option<String>, expected: &[&str]) {
     let error = load(text).unwrap_or_default();
     let lines = error.lines().filter(|line| !line.contains(" faults:"));
@@ -21,11 +22,11 @@ fn load(text: &str) -> Option<String> {
 }
 
 #[test]
-fn every_fault_of_a_scene_is_reported_and_none_beside() {
+fn exactly_the_faults_of_a_scene_are_reported() {
     let pointing = "[sequence]\nepoch = \"2026-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n";
     let sequence = |keys: &str| format!("{pointing}{keys}\n");
     for (text, expected) in [
-        // Each faulty entry of a list has its own line and its index in the file.
+        // Each faulty entry of a list has its own line, and its index in the file.
         (
             sequence(
                 "attitudes = [[1, 2], { q = [0, 0, 0, 2] }, 7, { utc = 3, q = [0, 0, 0, 1] }, { utc = \"2026-01-01T00:00:00Z\", q = [0, \"a\", 0, true] }]",
@@ -98,7 +99,7 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
             ),
             &["sequence.frames: 1000000: the last exposure: no Earth and Sun positions for"],
         ),
-        // A wrong type names the choices of its key.
+        // For a wrong type the choices of the key are named.
         (
             format!(
                 "camera = 7\nfidelity = {{ preset = 1, psf_loss = \"x\", orbits = 3 }}\n[sky]\ncatalog = 7\n[run]\nclock = 7\ntrigger = {{ own = {{}} }}\n\
@@ -127,7 +128,7 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
                 "fidelity: must be one of \"fast\", \"realtime\", \"reference\" or a table of keys, not 7",
             ],
         ),
-        // A quoted key may have dots and brackets in it, or nothing.
+        // A quoted key may have dots and brackets, or be empty.
         (
             "\"run.clocks\" = 1\n[run]\n\"a[0]\" = 2\n\"\" = 3\nclock = 7\n\"b.c\" = { d = 4 }\nheadz = 5\n[run.\"x.y\"]\nz = 6\n".to_string(),
             &[
@@ -148,7 +149,7 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
                 "sequence.look_at: given beside sequence.radec: leave one of them out",
             ],
         ),
-        // Of a faulty preset the other keys are checked.
+        // The other keys are checked with a faulty preset, too.
         (
             "fidelity = { preset = \"best\", wing_e = 1e9 }".to_string(),
             &[
@@ -162,10 +163,10 @@ fn every_fault_of_a_scene_is_reported_and_none_beside() {
 }
 
 #[test]
-fn every_fault_of_a_population_is_reported_and_none_beside() {
+fn exactly_the_faults_of_a_population_are_reported() {
     let body = "object = \"../../configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = \"stage\"\nattitude = { mode = \"nadir\" }\n";
     for (text, expected) in [
-        // A list of tables, and a list, where tables have names.
+        // A list of tables, and a list, in place of named tables.
         (
             format!("[[objects]]\n{body}[[shapes.stage]]\nparts = []\n"),
             &["shapes.stage: must be a table of keys, not a list"][..],
@@ -178,7 +179,7 @@ fn every_fault_of_a_population_is_reported_and_none_beside() {
             format!("[[objects]]\n{body}[[shapes]]\nparts = []\n"),
             &["shapes: must be a table of keys, not a list"],
         ),
-        // A fault of one part hides none of another one, nor of the same.
+        // A fault of one part hides no other fault.
         (
             "objects = []\n[shapes.stage]\nparts = [\n{ kind = \"sphere\", diameter_m = \"3\" },\n7,\n{ kind = \"sphere\", diameter_m = -1.0 },\n\
              { kind = \"cone\", axis = [1, 0, 0], length_m = -1.0, ends = \"all\" },\n{ kind = \"ball\", lobe_deg = 99.0 },\n\
@@ -199,7 +200,7 @@ fn every_fault_of_a_population_is_reported_and_none_beside() {
                 "shapes.stage.parts[6].specular: must be 0 to 1, not \"a\"",
             ],
         ),
-        // A faulty shape hides no fault of its attitude.
+        // A faulty shape does not hide faults of its attitude.
         (
             "[[objects]]\nobject = \"../../configs/scenes/rcm-2019-06-15/rcm-1-A.oem\"\nshape = 2.5\nattitude = { mode = \"spin\", q = [0, 0, 0, 1] }\n".to_string(),
             &[

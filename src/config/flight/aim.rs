@@ -1,4 +1,4 @@
-//! The directions of `look_at`: where a vehicle sees its target, and what is up.
+//! The directions of `look_at`: the apparent target, and the direction up.
 
 use crate::{LookAt, Target, Up};
 use hifitime::Epoch;
@@ -17,7 +17,7 @@ use skyloop_render::sky::planets;
 use skyloop_render::sky::shadow::Earth;
 use std::sync::Arc;
 
-/// The boresight of `camera` at a target, with the corrections that the sky of its frames has.
+/// The boresight of `camera` at a target, with the corrections of the sky.
 pub(super) fn aim(look: &LookAt, camera: &Camera, corrections: Corrections) -> Aim {
     let [x, y, z, w] = camera.mounting.xyzw();
     let up = match look.up {
@@ -34,7 +34,7 @@ pub(super) fn aim(look: &LookAt, camera: &Camera, corrections: Corrections) -> A
     }
 }
 
-/// Where a target is seen: apparent directions, as the scene has them.
+/// The apparent direction of a target, as in the scene.
 fn target(target: &Target, corrections: Corrections) -> Direction {
     match target {
         Target::Direction([ra, dec]) => {
@@ -87,7 +87,8 @@ fn observer(epoch: Epoch, state: &StateVector) -> Result<Observer, OrbitSourceEr
     })
 }
 
-/// What is to be said of a mission with a target: a line where the Earth hides it, one where the rule for the roll does not apply.
+/// Notices for a mission with a target: one where the Earth hides it, one where the rule for the
+/// roll does not apply.
 pub(super) fn notices(look: &LookAt, mission: &Mission) -> Result<Vec<String>, ProfileError> {
     let Profile::Aim(aim) = &mission.profile else {
         return Ok(Vec::new());
@@ -100,16 +101,16 @@ pub(super) fn notices(look: &LookAt, mission: &Mission) -> Result<Vec<String>, P
         }
         let Some(orbit) = orbit else { continue };
         let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
-        let (earth, here) = (Earth::at(epoch), state.position_m);
+        let (earth, observer_m) = (Earth::at(epoch), state.position_m);
         let is_hidden = match &look.target {
             Target::Limb(_) | Target::Velocity => false,
             Target::Object(object) => object
                 .state(epoch)
-                .is_ok_and(|target| earth.occults(here, target.position_m)),
+                .is_ok_and(|target| earth.occults(observer_m, target.position_m)),
             _ => {
                 let direction = (aim.target)(epoch, &state)
                     .map_err(|source| ProfileError::Target { epoch, source })?;
-                earth.occults_direction(here, direction)
+                earth.occults_direction(observer_m, direction)
             }
         };
         if is_hidden {
