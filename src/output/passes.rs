@@ -1,6 +1,6 @@
 //! Passes through a camera's field as a table, CSV and JSON.
 
-use crate::passes::{Glimpse, Lit, Pass};
+use crate::passes::{Lit, Pass, PassInstant};
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use skyloop_orbit::Object;
@@ -110,7 +110,7 @@ impl Row {
 }
 
 impl Moment {
-    fn new(at: &Glimpse) -> Moment {
+    fn new(at: &PassInstant) -> Moment {
         Moment {
             utc: to_ms(at.point.epoch),
             place_px: at.place_px,

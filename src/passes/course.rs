@@ -1,5 +1,5 @@
-//! The observer's path in steps: position and attitude at every instant, without a new orbit and
-//! sidereal time each time.
+//! The observer's path in steps: position and attitude at every instant, interpolated instead of
+//! computed from orbit and sidereal time.
 
 use super::request::NoPasses;
 use hifitime::Epoch;
@@ -13,10 +13,10 @@ use skyloop_render::sky::apparent::Observer;
 use skyloop_render::sky::population::Shutter;
 use skyloop_render::sky::shadow::Earth;
 
-/// Knots of the polynomial of a step: at 2.5 s, 1e-7 m off in a low orbit.
+/// Knots of the polynomial of a step. At 2.5 s its error is 1e-7 m in a low orbit.
 const KNOTS: usize = 5;
 
-/// The observer during all of a search.
+/// The observer's path during a search.
 pub(super) struct ObserverTrack<'a> {
     flight: &'a Flight,
     from: Epoch,
@@ -24,32 +24,32 @@ pub(super) struct ObserverTrack<'a> {
     pub(super) steps: Vec<Step>,
 }
 
-/// The observer during a step.
+/// The observer's path during a step.
 pub(super) struct Step {
     /// Seconds since the search began.
     pub(super) start_s: f64,
     pub(super) end_s: f64,
-    /// Its start, mid and end.
+    /// Start, middle and end of the step.
     pub(super) shutter: Shutter,
     pub(super) vehicle: VehicleState,
-    /// The fastest turn of the body, rad/s.
+    /// Largest rotation rate of the body, rad/s.
     pub(super) rate: f64,
-    /// TEME to GCRF in its middle: in seconds it does not change.
+    /// TEME to GCRF in the middle; it is constant over seconds.
     pub(super) rotation: Matrix3<f64>,
-    /// The Earth in its middle.
+    /// The Earth in the middle.
     pub(super) earth: Earth,
     knots: [StateVector; KNOTS],
 }
 
 impl<'a> ObserverTrack<'a> {
-    /// From `from` on for `length_s`, in steps of at most `step_s`; rates are sampled every
-    /// `look_s`.
+    /// Covers `length_s` from `from` on in steps of up to `step_s`; rates are sampled every
+    /// `sample_s`.
     pub(super) fn new(
         flight: &'a Flight,
         from: Epoch,
         length_s: f64,
         step_s: f64,
-        look_s: f64,
+        sample_s: f64,
     ) -> Result<Self, NoPasses> {
         let count = (length_s / step_s).ceil().max(1.0);
         let step_s = length_s / count;
@@ -60,18 +60,18 @@ impl<'a> ObserverTrack<'a> {
             steps: Vec::new(),
         };
         for number in 0..count as usize {
-            let step = observer_track.step(number as f64 * step_s, look_s)?;
+            let step = observer_track.step(number as f64 * step_s, sample_s)?;
             observer_track.steps.push(step);
         }
         Ok(observer_track)
     }
 
-    /// The instant so many seconds after the beginning.
+    /// The instant `t_s` after the beginning.
     pub(super) fn epoch(&self, t_s: f64) -> Epoch {
         self.from + seconds(t_s)
     }
 
-    /// The step of an instant; the last one ends with the search.
+    /// The step of an instant; the last step ends with the search.
     pub(super) fn at(&self, t_s: f64) -> &Step {
         let number = (t_s / self.step_s) as usize;
         &self.steps[number.min(self.steps.len() - 1)]
@@ -82,13 +82,13 @@ impl<'a> ObserverTrack<'a> {
         Ok(self.flight.vehicle(self.epoch(t_s), state)?)
     }
 
-    fn step(&self, start_s: f64, look_s: f64) -> Result<Step, NoPasses> {
+    fn step(&self, start_s: f64, sample_s: f64) -> Result<Step, NoPasses> {
         let length_s = self.step_s;
         let mid = self.epoch(start_s + length_s / 2.0);
-        let between = |k: usize| k as f64 / (KNOTS - 1) as f64;
+        let fraction = |k: usize| k as f64 / (KNOTS - 1) as f64;
         let mut knots = [self.flight.state(mid)?; KNOTS];
         for (k, knot) in knots.iter_mut().enumerate() {
-            *knot = (self.flight).state(self.epoch(start_s + length_s * between(k)))?;
+            *knot = (self.flight).state(self.epoch(start_s + length_s * fraction(k)))?;
         }
         let earth = Earth::at(mid);
         let mut step = Step {
@@ -107,9 +107,9 @@ impl<'a> ObserverTrack<'a> {
         if earth.contains(step.vehicle_m()) {
             return Err(NoPasses::BelowGround { epoch: mid });
         }
-        let looks = (length_s / look_s).ceil() as usize;
-        for look in 0..=looks {
-            let t_s = start_s + length_s * look as f64 / looks as f64;
+        let samples = (length_s / sample_s).ceil() as usize;
+        for sample in 0..=samples {
+            let t_s = start_s + length_s * sample as f64 / samples as f64;
             let vehicle = self.flight.vehicle(self.epoch(t_s), step.state(t_s))?;
             step.rate = step.rate.max(vehicle.rates.norm());
         }

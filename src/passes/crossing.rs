@@ -1,72 +1,72 @@
-//! One stay in the field: where it begins and ends, its extremes, its light.
+//! A pass of an object through the field: entry, exit, extremes, light.
 
 use super::request::{NoPasses, Search};
-use super::search::{Seeker, Sight};
+use super::search::{ObjectSearch, Sight};
 use hifitime::Epoch;
 use skyloop_render::light_curve::{NoLightCurve, Point, point_from};
 use skyloop_render::scene::Hidden;
 use skyloop_render::sky::Population;
 
-/// A stay is looked at every so many seconds, for what is least and what is dark,
-const LOOK_S: f64 = 1.0;
-/// and at so many instants at most.
-const MAX_LOOKS: f64 = 1000.0;
-/// Its brightness is that of so many instants at most.
+/// Interval of the samples for minima and for darkness, s.
+const SAMPLE_S: f64 = 1.0;
+/// Largest number of these samples.
+const MAX_SAMPLES: f64 = 1000.0;
+/// Largest number of samples of the brightness.
 const MAX_LIGHTS: f64 = 100.0;
-/// The base of an image's rate, s.
+/// Time base of an image's rate, s.
 const RATE_S: f64 = 0.01;
-/// Where states end, light is asked for so much before that, s.
+/// Where states end, light is computed this much earlier, s.
 const WITHIN_S: f64 = 1e-3;
 
-/// An object's stay in the field.
+/// A pass of an object through the field.
 #[derive(Debug, Clone)]
 pub struct Pass {
     /// Index into the population.
     pub index: usize,
-    /// Where it comes in.
-    pub entry: Glimpse,
-    /// Where it leaves.
-    pub exit: Glimpse,
+    /// Entry into the field.
+    pub entry: PassInstant,
+    /// Exit from the field.
+    pub exit: PassInstant,
     /// Nearest to the boresight.
-    pub nearest: Glimpse,
-    /// At its brightest; none where no light arrives.
-    pub brightest: Option<Glimpse>,
-    /// Least range, m, and when.
+    pub nearest: PassInstant,
+    /// At the greatest brightness; none where no light arrives.
+    pub brightest: Option<PassInstant>,
+    /// Time and value of the least range, m.
     pub closest: (Epoch, f64),
-    /// How fast its image moves when nearest to the boresight, px/s.
+    /// Rate of the image nearest to the boresight, px/s.
     pub rate_px_s: f64,
-    /// Whether its light arrives, from one change to the next.
+    /// Intervals with and without light.
     pub lit: Vec<Lit>,
-    /// Whether it is in the field when the search begins.
+    /// Whether it is in the field at the start of the search.
     pub begun_before: bool,
-    /// Whether it still is when the search ends.
+    /// Whether it is in the field at the end of the search.
     pub goes_on: bool,
 }
 
-/// An object at an instant of its stay.
+/// An object at an instant of its pass.
 #[derive(Debug, Clone)]
-pub struct Glimpse {
+pub struct PassInstant {
     /// Its light.
     pub point: Point,
-    /// Its image on the detector, px.
+    /// Position of the image on the detector, px.
     pub place_px: [f64; 2],
-    /// Its angle from the boresight, rad.
+    /// Angle from the boresight, rad.
     pub off_axis: f64,
 }
 
-/// A part of a stay.
+/// An interval of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lit {
-    /// Its beginning.
+    /// Start.
     pub from: Epoch,
-    /// Its end.
+    /// End.
     pub to: Epoch,
-    /// Why no light arrives; none where some does.
+    /// Why no light arrives; none where light arrives.
     pub hidden: Option<Hidden>,
 }
 
-impl Seeker<'_> {
-    /// The stay from one instant to another, s; none where there is no state within it.
+impl ObjectSearch<'_> {
+    /// The pass between two instants, s; none without a state between them.
     pub(super) fn pass(
         &self,
         population: &Population,
@@ -74,28 +74,28 @@ impl Seeker<'_> {
         [start, end]: [f64; 2],
         search: &Search,
     ) -> Result<Option<Pass>, NoPasses> {
-        let looks = ((end - start) / LOOK_S).ceil().clamp(4.0, MAX_LOOKS);
+        let samples = ((end - start) / SAMPLE_S).ceil().clamp(4.0, MAX_SAMPLES);
         let times = |count: f64| {
             (0..=count as usize).map(move |i| start + (end - start) * i as f64 / count)
         };
         let mut seen: Vec<(f64, Sight)> = Vec::new();
-        for t_s in times(looks) {
+        for t_s in times(samples) {
             seen.extend(self.sight(t_s)?.map(|sight| (t_s, sight)));
         }
-        let reach = (end - start) / looks;
+        let reach = (end - start) / samples;
         let least = |of: &dyn Fn(&Sight) -> f64| -> Result<f64, NoPasses> {
             let best = seen.iter().min_by(|a, b| of(&a.1).total_cmp(&of(&b.1)));
             let near = best.map_or(start, |(t_s, _)| *t_s);
             self.least([(near - reach).max(start), (near + reach).min(end)], of)
         };
-        let glimpse = |t_s: f64| self.glimpse(population, index, t_s);
+        let instant = |t_s: f64| self.instant(population, index, t_s);
         let nearest_s = least(&|sight| sight.off_axis)?;
         let closest_s = least(&|sight| sight.range_m)?;
         // The edge is known to a millisecond, and may be the last instant with a state.
-        let within = |t_s: f64| -> Result<Option<Glimpse>, NoPasses> {
+        let within = |t_s: f64| -> Result<Option<PassInstant>, NoPasses> {
             let inner_s = (t_s.max(start + WITHIN_S)).min(end - WITHIN_S);
-            Ok(match glimpse(t_s)? {
-                None if end - start > 2.0 * WITHIN_S => glimpse(inner_s)?,
+            Ok(match instant(t_s)? {
+                None if end - start > 2.0 * WITHIN_S => instant(inner_s)?,
                 one => one,
             })
         };
@@ -107,13 +107,13 @@ impl Seeker<'_> {
         ) else {
             return Ok(None);
         };
-        let mut brightest: Option<Glimpse> = None;
-        let magnitude = |one: &Glimpse| one.point.band_mag().unwrap_or(f64::INFINITY);
-        for t_s in times(looks.min(MAX_LIGHTS)).chain([nearest_s, closest_s]) {
-            // Light takes long to work out: not where none arrives.
+        let mut brightest: Option<PassInstant> = None;
+        let magnitude = |one: &PassInstant| one.point.band_mag().unwrap_or(f64::INFINITY);
+        for t_s in times(samples.min(MAX_LIGHTS)).chain([nearest_s, closest_s]) {
+            // The slow computation of light is skipped in the dark.
             let dark = |sight: Sight| sight.hidden.is_some();
             if !self.sight(t_s)?.is_none_or(dark)
-                && let Some(one) = glimpse(t_s)?
+                && let Some(one) = instant(t_s)?
                 && magnitude(&one) < brightest.as_ref().map_or(f64::INFINITY, magnitude)
             {
                 brightest = Some(one);
@@ -133,12 +133,12 @@ impl Seeker<'_> {
         }))
     }
 
-    fn glimpse(
+    fn instant(
         &self,
         population: &Population,
         index: usize,
         t_s: f64,
-    ) -> Result<Option<Glimpse>, NoPasses> {
+    ) -> Result<Option<PassInstant>, NoPasses> {
         let Some(sight) = self.sight(t_s)? else {
             return Ok(None);
         };
@@ -153,12 +153,12 @@ impl Seeker<'_> {
             )
         };
         let point = match light(self.camera.exposure_s) {
-            // States end within the exposure: the instant alone.
+            // States end within the exposure: use the instant alone.
             Err(NoLightCurve::Orbit(_)) => light(0.0),
             known => known,
         };
         match point {
-            Ok(point) => Ok(sight.image_px.map(|place_px| Glimpse {
+            Ok(point) => Ok(sight.image_px.map(|place_px| PassInstant {
                 point,
                 place_px,
                 off_axis: sight.off_axis,
@@ -185,7 +185,7 @@ impl Seeker<'_> {
         Ok(libm::hypot(b[0] - a[0], b[1] - a[1]) / (after - before))
     }
 
-    /// The parts of a stay that are lit, and dark in one way.
+    /// Intervals of a pass with light, and with one reason for darkness each.
     fn lit(&self, seen: &[(f64, Sight)], [start, end]: [f64; 2]) -> Result<Vec<Lit>, NoPasses> {
         let mut parts = Vec::new();
         let mut from = start;

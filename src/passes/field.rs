@@ -1,16 +1,16 @@
-//! The field of a camera: the directions (unit vectors, camera axes) whose images lie on its detector.
+//! The field of a camera: the directions (unit vectors, camera axes) with images on its detector.
 
 use nalgebra::Vector3;
 use skyloop_render::camera::Camera;
 
-/// Points along each side of the detector.
+/// Number of points along each side of the detector.
 const POINTS: usize = 64;
 
 pub(super) struct Field<'a> {
     camera: &'a Camera,
-    /// Directions of points of its edge, in order around it.
+    /// Directions of points of the edge, in order.
     edge: Vec<Vector3<f64>>,
-    /// How far the edge may be from the nearest of them, rad.
+    /// Largest angle from a point of the edge to the nearest of them, rad.
     slack: f64,
 }
 
@@ -33,7 +33,7 @@ impl<'a> Field<'a> {
             .collect();
         let next = edge.iter().cycle().skip(1);
         let gaps = edge.iter().zip(next).map(|(a, b)| a.angle(b));
-        // Half of the widest gap, and half as much again for an edge that bends.
+        // Half of the widest gap, and a half more for a curved edge.
         let slack = 0.75 * gaps.fold(0.0, f64::max);
         Self {
             camera,
@@ -42,15 +42,15 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Where on the detector the image of a direction is, px; none beside it.
-    pub(super) fn place(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
-        let place = self.camera.optics.project(direction)?;
+    /// The image of a direction on the detector, px; none outside the detector.
+    pub(super) fn image_px(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
+        let image_px = self.camera.optics.project(direction)?;
         let sides = self.camera.detector.sides();
-        let on = |axis: usize| (-0.5..=sides[axis] - 0.5).contains(&place[axis]);
-        (on(0) && on(1)).then_some(place)
+        let on = |axis: usize| (-0.5..=sides[axis] - 0.5).contains(&image_px[axis]);
+        (on(0) && on(1)).then_some(image_px)
     }
 
-    /// A lower bound (rad) of the angle from a direction to the edge of the field.
+    /// Lower bound of the angle from a direction to the edge of the field, rad.
     pub(super) fn to_edge(&self, direction: &Vector3<f64>) -> f64 {
         let dots = self.edge.iter().map(|edge| edge.dot(direction));
         let nearest = libm::acos(dots.fold(-1.0, f64::max).min(1.0));

@@ -1,4 +1,4 @@
-//! Where in time an object has states.
+//! Availability of an object's states.
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Matrix3;
@@ -7,17 +7,17 @@ use skyloop_orbit::{Object, OrbitError, StateVector};
 use skyloop_render::attitude::{MAX_POSITION, MAX_SPEED};
 use thiserror::Error;
 
-/// Interval of the motion test, s: SGP4's velocities differ from the change of its positions. For
-/// objects beyond their apogees only.
-const WAY_S: f64 = 0.1;
+/// Interval of the motion test, s, since SGP4's velocities differ from the change of its positions.
+/// Only for objects beyond their apogees.
+const MOTION_S: f64 = 0.1;
 
 /// Why there is no state.
 #[derive(Debug, Error)]
 pub(super) enum NoState {
-    /// Its orbit has no answer.
+    /// The orbit has no state.
     #[error(transparent)]
     Orbit(#[from] OrbitError),
-    /// SGP4 hurls some objects away, long after their epochs, and calls it no error.
+    /// Long after their epochs SGP4 gives extreme positions for some objects, without an error.
     #[error(
         "{object}: no state at {}: SGP4 puts it {:.3e} km from the Earth's centre, at {:.1} km/s: more than 4e6 km or 100 km/s; \
          use elements nearer to the epoch",
@@ -31,7 +31,7 @@ pub(super) enum NoState {
     },
 }
 
-/// The state of `object`, GCRF; `rotation` leads there from TEME.
+/// The state of `object`, GCRF; `rotation` is from TEME to GCRF.
 pub(super) fn state(
     object: &Object,
     epoch: Epoch,
@@ -41,10 +41,10 @@ pub(super) fn state(
     let position_m = state.position_m.norm();
     let mut speed_m_s = state.velocity_m_s.norm();
     if position_m > 1.1 * apogee_m(object, epoch)
-        && let Ok(later) = object.state_with(epoch + Unit::Second * WAY_S, rotation)
+        && let Ok(later) = object.state_with(epoch + Unit::Second * MOTION_S, rotation)
     {
         let path_m = (later.position_m - state.position_m).norm();
-        speed_m_s = speed_m_s.max(path_m / WAY_S);
+        speed_m_s = speed_m_s.max(path_m / MOTION_S);
     }
     if position_m > MAX_POSITION || speed_m_s > MAX_SPEED {
         return Err(NoState::Runaway {
@@ -57,7 +57,7 @@ pub(super) fn state(
     Ok(state)
 }
 
-/// The apogee that its elements have at their epoch, m; infinite of an ephemeris.
+/// The apogee from the elements at their epoch, m; infinite for an ephemeris.
 fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     /// m^3/s^2, WGS72.
     const MU: f64 = 3.986_008e14;
@@ -69,9 +69,9 @@ fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     })
 }
 
-/// Whether `object`, which has no state at its epoch by `error`, may have one within `half_s` (s).
-/// An ephemeris tells when; elements are tested at both ends, as they fail for longer, or not at
-/// all.
+/// Whether `object`, without a state at an epoch by `error`, may have one within `half_s` (s). The
+/// error for an ephemeris has the times. Elements are tested at both ends, since they fail for
+/// longer than that, or not at all.
 pub(super) fn may_have_near(
     object: &Object,
     error: &NoState,

@@ -1,10 +1,10 @@
-//! Which objects cross a camera's field, when, and how bright: no frame is made.
+//! Passes of objects through a camera's field, their times and brightness, without frames.
 //!
-//! Time goes in steps. For each, [`Population::before`] gives the objects that may be in the cone
-//! of the field. For each of these the step is bisected: where its image cannot reach the edge of
-//! the detector, even at its highest speed, it is in the field or out of it throughout; else down
-//! to [`Search::shortest_s`]. So every stay that lasts longer is found, and shorter ones may be
-//! missed. Where an object's states begin or end in the field, so does its stay.
+//! Time goes in steps. In each step [`Population::before`] gives the objects that may be in the
+//! cone of the field. For each of these the step is bisected. A part is finished when the image,
+//! even at its highest speed, cannot reach the edge of the detector: the object is in the field or
+//! out of it throughout. Bisection ends at [`Search::shortest_s`], so every longer pass is found,
+//! and shorter ones may be missed. A pass also begins or ends where the object's states do.
 
 mod course;
 mod crossing;
@@ -14,7 +14,7 @@ mod pointing;
 mod request;
 mod search;
 
-pub use crossing::{Glimpse, Lit, Pass};
+pub use crossing::{Lit, Pass, PassInstant};
 pub use request::{NoPasses, Search};
 
 use course::ObserverTrack;
@@ -22,7 +22,7 @@ use field::Field;
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use search::Seeker;
+use search::ObjectSearch;
 use skyloop_config::flight::Flight;
 use skyloop_orbit::{Object, Orbit};
 use skyloop_render::camera::Camera;
@@ -31,26 +31,26 @@ use skyloop_render::sky::{Corrections, Population};
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Seconds of a step: in them a low orbit goes 80 km.
+/// Length of a step, s: a low orbit moves 80 km in it.
 const STEP_S: f64 = 10.0;
-/// Steps of the pointing test where it lacks a direction, s. The shorter ones serve where the
-/// longer ones miss such a time, as for an observer below the limb it looks at.
+/// Steps of the pointing test where the pointing has no direction, s. The shorter ones serve where
+/// the longer ones miss such a time, as for an observer below the target limb.
 const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 
-/// What was found.
+/// The results of a search.
 #[derive(Debug, Default)]
 pub struct Passes {
     /// In order of entry.
     pub passes: Vec<Pass>,
-    /// Objects whose orbit fails at some time of the search, or gives nonsense (beyond 4e6 km or
-    /// 100 km/s), each with one reason.
+    /// Objects whose orbit fails at some time of the search, or is beyond 4e6 km or 100 km/s, each
+    /// with one reason.
     pub unknown: BTreeMap<String, String>,
-    /// Times, first and last instants, without a pointing direction: they were not searched.
+    /// Intervals without a pointing direction, which were not searched.
     pub unpointed: Vec<[Epoch; 2]>,
 }
 
-/// The passes of a population through the field of `camera` on a vehicle. `tick` gets the finished
-/// part of the work, from 0 to 1.
+/// The passes of a population through the field of `camera` on a vehicle. `tick` receives the
+/// finished fraction of the work, from 0 to 1.
 pub fn passes(
     search: &Search,
     flight: &Flight,
@@ -73,7 +73,7 @@ pub fn passes(
         };
         let searched: Result<Vec<Passes>, _> = parts.iter().map(within).collect();
         found = match searched {
-            // Where it never has one, the error says why.
+            // Without any pointing the error has the reason.
             Ok(parts) if parts.is_empty() => break,
             Ok(parts) => {
                 for part in parts {
@@ -88,7 +88,7 @@ pub fn passes(
     found
 }
 
-/// The passes during a search through which the vehicle points somewhere.
+/// The passes during a search with a pointing direction throughout.
 fn through(
     search: &Search,
     flight: &Flight,
@@ -121,7 +121,7 @@ fn through(
     let found: Result<Vec<_>, NoPasses> = candidates
         .par_iter()
         .map(|(index, steps)| {
-            let seeker = Seeker {
+            let object_search = ObjectSearch {
                 observer_track: &observer_track,
                 field: &field,
                 camera,
@@ -129,11 +129,11 @@ fn through(
                 object: &population.objects()[*index],
                 lost: OnceCell::new(),
             };
-            let crossings = seeker.crossings(steps, search)?;
+            let crossings = object_search.crossings(steps, search)?;
             let passes = crossings.into_iter();
-            let passes = passes.map(|times| seeker.pass(population, *index, times, search));
+            let passes = passes.map(|times| object_search.pass(population, *index, times, search));
             let passes: Result<Vec<Pass>, _> = passes.filter_map(Result::transpose).collect();
-            Ok((passes?, seeker.lost.into_inner()))
+            Ok((passes?, object_search.lost.into_inner()))
         })
         .collect();
     let mut passes = Vec::new();
@@ -153,8 +153,8 @@ fn through(
     })
 }
 
-/// The part of a search in which any object may have a state, and a step on either side, so that
-/// such a stay does not look cut off by the search; none if no object has any.
+/// The part of a search in which any object may have a state, plus a step at both ends, so that a
+/// pass there does not look cut off by the search; none if no object has a state.
 fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
     let spans = objects.iter().filter_map(Object::span);
     let (first, last) = spans.reduce(|(a, b), (start, end)| (a.min(start), b.max(end)))?;
@@ -162,15 +162,15 @@ fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
     let part = Search {
         from: search.from.max(first - step),
         to: search.to.min(last + step),
-        // Of NaN it is the other.
+        // `max` replaces NaN.
         shortest_s: search.shortest_s.max(1e-3),
     };
     let any = || objects.par_iter().any(|object| has_states(object, &part));
     (part.from <= part.to && any()).then_some(part)
 }
 
-/// Whether an object has a state during a search. SGP4 fails for longer than a step, or not at its
-/// ends.
+/// Whether an object has a state during a search. SGP4 fails for longer than a step, or not at the
+/// step's ends.
 fn has_states(object: &Object, search: &Search) -> bool {
     if let Orbit::Ephemeris(ephemeris) = &object.orbit {
         let within = |(start, end)| start <= search.to && end >= search.from;
@@ -182,9 +182,8 @@ fn has_states(object: &Object, search: &Search) -> bool {
     instants.any(|instant| known::state(object, instant, &Matrix3::identity()).is_ok())
 }
 
-/// The steps in which each object may be in the field, and the objects without a state. The test of
-/// a step's middle does not apply to those: they are tested in every step that may have states
-/// elsewhere.
+/// The steps in which each object may be in the field, and the objects without a state. Those are
+/// tested in every step that may have states outside its middle.
 #[allow(clippy::type_complexity)]
 fn candidates(
     observer_track: &ObserverTrack,

@@ -1,4 +1,4 @@
-//! When the pointing has a direction: an object that it follows may have no states.
+//! Times with a pointing direction: a target object may have no states.
 
 use super::request::Search;
 use hifitime::{Epoch, Unit};
@@ -7,16 +7,16 @@ use skyloop_orbit::Object;
 use skyloop_orbit::time::seconds;
 use skyloop_render::sky::bodies::LIGHT_M_S;
 
-/// Ends of a part are bisected down to this, s.
+/// Ends of parts are bisected to this, s.
 const FINE_S: f64 = 1e-3;
 
-/// Of light from 3e6 km, twice as far as the Earth's gravity holds an orbit, s.
+/// Light time from 3e6 km, twice the radius of the largest orbits about the Earth, s.
 const LONGEST_LIGHT_TIME_S: f64 = 10.0;
 
-/// Light times change by less than 1e-4 of themselves with each of these.
+/// Iterations of the light time; each changes it by less than 1e-4.
 const LIGHT_TIME_STEPS: usize = 4;
 
-/// The parts of a search, at least a millisecond long, in which the vehicle has an attitude: tested
+/// The parts of a search, at least a millisecond long, with an attitude of the vehicle. Tested
 /// every `step_s`, and in each gap of the target's states.
 pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search> {
     let has = |epoch: Epoch| {
@@ -27,12 +27,12 @@ pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search
         return Vec::new();
     };
     let mut parts = Vec::new();
-    let mut beside_gaps = beside_gaps(search, flight).into_iter().peekable();
+    let mut near_gaps = near_gaps(search, flight).into_iter().peekable();
     let (mut last, mut had) = (from, has(from));
     let mut start = had.then_some(last);
     while last < to {
         let next = (last + seconds(step_s)).min(to);
-        let next = beside_gaps.next_if(|at| *at <= next).unwrap_or(next);
+        let next = near_gaps.next_if(|at| *at <= next).unwrap_or(next);
         let has_next = has(next);
         if has_next != had {
             let edge = edge([last, next], had, &has);
@@ -54,8 +54,8 @@ pub(super) fn parts(search: &Search, flight: &Flight, step_s: f64) -> Vec<Search
     parts.collect()
 }
 
-/// The part of a search in which the target may have a state or its light may arrive; none if
-/// never.
+/// The part of a search in which the target may have a state, or its light may arrive; none if
+/// there is none.
 fn with_target(search: &Search, flight: &Flight) -> Option<Search> {
     let Some(target) = &flight.target else {
         return Some(*search);
@@ -70,34 +70,34 @@ fn with_target(search: &Search, flight: &Flight) -> Option<Search> {
 }
 
 /// Instants of a search, in order, at which the target's states, or their light, begin and end.
-fn beside_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
+fn near_gaps(search: &Search, flight: &Flight) -> Vec<Epoch> {
     let Some(target) = &flight.target else {
         return Vec::new();
     };
     let middles = target.span_middles().into_iter();
-    let all = middles.flat_map(|at| [Some(at), seen(at, target, flight)]);
+    let all = middles.flat_map(|at| [Some(at), arrival(at, target, flight)]);
     let is_inside = |at: &Epoch| *at > search.from && *at < search.to;
     let mut inside: Vec<Epoch> = all.flatten().filter(is_inside).collect();
     inside.sort_unstable();
     inside
 }
 
-/// When light that leaves a target at an instant arrives: t = left + |r(t) - r_observer(t)| / c, by
+/// Arrival of light that leaves a target at an instant: t = left + |r(t) - r_observer(t)| / c, by
 /// iteration.
-fn seen(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
-    let place = |at| target.state(at).ok().map(|state| state.position_m);
-    let beside = [1.0, -1.0]
+fn arrival(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
+    let position = |at| target.state(at).ok().map(|state| state.position_m);
+    let nearby = [1.0, -1.0]
         .into_iter()
-        .find_map(|s| place(left + seconds(s)));
+        .find_map(|s| position(left + seconds(s)));
     let mut at = left;
     for _ in 0..LIGHT_TIME_STEPS {
-        let line = place(at).or(beside)? - flight.state(at).ok()?.position_m;
+        let line = position(at).or(nearby)? - flight.state(at).ok()?.position_m;
         at = left + seconds(line.norm() / LIGHT_M_S);
     }
     Some(at)
 }
 
-/// Between two instants, one of which has an attitude: the last one with an attitude, by bisection.
+/// The last instant with an attitude between two instants, one of which has one; by bisection.
 fn edge([mut low, mut high]: [Epoch; 2], had: bool, has: &impl Fn(Epoch) -> bool) -> Epoch {
     while high - low > seconds(FINE_S) {
         let middle = low + (high - low) * 0.5;
@@ -110,7 +110,7 @@ fn edge([mut low, mut high]: [Epoch; 2], had: bool, has: &impl Fn(Epoch) -> bool
     if had { low } else { high }
 }
 
-/// First and last instants of what lies between the parts of a search.
+/// The intervals between the parts of a search.
 pub(super) fn gaps(search: &Search, parts: &[Search]) -> Vec<[Epoch; 2]> {
     let starts = [search.from]
         .into_iter()

@@ -1,4 +1,4 @@
-//! The time to search, and why it cannot be searched.
+//! The time span of a search, and why it cannot be searched.
 
 use hifitime::Epoch;
 use skyloop_config::flight::FlightError;
@@ -7,14 +7,14 @@ use skyloop_render::light_curve::NoLightCurve;
 use skyloop_render::scene::Unobservable;
 use thiserror::Error;
 
-/// When to look, and how closely.
+/// Time span and resolution of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Search {
     /// The first instant.
     pub from: Epoch,
-    /// The last one, after it.
+    /// The last instant, after the first.
     pub to: Epoch,
-    /// Every stay longer than this is found, s; values up to a millisecond count as one.
+    /// Every longer pass is found, s; smaller values count as a millisecond.
     pub shortest_s: f64,
 }
 
@@ -24,16 +24,16 @@ impl Search {
     }
 }
 
-/// Why nothing can be found.
+/// Why a search is impossible.
 #[derive(Debug, Error)]
 pub enum NoPasses {
     /// No attitude or no state of the vehicle.
     #[error(transparent)]
     Flight(#[from] FlightError),
-    /// Nothing can be seen from there, or then.
+    /// Position or time of the observer is not supported.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
-    /// The brightness of an object is not known.
+    /// The brightness of an object is unknown.
     #[error(transparent)]
     Light(#[from] NoLightCurve),
     /// The observer is inside the Earth.
@@ -42,7 +42,7 @@ pub enum NoPasses {
         utc_text(*epoch)
     )]
     BelowGround {
-        /// When.
+        /// Time of the position.
         epoch: Epoch,
     },
 }

@@ -1,4 +1,4 @@
-//! When an object is in the field: instants are bisected where its image, at its highest possible
+//! Times of an object in the field: instants are bisected where its image, at its highest possible
 //! speed, may reach the edge.
 
 use super::course::{ObserverTrack, Step};
@@ -17,47 +17,47 @@ use skyloop_render::sky::population::OWN_VEHICLE_M;
 use std::cell::OnceCell;
 use std::f64::consts::PI;
 
-/// Entries and exits are bisected down to this, s.
+/// Entries and exits are bisected to this, s.
 const FINE_S: f64 = 1e-3;
-/// What light time and aberration may turn a direction by, rad: 16 km/s over c, each, rounded up.
-const WANDER: f64 = 2e-4;
-/// The golden section, by which a least value is narrowed down.
+/// Largest change of direction by light time and aberration, rad: 16 km/s over c each, rounded up.
+const DIRECTION_MARGIN: f64 = 2e-4;
+/// Golden section, for minima.
 const SECTION: f64 = 0.618_033_988_749_894_9;
 
-/// An object before a camera.
-pub(super) struct Seeker<'a> {
+/// Search for one object.
+pub(super) struct ObjectSearch<'a> {
     pub(super) observer_track: &'a ObserverTrack<'a>,
     pub(super) field: &'a Field<'a>,
     pub(super) camera: &'a Camera,
     pub(super) corrections: &'a Corrections,
     pub(super) object: &'a Object,
-    /// Why it has no state at some time; the first reason met.
+    /// Reason of its first missing state.
     pub(super) lost: OnceCell<String>,
 }
 
-/// An object as it is seen at an instant.
+/// Appearance of an object at an instant.
 pub(super) struct Sight {
-    /// Its image, px, on the detector or beside it; none where the optics make none.
+    /// Image, px, on the detector or outside; none where the optics give none.
     pub(super) image_px: Option<[f64; 2]>,
-    /// Whether that is on the detector.
+    /// Whether the image is on the detector.
     pub(super) inside: bool,
-    /// From the boresight, rad.
+    /// Angle from the boresight, rad.
     pub(super) off_axis: f64,
-    /// m.
+    /// Range, m.
     pub(super) range_m: f64,
-    /// Why it is dark.
+    /// Why it is dark, if it is.
     pub(super) hidden: Option<Hidden>,
 }
 
-/// A time (s) and whether the object is in the field, all through.
+/// A time interval (s), and whether the object is in the field throughout.
 struct Piece {
     start_s: f64,
     end_s: f64,
     inside: bool,
 }
 
-impl Seeker<'_> {
-    /// Its times in the field, s since the beginning; `steps`: those in which it may be in it.
+impl ObjectSearch<'_> {
+    /// Intervals in the field, s since the beginning; only `steps` are searched.
     pub(super) fn crossings(
         &self,
         steps: &[usize],
@@ -67,7 +67,7 @@ impl Seeker<'_> {
         let begins = steps.first() == Some(&0) && self.is_inside(0.0)?;
         let mut entered = begins.then_some(0.0);
         let mut known = (0.0, begins);
-        let mut turn = |piece: Piece| -> Result<(), NoPasses> {
+        let mut add = |piece: Piece| -> Result<(), NoPasses> {
             if piece.inside != known.1 {
                 let at = self.edge_between(known, piece.start_s)?;
                 match entered.take() {
@@ -80,11 +80,11 @@ impl Seeker<'_> {
         };
         for (i, number) in steps.iter().enumerate() {
             let step = &self.observer_track.steps[*number];
-            self.pieces(step, search.shortest_s, &mut turn)?;
-            // What follows is a step without it, or the end of all.
+            self.pieces(step, search.shortest_s, &mut add)?;
+            // A step without the object follows, or the end of the search.
             let last = *number + 1 == self.observer_track.steps.len();
             if last || steps.get(i + 1) != Some(&(number + 1)) {
-                turn(Piece {
+                add(Piece {
                     start_s: step.end_s,
                     end_s: step.end_s,
                     inside: last && self.is_inside(step.end_s)?,
@@ -122,8 +122,8 @@ impl Seeker<'_> {
         Ok(())
     }
 
-    /// Whether it is in the field for `half_s` before and after an instant; none where that or its
-    /// states may change.
+    /// Whether it is in the field for `half_s` before and after an instant; none where that, or the
+    /// availability of states, may change.
     fn throughout(&self, step: &Step, t_s: f64, half_s: f64) -> Result<Option<bool>, NoPasses> {
         let epoch = self.observer_track.epoch(t_s);
         let state = match self.state(step, epoch) {
@@ -138,9 +138,9 @@ impl Seeker<'_> {
         let observer = step.state(t_s);
         let line = state.position_m - observer.position_m;
         let range = line.norm();
-        // Over a path w the line turns by asin(w / range) at most: pi w / range is above that.
-        let way = (state.velocity_m_s - observer.velocity_m_s).norm() * half_s;
-        let sweep = PI * way / range.max(1e-3) + step.rate * half_s + 2.0 * WANDER;
+        // Along a path w the line turns by up to asin(w / range) <= pi w / range.
+        let path = (state.velocity_m_s - observer.velocity_m_s).norm() * half_s;
+        let sweep = PI * path / range.max(1e-3) + step.rate * half_s + 2.0 * DIRECTION_MARGIN;
         if range < OWN_VEHICLE_M || sweep > PI {
             return Ok(None);
         }
@@ -151,8 +151,8 @@ impl Seeker<'_> {
         if self.field.to_edge(&seen) <= sweep {
             return Ok(None);
         }
-        let inside = self.field.place(&seen).is_some();
-        // What is in the field, and not at an end, has no state there.
+        let inside = self.field.image_px(&seen).is_some();
+        // In the field in the middle but not at an end: there is no state at that end.
         let known = !inside || (self.is_inside(t_s - half_s)? && self.is_inside(t_s + half_s)?);
         Ok(known.then_some(inside))
     }
@@ -166,7 +166,7 @@ impl Seeker<'_> {
         self.lost.get_or_init(|| why.to_string());
     }
 
-    /// The instant at which it crosses the edge: the last one inside.
+    /// The last instant inside before it crosses the edge, or the first after that.
     fn edge_between(&self, (known_s, inside): (f64, bool), other_s: f64) -> Result<f64, NoPasses> {
         let (mut low, mut high) = (known_s, other_s);
         while high - low > FINE_S {
@@ -184,7 +184,7 @@ impl Seeker<'_> {
         Ok(self.sight(t_s)?.is_some_and(|sight| sight.inside))
     }
 
-    /// How it is seen; none where it has no state, or is the observer itself.
+    /// The appearance at an instant; none without a state, or for the observer itself.
     pub(super) fn sight(&self, t_s: f64) -> Result<Option<Sight>, NoPasses> {
         let step = self.observer_track.at(t_s);
         let observer = step.observer(self.observer_track.epoch(t_s), t_s);
@@ -205,7 +205,7 @@ impl Seeker<'_> {
         let occulted = step.earth.occults(observer.position_m, seen.seen_at_m);
         Ok(Some(Sight {
             image_px: self.camera.optics.project(&direction),
-            inside: self.field.place(&direction).is_some(),
+            inside: self.field.image_px(&direction).is_some(),
             off_axis: direction.angle(&Vector3::z()),
             range_m: seen.range_m,
             hidden: why_dark(occulted, step.earth.illumination(seen.seen_at_m, sun_m)),
@@ -232,7 +232,7 @@ impl Seeker<'_> {
                 low = first
             }
         }
-        // At an end it may be less than anywhere near it.
+        // The minimum may be at an end.
         let mut best = (low + high) / 2.0;
         for end in ends {
             if value(end)? < value(best)? {
@@ -242,7 +242,7 @@ impl Seeker<'_> {
         Ok(best)
     }
 
-    /// The instant between two, dark in a different way, at which that changes.
+    /// The instant at which the reason for darkness changes from `before`.
     pub(super) fn change(
         &self,
         [mut low, mut high]: [f64; 2],
