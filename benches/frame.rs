@@ -1,6 +1,7 @@
-//! What frames take, and whether it is as promised: the figures of `skyloop bench frame`, and noise against `rand_distr`.
+//! Times of frames against their limits: the statistics of `skyloop bench frame`, and noise against
+//! `rand_distr`.
 //!
-//! `cargo bench --bench frame`, on a quiet machine. Ends with 1 where a promise is not kept.
+//! `cargo bench --bench frame`, on a quiet machine. Exits with 1 where a limit is not met.
 
 mod support;
 
@@ -12,10 +13,10 @@ use skyloop::measure::frames::{CONVERTER, READ_E, Report, noise};
 use skyloop::orbit::sgp4_batch::Level;
 
 fn main() -> std::process::ExitCode {
-    support::kept::<Report>(&[against_rand_distr()])
+    support::report::<Report>(&[against_rand_distr()])
 }
 
-/// The best level's noise against a Poisson and a normal draw of `rand_distr` a pixel.
+/// Noise of the best level against a Poisson and a normal draw of `rand_distr` per pixel.
 fn against_rand_distr() -> Row {
     let mut random = SmallRng::seed_from_u64(1);
     let against = "rand_distr, a pixel at a time";

@@ -1,9 +1,9 @@
-//! What a catalogue's orbits take, and whether it is as promised: the figures of `skyloop bench orbit`.
+//! Times of a catalogue's orbits against their limits: the statistics of `skyloop bench orbit`.
 //!
-//! `cargo bench --bench orbit`, on a quiet machine. Ends with 1 where a promise is not kept.
+//! `cargo bench --bench orbit`, on a quiet machine. Exits with 1 where a limit is not met.
 
 mod support;
 
 fn main() -> std::process::ExitCode {
-    support::kept::<skyloop::measure::orbits::Report>(&[])
+    support::report::<skyloop::measure::orbits::Report>(&[])
 }

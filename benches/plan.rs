@@ -1,6 +1,6 @@
-//! The planner's promises about time, on every scene of `configs/scenes/`: estimated times against measured ones.
+//! Estimated times of the planner against measured ones, on every scene of `configs/scenes/`.
 //!
-//! `cargo bench --bench plan`. All on one core, medians of its own time.
+//! `cargo bench --bench plan`. All on one core, medians of thread time.
 
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
@@ -15,14 +15,14 @@ mod scenes;
 
 use scenes::scenes;
 
-/// Most that a price may be off, either way.
+/// Largest ratio of estimated and measured time, or its inverse.
 const MAX_OFF: f64 = 2.0;
-/// Prices below this (ms) are below what a clock and its caches can tell.
+/// Times below this (ms) are not resolved by the clock.
 const MIN_MS: f64 = 0.02;
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let kept = pool.unwrap().install(|| {
+    let all_met = pool.unwrap().install(|| {
         scenes()
             .iter()
             .map(|path| report(path))
@@ -30,16 +30,16 @@ fn main() {
     });
     println!(
         "{}",
-        if kept {
+        if all_met {
             "all promises kept"
         } else {
             "NOT all promises kept"
         }
     );
-    std::process::exit(i32::from(!kept));
+    std::process::exit(i32::from(!all_met));
 }
 
-/// Prints one scene's figures; whether its promises are kept.
+/// Prints the statistics of a scene; returns whether its estimates are within the limit.
 fn report(path: &Path) -> bool {
     let mut config = Config::load(path).unwrap();
     let mission = flight::mission(&config).unwrap();
@@ -70,7 +70,7 @@ fn report(path: &Path) -> bool {
         .iter()
         .map(|step| EffectLabel::new(&plan, step))
         .collect();
-    let mut kept = true;
+    let mut all_met = true;
     println!(
         "{}, {}: {frame_ms:.2} ms a frame (quartiles {spread:.2} apart)",
         path.file_name().unwrap_or_default().to_string_lossy(),
@@ -82,7 +82,7 @@ fn report(path: &Path) -> bool {
         };
         let ratio = price / measured.ms;
         let fair = (1.0 / MAX_OFF..=MAX_OFF).contains(&ratio) || price.max(measured.ms) < MIN_MS;
-        kept &= fair;
+        all_met &= fair;
         println!(
             "  {:<18} price {price:8.3} ms, measured {:8.3} +- {:.3} ms, ratio {ratio:5.2}{}",
             verdict.effect,
@@ -91,5 +91,5 @@ fn report(path: &Path) -> bool {
             if fair { "" } else { "  <-- off by more than 2" }
         );
     }
-    kept
+    all_met
 }

@@ -1,10 +1,10 @@
-//! A report and its promises, as a program.
+//! Runs a report and checks its limits.
 
 use skyloop::measure::{Report, Row};
 use std::process::ExitCode;
 
-/// Measures and prints, with `more` rows; fails where a promise is not kept.
-pub fn kept<R: Report>(more: &[Row]) -> ExitCode {
+/// Measures and prints a report, with `more` rows; fails where a limit is not met.
+pub fn report<R: Report>(more: &[Row]) -> ExitCode {
     let report = R::measure(|part| eprintln!("{part} ...")).unwrap();
     print!("{report}");
     more.iter().for_each(|row| println!("{row}"));

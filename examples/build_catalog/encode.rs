@@ -1,4 +1,5 @@
-//! The bytes of `stars.bin` and `names.tsv`; `src/render/sky/catalog.rs` documents and reads them.
+//! The contents of `stars.bin` and `names.tsv`; `src/render/sky/catalog.rs` documents and reads
+//! them.
 
 use crate::entries::Entry;
 use crate::matching::Matching;
@@ -32,15 +33,15 @@ fn record(entry: &Entry, bytes: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-fn unit(value: f64, unit: f64, least: i32, most: i32) -> Result<i32> {
+fn unit(value: f64, unit: f64, min: i32, max: i32) -> Result<i32> {
     let scaled = (value / unit).round();
-    if !(f64::from(least)..=f64::from(most)).contains(&scaled) {
+    if !(f64::from(min)..=f64::from(max)).contains(&scaled) {
         bail!("{value} does not fit units of {unit}");
     }
     Ok(scaled as i32)
 }
 
-/// `names.tsv`: one line for each HR that has a name or is itself a name of another HR's entry.
+/// `names.tsv`: one line for each HR that has a name, or that is a name of another HR's entry.
 pub fn names(
     bsc: &[Bsc],
     matching: &Matching,

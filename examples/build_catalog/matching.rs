@@ -1,4 +1,4 @@
-//! Which Hipparcos entry is which Bright Star, and whose light it carries.
+//! Matches Hipparcos entries with Bright Stars and their light.
 
 use crate::photometry::{VFromHp, sum_mag};
 use crate::read::{Bsc, Hip, TO_J2000_YR};
@@ -7,17 +7,18 @@ use std::collections::BTreeMap;
 
 const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
 
-/// Largest distance at which a Bright Star and an entry can be the same: 61 Cygni A stands 16 arcsec from
-/// its place in the BSC, the companion sigma Ori E 29 arcsec from the next entry.
+/// Largest distance between a Bright Star and its entry: 61 Cygni A is 16 arcsec from its position
+/// in the BSC, the companion sigma Ori E 29 arcsec from the next entry.
 const SAME_ARCSEC: f64 = 20.0;
-/// Distance up to which a second Bright Star is a name of the entry.
+/// Largest distance at which a second Bright Star is a name of the entry.
 const NAME_ARCSEC: f64 = 25.0;
-/// From this distance on Hipparcos measured companions apart: they may lack in the entry's light.
+/// Distance from which Hipparcos separated companions: their light may be missing in the entry.
 const APART_ARCSEC: f64 = 10.0;
-/// Distance up to which one entry's light can reach the photometer set on another (field of 38 arcsec).
+/// Largest distance at which an entry's light can reach the photometer at another one (field of 38
+/// arcsec).
 pub const PHOTOMETER_ARCSEC: f64 = 30.0;
 
-/// Entries in bands of declination: who is near?
+/// Entries in bands of declination, for finding neighbours.
 pub struct Neighbours {
     directions: Vec<Vector3<f64>>,
     bands: BTreeMap<i32, Vec<usize>>,
@@ -36,7 +37,8 @@ impl Neighbours {
         Neighbours { directions, bands }
     }
 
-    /// (distance in arcsec, index) of the entries within `radius` (arcsec, at most 40) of `u`, nearest first.
+    /// (distance in arcsec, index) of the entries within `radius` (arcsec, at most 40) of `u`,
+    /// nearest first.
     pub fn near(&self, u: &Vector3<f64>, radius: f64) -> Vec<(f64, usize)> {
         let centre = band(u);
         let mut found: Vec<(f64, usize)> = self
@@ -50,8 +52,8 @@ impl Neighbours {
         found
     }
 
-    /// The entries within `radius` (arcsec) of entry `k`, without itself.
-    pub fn beside(&self, k: usize, radius: f64) -> Vec<usize> {
+    /// The other entries within `radius` (arcsec) of entry `k`.
+    pub fn of(&self, k: usize, radius: f64) -> Vec<usize> {
         let near = self.near(&self.directions[k], radius);
         near.into_iter().map(|n| n.1).filter(|&j| j != k).collect()
     }
@@ -68,16 +70,17 @@ fn arcsec(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 
 /// Entries whose Hp is mixed with that of a neighbouring entry.
 pub struct Blends {
-    /// For each entry, whether Hp holds light of a neighbour that has its own entry, or gives to it.
+    /// For each entry, whether its Hp has light of a neighbour's entry, or the reverse.
     pub mixed: Vec<bool>,
-    /// The fainter of the two: nearly all its Hp may be the neighbour's.
+    /// The fainter of the two, whose Hp may be nearly all the neighbour's.
     pub shadow: Vec<bool>,
 }
 
 impl Blends {
-    /// A one-component entry under a double-star solution (15) was measured through the same photometer
-    /// field as its neighbour. Of such a pair, the one whose Hp scatters more from scan to scan is the
-    /// shadow: sigma Ori D is given as Hp 3.71 beside sigma Ori AB, 3.68, and is of magnitude 6.8.
+    /// A one-component entry under a double-star solution (15) was measured in the same photometer
+    /// field as its neighbour. The shadow of such a pair is the entry with the larger scatter of Hp
+    /// from scan to scan. Sigma Ori D has Hp 3.71, near sigma Ori AB with 3.68, but its magnitude
+    /// is 6.8.
     pub fn new(stars: &[Hip], neighbours: &Neighbours) -> Blends {
         let mut blends = Blends {
             mixed: vec![false; stars.len()],
@@ -85,7 +88,7 @@ impl Blends {
         };
         let joint = |s: &Hip| s.solution == 15 && s.components == 1;
         for (k, star) in stars.iter().enumerate().filter(|(_, s)| s.hp <= 9.0) {
-            for j in neighbours.beside(k, PHOTOMETER_ARCSEC) {
+            for j in neighbours.of(k, PHOTOMETER_ARCSEC) {
                 let other = &stars[j];
                 let fainter = star.hp_scatter > other.hp_scatter.max(0.04);
                 if other.hp <= 9.0
@@ -107,7 +110,7 @@ impl Blends {
 pub struct Matching {
     /// Entry to its Bright Stars, the principal one (brightest, then lowest HR) first.
     pub groups: BTreeMap<usize, Vec<usize>>,
-    /// Bright Stars with light of their own and no entry: far from any entry, or excluded by its flux.
+    /// Bright Stars with their own light and no entry: far from any entry, or excluded by its flux.
     pub alone: Vec<(usize, Why)>,
     /// Distance of each one-to-one pair, arcsec.
     pub distances: Vec<f64>,
@@ -117,12 +120,13 @@ pub struct Matching {
 pub enum Why {
     /// No entry within 25 arcsec.
     NoEntry,
-    /// The entry beside it is too faint to hold its light.
+    /// The nearby entry is too faint to include its light.
     FluxExcludesIt,
 }
 
 impl Matching {
-    /// Pairs one to one in order of distance and difference in magnitude, then names, then exclusions.
+    /// Makes one-to-one pairs in order of distance and difference in magnitude, then names, then
+    /// exclusions.
     pub fn new(
         stars: &[Hip],
         bsc: &[Bsc],
@@ -133,7 +137,7 @@ impl Matching {
         let mut pairs = Vec::new();
         for (b, bright) in bsc.iter().enumerate() {
             for (distance, k) in neighbours.near(&bright.direction, SAME_ARCSEC) {
-                // in units of the BSC's positional error and of a fair difference between close pairs
+                // Units are the BSC's positional error, and a typical difference of close pairs.
                 let cost = distance / 2.0 + (bright.v - to_v.v(&stars[k])).abs() / 0.3;
                 pairs.push((cost, b, k, distance));
             }
@@ -172,10 +176,10 @@ impl Matching {
                         && like_the_principal
                         && v - sum_mag([principal.v, bsc[b].v]) >= to_v.tolerance(&stars[k]))
             };
-            let (out, kept) = members[1..].iter().partition(|&&b| excluded(b));
-            let (out, kept): (Vec<usize>, Vec<usize>) = (out, kept);
+            let (out, members_left) = members[1..].iter().partition(|&&b| excluded(b));
+            let (out, members_left): (Vec<usize>, Vec<usize>) = (out, members_left);
             members.truncate(1);
-            members.extend(kept);
+            members.extend(members_left);
             alone.extend(out.into_iter().map(|b| (b, Why::FluxExcludesIt)));
         }
         alone.sort_by_key(|a| a.0);

@@ -1,4 +1,4 @@
-//! From the Hipparcos band to V, and B-V where the catalogue has none to rely on.
+//! V from the Hipparcos band, and B-V where the catalogue has no reliable one.
 
 use crate::read::Hip;
 use nalgebra::{SMatrix, SVector};
@@ -8,25 +8,25 @@ const TERMS: usize = 6;
 
 /// Reddest V-I of the stars that calibrate.
 const CALIBRATED: f64 = 3.6;
-/// Where the polynomial is used; below, it is held at its end.
+/// Range of the polynomial; it is constant below.
 const V_I_RANGE: (f64, f64) = (-0.3, 3.0);
-/// Beyond, V-Hp rises by this much a magnitude of V-I, up to V-I = 5.6: taken from the V which the Hipparcos catalogue of 1997 gives
-/// for 45 red stars with V-I from 4.2 to 5.5.
+/// Slope of V-Hp beyond, mag per mag of V-I, up to V-I = 5.6. It is from V in the Hipparcos
+/// catalogue of 1997 for 45 red stars with V-I from 4.2 to 5.5.
 const RED_SLOPE: f64 = 0.46;
 const REDDEST: f64 = 5.6;
 
-/// V-Hp as a polynomial in (V-I) - 1, and how well it fits.
+/// V-Hp as a polynomial in (V-I) - 1, and the quality of the fit.
 pub struct VFromHp {
     pub coefficients: [f64; TERMS],
     pub used: usize,
-    /// Scatter of the stars used bluer than V-I = 1.6, mag.
+    /// Scatter of the used stars bluer than V-I = 1.6, mag.
     pub rms: f64,
     /// V-I of stars without any colour: the median of the catalogue.
     median_v_i: f64,
 }
 
 impl VFromHp {
-    /// V = Hp: what the first matching starts from.
+    /// V = Hp, for the first matching.
     pub fn identity() -> VFromHp {
         VFromHp {
             coefficients: [0.0; TERMS],
@@ -52,8 +52,9 @@ impl VFromHp {
         terms.map(|(c, x)| c * x).sum()
     }
 
-    /// How far (mag) V of the Bright Star Catalogue may differ from V by Hp before colour no longer explains
-    /// it: five times the rms, three times as much where V-I is beyond the constant stars or missing.
+    /// Largest difference (mag) between V of the Bright Star Catalogue and V by Hp that colour
+    /// explains: five times the rms, and three times as much where V-I is beyond the constant stars
+    /// or missing.
     pub fn tolerance(&self, star: &Hip) -> f64 {
         if star.has_colour() && star.v_i <= 2.0 {
             0.1
@@ -62,7 +63,7 @@ impl VFromHp {
         }
     }
 
-    /// Weighted least squares over pairs (star, V), clipped at four sigma until it settles.
+    /// Weighted least squares over pairs (star, V), clipped at four sigma, iterated.
     pub fn fit(pairs: &[(&Hip, f64)], median_v_i: f64) -> VFromHp {
         let mut fit = VFromHp {
             coefficients: [0.0; TERMS],
@@ -89,7 +90,7 @@ impl VFromHp {
                 }
             }
             if let Some(factor) = normal.cholesky() {
-                // a hundred-thousandth of a magnitude: the printed coefficients are the ones used
+                // Rounded to 1e-5 mag, so that the printed coefficients are those in use.
                 fit.coefficients = factor.solve(&right).map(|c| (c * 1e5).round() / 1e5).into();
             }
             (fit.used, fit.rms) = (used, (squares / f64::from(blue.max(1))).sqrt());
@@ -98,7 +99,7 @@ impl VFromHp {
     }
 }
 
-/// Expected scatter of V-Hp: photometric for ordinary colours, growing where red giants vary.
+/// Expected scatter of V-Hp: photometric for ordinary colours, larger for variable red giants.
 fn sigma(v_i: f64) -> f64 {
     0.018 + 0.05 * (v_i - 1.6).max(0.0)
 }
@@ -107,7 +108,7 @@ fn powers(v_i: f64) -> [f64; TERMS] {
     std::array::from_fn(|k| (v_i.max(V_I_RANGE.0) - 1.0).powi(k as i32))
 }
 
-/// Largest error of B-V (mag) of a measured colour; larger ones mark estimates in steps of 0.1 mag.
+/// Largest error of a measured B-V, mag; larger ones mark estimates in steps of 0.1 mag.
 pub const B_V_ERROR_LIMIT: f64 = 0.2;
 
 /// B-V as a function of V-I: medians of well measured stars in bins of 0.1 mag.
@@ -152,7 +153,7 @@ impl ColourTable {
         self.median.1
     }
 
-    /// B-V to use: as measured; from V-I where it is an estimate; the median star's where there is no colour.
+    /// B-V: as measured; from V-I where it is an estimate; the median without a colour.
     pub fn b_v(&self, star: &Hip) -> (f64, Origin) {
         if !star.has_colour() {
             (self.median.1, Origin::Median)
@@ -175,7 +176,7 @@ impl ColourTable {
     }
 }
 
-/// Where a B-V comes from.
+/// Origin of B-V.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Origin {
     Measured,
@@ -188,7 +189,7 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// The magnitude of several lights together.
+/// The magnitude of the sum of several stars' light.
 pub fn sum_mag(mags: impl IntoIterator<Item = f64>) -> f64 {
     let flux: f64 = mags.into_iter().map(|m| 10f64.powf(-0.4 * m)).sum();
     -2.5 * flux.log10()

@@ -1,4 +1,4 @@
-//! The three inputs as they are written: Hipparcos-2, the Bright Star Catalogue and the committed supplement.
+//! Reads the three inputs: Hipparcos-2, the Bright Star Catalogue and the committed supplement.
 
 use anyhow::{Context, Result, bail};
 use nalgebra::Vector3;
@@ -12,9 +12,10 @@ pub const TO_J2000_YR: f64 = 8.75;
 /// One row of `hip2.dat` (van Leeuwen 2007, "Hipparcos, the New Reduction of the Raw Data").
 pub struct Hip {
     pub hip: u32,
-    /// Kind of the new solution: 10 d + s, where d = 1 or 5 is a double star and 9 one of several entries.
+    /// Kind of the new solution: 10 d + s, where d = 1 or 5 is a double star and 9 one of several
+    /// entries.
     pub solution: u32,
-    /// Number of components that the entry holds.
+    /// Number of components in the entry.
     pub components: u32,
     pub ra_rad: f64,
     pub dec_rad: f64,
@@ -38,7 +39,7 @@ impl Hip {
         (u + years * MAS * (self.pm_ra_mas * e + self.pm_dec_mas * n)).normalize()
     }
 
-    /// Whether any colour was measured: rows without one hold 0 in all three columns.
+    /// Whether any colour was measured; else all three columns are 0.
     pub fn has_colour(&self) -> bool {
         self.b_v != 0.0 || self.b_v_error != 0.0 || self.v_i != 0.0
     }
@@ -54,7 +55,7 @@ pub struct Bsc {
     pub designation: String,
 }
 
-/// One row of `supplement.tsv`: what the two catalogues lack.
+/// One row of `supplement.tsv`: data that the two catalogues lack.
 pub struct Supplement {
     pub key: Key,
     /// RA and Dec (rad, J2000), proper motion (mas/yr), parallax (mas), B-V; absent for HIP rows.
@@ -68,7 +69,7 @@ pub enum Key {
     Hip(u32),
 }
 
-/// Unit vectors east, north and out at (ra, dec).
+/// Unit vectors to the east, to the north and outwards at (ra, dec).
 pub fn triad(ra: f64, dec: f64) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
     let ((sa, ca), (sd, cd)) = (ra.sin_cos(), dec.sin_cos());
     (
@@ -176,7 +177,7 @@ pub fn proper_names(text: &str) -> Result<Vec<(u32, String)>> {
     })
 }
 
-/// Every line but comments, blank lines and the BSC's closing mark, through `row`.
+/// Reads every line with `row`, except comments, blank lines and the BSC's end mark.
 fn rows<T>(text: &str, row: impl Fn(&str) -> Result<T>) -> Result<Vec<T>> {
     text.lines()
         .enumerate()

@@ -1,5 +1,5 @@
-//! Draws a picture: without the effect on the left and with it on the right; all other effects but stars, objects and
-//! readout (and those beside it) are switched off in both.
+//! Draws a picture: without the effect on the left, with it on the right. Both have stars, objects,
+//! readout and the picture's `others`; all other effects are switched off.
 
 use crate::pictures::{CAMERA, Picture, SCENE, Tone};
 use image::{GrayImage, Luma};
@@ -14,10 +14,10 @@ use skyloop::load::Folder;
 use skyloop::orbit::StateVector;
 use std::error::Error;
 
-/// Columns and rows of a frame's middle that are shown.
+/// Columns and rows of the section in the middle of a frame.
 const SIDE: usize = 96;
 
-/// Both sides of a picture as a PNG file.
+/// Both sides of a picture as PNG.
 pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
     let mut config = match picture.effect {
         // The satellites of the built-in scene.
@@ -27,10 +27,10 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
     let mission = flight::mission(&config)?;
     let mut emulator = Emulator::new(&mut config);
     let vehicle = flight::vehicle(&mission, mission.frames / 2)?;
-    let kept = ["stars", "rsos", "readout", picture.effect];
-    let kept = |name: &str| kept.contains(&name) || picture.beside.contains(&name);
+    let always_on = ["stars", "rsos", "readout", picture.effect];
+    let is_on = |name: &str| always_on.contains(&name) || picture.others.contains(&name);
     let effects = EFFECTS.iter().map(|effect| effect.name);
-    emulator.choice.off = effects.filter(|name| !kept(name)).collect();
+    emulator.choice.off = effects.filter(|name| !is_on(name)).collect();
     emulator.choice.all = true;
     let with = emulator.expose(&vehicle, 0)?.frame;
     emulator.choice.off.push(picture.effect);
@@ -45,7 +45,7 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
         dn.map(charge).collect()
     };
     let sides = [electrons(without), electrons(with)];
-    let mut image = beside(&sides, picture);
+    let mut image = side_by_side(&sides, picture);
     let optics = &emulator.camera().optics;
     match picture.effect {
         "distortion" => {
@@ -72,9 +72,9 @@ fn config(picture: &Picture) -> Result<Config, Box<dyn Error>> {
         merged(CAMERA, picture.camera)?,
     )?;
     let scene = merged(SCENE, picture.scene)?;
-    let here = folder.path().join("scene.toml");
-    let mut config = Config::parse("scene.toml", &scene, &Folder::of(&here))?;
-    config.camera = Camera::load("camera.toml", &Folder::of(&here))?;
+    let file = folder.path().join("scene.toml");
+    let mut config = Config::parse("scene.toml", &scene, &Folder::of(&file))?;
+    config.camera = Camera::load("camera.toml", &Folder::of(&file))?;
     let [x, y, z, vx, vy, vz] = picture.observer.map(|km| km * 1e3);
     if picture.observer != [0.0; 6] {
         config.observer = Some(Observer::State(StateVector {
@@ -85,7 +85,7 @@ fn config(picture: &Picture) -> Result<Config, Box<dyn Error>> {
     Ok(config)
 }
 
-/// Sets `more`'s keys in `table`, those of tables one by one.
+/// Sets `more`'s keys in `table`, recursively in tables.
 fn merge(table: &mut toml::Table, more: toml::Table) {
     for (key, value) in more {
         match (table.get_mut(&key), value) {
@@ -97,13 +97,13 @@ fn merge(table: &mut toml::Table, more: toml::Table) {
     }
 }
 
-/// Each pixel of a frame is as many wide.
+/// Width of a frame's pixel in the picture.
 const SCALE: usize = 3;
 /// Columns between the two sides.
 const GAP: usize = 6;
 
-/// Two frames beside each other.
-fn beside(frames: &[Vec<f64>; 2], picture: &Picture) -> GrayImage {
+/// Two frames side by side.
+fn side_by_side(frames: &[Vec<f64>; 2], picture: &Picture) -> GrayImage {
     let (columns, rows) = (2 * SIDE * SCALE + GAP, SIDE * SCALE);
     let [black, white] = picture.levels_e;
     let stretch = |part: f64| match picture.tone {
@@ -124,7 +124,7 @@ fn beside(frames: &[Vec<f64>; 2], picture: &Picture) -> GrayImage {
     image
 }
 
-/// Draws where a lens puts straight lines: a grid whose lines are 12 px apart behind a pinhole.
+/// Draws straight lines through a lens: a grid with lines 12 px apart for a pinhole.
 fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &Projection) {
     const APART_PX: f64 = 12.0;
     const LEVEL: u8 = 90;
@@ -135,7 +135,7 @@ fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &P
             let (across, along) = (f64::from(line) * step, f64::from(part) * step / 100.0);
             for [x, y] in [[across, along], [along, across]] {
                 let at = optics.project_by(projection, &Vector3::new(x, y, 1.0));
-                // A pixel's middle has whole numbers.
+                // The centre of a pixel has integer coordinates.
                 let at = at.map(|at| at.map(|px| ((px + 0.5) * SCALE as f64).floor()));
                 let inside =
                     |at: &[f64; 2]| at.iter().all(|x| (0.0..(SIDE * SCALE) as f64).contains(x));
@@ -149,23 +149,24 @@ fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &P
     }
 }
 
-/// Draws, along the lower edge, the electrons of the row with the fullest pixel; on the right those of the left as well.
+/// Draws the electrons of the row with the fullest pixel along the lower edge. The right side also
+/// has those of the left.
 fn draw_profiles(image: &mut GrayImage, frames: &[Vec<f64>; 2], full_e: f64) {
     const HEIGHT: f64 = 100.0;
     const OTHER: u8 = 120;
     const OWN: u8 = 255;
     let rows = || frames[0].chunks_exact(SIDE);
-    let most = |row: &[f64]| row.iter().copied().fold(0.0, f64::max);
-    let fullest = rows().map(most).fold(0.0, f64::max);
-    let row = rows().position(|row| most(row) == fullest).unwrap_or(0);
+    let max = |row: &[f64]| row.iter().copied().fold(0.0, f64::max);
+    let fullest = rows().map(max).fold(0.0, f64::max);
+    let row = rows().position(|row| max(row) == fullest).unwrap_or(0);
     let height = |frame: &[f64], x: usize| {
         let column = (x / SCALE).min(SIDE - 1);
         (HEIGHT * (frame[row * SIDE + column] / full_e).clamp(0.0, 1.0)) as usize
     };
     for (side, frame, level) in [(0, 0, OWN), (1, 0, OTHER), (1, 1, OWN)] {
         for x in 0..SIDE * SCALE {
-            let (here, next) = (height(&frames[frame], x), height(&frames[frame], x + 1));
-            for up in here.min(next)..=here.max(next) {
+            let (this, next) = (height(&frames[frame], x), height(&frames[frame], x + 1));
+            for up in this.min(next)..=this.max(next) {
                 let column = x + side * (SIDE * SCALE + GAP);
                 let row = SIDE * SCALE - 2 - up;
                 image.put_pixel(column as u32, row as u32, Luma([level]));

@@ -1,4 +1,5 @@
-//! Draws the pictures of docs/explanation/effects.md: each effect alone. `cargo run --release --example effect_pictures`.
+//! Draws the pictures of docs/explanation/effects.md: each effect alone.
+//! `cargo run --release --example effect_pictures`.
 
 mod draw;
 mod pictures;

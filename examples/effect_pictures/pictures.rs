@@ -1,29 +1,29 @@
-//! What is in each picture: a small camera with exaggerated figures before a scene that calls for the effect.
+//! Contents of each picture: a small camera with exaggerated values, and a scene with the effect.
 
 /// One picture.
 pub struct Picture {
-    /// The effect, as plans name it.
+    /// Name of the effect in plans.
     pub effect: &'static str,
-    /// Keys of the camera file beside those of [`CAMERA`], as TOML.
+    /// Keys of the camera file in addition to those of [`CAMERA`], as TOML.
     pub camera: &'static str,
     /// Keys of the scene, as TOML.
     pub scene: &'static str,
-    /// Where the observer is: km and km/s, GCRF; zeros: the Earth's centre.
+    /// State of the observer: km and km/s, GCRF; zeros for the Earth's centre.
     pub observer: [f64; 6],
     /// Effects that run on both sides.
-    pub beside: &'static [&'static str],
-    /// Electrons that are black and white.
+    pub others: &'static [&'static str],
+    /// Electrons of black and white.
     pub levels_e: [f64; 2],
-    /// How greys follow electrons between them.
+    /// Greys between them.
     pub tone: Tone,
 }
 
-/// How greys follow electrons.
+/// Relation of greys to electrons.
 #[derive(Clone, Copy)]
 pub enum Tone {
-    /// Faint light shows, and bright light does not all look alike.
+    /// Asinh: faint light is visible, and bright light does not saturate.
     Stretched,
-    /// Twice the electrons are twice the grey.
+    /// Proportional.
     Linear,
 }
 
@@ -54,7 +54,7 @@ exposure_s = 0.2
 rate_hz = 1.0
 "#;
 
-/// The Pleiades.
+/// A scene of the Pleiades.
 pub const SCENE: &str = r#"
 [sequence]
 epoch = "2026-12-01T00:00:00Z"
@@ -63,17 +63,17 @@ period_s = 1.0
 attitudes = [{ q = [0.521170458, -0.155615307, 0.240084982, 0.80406743] }]
 "#;
 
-/// Orion.
+/// A scene of Orion.
 const ORION: &str = "sky.catalog = \"bsc\"\nsequence.attitudes = \
     [{ q = [0.712272964, -0.037328644, 0.036682757, 0.699948693] }]\n";
 
-/// The Pleiades, as they are from the Earth's centre.
+/// The Pleiades from the Earth's centre.
 const PLAIN: Picture = Picture {
     effect: "",
     camera: "",
     scene: "",
     observer: [0.0; 6],
-    beside: &[],
+    others: &[],
     levels_e: [0.0, 3000.0],
     tone: Tone::Stretched,
 };
@@ -92,7 +92,7 @@ pub const PICTURES: &[Picture] = &[
         camera: "optics.focal_length_mm = 8000.0\noptics.principal_px = [12.0, 24.0]\ntiming = { exposure_s = 1500.0, rate_hz = 0.0005 }\noptics.aperture_mm = 1.0\n",
         scene: "sequence.epoch = \"2026-06-01T00:00:00Z\"\nsequence.attitudes = [{ q = [0.52129861, -0.15505349, 0.239241716, 0.80434419] }]\n",
         observer: [5862.1, -3825.7, 0.0, 1.685, 2.582, -6.892],
-        beside: &["smear"],
+        others: &["smear"],
         levels_e: [0.0, 60000.0],
         ..PLAIN
     },
@@ -105,7 +105,7 @@ pub const PICTURES: &[Picture] = &[
         effect: "rolling shutter",
         camera: "timing = { exposure_s = 0.01, rate_hz = 1.0, shutter = \"rolling\", row_us = 1000.0 }\n",
         scene: "sequence.rates_deg_s = [0.0, 30.0, 0.0]\n",
-        beside: &["smear"],
+        others: &["smear"],
         levels_e: [0.0, 200.0],
         ..PLAIN
     },
@@ -207,7 +207,7 @@ pub const PICTURES: &[Picture] = &[
     Picture {
         effect: "shot noise",
         camera: "detector.dark_e_s = 200.0\n",
-        beside: &["dark current"],
+        others: &["dark current"],
         levels_e: [0.0, 300.0],
         ..PLAIN
     },
@@ -226,7 +226,7 @@ pub const PICTURES: &[Picture] = &[
     Picture {
         effect: "dead pixels",
         camera: "detector.dark_e_s = 500.0\ndetector.dead_fraction = 0.03\n",
-        beside: &["dark current"],
+        others: &["dark current"],
         levels_e: [0.0, 300.0],
         ..PLAIN
     },
@@ -256,7 +256,7 @@ pub const PICTURES: &[Picture] = &[
 ];
 
 impl Picture {
-    /// Its file's name.
+    /// File name.
     pub fn file(&self) -> String {
         format!("{}.png", self.effect.replace(' ', "-"))
     }

@@ -1,6 +1,8 @@
-//! Draws the pictures of docs/explanation/scenes.md: one frame of each scene. `cargo run --release --example scene_pictures`.
+//! Draws the pictures of docs/explanation/scenes.md: one frame of each scene.
+//! `cargo run --release --example scene_pictures`.
 //!
-//! Grey, at most [`WIDEST_PX`] wide, stretched so that faint light shows; two lines point at each object in orbit.
+//! Grey, up to [`WIDEST_PX`] wide, stretched so that faint light is visible. Two lines point at
+//! each object in orbit.
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{GrayImage, Luma};
@@ -11,15 +13,15 @@ use skyloop::frame::Frame;
 use std::error::Error;
 use std::path::Path;
 
-/// Columns of a picture at most.
+/// Largest width of a picture.
 const WIDEST_PX: usize = 512;
-/// Greys follow asinh of so many times the light between black and white.
+/// Softening: greys follow asinh of this times the light between black and white.
 const SOFT: f64 = 5.0;
-/// From black to white at least, DN.
+/// Smallest range from black to white, DN.
 const MIN_DN: f64 = 20.0;
-/// Scenes with light all over the field, of which black is no charge.
+/// Scenes with light over the whole field, where black is no charge.
 const FULL: &[&str] = &["earth-by-day"];
-/// Which frame is drawn, where that is not the first.
+/// The frame of a scene, where it is not the first.
 const FRAMES: &[(&str, u32)] = &[
     ("near-sun", 3),
     ("rcm-2019-06-15", 20),
@@ -70,13 +72,14 @@ fn draw(name: &str, scene: &Path, number: u32, file: &Path) -> Result<(), Box<dy
     Ok(())
 }
 
-/// Means of `step` by `step` pixels, from `black`, else what a quarter is darker than, to white, which a thousandth is brighter than.
+/// Means of `step` by `step` pixels. Black is `black`, or the lower quartile; white is the 0.999
+/// quantile.
 fn stretched(frame: &Frame, step: usize, black: Option<f64>) -> GrayImage {
     let (columns, rows) = (frame.width / step, frame.height / step);
     let mean = |x: usize, y: usize| {
-        let places =
+        let pixels =
             (0..step * step).map(|i| (y * step + i / step) * frame.width + x * step + i % step);
-        let sum: f64 = places.map(|place| f64::from(frame.dn[place])).sum();
+        let sum: f64 = pixels.map(|pixel| f64::from(frame.dn[pixel])).sum();
         sum / (step * step) as f64
     };
     let values: Vec<f64> = (0..columns * rows)

@@ -1,5 +1,5 @@
-//! Renders and writes the sequences of the paper's Table 3 and prints what they take beside the paper's figures.
-//! `cargo run --release --example table_3 -- --help` tells the options.
+//! Renders and writes the sequences of the paper's Table 3, and prints their times with the
+//! paper's. `cargo run --release --example table_3 -- --help` lists the options.
 
 mod sequence;
 mod table;

@@ -1,4 +1,4 @@
-//! A sequence of images with labels, made and written as `skyloop render` does it, and the time that it takes.
+//! A sequence of images with labels, written as by `skyloop render`, and its time.
 
 use anyhow::Context;
 use skyloop::attitude::VehicleState;
@@ -14,28 +14,31 @@ use skyloop::stats::{Absent, RunStats};
 use std::path::Path;
 use std::time::Instant;
 
-/// Made-up objects where no file has any: the paper's section 4.2 counts "over 20,000" in orbit.
+/// Number of synthetic objects without a file: the paper's section 4.2 counts "over 20,000" in
+/// orbit.
 const OBJECTS: usize = 20_000;
-/// From one image to the next, s. The paper gives no cadence.
+/// Time between images, s. The paper gives no cadence.
 pub const PERIOD_S: f64 = 1.0;
-/// Which population is made up.
+/// Seed of the synthetic population.
 const SEED: u64 = 1;
 
-/// What a sequence took.
+/// Times of a sequence.
 pub struct Took {
-    /// Images.
+    /// Number of images.
     pub images: u32,
-    /// From the scene to the camera under its sky, s.
+    /// From loading the scene to the camera with its sky, s.
     pub ready_s: f64,
     /// From the first image's attitude to the last file written, s.
     pub total_s: f64,
-    /// What was rendered.
+    /// Statistics of the rendering.
     pub stats: RunStats,
 }
 
-/// All objects of a file of elements but the observer itself; without one, a made-up population.
+/// All objects of an element file except the observer; without a file a synthetic population.
 ///
-/// Errors: the scene cannot be flown, or the file cannot be read or holds no object.
+/// # Errors
+///
+/// The scene has no valid mission, or the file cannot be read or holds no object.
 pub fn catalogue(file: Option<&str>) -> anyhow::Result<Vec<Object>> {
     let config = Config::builtin()?;
     let Some(file) = file else {
@@ -71,8 +74,8 @@ fn start(config: &Config) -> anyhow::Result<VehicleState> {
     Ok(flight::vehicle(&flight::mission(config)?, 0)?)
 }
 
-/// The built-in scene under another population, its first attitude held for so many images. Its orbit, of which the file has a
-/// minute, is carried on from the first image.
+/// The built-in scene with another population, and its first attitude for all images. Its orbit
+/// file has a minute, so the orbit is propagated from the first image on.
 fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
     let mut config = Config::builtin()?;
     let VehicleState {
@@ -95,9 +98,11 @@ fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// Renders so many images and writes them with their labels into a folder.
+/// Renders a number of images, and writes them with their labels into a folder.
 ///
-/// Errors: the scene cannot be flown, or a file cannot be written.
+/// # Errors
+///
+/// The scene has no valid mission, or a file cannot be written.
 pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<Took> {
     let started = Instant::now();
     let mut config = scene(objects, images)?;

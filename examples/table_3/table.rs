@@ -1,4 +1,4 @@
-//! Table 3 of Clark et al. 2021 (Sensors 21, 7868), with skyloop's times beside those published.
+//! Table 3 of Clark et al. 2021 (Sensors 21, 7868), with skyloop's times and the published ones.
 
 use super::sequence::{PERIOD_S, Took, catalogue, render};
 use anyhow::Context;
@@ -11,17 +11,17 @@ use std::fmt::Write;
 use std::io;
 use std::path::PathBuf;
 
-/// The table as printed: simulator, images, total (s), average time an image (s).
+/// The published table: simulator, images, total (s), average time per image (s).
 const PUBLISHED: [(&str, u32, &str, &str); 4] = [
     ("SBOIS", 200, "67", "0.34"),
     ("STK-EOIR", 200, "681", "3.4"),
     ("SBOIS", 1000, "280", "0.28"),
     ("STK-EOIR", 1000, "3322", "3.3"),
 ];
-/// The table's sequences.
+/// Lengths of the table's sequences.
 const IMAGES: [u32; 2] = [200, 1000];
 
-/// Render and write the sequences of the paper's Table 3, and print what they take beside the paper's figures.
+/// Render and write the sequences of the paper's Table 3, and print their times with the paper's.
 #[derive(Parser)]
 #[command(name = "table_3")]
 pub struct Args {
@@ -31,14 +31,17 @@ pub struct Args {
     /// One sequence of so many images, 1 to 10,000 [default: two, of 200 and of 1,000]
     #[arg(long, value_name = "N", value_parser = whole(1..=10_000u32), allow_hyphen_values = true)]
     images: Option<u32>,
-    /// Folder for frames and labels, with a folder for each sequence [default: a temporary one, removed at the end]
+    /// Folder for frames and labels, with a folder for each sequence
+    /// [default: a temporary one, removed at the end]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// Renders the sequences that are asked for; `say` has the text as soon as there is some.
+/// Renders the requested sequences; `say` receives each text at once.
 ///
-/// Errors: objects that cannot be read, files that cannot be written.
+/// # Errors
+///
+/// Objects cannot be read, or files cannot be written.
 pub fn print(args: &Args, mut say: impl FnMut(&str) -> io::Result<()>) -> anyhow::Result<()> {
     let objects = catalogue(args.tle.as_deref())?;
     let temporary;
@@ -60,7 +63,7 @@ pub fn print(args: &Args, mut say: impl FnMut(&str) -> io::Result<()>) -> anyhow
     Ok(())
 }
 
-/// What is rendered, where, and where it goes; the columns' names.
+/// The setup, and the names of the columns.
 fn head(args: &Args, objects: usize) -> String {
     let whose = match &args.tle {
         Some(file) => format!("{} of {file}", counted(objects, "object")),
@@ -85,7 +88,7 @@ fn head(args: &Args, objects: usize) -> String {
     )
 }
 
-/// A sequence beside the published ones of its length, or beside all where there is none.
+/// A sequence with the published ones of its length, or with all where there is none.
 fn rows(took: &Took) -> String {
     let images = took.images;
     let each_s = took.total_s / f64::from(images);

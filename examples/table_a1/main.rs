@@ -1,4 +1,4 @@
-//! Prints Table A1 of Clark et al. 2021 with skyloop's pixels beside the paper's.
+//! Prints Table A1 of Clark et al. 2021 with skyloop's pixels and the paper's.
 
 mod table;
 

@@ -6,12 +6,13 @@ use skyloop::flight;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::load::{DEFAULT_SCENE, Folder};
 
-/// The table as printed: epoch, object, SBOIS pixel, STK pixel, SBOIS error, STK error. `error = simulated - FAI`.
+/// The published table: epoch, object, SBOIS pixel, STK pixel, SBOIS error, STK error.
+/// `error = simulated - FAI`.
 const PRINTED: &str = include_str!("../../configs/scenes/rcm-2019-06-15/table_a1.csv");
-/// From one image of the table to the next, s.
+/// Time between the table's images, s.
 const PERIOD_S: f64 = 5.0;
 
-/// A pixel, or what separates two.
+/// A pixel, or the difference of two.
 pub type Pixel = [f64; 2];
 
 /// One row.
@@ -21,15 +22,15 @@ pub struct Row {
     pub epoch: String,
     /// `HR6111` or `RCM-1`.
     pub object: String,
-    /// Where SBOIS has it; its misprint mended.
+    /// Pixel of SBOIS, with its misprint corrected.
     pub sbois: Option<Pixel>,
-    /// Where STK-EOIR has it.
+    /// Pixel of STK-EOIR.
     pub stk: Pixel,
     /// STK-EOIR minus FAI, as printed.
     pub stk_error_printed: Pixel,
-    /// Where the real image has it: SBOIS minus its error, or STK minus its own where SBOIS has none.
+    /// Pixel of the real image: SBOIS minus its error, or STK minus its own where SBOIS has none.
     pub fai: Pixel,
-    /// Where skyloop has it.
+    /// Pixel of skyloop.
     pub ours: Pixel,
 }
 
@@ -45,7 +46,7 @@ pub fn distance(a: Pixel, b: Pixel) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Mean over the rows for which `value` is known.
+/// Mean over the rows with a value.
 pub fn mean<'a>(
     rows: impl IntoIterator<Item = &'a Row>,
     value: impl Fn(&Row) -> Option<f64>,
@@ -54,11 +55,12 @@ pub fn mean<'a>(
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Mean distances of stars and of RSOs, px, with state sets B (`fitted`) and A (`predicted`): the table of docs/explanation/accuracy.md.
+/// Mean distances of stars and of RSOs, px, with state sets B (`fitted`) and A (`predicted`): the
+/// table of docs/explanation/accuracy.md.
 pub fn mean_distances(fitted: &[Row], predicted: &[Row]) -> [(&'static str, [f64; 2]); 6] {
     let to_sbois = |row: &Row| row.sbois.map(|sbois| distance(row.ours, sbois));
     let to_fai = |row: &Row| Some(distance(row.ours, row.fai));
-    // The misprint moved both its pixel and its distance: undone for the printed comparison.
+    // The published comparison has the misprint in the pixel and in the distance.
     let sbois_to_fai = |row: &Row| {
         let undone = f64::from(is_misprint(&row.epoch, &row.object));
         row.sbois.map(|[x, y]| distance([x, y - undone], row.fai))
@@ -81,12 +83,13 @@ fn by_kind(rows: &[Row], value: impl Fn(&Row) -> Option<f64>) -> [f64; 2] {
     [true, false].map(|stars| mean(rows.iter().filter(|row| row.is_star() == stars), &value))
 }
 
-/// Whether SBOIS's y is printed one pixel low here: the row's error and its neighbours say 172.8 where 171.8 is printed.
+/// Whether SBOIS's y is printed one pixel low: 171.8 where the row's error and its neighbours give
+/// 172.8.
 fn is_misprint(epoch: &str, object: &str) -> bool {
     (epoch, object) == ("23:36:00", "HR6195")
 }
 
-/// The scene with state set `A` (public elements alone) or `B` (fitted to the table's SBOIS columns).
+/// The scene with state set `A` (public elements) or `B` (fitted to the table's SBOIS columns).
 pub fn scene(set: char) -> anyhow::Result<Config> {
     let folder = Folder::Embedded(DEFAULT_SCENE.0);
     let (file, text) = folder.read(DEFAULT_SCENE.1)?;
@@ -99,7 +102,7 @@ pub fn scene(set: char) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// The table with our pixels, from frames of the engine that `skyloop render` uses.
+/// The table with our pixels, from the engine of `skyloop render`.
 pub fn reproduce(mut config: Config) -> anyhow::Result<Vec<Row>> {
     let mission = flight::mission(&config)?;
     let mut emulator = Emulator::new(&mut config);
@@ -132,7 +135,8 @@ fn row(line: &str, labels: &[Label]) -> anyhow::Result<Row> {
     let (stk, stk_error) = (pixel(2).ok_or_else(missing)?, pixel(6).ok_or_else(missing)?);
     let fai = match (pixel(0), pixel(4)) {
         (Some(sbois), Some(error)) => [sbois[0] - error[0], sbois[1] - error[1]],
-        // RCM-2 at 23:35:55, where STK's error in x is printed with the wrong sign, as in its neighbours' rows.
+        // RCM-2 at 23:35:55, where STK's error in x is printed with the wrong sign, as in the rows
+        // next to it.
         _ => [stk[0] + stk_error[0], stk[1] - stk_error[1]],
     };
     let mut sbois = pixel(0);
