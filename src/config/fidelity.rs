@@ -28,7 +28,6 @@ enum Raw {
     Other(IgnoredAny),
 }
 
-/// A key of the table.
 enum Key {
     Preset,
     Tolerance(&'static Tolerance),
@@ -36,7 +35,6 @@ enum Key {
 
 const PRESET: &str = "preset";
 
-/// All keys of the table.
 static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
     let tolerances = TOLERANCES.iter().map(|tolerance| tolerance.name);
     [PRESET].into_iter().chain(tolerances).collect()

@@ -336,7 +336,6 @@ const OWN_LIMITS: &[Limit] = &[
     ("observer", Allowed::NotBoth(["state", "orbit"])),
 ];
 
-/// The limits of all keys.
 const LIMITS: &[&[Limit]] = &[
     OWN_LIMITS,
     heads::LIMITS,

@@ -160,7 +160,6 @@ impl Reader {
         }
     }
 
-    /// Starts a segment from its metadata.
     fn segment(&mut self, meta: &Meta) -> At<Data> {
         meta.check_once()?;
         let (id, line) = meta.need("OBJECT_ID")?;
@@ -305,7 +304,6 @@ fn frames(meta: &Meta, ut1: Ut1) -> At<(Axes, bool, Option<String>)> {
 }
 
 impl Data {
-    /// Checks and adds an attitude.
     fn add(&mut self, line: usize, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
         let &[first, second, third, fourth, ..] = numbers else {
             return Err("no quaternion".to_owned());

@@ -52,7 +52,6 @@ enum Word {
 }
 
 impl Identity {
-    /// Of an element set.
     pub(crate) fn of_set(number: u32, designator: &str, name: &str) -> Self {
         let number = assigned(number);
         Identity {
@@ -97,7 +96,6 @@ impl Identity {
         self.designator = designators.into_iter().flatten().min();
     }
 
-    /// Sets the catalogue number from another record of the same object.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.number = assigned(number);
     }

@@ -280,7 +280,6 @@ impl Meta {
         })
     }
 
-    /// The time of a keyword.
     fn epoch(&self, clock: Clock, key: &str) -> At<Epoch> {
         let (text, line) = self.need(key)?;
         clock.read(text).ok_or_else(|| {

@@ -33,7 +33,6 @@ const MIN_STEP_M: f64 = 1e3;
 /// off.
 const VELOCITY_TOLERANCE: f64 = 0.05;
 
-/// First keyword of a message.
 const VERSION: &str = "CCSDS_OEM_VERS";
 
 /// Whether a text with this first line is an OEM.
@@ -177,7 +176,6 @@ impl<'a> Messages<'a> {
         self.contents.reject(line, reason);
     }
 
-    /// Adds a segment to its object.
     fn add(&mut self, id: String, name: String, segment: Segment) {
         let mut object = Object {
             identity: Identity::of_ephemeris(&id, &name),
@@ -203,7 +201,6 @@ impl<'a> Messages<'a> {
 }
 
 impl Data {
-    /// Starts a segment from its metadata.
     fn new(meta: &Meta, first_start: &mut Option<Epoch>) -> At<Data> {
         meta.check_once()?;
         let (center, line) = meta.need("CENTER_NAME")?;
@@ -235,7 +232,6 @@ impl Data {
         })
     }
 
-    /// Checks and adds a state.
     fn state(&mut self, epoch: Epoch, numbers: &[f64]) -> Result<(), String> {
         let (&[x, y, z, vx, vy, vz] | &[x, y, z, vx, vy, vz, _, _, _]) = numbers else {
             return Err("not 6 values (or 9 with accelerations)".to_owned());

@@ -185,7 +185,6 @@ pub fn may_replace(path: &Path, mark: Mark) -> bool {
     first && mark.iter().all(|part| head.contains(part))
 }
 
-/// The first bytes of a file.
 fn head_of(path: &Path) -> Result<Vec<u8>> {
     let mut head = Vec::new();
     File::open(path)?.take(HEAD).read_to_end(&mut head)?;

@@ -13,11 +13,8 @@ enum Kind<'a> {
     Message(&'a str),
     /// Two-line element sets.
     Lines,
-    /// Messages in XML.
     Xml,
-    /// Objects of JSON.
     Json,
-    /// A table of CSV.
     Table,
 }
 

@@ -2,7 +2,6 @@
 
 use crate::{Designator, Loaded, Object, Rejected, catalogue_number};
 
-/// Largest number of objects in a message.
 const MAX_LISTED: usize = 8;
 
 /// File and object of a selector `FILE` or `FILE:NAME`: the longest file that `exists`.

@@ -20,7 +20,6 @@ pub const LARGEST_CONFIG: u64 = 4 << 20;
 pub const LARGEST_PIPE: u64 = 256 << 20;
 /// Bytes that show whether a file has the expected kind of contents.
 const HEAD: u64 = 1 << 16;
-/// Longest wait for the next bytes of a pipe.
 const PIPE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A file that this process has read.

@@ -114,7 +114,6 @@ fn close<M: Message>(message: &mut M, section: Section<M::Segment>, number: usiz
     }
 }
 
-/// Epoch and numbers of a data line.
 pub(crate) fn epoch_and_numbers(line: &str, clock: Clock) -> Result<(Epoch, Vec<f64>), String> {
     let mut words = line.split_whitespace();
     let epoch = words.next().and_then(|text| clock.read(text));

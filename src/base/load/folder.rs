@@ -7,7 +7,6 @@ use skyloop_orbit::{LARGEST_CONFIG, LARGEST_FILE};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Scene file of a folder.
 const SCENE: &str = "scene.toml";
 
 /// The remedy for a configuration file that is too long.

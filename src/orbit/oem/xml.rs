@@ -80,7 +80,6 @@ pub(crate) fn read(part: &Part, contents: &mut Contents) {
     read.finish();
 }
 
-/// Reads a segment that starts at this offset of the text.
 fn segment(
     text: &str,
     start: usize,
@@ -153,7 +152,6 @@ impl Reader<'_> {
     }
 }
 
-/// A `<stateVector>` and its first line.
 struct State {
     line: usize,
     epoch: Option<String>,

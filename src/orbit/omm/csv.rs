@@ -16,7 +16,6 @@ pub(crate) fn begins(line: &str) -> bool {
     line.contains(',') && names.any(|name| Key::of(name).is_some())
 }
 
-/// Reads every record below the header.
 pub(crate) fn read(part: &Part, found: &mut Contents) {
     let mut splitter = Splitter::new();
     let mut lines = part.lines();

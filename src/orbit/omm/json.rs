@@ -164,7 +164,6 @@ fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
 #[derive(serde::Deserialize)]
 struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
 
-/// Reads the values of the known keywords.
 struct Keywords;
 
 impl<'de> Visitor<'de> for Keywords {

@@ -6,7 +6,6 @@ use crate::record::{check_version, shorten};
 use crate::{Contents, lines};
 use std::borrow::Cow;
 
-/// First keyword of a message.
 const VERSION: &str = "CCSDS_OMM_VERS";
 
 /// Whether a text with this first line is an OMM. Some files lack the version.
@@ -54,7 +53,6 @@ pub(crate) fn read(part: &Part, found: &mut Contents) {
     finish(message, found);
 }
 
-/// A message being read.
 struct Message<'a> {
     /// Whether it begins with its version, as the standard requires; the next one then does too.
     has_version: bool,

@@ -20,7 +20,6 @@ use hifitime::{Epoch, TimeScale, Unit};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-/// Largest catalogue number.
 const LARGEST_NUMBER: u32 = 999_999_999;
 
 /// The supported keywords; others are skipped.
@@ -283,7 +282,6 @@ impl<'a> Fields<'a> {
         ))
     }
 
-    /// The theory of the elements, and their ephemeris type.
     fn theory(&self) -> At<(Theory, u8)> {
         let of_xp = self
             .find(Key::BallisticTerm)

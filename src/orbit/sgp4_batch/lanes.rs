@@ -128,19 +128,16 @@ impl<S: Simd> Lanes<S> {
         )
     }
 
-    /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
         self.with(self.simd.sqrt_f64s(self.values))
     }
 
-    /// Square.
     #[inline(always)]
     pub fn squared(self) -> Self {
         self * self
     }
 
-    /// Absolute value.
     #[inline(always)]
     pub fn abs(self) -> Self {
         let sign = self.simd.splat_f64s(-0.0);
@@ -204,7 +201,6 @@ impl<S: Simd> Truth<S> {
         yes.with(self.simd.select_f64s(self.truth, yes.values, no.values))
     }
 
-    /// Logical and.
     #[inline(always)]
     pub fn and(self, other: Self) -> Self {
         Self {
