@@ -91,14 +91,12 @@ impl<'a> ObserverTrack<'a> {
             *knot = (self.flight).state(self.epoch(start_s + length_s * fraction(k)))?;
         }
         let earth = Earth::at(mid);
+        let vehicle = self.flight.vehicle(mid, knots[KNOTS / 2])?;
         let mut step = Step {
             start_s,
             end_s: start_s + length_s,
-            vehicle: self.flight.vehicle(mid, knots[KNOTS / 2])?,
-            shutter: shutter(
-                &self.flight.vehicle(mid, knots[KNOTS / 2])?,
-                &Exposure::around(mid, length_s),
-            )?,
+            shutter: shutter(&vehicle, &Exposure::around(mid, length_s))?,
+            vehicle,
             rate: 0.0,
             rotation: frames::teme_to_gcrf(mid),
             earth,

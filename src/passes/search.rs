@@ -166,18 +166,11 @@ impl ObjectSearch<'_> {
         self.lost.get_or_init(|| why.to_string());
     }
 
-    /// The last instant inside before it crosses the edge, or the first after that.
+    /// The instant inside the field at which it crosses the edge.
     fn edge_between(&self, (known_s, inside): (f64, bool), other_s: f64) -> Result<f64, NoPasses> {
-        let (mut low, mut high) = (known_s, other_s);
-        while high - low > FINE_S {
-            let mid = (low + high) / 2.0;
-            if self.is_inside(mid)? == inside {
-                low = mid
-            } else {
-                high = mid
-            }
-        }
-        Ok(if inside { low } else { high })
+        let holds = |t_s: f64| Ok(self.is_inside(t_s)? == inside);
+        let [before, after] = bisect([known_s, other_s], holds)?;
+        Ok(if inside { before } else { after })
     }
 
     fn is_inside(&self, t_s: f64) -> Result<bool, NoPasses> {
@@ -243,19 +236,25 @@ impl ObjectSearch<'_> {
     }
 
     /// The instant at which the reason for darkness changes from `before`.
-    pub(super) fn change(
-        &self,
-        [mut low, mut high]: [f64; 2],
-        before: Option<Hidden>,
-    ) -> Result<f64, NoPasses> {
-        while high - low > FINE_S {
-            let mid = (low + high) / 2.0;
-            if self.sight(mid)?.is_some_and(|sight| sight.hidden == before) {
-                low = mid
-            } else {
-                high = mid
-            }
-        }
+    pub(super) fn change(&self, span: [f64; 2], before: Option<Hidden>) -> Result<f64, NoPasses> {
+        let holds = |t_s: f64| Ok(self.sight(t_s)?.is_some_and(|sight| sight.hidden == before));
+        let [low, high] = bisect(span, holds)?;
         Ok((low + high) / 2.0)
     }
+}
+
+/// The change of a condition that holds at the start of a time span: the instants before and after.
+fn bisect(
+    [mut low, mut high]: [f64; 2],
+    holds: impl Fn(f64) -> Result<bool, NoPasses>,
+) -> Result<[f64; 2], NoPasses> {
+    while high - low > FINE_S {
+        let mid = (low + high) / 2.0;
+        if holds(mid)? {
+            low = mid;
+        } else {
+            high = mid;
+        }
+    }
+    Ok([low, high])
 }
