@@ -23,10 +23,6 @@ pub enum Theory {
 
 impl Theory {
     /// From the value of MEAN_ELEMENT_THEORY.
-    ///
-    /// # Errors
-    ///
-    /// The elements are of another theory.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let letters = text.chars().filter(char::is_ascii_alphanumeric);
         let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
@@ -54,10 +50,6 @@ impl Theory {
 }
 
 /// The ephemeris type of a supported set: 0, or 1 to 3 in old sets.
-///
-/// # Errors
-///
-/// The elements are of another theory.
 pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
     match number {
         0..=3 => Ok(number as u8),

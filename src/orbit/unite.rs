@@ -96,11 +96,7 @@ pub fn unite(mut sources: Vec<Source>) -> United {
 }
 
 impl United {
-    /// Adds an object of a source.
-    ///
-    /// # Errors
-    ///
-    /// Its orbit cannot be combined with an earlier one of the same object.
+    /// Adds an object of a source, unless it has another orbit of another kind.
     fn add(
         &mut self,
         mut object: Object,

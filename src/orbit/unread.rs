@@ -16,20 +16,18 @@ struct Known {
 }
 
 const fn orbits(what: &'static str, remedy: &'static str) -> Known {
-    let has_orbits = true;
     Known {
         what,
         remedy,
-        has_orbits,
+        has_orbits: true,
     }
 }
 
 const fn others(what: &'static str, remedy: &'static str) -> Known {
-    let has_orbits = false;
     Known {
         what,
         remedy,
-        has_orbits,
+        has_orbits: false,
     }
 }
 

@@ -23,10 +23,6 @@ pub(crate) enum Site {
 
 impl Site {
     /// The kind of an orbit, by the bounds of Vallado et al., AIAA 2006-6753.
-    ///
-    /// # Errors
-    ///
-    /// SGP4 cannot start from the elements.
     pub fn of(elements: &Elements) -> Result<Site, ModelError> {
         let orbit = elements.orbit()?;
         let n = orbit.mean_motion;
@@ -43,10 +39,6 @@ impl Site {
     }
 
     /// The SGP4 constants of an orbit of this kind.
-    ///
-    /// # Errors
-    ///
-    /// SGP4 cannot start from the elements, or the `sgp4` crate assigns another kind.
     pub fn constants(self, elements: &Elements) -> Result<ModelConstants, ModelError> {
         let constants = ModelConstants::of(&elements.constants()?)?;
         let theirs = match &constants.method {

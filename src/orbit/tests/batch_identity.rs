@@ -85,12 +85,8 @@ fn an_object_does_not_depend_on_the_rest_of_the_batch() {
                 let mut batch = Batch::new(&shuffled).unwrap();
                 batch.set_level(level);
                 let found = after(&mut batch, minutes);
-                for (position, i) in order.iter().enumerate() {
-                    assert_eq!(
-                        found[position], expected[*i],
-                        "{:?} at {minutes} min",
-                        sets[*i]
-                    );
+                for (found, i) in found.into_iter().zip(order) {
+                    assert_eq!(found, expected[i], "{:?} at {minutes} min", sets[i]);
                 }
             }
         }
@@ -115,12 +111,8 @@ fn failures_do_not_change_other_objects() {
             let order: Vec<usize> = valid.iter().flat_map(|i| [*i, bad]).collect();
             let mixed: Vec<Elements> = order.iter().map(|i| sets[*i]).collect();
             let found = after(&mut Batch::new(&mixed).unwrap(), minutes);
-            for (position, i) in order.iter().enumerate() {
-                assert_eq!(
-                    found[position], expected[*i],
-                    "{:?} at {minutes} min",
-                    sets[*i]
-                );
+            for (found, i) in found.into_iter().zip(order) {
+                assert_eq!(found, expected[i], "{:?} at {minutes} min", sets[i]);
             }
         }
     }
