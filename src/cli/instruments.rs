@@ -1,4 +1,4 @@
-//! Faults and recordings, which `run` and `loopback` put between a link and the emulator.
+//! Faults and recordings between a link and the emulator, for `run` and `loopback`.
 
 use anyhow::{Error, anyhow, bail};
 use clap::Args;
@@ -32,24 +32,24 @@ pub struct Choice {
     capture: Option<PathBuf>,
 }
 
-/// Instruments at a link.
+/// The instruments of a link.
 #[derive(Default)]
 pub struct Instruments {
     faults: Option<(Plan, Arc<Mutex<Book>>)>,
     capture: Option<Capture>,
     /// The fault log. The threads of links write it.
     log: Option<(PathBuf, OutputFile)>,
-    /// The files that the run was made from.
+    /// The input files of the run.
     inputs: Vec<Input>,
-    /// Of each link, whether it is a CAN bus: faults stand at the bus.
+    /// For each link, whether it is a CAN bus: faults are then injected at the bus.
     buses: Vec<bool>,
 }
 
 impl Choice {
-    /// Opens the files, and does not change them before [`Instruments::begin`]. `force` accepts
-    /// files that skyloop did not make.
+    /// Opens the files, without changes before [`Instruments::begin`]. `force` accepts files that
+    /// skyloop did not write.
     pub fn prepare(&self, links: &[String], force: bool) -> anyhow::Result<Instruments> {
-        // Without the faults: a replay needs none.
+        // Without the fault file: a replay does not need it.
         let inputs = inputs();
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
         let plan = match &self.faults {
@@ -85,14 +85,14 @@ fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
     anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
 
-/// The settings of a run beside its files, for recordings.
+/// The settings of a run in addition to its files, for recordings.
 pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
     let level = (output.pixels, output.labels);
     let level = Output::PRESETS
         .into_iter()
         .find(|(_, pixels, labels)| level == (*pixels, *labels));
     let output = level.map_or(format!("{output:?}"), |(name, ..)| name.to_string());
-    let (preset, tolerances) = emulator.fidelity().told();
+    let (preset, tolerances) = emulator.fidelity().nearest_preset();
     let tolerances = tolerances
         .iter()
         .map(|(name, value)| format!(", {name} = {value}"));
@@ -139,8 +139,8 @@ impl Choice {
 
 /// Refuses two options that name the same file.
 pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
-    for (place, (name, file)) in given.iter().enumerate() {
-        if let Some((other, _)) = given[..place]
+    for (index, (name, file)) in given.iter().enumerate() {
+        if let Some((other, _)) = given[..index]
             .iter()
             .find(|(_, other)| is_same_file(other, file))
         {
@@ -181,14 +181,14 @@ pub fn both(first: Option<Error>, second: Option<Error>) -> Option<Error> {
     }
 }
 
-/// Whether a recording holds CAN frames: if the only link is a bus. Else it holds packets.
+/// Whether a recording has CAN frames: if the only link is a bus. Else it has packets.
 fn records_frames(buses: &[bool]) -> bool {
     buses == [true]
 }
 
 impl Instruments {
-    /// The instruments between a CAN bus and its link. The recording is next to the emulator, so
-    /// that it holds what that received.
+    /// The instruments between a CAN bus and its link. The recording is next to the emulator, so it
+    /// has exactly the received frames.
     pub fn bus(&self) -> BusInstruments {
         let faults = self.faults.clone();
         let capture = self.capture.as_ref();
@@ -252,11 +252,11 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault that blocks all packets; none if no packet met it after `since`, or it is over.
+    /// The fault that blocks all packets; none if it met no packet after `since`, or has ended.
     pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
-        // On CAN the flow control of each long packet is waited for.
+        // On CAN each long packet waits for its flow control.
         let flow_control = Duration::from_micros(Parameters::FD.timeout_us);
         let timeout = if self.buses.contains(&true) {
             needs.timeout.min(flow_control)

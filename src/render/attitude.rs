@@ -1,30 +1,30 @@
-//! Attitude, body rates and the state of the vehicle; THE conventions of skyloop.
+//! Attitude, body rates and the state of the vehicle; the conventions of skyloop.
 //!
 //! 1. Frames of reference are ICRF (GCRF for geocentric positions), body and camera. "Frame" alone
 //!    always means an image; bytes on a link are a "packet".
 //! 2. An attitude is a unit quaternion in Hamilton's algebra, written `[x, y, z, w]` (scalar last),
 //!    that takes ICRF to body: `v_body = R(q) v_icrf` with `R(q) v = q v q^-1`. The camera's
-//!    mounting takes body to camera in the same way.
+//!    mounting takes body to camera likewise.
 //! 3. Touchstone: `[-0.070834, -0.644137, 0.733522, -0.204975]` with identity mounting points +Z at
 //!    RA 248.112, Dec +9.215 degrees.
 //! 4. Rates are the angular velocity of the body against ICRF in body axes: `dR/dt = -[w x] R`.
 //! 5. Camera axes: +Z boresight, +X along increasing column, +Y along increasing row. Pixel (0, 0)
 //!    is the centre of the first pixel; row 0 comes first in memory, on the wire and in files.
-//! 6. Time is an [`Epoch`] (integer nanoseconds, TAI inside); text is UTC. An exposure has a start, a
-//!    mid and an end, and every value says which one it means.
-//! 7. Inside: SI units, radians, electrons, pixels. Suffixes (`_deg`, `_px`, `_e`, `_s`) stand at the
-//!    borders (configs, wire, labels).
+//! 6. Time is an [`Epoch`] (integer nanoseconds, TAI); text is UTC. An exposure has a start, a
+//!    mid and an end, and every value states which one it refers to.
+//! 7. Internal units are SI, radians, electrons and pixels. Suffixes (`_deg`, `_px`, `_e`, `_s`)
+//!    stand at the interfaces (configurations, wire, labels).
 
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::{StateVector, two_body};
 use thiserror::Error;
 
-/// How far from 1 the norm of a given quaternion may lie: within, it is normalised; beyond,
+/// Tolerance of the norm of an input quaternion: within it the quaternion is normalised, beyond it
 /// refused.
 pub use skyloop_protocols::command::UNIT_TOLERANCE as NORM_TOLERANCE;
 
-/// What is wrong with a given attitude or state.
+/// Why an attitude or state is refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum AttitudeError {
     /// The norm is further than [`NORM_TOLERANCE`] from 1.
@@ -45,7 +45,7 @@ pub enum AttitudeError {
         /// As given.
         value: Vec<f64>,
     },
-    /// A component is finite but beyond what the emulator works with.
+    /// A component is finite but outside the supported range.
     #[error("{what} {}: must be {allowed}", short(value))]
     OutOfRange {
         /// Which quantity.
@@ -79,8 +79,8 @@ impl Attitude {
     }
 
     /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad,
-    /// ICRF. `roll` (rad) is the position angle of what is up in the image (-Y): from north through
-    /// east. An angle that is no number or infinite is taken for 0.
+    /// ICRF. `roll` (rad) is the position angle of image up (-Y), from north through east. An angle
+    /// that is not finite counts as 0.
     pub fn towards(ra: f64, dec: f64, roll: f64) -> Attitude {
         let [(sin_ra, cos_ra), (sin_dec, cos_dec), (sin_roll, cos_roll)] =
             [ra, dec, roll].map(|angle| libm::sincos(if angle.is_finite() { angle } else { 0.0 }));
@@ -93,9 +93,9 @@ impl Attitude {
         Attitude(UnitQuaternion::from_rotation_matrix(&rotation))
     }
 
-    /// Right ascension, declination and roll (rad) of a camera of this attitude: what
-    /// [`Attitude::towards`] takes. They are geometric, without aberration. At a pole, where the
-    /// right ascension is any, the roll belongs to the one that is given.
+    /// Right ascension, declination and roll (rad) of a camera of this attitude: the inverse of
+    /// [`Attitude::towards`]. They are geometric, without aberration. At a pole, where the right
+    /// ascension is arbitrary, the roll belongs to the returned one.
     ///
     /// The rows of the rotation matrix are the camera's axes X, Y, Z in the ICRF; with up = -Y,
     /// east = (-sin ra, cos ra, 0), north = Z x east:
@@ -114,7 +114,7 @@ impl Attitude {
         [ra, dec, roll]
     }
 
-    /// The way back.
+    /// The inverse rotation.
     pub fn inverse(&self) -> Attitude {
         Attitude(self.0.inverse())
     }
@@ -138,13 +138,13 @@ impl Attitude {
     /// This rotation, then `next`.
     pub fn then(&self, next: &Attitude) -> Attitude {
         let mut product = next.0 * self.0;
-        // Or rounding adds up in the norm, always to the same side: to 1e-10 in ten million steps.
+        // Without this, rounding of the norm accumulates, always with one sign: 1e-10 in 1e7 steps.
         product.renormalize_fast();
         Attitude(product)
     }
 
     /// The attitude `dt_s` seconds later under constant body rates (rad/s):
-    /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`. What is no angle does not turn it.
+    /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`. Unchanged if the angle is not finite.
     pub fn turned(&self, rates: &Vector3<f64>, dt_s: f64) -> Attitude {
         let turn = -rates * dt_s;
         if !turn.norm_squared().is_finite() {
@@ -154,46 +154,45 @@ impl Attitude {
     }
 }
 
-/// The angle (rad) between two vectors of any length, by its tangent: as precise near 0 and near pi
-/// as between, where an arc cosine loses half of its digits. 0 where one of them is zero, no number
-/// where one has a component that is none.
+/// The angle (rad) between two vectors of any length, by its tangent. It is precise near 0 and pi,
+/// where an arc cosine loses half of its digits. 0 if a vector is zero, NaN if a component is.
 pub fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
 }
 
-/// An angle (rad) in degrees, from 0 to below 360: the remainder alone makes 360 of what is a last
-/// digit below 0.
+/// An angle (rad) in degrees, from 0 to below 360. `rem_euclid` alone rounds a tiny negative angle
+/// up to 360.
 pub fn degrees_of_turn(angle: f64) -> f64 {
     let degrees = angle.to_degrees().rem_euclid(360.0);
     if degrees < 360.0 { degrees } else { 0.0 }
 }
 
-/// What the vehicle says of itself at one instant: the latched command that a frame is made from.
+/// The reported state of the vehicle at one instant: the latched command of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleState {
     /// The attitude message's own sequence number; part of the noise key.
     pub sequence: u32,
-    /// The instant that everything below holds for.
+    /// The instant of all values below.
     pub epoch: Epoch,
     /// ICRF to body.
     pub attitude: Attitude,
     /// Angular velocity of the body against ICRF, body axes, rad/s.
     pub rates: Vector3<f64>,
-    /// Geocentric position and velocity, GCRF; none: an observer at the Earth's centre.
+    /// Geocentric position and velocity, GCRF; without it the observer is at the Earth's centre.
     pub orbit: Option<StateVector>,
 }
 
 /// Body rates beyond this (rad/s; 100 turns a second) are refused.
 const MAX_RATE: f64 = 628.4;
 /// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is
-/// 6,356,752 m. What is given in files is held to the ellipsoid itself (`flight`).
+/// 6,356,752 m. Positions in files are checked against the ellipsoid itself (`flight`).
 pub const MIN_POSITION: f64 = 6_356_000.0;
-/// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
+/// Geocentric positions beyond this (m) are refused: the observer is assumed to orbit the Earth.
 pub const MAX_POSITION: f64 = 4e9;
 /// Geocentric speeds beyond this (m/s) are refused.
 pub const MAX_SPEED: f64 = 1e5;
 
-/// Whether an observer may be there, moving so.
+/// Checks the position and velocity of an observer.
 pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {
     let position: [f64; 3] = state.position_m.into();
     let velocity: [f64; 3] = state.velocity_m_s.into();
@@ -214,7 +213,7 @@ pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {
 }
 
 impl VehicleState {
-    /// Checked, as everything that comes from outside must be.
+    /// A state from external input, checked.
     pub fn new(
         sequence: u32,
         epoch: Epoch,
@@ -243,7 +242,7 @@ impl VehicleState {
         })
     }
 
-    /// Carried to another instant: attitude by its rates, orbit by two-body motion and J2.
+    /// Propagated to another instant: attitude by its rates, orbit by two-body motion and J2.
     pub fn at(&self, epoch: Epoch) -> VehicleState {
         let dt_s = (epoch - self.epoch).to_unit(Unit::Second);
         VehicleState {
@@ -256,13 +255,12 @@ impl VehicleState {
     }
 }
 
-/// The vehicle at `epoch` between two messages, each carried there as [`VehicleState::at`] does,
-/// the nearer one counting more: at either message it is that message, attitude, rates, position
-/// and velocity, and nothing jumps in between. With rates that tell how the body turned it is
-/// exact. What it says of itself besides (`sequence`) is the earlier one's.
+/// The vehicle at `epoch` between two messages. Both are propagated as by [`VehicleState::at`] and
+/// blended, so that attitude, rates, position and velocity equal each message at its own epoch and
+/// are continuous between them. It is exact for constant rates. `sequence` is the earlier one's.
 ///
-/// The weight is Hermite's `s = u^2 (3 - 2 u)`, `u` the share of the time between them that has
-/// passed: its slope is 0 at both ends.
+/// The weight is Hermite's `s = u^2 (3 - 2 u)`, `u` the elapsed fraction of the interval: its slope
+/// is 0 at both ends.
 pub fn between(before: &VehicleState, after: &VehicleState, epoch: Epoch) -> VehicleState {
     let whole_s = (after.epoch - before.epoch).to_unit(Unit::Second);
     let passed_s = (epoch - before.epoch).to_unit(Unit::Second);
@@ -289,8 +287,8 @@ pub fn between(before: &VehicleState, after: &VehicleState, epoch: Epoch) -> Veh
     }
 }
 
-/// The constant body rates (rad/s) that take one attitude to another in `dt_s`: the shorter way.
-/// `q(t) = exp(-w t / 2) q(0)`, convention 4.
+/// The constant body rates (rad/s) that rotate one attitude into another in `dt_s` along the
+/// shorter arc. `q(t) = exp(-w t / 2) q(0)`, convention 4.
 pub fn rates_between(before: &Attitude, after: &Attitude, dt_s: f64) -> Vector3<f64> {
     let turn = after.0 * before.0.inverse();
     let rates = -turn.scaled_axis() / dt_s;
@@ -349,7 +347,7 @@ mod tests {
     const TOUCHSTONE: [f64; 4] = [-0.070834, -0.644137, 0.733522, -0.204975];
 
     #[test]
-    fn the_touchstone_points_where_the_conventions_say() {
+    fn touchstone_boresight_matches_the_conventions() {
         let q = Attitude::from_xyzw(TOUCHSTONE).unwrap();
         let boresight = q.matrix().transpose() * Vector3::z();
         let ra_deg = boresight
@@ -362,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn pointing_angles_give_the_attitude_back() {
+    fn pointing_angles_round_trip() {
         for dec in [-90.0, -89.9999, -45.0, 0.0, 9.215, 89.9999, 90.0] {
             for (ra, roll) in [(0.0, 0.0), (248.112, 30.0), (359.9, 359.0), (180.0, 180.0)] {
                 let [ra, dec, roll] = [ra, dec, roll].map(f64::to_radians);
@@ -376,27 +374,27 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_points_where_it_is_told_with_north_up() {
+    fn camera_points_as_commanded_with_north_up() {
         let angles = [248.112_f64, 9.215, 30.0].map(f64::to_radians);
         let [ra, dec, roll] = angles;
         let camera = Attitude::towards(ra, dec, roll);
         let at =
             |ra: f64, dec: f64| Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
         assert!((camera.rotate(&at(ra, dec)) - Vector3::z()).norm() < 1e-15);
-        // X-Val: by hand: seen from inside, with north up (-Y), east is left (-X); up turned by 30
-        // deg to the east has north to the right of it.
+        // X-Val: by hand: seen from inside, with north up (-Y), east is left (-X). With up turned
+        // by 30 deg to the east, north lies to its right.
         let step = 1e-6;
         let north = camera.rotate(&at(ra, dec + step)) / step;
         let east = camera.rotate(&at(ra + step / dec.cos(), dec)) / step;
         let near = |v: Vector3<f64>, x: f64, y: f64| (v.x - x).hypot(v.y - y) < 1e-5;
         assert!(near(north, 0.5, -0.75_f64.sqrt()), "{north}");
         assert!(near(east, -0.75_f64.sqrt(), -0.5), "{east}");
-        let there_and_back = camera.then(&camera.inverse());
-        assert!((there_and_back.matrix() - Matrix3::identity()).norm() < 1e-15);
+        let round_trip = camera.then(&camera.inverse());
+        assert!((round_trip.matrix() - Matrix3::identity()).norm() < 1e-15);
     }
 
     #[test]
-    fn rates_turn_the_matrix_as_the_convention_says() {
+    fn rates_turn_the_attitude_by_convention_4() {
         let q = Attitude::from_xyzw(TOUCHSTONE).unwrap();
         let w = Vector3::new(0.01, -0.02, 0.03);
         let h = 1e-4;
@@ -406,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quaternion_is_normalised_within_the_tolerance_and_refused_beyond() {
+    fn quaternion_is_normalised_within_the_tolerance_only() {
         let scaled = |s: f64| TOUCHSTONE.map(|c| c * s);
         let norm = |q: [f64; 4]| q.iter().map(|c| c * c).sum::<f64>().sqrt();
         let q = Attitude::from_xyzw(scaled(1.0009)).unwrap();
@@ -420,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn between_two_messages_of_a_steady_turn_it_is_that_turn() {
+    fn blending_is_exact_for_a_constant_rate() {
         let start = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
         let orbit = ([7e6, 0.0, 0.0], [0.0, 7546.0, 0.0]);
         let rates = [0.02, -0.3, 0.1];
@@ -442,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn between_messages_that_tell_no_rates_nothing_jumps() {
+    fn blending_without_rates_is_continuous() {
         let start = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
         let first = VehicleState::new(1, start, TOUCHSTONE, [0.0; 3], None).unwrap();
         let turned = first.attitude.turned(&Vector3::new(0.0, 0.01, 0.0), 1.0);
@@ -461,12 +459,12 @@ mod tests {
         for (u, share) in [(0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0)] {
             assert!((angle(u) - 0.01 * share).abs() < 1e-12, "{u}");
         }
-        // Two messages of one moment: the later one counts.
+        // Of two messages with the same epoch the later one is used.
         let same = VehicleState {
             epoch: start,
             ..second.clone()
         };
-        let shown = between(&first, &same, start).attitude;
-        assert!(rates_between(&shown, &second.attitude, 1.0).norm() < 1e-12);
+        let blended = between(&first, &same, start).attitude;
+        assert!(rates_between(&blended, &second.attitude, 1.0).norm() < 1e-12);
     }
 }

@@ -1,4 +1,4 @@
-//! Accuracy, as bounds of errors in field units; never a "quality" from 1 to 10.
+//! Accuracy, as error bounds in field units; never a "quality" from 1 to 10.
 
 mod choice;
 mod coarser;

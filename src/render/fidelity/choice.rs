@@ -1,13 +1,13 @@
-//! Which effects a run allows.
+//! Restrictions of a run on its effects.
 
-/// What a run wants of the effects, whatever its scenes call for.
+/// The restrictions of a run on its effects, independent of its scenes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Choice {
     /// Whether effects that draw random numbers run.
     pub noise: bool,
     /// Names of the effects that are switched off.
     pub off: Vec<&'static str>,
-    /// Whether effects run that a scene does not call for.
+    /// Whether effects run that a scene does not need.
     pub all: bool,
 }
 

@@ -1,22 +1,22 @@
-//! What is rendered where a frame would be late: coarser and coarser, whatever a run's setting is.
+//! Steps of coarsening, for frames that would be late.
 
 use super::tolerances::{Fidelity, TOLERANCES, Tolerance};
 use super::value::Value;
 use std::fmt;
 
-/// A step of coarsening. It is kept as requested, not as the setting that it comes to: that
-/// depends on the run's, which a budget of time may choose.
+/// A step of coarsening. It is stored as requested, not as the resulting setting: that depends on
+/// the run's own tolerances, which a time budget may choose.
 #[derive(Debug, Clone, Copy)]
 pub enum Coarser {
-    /// Every knob to where the preset of this name has it.
+    /// Every tolerance as in the preset of this name.
     Preset(&'static str, Fidelity),
-    /// One knob to this value.
+    /// One tolerance with this value.
     Tolerance(&'static Tolerance, Value),
 }
 
 impl Coarser {
-    /// What stands `before` with each knob of the step where the step has it, or where it was if
-    /// that is coarser: nothing is made finer.
+    /// `before` with each tolerance of the step, unless its value there is coarser already: no
+    /// tolerance becomes finer.
     pub fn than(&self, before: &Fidelity) -> Fidelity {
         let mut after = *before;
         let mut raise = |tolerance: &Tolerance, value: Value| {
@@ -59,39 +59,39 @@ mod tests {
     }
 
     #[test]
-    fn presets_coarsen_those_that_are_finer_and_no_others() {
+    fn presets_raise_only_finer_tolerances() {
         for (i, (name, fidelity)) in PRESETS.iter().enumerate() {
             for (j, (_, before)) in PRESETS.iter().enumerate() {
                 // From the coarsest to the finest.
-                let wanted = if i <= j { fidelity } else { before };
-                assert_eq!(preset(name).than(before), *wanted, "{i} {j}");
+                let expected = if i <= j { fidelity } else { before };
+                assert_eq!(preset(name).than(before), *expected, "{i} {j}");
             }
         }
     }
 
     #[test]
-    fn no_step_makes_a_knob_finer() {
+    fn no_step_makes_a_tolerance_finer() {
         let before = Fidelity {
             wing_e: 1.0,
             orbits: Orbits::Exact,
             ..Fidelity::REALTIME
         };
-        let wanted = Fidelity {
+        let expected = Fidelity {
             wing_e: 1.0,
             ..Fidelity::FAST
         };
-        assert_eq!(preset("fast").than(&before), wanted);
+        assert_eq!(preset("fast").than(&before), expected);
         for finer in [
             tolerance("wing_e", Value::Number(0.5)),
             tolerance("orbits", Value::Word("scalar")),
             preset("realtime"),
         ] {
             let after = finer.than(&before);
-            let wanted = Fidelity {
+            let expected = Fidelity {
                 orbits: after.orbits,
                 ..before
             };
-            assert_eq!(after, wanted, "{finer}");
+            assert_eq!(after, expected, "{finer}");
             assert_ne!(after.orbits, Orbits::Scalar, "{finer}");
         }
         let faster = tolerance("orbits", Value::Word("tracked")).than(&before);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_told_as_files_have_them() {
+    fn steps_are_written_as_in_configuration_files() {
         let texts = [preset("fast"), tolerance("wing_e", Value::Number(0.5))];
         assert_eq!(
             texts.map(|step| step.to_string()),

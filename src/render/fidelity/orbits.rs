@@ -2,16 +2,16 @@
 
 use super::value::{Setting, Value};
 
-/// How the orbits of objects are computed. The frames are the same.
+/// Method of orbit propagation. The frames are the same for all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Orbits {
-    /// From frame to frame who may be in the field is told from positions between knots, within
-    /// centimetres; who is, by SGP4.
+    /// Candidates for the field of view by interpolation between stored positions, within
+    /// centimetres; objects in the field by SGP4.
     #[default]
     Tracked,
-    /// Everybody by SGP4, in lanes.
+    /// All objects by the vectorised SGP4.
     Exact,
-    /// Everybody by the scalar SGP4, one after another.
+    /// All objects by the scalar SGP4.
     Scalar,
 }
 

@@ -1,18 +1,18 @@
-//! The value of one error tolerance, as configurations, tables and labels see it.
+//! The value of one error tolerance, as in configurations, tables and labels.
 
 use serde::{Serialize, Serializer};
 use std::fmt;
 
-/// What a knob may be.
+/// Permitted values of a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Allowed {
-    /// From the least to the greatest.
+    /// Minimum and maximum.
     Numbers([f64; 2]),
     /// One of several methods, the fastest first.
     Words(&'static [&'static str]),
 }
 
-/// What a knob is set to.
+/// The value of a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
     /// A tolerance.
@@ -46,7 +46,7 @@ impl Serialize for Value {
 pub trait Setting: Copy {
     /// As a value.
     fn value(self) -> Value;
-    /// From one; none of another kind.
+    /// From a value; none if it is of another kind.
     fn of(value: Value) -> Option<Self>;
 }
 

@@ -1,4 +1,4 @@
-//! What a label says of the tolerances that its frame was rendered by.
+//! The tolerances of a frame, in its label.
 
 use crate::fidelity::{Fidelity, Value};
 use schemars::JsonSchema;
@@ -18,7 +18,7 @@ pub struct FidelityLabel {
 
 impl From<&Fidelity> for FidelityLabel {
     fn from(fidelity: &Fidelity) -> Self {
-        let (preset, tolerances) = fidelity.told();
+        let (preset, tolerances) = fidelity.nearest_preset();
         FidelityLabel {
             preset,
             tolerances: tolerances.into_iter().collect(),

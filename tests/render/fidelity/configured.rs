@@ -124,14 +124,14 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
 #[test]
 fn labels_say_what_differs_from_the_nearest_preset() {
     for (name, fidelity) in PRESETS {
-        assert_eq!(fidelity.told(), (*name, Vec::new()));
+        assert_eq!(fidelity.nearest_preset(), (*name, Vec::new()));
     }
     let turned = Fidelity {
         wing_e: 0.5,
         orbits: Orbits::Scalar,
         ..Fidelity::REALTIME
     };
-    let (preset, tolerances) = turned.told();
+    let (preset, tolerances) = turned.nearest_preset();
     assert_eq!((preset, tolerances.len()), ("realtime", 1));
     let (name, value) = (tolerances[0].0, tolerances[0].1.to_string());
     assert_eq!((name, value.as_str()), ("wing_e", "0.5"));
