@@ -18,34 +18,36 @@ const FOUR: [(f64, f64); 4] = [
 ];
 /// A piece is halved if its middle is further than this part of its length from the middle of its
 /// chord: it bends, or its speed changes by more than a sixth.
+/// A piece is halved if its middle is further than this part of its length from the middle of its
+/// chord: it is curved, or its speed changes by more than a sixth.
 const BEND: f64 = 0.02;
-/// Longest piece, px: of a fast track, little more than the part in the window is sampled finely.
+/// Longest piece, px: a fast track is sampled finely over little more than its part in the window.
 const LONGEST_PX: f64 = 256.0;
-/// A bend of no more than this is none, px: above the rounding of still images.
+/// A bend of at most this counts as none, px: above the rounding of still images.
 const MIN_PX: f64 = 1e-9;
 /// Shortest panel, px: narrower light hardly differs on pixels.
 const MIN_STEP_PX: f64 = 1e-3;
-/// Narrowest Gaussian, px: narrower ones lie on one pixel or its edge.
+/// Narrowest Gaussian, px: a narrower one lies on one pixel or its edge.
 pub const MIN_SIGMA_PX: f64 = 0.01;
-/// A piece outside of the window is halved if its light's uncertainty may move the centre of all
-/// light by more than this, px.
+/// A piece outside of the window is halved if the uncertainty of its light may move the centroid of
+/// all light by more than this, px.
 const FAR_PX: f64 = 1e-5;
-/// Further places for fitting a path through a piece.
-const WAY: usize = 3;
-/// How often a piece is halved at most.
+/// Position evaluations for fitting a path through a piece.
+const PATH_EVALUATIONS: usize = 3;
+/// Greatest number of halvings of a piece.
 pub const DEPTH: u32 = 24;
 
-/// An instant (0..1) of a track and the image's place then; none: behind the camera.
+/// An instant (0..1) of a track and the image's position then; none behind the camera.
 pub type Knot = (f64, Option<Place>);
 
 /// The sampling of one track.
 pub struct Sampler<'a, F> {
     pub position: &'a F,
-    pub course: &'a TrackSpec,
+    pub spec: &'a TrackSpec,
     /// Length of the whole track.
     pub length_px: f64,
-    /// If its light is spread by one Gaussian everywhere: the standard deviation (px), and the
-    /// relative error that a piece may have (1).
+    /// If one Gaussian spreads the light everywhere: its standard deviation (px) and the permitted
+    /// relative error of a piece (1).
     pub even: Option<(f64, f64)>,
 }
 
@@ -56,23 +58,23 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
 
     /// Longest panel, px.
     fn step_px(&self) -> f64 {
-        self.course.step_px.max(MIN_STEP_PX)
+        self.spec.step_px.max(MIN_STEP_PX)
     }
 
-    /// Whether a row at `y` collects light then, with a margin for rounding.
+    /// Whether a row at `y` collects light at `part`, with a margin for rounding.
     pub fn collects(&self, part: f64, y: f64) -> bool {
-        let rows = &self.course.rows;
+        let rows = &self.spec.rows;
         rows.are_together() || part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
     }
 
-    /// The ends of the initial pieces; with a rolling shutter also the instants at which the
-    /// image's own row opens and closes.
+    /// The ends of the initial pieces; with a rolling shutter also the instants at which the row of
+    /// the image opens and closes.
     pub fn knots(&self) -> Vec<Knot> {
-        let pieces = self.course.pieces.max(1);
+        let pieces = self.spec.pieces.max(1);
         let even: Vec<Knot> = (0..=pieces)
             .map(|i| self.knot(i as f64 / pieces as f64))
             .collect();
-        let rows = &self.course.rows;
+        let rows = &self.spec.rows;
         if rows.are_together() {
             return even;
         }
@@ -90,7 +92,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         knots
     }
 
-    /// The instant between `a` and `b` that equals `edge` of the image's row then.
+    /// The instant between `a` and `b` that equals `edge` of the image's row at that time.
     fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
         let late = |(part, position): &Knot| position.map(|place| *part >= edge(place.at[1]));
         let (mut a, mut b) = (a, b);
@@ -108,10 +110,10 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         Some(b)
     }
 
-    /// Whether a row within its light's reach and `bend` of the rows `ys` may open or close in that
+    /// Whether a row within the light's reach and `bend` of the rows `ys` may open or close in that
     /// time.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
-        let TrackSpec { rows, reach_px, .. } = self.course;
+        let TrackSpec { rows, reach_px, .. } = self.spec;
         if rows.are_together() {
             return false;
         }
@@ -122,8 +124,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         meets(rows.opens(low), rows.opens(high)) || meets(rows.closes(low), rows.closes(high))
     }
 
-    /// One point for the whole track between the knots, with its light and centre by Simpson's
-    /// rule, as exact as two Gauss points. None unless it is one straight piece with a middle.
+    /// One point for the whole track between the knots. Its light and centre by Simpson's rule are
+    /// as exact as two Gauss points. None unless the track is one straight piece with a middle.
     pub fn point(&self, knots: &[Knot]) -> Option<Sample> {
         let [a, mid, b] = *<&[Knot; 3]>::try_from(knots).ok()?;
         let [from, middle, to] = places([a, mid, b])?;
@@ -147,7 +149,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                 let [before, behind] = [from.at[k] - middle.at[k], to.at[k] - middle.at[k]];
                 middle.at[k] + (first * before + last * behind)
             }),
-            weight: light * (b.0 - a.0) / self.course.rows.exposure,
+            weight: light * (b.0 - a.0) / self.spec.rows.exposure,
             lit: Lit::ALL,
             parts: Vec::new(),
         })
@@ -164,7 +166,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     /// Samples the piece from `a` to `b` with its middle `mid`.
     pub fn piece_by(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let (mut panels, mut near) = (1.0, false);
-        // The rows that the image passes, and how far it may leave them, if known.
+        // The rows that the image crosses, and its possible distance from them, if known.
         let mut passed = None;
         let split;
         match (a.1, mid.1, b.1) {
@@ -176,18 +178,18 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                 let (ys, bend) = (ends.map(|at| at[1]), distance(middle.at, chord));
                 passed = Some((ys, bend));
                 let seen = self
-                    .course
+                    .spec
                     .window
                     .is_near(&ends, bend.max(BEND * length / 2.0));
-                // Of huge numbers nothing is near.
+                // A position that is not finite is never near.
                 near = bend.is_finite() && (seen || self.is_cut([a.0, b.0], ys, bend));
                 let longest = if seen {
                     LONGEST_PX
                 } else {
-                    4.0 * self.course.reach_px
+                    4.0 * self.spec.reach_px
                 };
                 split = near && (bend > (BEND * length).max(MIN_PX) || length > longest);
-                // Of a parabola the fastest end is faster than the mean by 4 bend / length.
+                // On a parabola the fastest end exceeds the mean speed by 4 bend / length.
                 panels = (length + 4.0 * bend) / self.step_px();
             }
             // The source enters or leaves the half space before the camera.
@@ -199,9 +201,9 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             return;
         }
         if !near {
-            // No row nearby opens or closes: all are as the image's own.
+            // No row nearby opens or closes: all behave as the row of the image.
             let own = mid.1.is_some_and(|mid_place| {
-                self.course.rows.are_together() || self.collects(mid.0, mid_place.at[1])
+                self.spec.rows.are_together() || self.collects(mid.0, mid_place.at[1])
             });
             if own {
                 self.far_piece(a, mid, b, depth, samples);
@@ -211,29 +213,29 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         if let (false, Some(even), Some(known)) = (split, self.even, places([a, mid, b])) {
             return self.even_piece([a.0, b.0], known, even, samples);
         }
-        // A piece that should be halved further is a jump.
+        // A piece that still needs a split at the greatest depth is a jump.
         let panels = if split { 1.0 } else { panels };
         let panels = panels.ceil().max(1.0) as usize;
         for i in 0..panels {
             let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
             let ends = [part(i), part(i + 1)];
             if let Some((ys, _)) = passed.filter(|(ys, bend)| !self.is_cut(ends, *ys, *bend)) {
-                // All rows nearby collect light, or none does.
+                // All rows nearby collect light, or none.
                 if self.collects((ends[0] + ends[1]) / 2.0, ys[1]) {
                     self.panel(ends, Lit::ALL, samples);
                 }
                 continue;
             }
             // A margin for the bend within a panel.
-            let reach = self.course.reach_px + 1.0 + self.step_px();
+            let reach = self.spec.reach_px + 1.0 + self.step_px();
             let ys = ends.map(|part| (self.position)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
-            self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
+            self.cut_panel(ends, &self.spec.rows.turns(ends, near), samples);
         }
     }
 
-    /// Samples the time from `from` to `to` for a Gaussian; `known` are the places at its ends and
-    /// middle.
+    /// Samples the time from `from` to `to` for a Gaussian; `known` are the positions at its ends
+    /// and middle.
     fn even_piece(
         &self,
         [from, to]: [f64; 2],
@@ -245,14 +247,14 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         let [first, middle, last] = known.map(|position| position.at);
         let chord = [0, 1].map(|k| (first[k] + last[k]) / 2.0);
         let length = distance(first, middle) + distance(middle, last);
-        // Of a parabola the fastest end is faster than the mean by 4 bend / length.
+        // On a parabola the fastest end exceeds the mean speed by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
         // A few points cost no more than fitting a path.
-        let is_short = rule::are_few(sigmas, error, WAY);
+        let is_short = rule::are_few(sigmas, error, PATH_EVALUATIONS);
         let path = (!is_short).then(|| Path::through(known, position, sigma_px * error));
         let path = path.flatten();
-        let weight = (to - from) / self.course.rows.exposure;
-        samples.reserve(rule::most(sigmas));
+        let weight = (to - from) / self.spec.rows.exposure;
+        samples.reserve(rule::expected_count(sigmas));
         rule::points(sigmas, error, |part, share| {
             let at = match &path {
                 Some(path) => Some(path.at(part)),
@@ -269,19 +271,19 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         });
     }
 
-    /// Samples a piece outside of the window: two points give its light and centre, unless the
-    /// transmission is not smooth along it, so that Simpson's rule differs.
+    /// Samples a piece outside of the window: two points give its light and centre. If Simpson's
+    /// rule differs, the transmission is not smooth along the piece, and it is halved.
     fn far_piece(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let from = samples.len();
         self.panel([a.0, b.0], Lit::ALL, samples);
         let (Some(first), Some(middle), Some(last)) = (a.1, mid.1, b.1) else {
             return;
         };
-        let told: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
+        let sampled: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
         let simpson = (first.light + 4.0 * middle.light + last.light) / 6.0;
-        let apart = told - simpson * (b.0 - a.0) / self.course.rows.exposure;
+        let apart = sampled - simpson * (b.0 - a.0) / self.spec.rows.exposure;
         // Differences in the last digits are rounding.
-        let differs = apart.abs() > 8.0 * f64::EPSILON * told;
+        let differs = apart.abs() > 8.0 * f64::EPSILON * sampled;
         if differs && apart.abs() * self.length_px > FAR_PX && depth > 0 {
             samples.truncate(from);
             self.piece(a, mid, depth - 1, samples);
@@ -291,7 +293,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
 
     /// The light of the time from `from` to `to`.
     fn panel(&self, [from, to]: [f64; 2], lit: Lit, samples: &mut Vec<Sample>) {
-        let weight = (to - from) / (self.course.rows.exposure * GAUSS.len() as f64);
+        let weight = (to - from) / (self.spec.rows.exposure * GAUSS.len() as f64);
         let places = GAUSS.map(|g| (self.position)(from + (to - from) * g));
         samples.extend(places.into_iter().flatten().map(|position| Sample {
             at: position.at,
@@ -301,12 +303,12 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }));
     }
 
-    /// The light of a time of which rows collect parts. All share four points; each row's weights
-    /// are the integrals over its part of the polynomials L_k that are 1 at one point and 0 at the
-    /// others:
+    /// The light of a time in which some rows open or close. All share four points; each row's
+    /// weights are the integrals over its part of the polynomials L_k that are 1 at one point and 0
+    /// at the others. For a panel of length h:
     ///
     /// ```text
-    /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4| of the part, for a panel of length h
+    /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4|
     /// ```
     fn cut_panel(&self, [from, to]: [f64; 2], turns: &Turns, samples: &mut Vec<Sample>) {
         if turns.others.is_empty() {
@@ -327,7 +329,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             let others = turns.others.iter();
             samples.push(Sample {
                 at: position.at,
-                weight: weight * (to - from) / self.course.rows.exposure * position.light,
+                weight: weight * (to - from) / self.spec.rows.exposure * position.light,
                 lit: turns.throughout,
                 parts: others.map(|(lit, ends)| (*lit, part(ends))).collect(),
             });
@@ -335,7 +337,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     }
 }
 
-/// The places of all.
+/// The positions, if all three knots have one.
 fn places(knots: [Knot; 3]) -> Option<[Place; 3]> {
     let [(_, Some(a)), (_, Some(b)), (_, Some(c))] = knots else {
         return None;
@@ -350,7 +352,7 @@ fn polynomial(k: usize, u: f64) -> f64 {
     factors.product()
 }
 
-/// Length of the line through the places, px; without parts that end behind the camera.
+/// Length of the line through the positions, px; without parts that end behind the camera.
 pub fn length(places: &[Option<Place>]) -> f64 {
     let between = places.windows(2).map(|ends| match ends {
         [Some(a), Some(b)] => distance(a.at, b.at),

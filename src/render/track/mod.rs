@@ -1,10 +1,10 @@
 //! The path of a point source's image over the exposure.
 //!
 //! A track is cut into pieces that are nearly straight and nearly even, and these into panels a
-//! fraction of the point spread function long. A panel stands for a stretch of time, not of length,
-//! and so carries the light of that time wherever the image hurries or lingers; it is integrated by
-//! the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere, and
-//! rows collect it together, a whole piece has a rule of higher order instead (`rule`).
+//! fraction of the point spread function long. A panel covers an interval of time, so it carries
+//! the light of that time at any image speed; it is integrated by the two-point Gauss rule. Where
+//! one Gaussian spreads the light everywhere and all rows collect it together, a whole piece has a
+//! rule of higher order instead (`rule`).
 
 mod adaptive_sampling;
 mod path;
@@ -23,11 +23,11 @@ use adaptive_sampling::{DEPTH, MIN_SIGMA_PX, Sampler, length};
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// Where it is when its row opens (or where the source comes before the camera), px.
+    /// Position when its row opens (or when the source comes before the camera), px.
     pub start: [f64; 2],
-    /// Where it is when its row closes (or where the source goes behind the camera), px.
+    /// Position when its row closes (or when the source goes behind the camera), px.
     pub end: [f64; 2],
-    /// Points that stand for its light.
+    /// Points that carry its light.
     pub samples: Vec<Sample>,
 }
 
@@ -59,8 +59,8 @@ impl Track {
     }
 
     /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as
-    /// finely as the course asks wherever it comes near the course's window. None where the source
-    /// is behind the camera all the time.
+    /// finely as `track_spec` requires near its window. None if the source is always behind the
+    /// camera.
     pub fn sample(
         place: impl Fn(f64) -> Option<Place>,
         track_spec: &TrackSpec,
@@ -68,7 +68,7 @@ impl Track {
     ) -> Option<Track> {
         let mut sampler = Sampler {
             position: &place,
-            course: track_spec,
+            spec: track_spec,
             length_px: 0.0,
             even: None,
         };
@@ -110,14 +110,14 @@ impl Track {
         let even = track_spec.even.filter(|_| track_spec.rows.are_together());
         sampler.even = even.map(|Even { sigma_px, height_e }| {
             let sigma_px = sigma_px.max(MIN_SIGMA_PX);
-            // Two pieces err where they meet.
+            // Two pieces err at their common end.
             let error = fidelity.streak_error(sampler.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
         });
         let mut samples = Vec::new();
         match knots[..] {
-            // Of a short one two pieces are one panel, if that bends little enough; and one where a
-            // piece needs no panels.
+            // The two halves of a short track are one panel if it is nearly straight; the same
+            // where a piece needs no panels.
             [first, mid, last]
                 if mid.0 == (first.0 + last.0) / 2.0
                     && (sampler.length_px <= track_spec.panel_px || sampler.even.is_some()) =>
@@ -140,7 +140,7 @@ mod tests {
 
     use super::*;
 
-    const COURSE: TrackSpec = TrackSpec {
+    const TRACK_SPEC: TrackSpec = TrackSpec {
         pieces: 10,
         even: None,
         step_px: 0.35,
@@ -162,7 +162,10 @@ mod tests {
         let position = |t: f64| at(t).map(|at| Place { at, light: 1.0 });
         Track::sample(
             position,
-            &TrackSpec { pieces, ..COURSE },
+            &TrackSpec {
+                pieces,
+                ..TRACK_SPEC
+            },
             &Fidelity::REALTIME,
         )
     }
@@ -172,12 +175,12 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_is_sampled_along_its_arc_and_centred_on_its_middle() {
+    fn circle_is_sampled_along_its_arc_and_centred() {
         let circle = |t: f64| {
             let angle = std::f64::consts::TAU * t;
             Some([128.0 + 50.0 * angle.cos(), 128.0 + 50.0 * angle.sin()])
         };
-        // However few pieces it begins with.
+        // For any number of initial pieces.
         for pieces in [2, 7, 126] {
             let track = sample(circle, pieces).unwrap();
             let mean = |axis: usize| {
@@ -193,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn no_panel_is_longer_than_the_step_where_the_image_hurries() {
+    fn panels_stay_within_the_step_at_any_speed() {
         // It is 30 times as fast at its end as at its start.
         let fast = |t: f64| Some([1.0 + 250.0 * (t + 14.5 * t * t) / 15.5, 100.0]);
         let track = sample(fast, 2).unwrap();
@@ -208,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_track_is_one_panel_and_of_a_faint_source_one_point_of_the_same_light_and_centre() {
+    fn short_track_is_one_panel_and_if_faint_one_point() {
         let slow = |t: f64| Some([10.0 + 0.1 * t + 0.01 * t * t, 20.0 - 0.2 * t]);
         let two = sample(slow, 2).unwrap();
         let position = |t: f64| slow(t).map(|at| Place { at, light: 0.5 + t });
@@ -216,7 +219,7 @@ mod tests {
             let track_spec = TrackSpec {
                 pieces: 2,
                 point_px,
-                ..COURSE
+                ..TRACK_SPEC
             };
             Track::sample(position, &track_spec, &Fidelity::REALTIME).unwrap()
         };
@@ -234,13 +237,13 @@ mod tests {
         assert!((centre(&panel) - (10.0 + 0.025 + 0.1 / 3.0 + 0.005 / 3.0 + 0.0025)).abs() < 1e-12);
         assert!((centre(&point) - centre(&panel)).abs() < 1e-12);
         assert!((light(&panel) - 1.0).abs() < 1e-12 && (light(&point) - 1.0).abs() < 1e-12);
-        // What bends is no panel, however short.
+        // A bent track is not one panel, however short.
         let bent = |t: f64| Some([10.0 + 0.3 * t * (1.0 - t), 20.0]);
         assert!(sample(bent, 2).unwrap().samples.len() > 2);
     }
 
     #[test]
-    fn what_passes_far_away_costs_little_and_what_goes_behind_the_camera_loses_that_part() {
+    fn far_track_is_sampled_coarsely_and_cut_behind_the_camera() {
         let far = |t: f64| Some([1e6 * (t - 0.3), 1e6 + 1e5 * t]);
         let track = sample(far, 100).unwrap();
         assert_eq!(track.samples.len(), 200);
@@ -251,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_crosses_the_window_at_speed_is_sampled_there_and_hardly_elsewhere() {
+    fn fast_track_is_sampled_finely_in_the_window_only() {
         let pass = |t: f64| Some([128.0 + 1e6 * (t - 0.5), 100.0]);
         let track = sample(pass, 2).unwrap();
         // 265 px of the window and two ends of up to 256 px more, two samples a panel of 0.35 px.
@@ -261,15 +264,15 @@ mod tests {
     }
 
     #[test]
-    fn moving_with_the_rows_lengthens_the_exposure_of_an_image() {
-        // 256 rows in half of the time: the image moves by 51 rows in it, an exposure of half by 1
-        // / (1 - 102 / 510).
+    fn motion_along_the_rolling_shutter_lengthens_the_exposure() {
+        // 256 rows in half of the time: the image moves by 51 rows in that time, so an exposure of
+        // 0.5 becomes longer by the factor 1 / (1 - 102 / 510).
         let rows = Rows {
             count: 256,
             exposure: 0.5,
             step: 0.5 / 255.0,
         };
-        let track_spec = TrackSpec { rows, ..COURSE };
+        let track_spec = TrackSpec { rows, ..TRACK_SPEC };
         let position = |t: f64| {
             let at = [100.0, 128.0 + 102.0 * (t - 0.5)];
             Some(Place { at, light: 1.0 })

@@ -1,53 +1,52 @@
-//! The path of an image through a piece of its track, interpolated between known places.
+//! The path of an image through a piece of its track, interpolated between known positions.
 
 use super::sample::Place;
 
-/// Greatest error of a path at the place where it is checked, px.
-const BESIDE_PX: f64 = 1e-6;
-/// The part of the time at which it is checked: the middle of the first quarter.
-const LOOK: f64 = 0.125;
+/// Greatest error of a path at its check point, px.
+const TOLERANCE_PX: f64 = 1e-6;
+/// The check point, as a part of the time: the middle of the first quarter.
+const CHECK: f64 = 0.125;
 
-/// The polynomials of fourth degree through five places a quarter of the time apart, by Newton's
+/// The polynomials of fourth degree through five positions a quarter of the time apart, by Newton's
 /// differences: columns, rows, light.
 pub struct Path([[f64; 5]; 3]);
 
 impl Path {
-    /// Through the places `known` at start, middle and end and two more; none if it misses a
-    /// further place by more than `beside` px (or that part of its light).
+    /// Through the positions `known` at start, middle and end and two more. None if it misses the
+    /// check point by more than `tolerance` px (or that part of its light).
     pub fn through(
         known: [Place; 3],
         position: impl Fn(f64) -> Option<Place>,
-        beside: f64,
+        tolerance: f64,
     ) -> Option<Path> {
         let [start, middle, end] = known;
         let places = [start, position(0.25)?, middle, position(0.75)?, end];
-        let way =
-            Path([0, 1, 2].map(|k| differences(places.map(|position| figures(&position)[k]))));
-        let (told, true_one) = (way.at(LOOK), position(LOOK)?);
-        let beside = beside.min(BESIDE_PX);
-        let follows = distance(told.at, true_one.at) <= beside
-            && (told.light - true_one.light).abs() <= beside * true_one.light;
-        follows.then_some(way)
+        let path = Path([0, 1, 2].map(|k| differences(places.map(|place| values(&place)[k]))));
+        let (found, exact) = (path.at(CHECK), position(CHECK)?);
+        let tolerance = tolerance.min(TOLERANCE_PX);
+        let follows = distance(found.at, exact.at) <= tolerance
+            && (found.light - exact.light).abs() <= tolerance * exact.light;
+        follows.then_some(path)
     }
 
-    /// The place at a part (0..1) of the time.
+    /// The position at a part (0..1) of the time.
     #[inline]
     pub fn at(&self, part: f64) -> Place {
         let s = 4.0 * part;
-        let figure = |d: &[f64; 5]| {
+        let value = |d: &[f64; 5]| {
             let third = d[3] + (s - 3.0) * d[4];
             let second = d[2] + (s - 2.0) * third;
             d[0] + s * (d[1] + (s - 1.0) * second)
         };
         let [x, y, light] = &self.0;
         Place {
-            at: [figure(x), figure(y)],
-            light: figure(light),
+            at: [value(x), value(y)],
+            light: value(light),
         }
     }
 }
 
-fn figures(position: &Place) -> [f64; 3] {
+fn values(position: &Place) -> [f64; 3] {
     [position.at[0], position.at[1], position.light]
 }
 
@@ -70,13 +69,13 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    fn way(position: impl Fn(f64) -> Option<Place>) -> Option<Path> {
+    fn path(position: impl Fn(f64) -> Option<Place>) -> Option<Path> {
         let known = [0.0, 0.5, 1.0].map(|t| position(t).unwrap());
         Path::through(known, position, 1e-6)
     }
 
     #[test]
-    fn what_is_smooth_is_followed_and_what_is_not_is_none() {
+    fn only_smooth_motion_has_a_path() {
         let smooth = |t: f64| {
             let at = [3.0 + 50.0 * t - t.powi(4), 7.0 + t * t * t];
             Some(Place {
@@ -84,23 +83,23 @@ mod tests {
                 light: 1.0 - 0.1 * t,
             })
         };
-        let found = way(smooth).unwrap();
+        let found = path(smooth).unwrap();
         for i in 0..=20 {
             let t = f64::from(i) / 20.0;
-            let (told, truth) = (found.at(t), smooth(t).unwrap());
-            assert!(distance(told.at, truth.at) < 1e-12, "{t}");
-            assert!((told.light - truth.light).abs() < 1e-14);
+            let (at, exact) = (found.at(t), smooth(t).unwrap());
+            assert!(distance(at.at, exact.at) < 1e-12, "{t}");
+            assert!((at.light - exact.light).abs() < 1e-14);
         }
-        let lit = |t: f64, light: f64| {
+        let moving = |t: f64, light: f64| {
             Some(Place {
                 at: [50.0 * t, 0.0],
                 light,
             })
         };
-        assert!(way(|t| lit(t, 1.0)).is_some());
-        // Light that breaks off, a jump, and a place behind the camera.
-        assert!(way(|t| lit(t, 1.0 - 0.1 * (t - 0.6).max(0.0))).is_none());
-        assert!(way(|t| lit(t + f64::from(t > 0.7), 1.0)).is_none());
-        assert!(way(|t| if t == 0.25 { None } else { lit(t, 1.0) }).is_none());
+        assert!(path(|t| moving(t, 1.0)).is_some());
+        // A kink of the light, a jump, and a position behind the camera.
+        assert!(path(|t| moving(t, 1.0 - 0.1 * (t - 0.6).max(0.0))).is_none());
+        assert!(path(|t| moving(t + f64::from(t > 0.7), 1.0)).is_none());
+        assert!(path(|t| if t == 0.25 { None } else { moving(t, 1.0) }).is_none());
     }
 }

@@ -1,22 +1,20 @@
-//! When the rows of a detector collect light: all together, or one after the other.
+//! The times at which the rows of a detector collect light: all together, or one after the other.
 
 use std::ops::Range;
 
-/// When each row collects light, in parts (0..1) of the time from the first row's opening to the
-/// last row's closing. Rows beyond the detector's edges are taken to open and close with the row at
-/// the edge.
+/// The times at which each row collects light, in parts (0..1) of the time from the first row's
+/// opening to the last row's closing. A row beyond the detector counts as the row at its edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rows {
     /// Rows of the detector.
     pub count: usize,
-    /// How long a row collects light.
+    /// Exposure of one row.
     pub exposure: f64,
     /// From one row's opening to the next one's; 0: all rows together.
     pub step: f64,
 }
 
-/// Rows that collect light at one instant; unbounded where a row at the detector's edge is one of
-/// them.
+/// Rows that collect light at one instant; unbounded if the row at the detector's edge is included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lit {
     /// The first.
@@ -25,12 +23,12 @@ pub struct Lit {
     pub past: i64,
 }
 
-/// What rows collect in a stretch of time.
+/// Rows that collect light in an interval of time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Turns {
-    /// Rows that collect all the time.
+    /// Rows that collect throughout.
     pub throughout: Lit,
-    /// Rows that collect from one instant to another.
+    /// Rows that collect in a part of it, with its ends.
     pub others: Vec<(Lit, [f64; 2])>,
 }
 
@@ -49,7 +47,7 @@ impl Lit {
         past: i64::MAX,
     };
 
-    /// Those of `rows` among them.
+    /// Those of `rows` that are included.
     pub fn among(&self, rows: &Range<i64>) -> Range<i64> {
         let first = self.first.min(rows.end).max(rows.start);
         first..self.past.min(rows.end).max(first)
@@ -66,7 +64,7 @@ impl Rows {
         }
     }
 
-    /// One after the other: each for `exposure_s`, the last `readout_s` after the first.
+    /// A rolling shutter: each row for `exposure_s`, the last `readout_s` after the first.
     pub fn in_turn(count: usize, exposure_s: f64, readout_s: f64) -> Rows {
         let open_s = exposure_s + readout_s;
         Rows {
@@ -81,12 +79,12 @@ impl Rows {
         self.step == 0.0
     }
 
-    /// When the row at `y` (px) opens; between rows as if it were one.
+    /// The time at which the row at `y` (px) opens; linear between rows.
     pub fn opens(&self, y: f64) -> f64 {
         self.middle(y) - self.exposure / 2.0
     }
 
-    /// When it closes.
+    /// The time at which it closes.
     pub fn closes(&self, y: f64) -> f64 {
         self.middle(y) + self.exposure / 2.0
     }
@@ -100,9 +98,9 @@ impl Rows {
         self.count.saturating_sub(1) as f64
     }
 
-    /// Which rows within `low..high` (px) collect light in the time `from..to`: those that do all
-    /// the time, and the others with the part of it in which they do. Rows beyond go with those if
-    /// all do.
+    /// The rows within `low..high` (px) that collect light in the time `from..to`: those that
+    /// collect throughout, and the others with their part of it. `throughout` is unbounded if it
+    /// contains all of these rows.
     pub fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
         let last = self.last() as i64;
         let row = |y: f64| (y as i64).clamp(0, last);
@@ -113,7 +111,7 @@ impl Rows {
             let opens = self.opens(r as f64).max(from);
             let closes = self.closes(r as f64).min(to);
             if [opens, closes] == [from, to] {
-                // Rows open in turn: those between two that are open are open too.
+                // Rows open in sequence: those between two open rows are open too.
                 let first = throughout.map_or(r, |rows| rows.start);
                 throughout = Some(first..r + 1);
             } else if opens < closes {
@@ -130,7 +128,7 @@ impl Rows {
         turns
     }
 
-    /// Those rows; what lies beyond the detector's edge goes with the row there.
+    /// The given rows; those beyond the detector's edge follow the row at the edge.
     fn lit(&self, rows: Range<i64>) -> Lit {
         let beyond = rows.end > self.last() as i64;
         Lit {
@@ -156,14 +154,14 @@ mod tests {
     };
 
     #[test]
-    fn the_first_row_opens_first_and_the_last_closes_last() {
+    fn first_row_opens_first_and_last_row_closes_last() {
         assert!(ROLLING.opens(0.0).abs() < 1e-15 && (ROLLING.closes(10.0) - 1.0).abs() < 1e-15);
         assert_eq!(ROLLING.opens(-40.0), ROLLING.opens(0.0));
         assert_eq!(ROLLING.closes(40.0), ROLLING.closes(10.0));
         assert!((ROLLING.opens(5.0) - 0.25).abs() < 1e-15);
     }
 
-    /// Checks that each of `rows` collects for as long as it is open, and in that time.
+    /// Checks that each of `rows` collects in exactly the time in which it is open.
     fn check(ends: [f64; 2], near: [f64; 2], rows: Range<i64>) {
         let turns = ROLLING.turns(ends, near);
         for r in rows {
@@ -186,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_collects_while_it_is_open() {
+    fn rows_collect_while_they_are_open() {
         for i in 0..100 {
             let from = f64::from(i) / 100.0;
             for length in [0.003, 0.04, 0.3, 1.0] {
@@ -197,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_open_all_the_time_are_taken_together() {
+    fn rows_open_throughout_are_grouped() {
         // X-Val: row r opens at 0.05 r and closes at 0.5 + 0.05 r: 3 is the first that closes after
         // 0.64, 7 the last to open before 0.36.
         let turns = ROLLING.turns([0.36, 0.64], [0.0, 10.0]);

@@ -1,5 +1,5 @@
-//! Points and weights that integrate what a Gaussian collects of a piece of a streak: few on a
-//! short piece, equally spaced ones on a long.
+//! Points and weights that integrate the light a Gaussian collects from a piece of a streak: a
+//! Gauss rule for a short piece, equally spaced points for a long one.
 
 use skyloop_base::range::nearest;
 use std::f64::consts::{PI, TAU};
@@ -17,13 +17,13 @@ const ENDS: [(f64, f64); 6] = [
     (4.000_050_720_807_214, 0.999_739_229_545_761_6),
 ];
 const SPAN: f64 = 5.0;
-/// The error of a spacing of h standard deviations is below `SPACED h^12`, of what a streak without
-/// ends collects, up to [`WIDEST`].
+/// The error of a spacing of h standard deviations is below `SPACED h^12`, relative to the light of
+/// an endless streak, up to [`WIDEST`].
 const SPACED: f64 = 4.5e-6;
 const WIDEST: f64 = 1.5;
-/// Equally spaced points are no more than some so many: a longer piece is cut before.
+/// Greatest number of equally spaced points: a longer piece is cut before.
 const MAX_SPACED: f64 = 1e6;
-/// Gauss's rules have at most so many points; more cost more than equally spaced ones.
+/// Most points of a Gauss rule; beyond, equally spaced points are cheaper.
 const MAX: usize = 11;
 
 /// A Gauss rule on 0..1.
@@ -33,11 +33,12 @@ struct Gauss {
     error: f64,
 }
 
-/// The Gauss rules of 2 to [`MOST`] points. That of n points errs on a length L by (Abramowitz &
-/// Stegun, 25.4.30)
+/// The Gauss rules of 2 to [`MAX`] points. With n points the error on a length L is (Abramowitz &
+/// Stegun, 25.4.30), for a Gaussian:
 ///
 /// ```text
-/// L^(2n+1) (n!)^4 / ((2n + 1) ((2n)!)^3) max |f^(2n)|,   max |f^(2n)| = (2n - 1)!! / (2 pi)^(1/2) of a Gaussian
+/// L^(2n+1) (n!)^4 / ((2n + 1) ((2n)!)^3) max |f^(2n)|
+/// max |f^(2n)| = (2n - 1)!! / (2 pi)^(1/2)
 /// ```
 static GAUSS: LazyLock<Vec<Gauss>> = LazyLock::new(|| {
     let factorial = |n: usize| (1..=n).map(|i| i as f64).product::<f64>();
@@ -73,37 +74,37 @@ fn node(n: usize, i: usize) -> (f64, f64) {
 }
 
 impl Gauss {
-    /// Whether it errs by no more than `error` on a piece of `length` standard deviations.
-    fn tells(&self, length: f64, error: f64) -> bool {
+    /// Whether its error is at most `error` on a piece of `length` standard deviations.
+    fn suffices(&self, length: f64, error: f64) -> bool {
         self.error * length.powi(self.points.len() as i32 * 2 + 1) <= error.max(f64::EPSILON)
     }
 }
 
-/// Where (0..1) the rule of the fewest points has them: that of most pieces.
+/// Positions (0..1) of the points of the smallest rule, which most pieces have.
 pub fn fewest_points() -> impl Iterator<Item = f64> {
     GAUSS[0].points.iter().map(|(at, _)| *at)
 }
 
-/// Whether [`points`] gives no more than so `few` (2 to 11).
+/// Whether [`points`] gives at most `few` points (2 to 11).
 pub fn are_few(length: f64, error: f64, few: usize) -> bool {
     let mut rules = GAUSS.iter().take(few.saturating_sub(1));
-    rules.any(|gauss| gauss.tells(length, error))
+    rules.any(|gauss| gauss.suffices(length, error))
 }
 
-/// The Gauss rule of the fewest points that tells as much.
+/// The smallest sufficient Gauss rule.
 fn gauss(length: f64, error: f64) -> Option<&'static Gauss> {
-    GAUSS.iter().find(|gauss| gauss.tells(length, error))
+    GAUSS.iter().find(|gauss| gauss.suffices(length, error))
 }
 
-/// How many times the spacing of equally spaced points goes into a piece.
+/// Length of a piece in units of the spacing of equally spaced points.
 fn steps(length: f64, error: f64) -> f64 {
     let widest = libm::pow(error.max(f64::EPSILON) / SPACED, 1.0 / 12.0).min(WIDEST);
     nearest((length / widest).ceil(), 2.0 * SPAN..=MAX_SPACED)
 }
 
 /// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights,
-/// which sum to 1: what a Gaussian collects of it then errs by less than `error` of what it
-/// collects of a streak without ends. Light, its centre and its width are kept whatever the error.
+/// which sum to 1. The light that a Gaussian collects then errs by less than `error`, relative to
+/// an endless streak. Light, centroid and width are exact for any error.
 pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     if let Some(gauss) = gauss(length, error) {
         gauss
@@ -125,16 +126,16 @@ pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     }
 }
 
-/// About as many points as [`points`] gives for errors of some 1e-5.
-pub fn most(length: f64) -> usize {
+/// Approximate number of points that [`points`] gives for errors near 1e-5.
+pub fn expected_count(length: f64) -> usize {
     MAX + length.clamp(0.0, 1e3) as usize
 }
 
-/// How many points [`points`] gives.
+/// Number of points that [`points`] gives.
 pub fn count(length: f64, error: f64) -> usize {
     match gauss(length, error) {
         Some(gauss) => gauss.points.len(),
-        // What is equally spaced begins and ends SPAN from the ends.
+        // The equally spaced points begin and end SPAN from the ends.
         None => 2 * ENDS.len() + (steps(length, error) - 2.0 * SPAN) as usize + 1,
     }
 }
@@ -143,19 +144,19 @@ pub fn count(length: f64, error: f64) -> usize {
 mod tests {
     use super::*;
 
-    fn laid(length: f64, error: f64) -> Vec<(f64, f64)> {
-        let mut laid = Vec::new();
-        points(length, error, |at, weight| laid.push((at, weight)));
-        laid
+    fn rule(length: f64, error: f64) -> Vec<(f64, f64)> {
+        let mut rule = Vec::new();
+        points(length, error, |at, weight| rule.push((at, weight)));
+        rule
     }
 
     #[test]
-    fn what_a_gaussian_collects_errs_by_no_more_than_is_asked_for() {
+    fn gaussian_light_is_within_the_requested_error() {
         let below = |u: f64| 0.5 * libm::erfc(-u / std::f64::consts::SQRT_2);
         for error in [5e-4, 3e-5, 1e-6, 3e-8, 1e-10] {
             let mut greatest = 0.0f64;
             for length in [0.3, 1.0, 2.1, 4.0, 6.5, 9.0, 13.0, 17.4, 71.0] {
-                let rule = laid(length, error);
+                let rule = rule(length, error);
                 assert!(rule.len() as f64 <= 13.0 + length / widest(error));
                 for i in -60..=(20.0 * length) as i32 + 60 {
                     let at = f64::from(i) / 20.0;
@@ -172,13 +173,13 @@ mod tests {
         }
     }
 
-    /// Of no length and of any: bounded, numbered as told, of weights that sum to 1.
+    /// The points are bounded, as many as [`count`] states, and their weights sum to 1.
     #[test]
-    fn lengths_that_are_no_numbers_have_points_too() {
+    fn invalid_and_extreme_lengths_have_points() {
         let lengths = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0];
         for length in lengths.into_iter().chain([1e300, 1e-300, 40.0]) {
             for error in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1e-5] {
-                let rule = laid(length, error);
+                let rule = rule(length, error);
                 assert_eq!(rule.len(), count(length, error), "{length} {error}");
                 let light: f64 = rule.iter().map(|(_, weight)| weight).sum();
                 // A million weights round to a few 1e-11.
@@ -203,7 +204,7 @@ mod tests {
             (70.0, 1e-6, 11),
         ] {
             for power in 0..=order {
-                let sum: f64 = laid(length, error)
+                let sum: f64 = rule(length, error)
                     .iter()
                     .map(|(at, weight)| weight * at.powi(power))
                     .sum();

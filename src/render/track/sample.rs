@@ -1,21 +1,21 @@
-//! The points that a track is sampled at, and which rows collect their light.
+//! The points at which a track is sampled, and the rows that collect their light.
 
 use super::rows::Lit;
 use std::ops::Range;
 
-/// Where an image is, and what light of it arrives there.
+/// Position of an image, and the share of its light that arrives there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// On the unbounded detector plane, px.
     pub at: [f64; 2],
-    /// Share of its light that the optics let pass there (1).
+    /// Share of its light that the optics transmit there (1).
     pub light: f64,
 }
 
 /// A point of a track.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// Where, px.
+    /// Position, px.
     pub at: [f64; 2],
     /// Its light, in units of the light that arrives at the aperture in one exposure (1).
     pub weight: f64,
@@ -26,12 +26,12 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Whether it is anywhere: a place that is no number is none.
+    /// Whether its position and light are finite.
     pub fn is_somewhere(&self) -> bool {
         self.at.iter().all(|x| x.is_finite()) && self.weight.is_finite()
     }
 
-    /// Those of `rows` that collect something of its light.
+    /// The range of `rows` that collect some of its light.
     pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
         let mut all = self.lit.among(rows);
         for (lit, _) in &self.parts {
@@ -45,15 +45,15 @@ impl Sample {
         all
     }
 
-    /// The share of its light that each of `rows` collects of what falls there, into `shares`.
+    /// Writes the share of its light that each of `rows` collects into `shares`.
     pub fn shares(&self, rows: &Range<i64>, shares: &mut Vec<f64>) {
         shares.clear();
         shares.resize((rows.end - rows.start).max(0) as usize, 0.0);
-        let mut lay = |lit: &Lit, share: f64| {
+        let mut fill = |lit: &Lit, share: f64| {
             let Range { start, end } = lit.among(rows);
             shares[(start - rows.start) as usize..(end - rows.start) as usize].fill(share);
         };
-        lay(&self.lit, 1.0);
-        self.parts.iter().for_each(|(lit, share)| lay(lit, *share));
+        fill(&self.lit, 1.0);
+        self.parts.iter().for_each(|(lit, share)| fill(lit, *share));
     }
 }

@@ -1,13 +1,13 @@
-//! How finely a track is sampled, and for which rows.
+//! Resolution and window of a track's sampling.
 
 use super::rows::Rows;
 
-/// How finely a track is sampled, and for which rows.
+/// Resolution and window of a track's sampling, and its row timing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackSpec {
-    /// Initial pieces, in each of which the source turns by a few degrees at most.
+    /// Initial pieces, in each of which the source moves by a few degrees at most.
     pub pieces: usize,
-    /// If its light is spread by one Gaussian everywhere.
+    /// The Gaussian that spreads its light, if it is the same everywhere.
     pub even: Option<Even>,
     /// Longest panel, px; at least 1e-3, also if it is not a number.
     pub step_px: f64,
@@ -15,11 +15,11 @@ pub struct TrackSpec {
     pub panel_px: f64,
     /// Longest track of one point, px.
     pub point_px: f64,
-    /// How far its light reaches, px.
+    /// Reach of its light, px.
     pub reach_px: f64,
-    /// Where light matters.
+    /// The part of the detector plane whose light matters.
     pub window: Window,
-    /// When rows collect light.
+    /// Times at which rows collect light.
     pub rows: Rows,
 }
 
