@@ -1,4 +1,4 @@
-//! What is in a frame and is no light: the charge of particles, and pixels that are not as they should be.
+//! Image artifacts that are not light: charge of particles, and defective pixels.
 
 use super::rounded::{e4, e6};
 use super::visible::{VISIBLE_SNR, too_faint};
@@ -40,51 +40,52 @@ pub struct ArtifactLabel {
     pub pixels: Vec<[i64; 3]>,
 }
 
-/// Kinds of spots.
+/// Kinds of artifacts.
 const RADIATION: &str = "radiation";
 const DEFECT: &str = "defect";
 
 /// Most particles and defects that a label lists: 2 MB of text.
 pub const MAX_ARTIFACTS: usize = 10_000;
 
-/// Most pixels that it lists with them, but for a single particle's: 4 MB of text.
+/// Most pixels of all listed artifacts, except that one particle is always listed: 4 MB of text.
 pub const MAX_ARTIFACT_PIXELS: usize = 200_000;
 
-/// What a label says of particles and defects.
+/// The particles and defects of a label.
 #[derive(Debug, Default)]
 pub struct Spots {
-    /// Those that stand out most.
+    /// Those with the highest signal-to-noise ratios.
     pub listed: Vec<ArtifactLabel>,
-    /// How many others there are.
+    /// Number of the others.
     pub left_out: usize,
-    /// The greatest signal-to-noise ratio among those.
+    /// The greatest signal-to-noise ratio of the others.
     pub left_out_snr: Option<f64>,
 }
 
-/// The particles and defects of `scene` that stand out by at least `least_snr`; of more than [`MOST_SPOTS`], or of such with
-/// more than [`MOST_SPOT_PIXELS`], those that stand out most.
-pub fn spots(scene: &Scene, least_snr: f64) -> Spots {
+/// The particles and defects of `scene` with a signal-to-noise ratio of at least `min_snr`. Beyond
+/// [`MAX_ARTIFACTS`] or [`MAX_ARTIFACT_PIXELS`], those with the highest ratios.
+pub fn spots(scene: &Scene, min_snr: f64) -> Spots {
     let pixels = Pixels::new(scene);
-    let mut most = Most::default();
-    pixels.particles(|artifact| most.add(artifact, least_snr));
-    pixels.defects(|artifact| most.add(artifact, least_snr));
-    most.cut();
-    most.cut_pixels(|artifact| pixels.count(artifact));
-    most.kept.sort_unstable_by_key(|(number, _)| *number);
-    let listed = most.kept.iter().map(|(_, artifact)| pixels.label(artifact));
+    let mut strongest = Strongest::default();
+    pixels.particles(|artifact| strongest.add(artifact, min_snr));
+    pixels.defects(|artifact| strongest.add(artifact, min_snr));
+    strongest.cut();
+    strongest.cut_pixels(|artifact| pixels.count(artifact));
+    strongest.found.sort_unstable_by_key(|(number, _)| *number);
+    let found = strongest.found.iter();
+    let listed = found.map(|(_, artifact)| pixels.label(artifact));
     Spots {
         listed: listed.collect(),
-        left_out: most.left_out,
-        left_out_snr: (most.left_out > 0).then_some(most.left_out_snr),
+        left_out: strongest.left_out,
+        left_out_snr: (strongest.left_out > 0).then_some(strongest.left_out_snr),
     }
 }
 
-/// A particle or a defect, before its text is written: a detector may have millions of them.
+/// A particle or a defect without its text: a detector may have millions of them.
 #[derive(Debug, Clone, Copy)]
 enum Found {
-    /// By its place among the scene's particles.
+    /// With its index in the scene's particles.
     Particle { index: usize, snr: f64 },
-    /// By its name and row-major index, with the charge that it stands for.
+    /// With its name, row-major index and equivalent charge.
     Defect {
         name: &'static str,
         pixel: u32,
@@ -100,50 +101,51 @@ impl Found {
     }
 }
 
-/// The [`MOST_SPOTS`] that stand out most of all that are added, with their numbers.
+/// The [`MAX_ARTIFACTS`] added artifacts with the highest signal-to-noise ratios, numbered in the
+/// order of addition.
 #[derive(Debug, Default)]
-struct Most {
+struct Strongest {
     added: usize,
-    kept: Vec<(usize, Found)>,
+    found: Vec<(usize, Found)>,
     left_out: usize,
     left_out_snr: f64,
 }
 
-impl Most {
-    fn add(&mut self, artifact: Found, least_snr: f64) {
-        if artifact.snr() >= least_snr {
-            self.kept.push((self.added, artifact));
+impl Strongest {
+    fn add(&mut self, artifact: Found, min_snr: f64) {
+        if artifact.snr() >= min_snr {
+            self.found.push((self.added, artifact));
             self.added += 1;
         }
-        if self.kept.len() == 2 * MAX_ARTIFACTS {
+        if self.found.len() == 2 * MAX_ARTIFACTS {
             self.cut();
         }
     }
 
-    /// Leaves out what is too many; of equals those that come last.
+    /// Drops the weakest beyond the limit; of equal ones the last.
     fn cut(&mut self) {
-        if self.kept.len() <= MAX_ARTIFACTS {
+        if self.found.len() <= MAX_ARTIFACTS {
             return;
         }
-        self.kept
+        self.found
             .select_nth_unstable_by(MAX_ARTIFACTS, stands_out_more);
         self.leave_out_from(MAX_ARTIFACTS);
     }
 
-    /// Likewise where they have too many pixels.
+    /// The same for the limit of pixels.
     fn cut_pixels(&mut self, pixels: impl Fn(&Found) -> usize) {
         let count = |(_, artifact): &(usize, Found)| pixels(artifact);
-        if self.kept.iter().map(count).sum::<usize>() <= MAX_ARTIFACT_PIXELS {
+        if self.found.iter().map(count).sum::<usize>() <= MAX_ARTIFACT_PIXELS {
             return;
         }
-        self.kept.sort_unstable_by(stands_out_more);
+        self.found.sort_unstable_by(stands_out_more);
         let mut sum = 0;
         let mut fits = |artifact: &(usize, Found)| {
             sum += count(artifact);
             sum <= MAX_ARTIFACT_PIXELS
         };
         let fit = self
-            .kept
+            .found
             .iter()
             .take_while(|artifact| fits(artifact))
             .count();
@@ -151,23 +153,23 @@ impl Most {
     }
 
     fn leave_out_from(&mut self, first: usize) {
-        for (_, artifact) in self.kept.drain(first..) {
+        for (_, artifact) in self.found.drain(first..) {
             self.left_out += 1;
             self.left_out_snr = self.left_out_snr.max(artifact.snr());
         }
     }
 }
 
-/// Of equals the first comes first.
+/// The stronger first; of equal ones the first.
 fn stands_out_more((i, a): &(usize, Found), (j, b): &(usize, Found)) -> Ordering {
     b.snr().total_cmp(&a.snr()).then(i.cmp(j))
 }
 
-/// The detector's pixels as this frame has them.
+/// The detector's pixels with the effects of this frame.
 struct Pixels<'a> {
     scene: &'a Scene,
     detector: &'a Detector,
-    /// Variance beside the charge's own, e-^2.
+    /// Variance without shot noise of the charge, e-^2.
     floor: f64,
 }
 
@@ -187,7 +189,7 @@ impl<'a> Pixels<'a> {
         self.floor + self.scene.simulated.only_with(EffectId::ShotNoise, e)
     }
 
-    /// How many pixels the label lists of it.
+    /// Number of pixels that the label lists.
     fn count(&self, found: &Found) -> usize {
         match found {
             Found::Particle { index, .. } => self.scene.events[*index].pixels.len(),
@@ -195,12 +197,12 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    fn place(&self, pixel: u32) -> [i64; 2] {
+    fn position(&self, pixel: u32) -> [i64; 2] {
         let (pixel, width) = (i64::from(pixel), self.detector.width as i64);
         [pixel % width, pixel / width]
     }
 
-    /// Particles as they were drawn: `snr^2 = sum e^2 / (b + read^2 + gain^2 / 12)`, b the background.
+    /// Particles as drawn: `snr^2 = sum e^2 / (b + read^2 + gain^2 / 12)`, b the background.
     fn particles(&self, mut add: impl FnMut(Found)) {
         let events = self.scene.events.iter().enumerate();
         for (index, event) in events.take_while(|_| !self.scene.is_cancelled()) {
@@ -213,15 +215,15 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// What `pixels` expect, and what particles leave in them, e-.
+    /// Expected charge of `pixels`, that of particles included, e-.
     fn held_e(&self, pixels: &'a [u32]) -> impl Iterator<Item = f64> {
         let expected = expected_e(self.scene, pixels).into_iter();
         let struck = struck_e(self.scene, pixels);
         expected.zip(struck).map(|(e, more)| e + more)
     }
 
-    /// Defects by what they change of what their pixels would give: dead and stuck ones of all that they hold, hot ones
-    /// of the charge that is too much.
+    /// Defects by the charge that they change: for dead and stuck pixels the charge held, for hot
+    /// pixels the excess.
     fn defects(&self, mut found: impl FnMut(Found)) {
         let (simulated, detector) = (&self.scene.simulated, self.detector);
         let (pattern, seconds) = (&detector.pattern, self.scene.view.exposure.duration_s);
@@ -272,7 +274,7 @@ impl<'a> Pixels<'a> {
                 let (mut sum, mut moment) = (0.0, [0.0; 2]);
                 let mut pixels = Vec::with_capacity(event.pixels.len());
                 for (pixel, electrons) in &event.pixels {
-                    let ([x, y], e) = (self.place(*pixel), f64::from(*electrons));
+                    let ([x, y], e) = (self.position(*pixel), f64::from(*electrons));
                     sum += e;
                     moment = [moment[0] + e * x as f64, moment[1] + e * y as f64];
                     pixels.push([x, y, i64::from(*electrons)]);
@@ -286,7 +288,7 @@ impl<'a> Pixels<'a> {
                 electrons,
                 snr,
             } => {
-                let [x, y] = self.place(pixel);
+                let [x, y] = self.position(pixel);
                 let (id, centre) = (format!("{name} {x},{y}"), [x as f64, y as f64]);
                 let pixels = vec![[x, y, electrons.round() as i64]];
                 artifact(DEFECT, id, centre, electrons, snr, pixels)

@@ -1,9 +1,9 @@
-//! Why a label lists no object.
+//! The reason for a label without objects.
 
 use crate::scene::{Scene, full_part};
 
-/// The reason, for `label_snr` as the least signal-to-noise ratio of listed objects and
-/// `flooded_by` as in the label.
+/// The reason. `label_snr` is the lowest signal-to-noise ratio of listed objects; `flooded_by` is
+/// as in the label.
 pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
     if let Some(light) = flooded_by {
         return format!("every pixel is full: {light}");
@@ -12,7 +12,7 @@ pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -
     match full_part(scene) {
         0.0 => format!("no object in the field {faint}"),
         part => {
-            // Rounded down, so that it never reads as all of them.
+            // Rounded down, so that it never reads as 100 %.
             let percent = (part * 1000.0).floor() / 10.0;
             format!("{percent} % of the pixels are full, and no object {faint} on the others")
         }

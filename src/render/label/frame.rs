@@ -20,9 +20,9 @@ use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
 
-/// Objects of which one thread makes the labels at least.
+/// Minimum number of objects whose labels one thread makes.
 const TASK: usize = 64;
-/// And of which labels are made before it is asked whether the frame is cancelled: some 10 ms.
+/// Number of labels between two checks for cancellation: some 10 ms.
 const PART: usize = 1024;
 
 /// The label of one frame. [`Label::to_json`] writes its text; serde alone would leave out the
@@ -57,11 +57,13 @@ pub struct Label {
     pub state_gcrf_km: [f64; 6],
     /// Rotation matrix from ICRF to camera axes, row by row.
     pub r_icrf_to_camera: [[f64; 3]; 3],
-    /// Right ascension of the boresight, the camera's +Z at mid-exposure: geometric (without aberration), ICRF, from 0 to below 360.
+    /// Right ascension of the boresight, the camera's +Z at mid-exposure: geometric (without
+    /// aberration), ICRF, from 0 to below 360.
     pub ra_deg: f64,
     /// Declination of the boresight.
     pub dec_deg: f64,
-    /// Position angle of up in the image (the camera's -Y) at the boresight, from north through east, from 0 to below 360.
+    /// Position angle of up in the image (the camera's -Y) at the boresight, from north through
+    /// east, from 0 to below 360.
     pub roll_deg: f64,
     /// Expected electrons of a pixel without objects, dark charge included, averaged over the
     /// frame.
@@ -105,7 +107,7 @@ pub struct Label {
     /// Number of these objects that are not listed, because there are too many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unseen_left_out: Option<usize>,
-    /// What is in the frame; in the text it is the last.
+    /// The content of the frame; the last member of the text.
     #[serde(skip)]
     pub objects: Objects,
 }
@@ -133,7 +135,7 @@ pub struct EffectLabel {
 }
 
 impl EffectLabel {
-    /// The verdict of one of a plan's steps.
+    /// The decision of one step of a plan.
     pub fn new(plan: &Plan<'_>, step: &Step<'_>) -> EffectLabel {
         let (why, error, price_ms) = match &step.decision {
             Decision::Off { why } => (*why, None, None),
@@ -156,13 +158,13 @@ impl EffectLabel {
 }
 
 impl Label {
-    /// The label of `scene`, listing objects whose signal-to-noise ratio, were they neither hidden nor
+    /// The label of `scene`. It lists objects whose signal-to-noise ratio, if neither hidden nor
     /// shaded, is at least `label_snr`.
     pub fn new(frame: u32, scene: &Scene, plan: &Plan<'_>, world: &World, label_snr: f64) -> Label {
         Label::new_in(Vec::new(), frame, scene, plan, world, label_snr)
     }
 
-    /// Likewise, in the memory of an earlier label's objects.
+    /// The same, reusing the memory of an earlier label's objects.
     pub fn new_in(
         memory: Vec<ObjectLabel>,
         frame: u32,
@@ -187,7 +189,7 @@ impl Label {
         let spots = artifact::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
-        // Of those whose number is known each label is made in its place.
+        // A filtered iterator has no length; the parallel one below must have one.
         let sources = scene.sources.iter();
         let sources: Vec<&Source> = sources
             .filter(|source| is_listed(source, scene, label_snr))
@@ -253,12 +255,12 @@ impl Label {
         }
     }
 
-    /// The text that travels on the wire; `labels.jsonl` adds the frame's files to it.
+    /// The text on the wire; `labels.jsonl` adds the frame's files to it.
     pub fn to_json(&self) -> String {
         self.to_json_in(String::new())
     }
 
-    /// Likewise, in the memory of an earlier text.
+    /// The same, reusing the memory of an earlier text.
     pub fn to_json_in(&self, memory: String) -> String {
         let mut text = memory.into_bytes();
         text.clear();

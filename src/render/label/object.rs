@@ -17,7 +17,8 @@ pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
     #[schemars(extend("enum" = [STAR, RSO, VisiblePlanet::MOON_KIND, VisiblePlanet::PLANET_KIND]))]
     pub kind: &'static str,
-    /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, an OEM's OBJECT_ID, or a name such as `Moon`.
+    /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, an OEM's OBJECT_ID, or a name such
+    /// as `Moon`.
     pub id: String,
     /// Other names.
     pub names: Vec<String>,
@@ -60,15 +61,15 @@ pub struct ObjectLabel {
     /// Reason if it is not visible.
     #[schemars(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// What only an RSO has.
+    /// Members that only an RSO has.
     #[schemars(flatten)]
     pub rso: Option<RsoLabel>,
-    /// What only the Moon and planets have.
+    /// Members that only the Moon and planets have.
     #[schemars(flatten)]
     pub planet: Option<PlanetLabel>,
 }
 
-/// What a label says of an RSO alone; geometric, at mid-exposure.
+/// Members of an RSO's label; geometric, at mid-exposure.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct RsoLabel {
     /// Distance from the observer.

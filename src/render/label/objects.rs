@@ -1,4 +1,4 @@
-//! What is in a frame, as one array of the label's text.
+//! The objects and artifacts of a frame, as one array of the label's text.
 
 use super::artifact::ArtifactLabel;
 use super::object::ObjectLabel;
@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use serde_json::{Result, to_writer};
 use std::ops::{Deref, DerefMut};
 
-/// Octets that an object's text has at most, but for few.
+/// Typical maximum length of an object's text, bytes.
 pub(super) const BYTES: usize = 1024;
 
-/// Objects whose texts one thread makes at least.
+/// Minimum number of objects whose texts one thread makes.
 const TASK: usize = 64;
 
-/// What is in a frame: sources of light, and beside them, in the same array of the text, what is
-/// none. As a list it is that of the sources.
+/// Sources of light and artifacts of a frame: one array in the text. Dereferences to the list of
+/// sources.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Objects {
     /// The stars and RSOs in the frame or with light on the detector.
@@ -53,8 +53,8 @@ impl<'a> IntoIterator for &'a Objects {
 }
 
 impl Objects {
-    /// Appends them to a text, as an array of JSON. They are most of a label: where there are
-    /// threads for it, their texts are made side by side.
+    /// Appends them as a JSON array. They are most of a label, so their texts are made in parallel
+    /// if there are threads for it.
     pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
         text.push(b'[');
         let empty = text.len();
@@ -72,7 +72,7 @@ impl Objects {
     }
 }
 
-/// Appends all of these, each with a comma behind it.
+/// Appends all items, each followed by a comma.
 fn write_all<T: Sync>(
     all: &[T],
     write: impl Fn(&T, &mut Vec<u8>) -> Result<()> + Sync,

@@ -1,10 +1,10 @@
-//! What a label says of the Moon and of planets alone.
+//! Label members that only the Moon and planets have.
 
 use super::coordinates::ra_dec_deg;
 use crate::scene::{EffectId, Scene, Source, VisiblePlanet};
 use schemars::JsonSchema;
 
-/// What a label says of the Moon and of planets alone, at mid-exposure.
+/// Label members of the Moon and planets, at mid-exposure.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct PlanetLabel {
     /// Distance of its centre from the observer, geometric.
@@ -24,7 +24,7 @@ pub struct PlanetLabel {
 }
 
 impl PlanetLabel {
-    /// That of a body with its image.
+    /// For a body with its image.
     pub(super) fn new(seen: &VisiblePlanet, source: &Source, scene: &Scene) -> PlanetLabel {
         let [centre_ra_deg, centre_dec_deg] = ra_dec_deg(&seen.centre);
         PlanetLabel {
@@ -39,8 +39,8 @@ impl PlanetLabel {
     }
 }
 
-/// As far from the centroid as both directions' images at mid-exposure are from each other: the same mean over the exposure, and the same
-/// row of a rolling shutter.
+/// The centroid, moved by the offset between the images of both directions at mid-exposure. So it
+/// is the same mean over the exposure, and on the same row of a rolling shutter.
 fn centre_px(seen: &VisiblePlanet, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
     let optics = &scene.view.camera.optics;
     let projection = optics.projection_if(scene.simulated.has(EffectId::Distortion));

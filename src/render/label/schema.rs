@@ -6,7 +6,7 @@ use super::object::ObjectLabel;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, json_schema};
 
-/// What a label's text lists.
+/// An entry of the label's array of objects.
 #[derive(JsonSchema)]
 #[serde(untagged)]
 #[allow(dead_code, reason = "its schema is used, not its values")]
@@ -15,12 +15,14 @@ enum Listed {
     Spot(ArtifactLabel),
 }
 
-/// The schema (draft 2020-12) of a line of `labels.jsonl`. Members may be added to labels later: unknown ones are valid.
+/// The schema (draft 2020-12) of a line of `labels.jsonl`. Labels may get new members later:
+/// unknown ones are valid.
 pub fn schema() -> Schema {
     let settings = SchemaSettings::draft2020_12().for_serialize();
     let mut generator = settings.into_generator();
     let listed = generator.subschema_for::<Listed>();
-    // Not of the derived type: objects are written by code of their own, files are added with the frame, times by the server.
+    // Members without a derived type: code writes the objects, the output the files, the server the
+    // times.
     let own = [
         (
             "objects",

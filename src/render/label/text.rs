@@ -1,5 +1,5 @@
-//! The text of an object in a frame: JSON, its numbers by way of integers, for a label may have
-//! thousands of objects.
+//! The JSON text of an object. A label may have thousands of objects, so numbers are written
+//! through integers, which is fast.
 
 use super::object::{ObjectLabel, RsoLabel};
 use super::planet::PlanetLabel;
@@ -7,7 +7,7 @@ use super::rounded::{rounded, scaled};
 use serde::Serialize;
 use serde_json::Result;
 
-/// A further member's name, as the text has it.
+/// The separator and name of a member after the first.
 macro_rules! key {
     ($name:literal) => {
         concat!(",\"", $name, "\":")
@@ -15,7 +15,7 @@ macro_rules! key {
 }
 
 impl ObjectLabel {
-    /// Appends it to a text.
+    /// Appends the object to a text.
     pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
         let mut object = Members(text);
         object.any("{\"kind\":", self.kind)?;
@@ -84,7 +84,7 @@ impl RsoLabel {
     }
 }
 
-/// Degrees of a turn: what is rounded to a whole one is none.
+/// Degrees from 0 to below 360, also after rounding.
 fn of_turn(degrees: f64) -> f64 {
     if rounded(degrees, 9) < 360.0 {
         degrees
@@ -96,7 +96,7 @@ fn of_turn(degrees: f64) -> f64 {
 /// Members of an object, appended to a text.
 struct Members<'a>(&'a mut Vec<u8>);
 
-// In their callers keys have lengths that the compiler knows.
+// Inlined, so that the compiler knows the lengths of the keys.
 impl Members<'_> {
     #[inline(always)]
     fn number<const DECIMALS: u32>(&mut self, key: &'static str, value: f64) -> Result<()> {
@@ -118,23 +118,23 @@ impl Members<'_> {
     }
 }
 
-/// Appends `value`, [`rounded`] to so many decimals (9 at most), as [`serde_json`] writes it: the
-/// fewest digits that give it back.
+/// Appends `value`, [`rounded`] to `DECIMALS` (9 at most), as [`serde_json`] writes it: with the
+/// fewest digits that parse to the same number.
 ///
-/// Whole units of the last decimal, of 15 digits or fewer, are such digits once their last zeros
-/// are dropped: no two numbers of 15 digits have the same nearest double. Those of more digits, and
-/// what is so small that it has an exponent, is left to that crate.
+/// If the value has at most 15 digits in units of the last decimal, these digits without trailing
+/// zeros are the fewest: no two numbers of 15 digits have the same nearest double. Values with more
+/// digits, and small ones with an exponent, are left to `serde_json`.
 fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
-    // Below, units have 15 digits at most, of which no more than [`EIGHT`] are whole.
-    let most = 10u64.pow(15.min(8 + DECIMALS));
+    // Below `max`, values have 15 digits at most, of which no more than eight are whole.
+    let max = 10u64.pow(15.min(8 + DECIMALS));
     let unit = 10u64.pow(DECIMALS);
-    // 1e-5.
-    let least = 10u64.pow(DECIMALS.saturating_sub(5));
+    // 1e-5 in these units.
+    let min = 10u64.pow(DECIMALS.saturating_sub(5));
     let (negative, units) = match scaled(value, DECIMALS as i32) {
         Some(units) => (units < 0, units.unsigned_abs()),
-        None => (false, most),
+        None => (false, max),
     };
-    if units >= most || (units > 0 && units < least) {
+    if units >= max || (units > 0 && units < min) {
         return serde_json::to_writer(text, &rounded(value, DECIMALS as i32));
     }
     // Sign, whole digits, point, and two times eight decimals.
@@ -149,7 +149,7 @@ fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
     let part = units % unit * 10u64.pow(2 * 8 - DECIMALS);
     let (first, second) = (digits(part / EIGHT), part % EIGHT);
     number[at..at + 8].copy_from_slice(&text_of(first));
-    // Without the last zeros, but for that which follows the point.
+    // Without trailing zeros, except one right after the point.
     let zeros = if DECIMALS <= 8 || second == 0 {
         8 + first.leading_zeros() / 8
     } else {
@@ -163,12 +163,12 @@ fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Numbers of up to eight digits are below.
+/// Numbers of up to eight digits are below this.
 const EIGHT: u64 = 100_000_000;
 
-/// The eight digits of a number below [`EIGHT`], an octet each, the first the lowest: halved three
-/// times, all halves side by side. Quotients are products with 1 / 100 and 1 / 10, rounded up in so
-/// many bits that none is off.
+/// The eight digits of a number below [`EIGHT`], one per byte, the first digit in the lowest byte.
+/// The number is split in half three times, all parts in parallel. Quotients are products with 1 /
+/// 100 and 1 / 10, rounded up with enough bits that every quotient is exact.
 fn digits(number: u64) -> u64 {
     let fours = (number / 10_000) | ((number % 10_000) << 32);
     let hundreds = ((fours * 5_243) >> 19) & 0x7f_0000_007f;
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use serde_json::Value;
 
-    /// Whether [`number`] writes what `serde_json` does of the rounded number.
+    /// Checks that [`number`] writes the same as `serde_json` for the rounded number.
     fn check<const DECIMALS: u32>(value: f64) {
         let mut text = Vec::new();
         number::<DECIMALS>(value, &mut text).unwrap();
@@ -205,8 +205,8 @@ mod tests {
                 check::<9>(value);
             }
         };
-        // Zero, both signs; halves of the last decimal; where exponents begin and end; where units
-        // are of 15 and of 16 digits; the least and greatest.
+        // Zero with both signs; ties of the last decimal; the limits of exponents; 15 and 16
+        // digits; the smallest and greatest doubles.
         let values =
             "0.0 0.5 1.0 100.0 0.30000000000000004 0.00005 0.00015 0.1234565 2.5e-7 1e-5 9e-6
             9.9994e-6 9.9999e-6 9.9999999e-6 1.00001e-5 1e-9 5e-10 4.999e-10 359.9999999996
@@ -215,8 +215,7 @@ mod tests {
         for value in values.split_whitespace() {
             check_all(value.parse().unwrap());
         }
-        // Of all sizes, and all lengths: a Weyl sequence, and products of it rounded to few
-        // decimals.
+        // All magnitudes and lengths: a Weyl sequence, and multiples of it rounded to few decimals.
         for i in 0..300_000u32 {
             let part = f64::from(i.wrapping_mul(2_654_435_769)) / f64::from(u32::MAX);
             let size = libm::exp10(f64::from(i % 29) - 11.0);
@@ -226,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_escaped_and_what_is_not_there_is_left_out() {
+    fn text_is_escaped_and_absent_members_are_omitted() {
         let mut label = ObjectLabel {
             kind: "rso",
             id: "A \"quoted\" \\ \u{1} é".to_string(),
@@ -291,7 +290,7 @@ mod tests {
             velocity_gcrf_km_s: [0.0, 7.5, -1e-7],
         });
         let (text, _) = read(&label);
-        // Of objects in orbit all digits are given.
+        // Numbers of objects in orbit are not rounded.
         assert!(text.ends_with(
             "\"range_km\":1000.123456789,\"range_rate_km_s\":-1.5,\"phase_deg\":30.0,\"illumination\":1.0,\
              \"position_gcrf_km\":[1.0,2.0,3.5],\"velocity_gcrf_km_s\":[0.0,7.5,-1e-7]}"

@@ -1,4 +1,4 @@
-//! Objects in the field that labels do not list as such: who, and why.
+//! Objects in the field that labels do not list, with the reason.
 
 use super::visible::is_listed;
 use crate::scene::{Body, Scene, World};
@@ -6,26 +6,26 @@ use crate::sky::field::Excluded;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Such objects that a label lists.
+/// Most such objects that a label lists.
 pub const MAX_EXCLUDED: usize = 10_000;
 
-/// Ids that one thread copies at least.
+/// Minimum number of ids that one thread copies.
 const TASK: usize = 64;
 
-/// Such objects by why they are not seen.
+/// Unlisted objects by reason.
 #[derive(Debug, Default, PartialEq)]
 pub struct Listed {
-    /// Ids, in the population's order, at most [`MOST_UNSEEN`] in all.
+    /// Ids, in the population's order, at most [`MAX_EXCLUDED`] in all.
     pub ids: BTreeMap<&'static str, Vec<String>>,
-    /// How many there are, listed or not.
+    /// Number of such objects, with or without an id here.
     pub counts: BTreeMap<&'static str, usize>,
-    /// How many are not listed.
+    /// Number of such objects without an id here.
     pub left_out: usize,
 }
 
-/// Who in the field of `scene` is not listed as an object.
+/// The objects in the field of `scene` that are not listed.
 pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
-    // Some are too faint to be drawn, others are drawn and too faint to be listed.
+    // Some objects are too faint to be drawn, others are drawn and too faint to be listed.
     let drawn = scene
         .sources
         .iter()
@@ -42,29 +42,29 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
     bounded(&unseen, MAX_EXCLUDED, |index| objects[index].id.clone())
 }
 
-/// At most `most` of those that are not seen. Where there are more, each reason has an equal part
-/// of the list, and what one does not need goes to the others.
+/// At most `max` of the unlisted objects. If there are more, each reason gets an equal share of the
+/// list, and unused shares go to the other reasons.
 fn bounded(
     unseen: &[(usize, Excluded)],
-    most: usize,
+    max: usize,
     id: impl Fn(usize) -> String + Sync,
 ) -> Listed {
     let mut by_reason: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, why) in unseen {
-        by_reason.entry(said(*why)).or_default().push(*index);
+        by_reason.entry(reason(*why)).or_default().push(*index);
     }
     let mut listed = Listed {
-        left_out: unseen.len().saturating_sub(most),
+        left_out: unseen.len().saturating_sub(max),
         ..Listed::default()
     };
     let mut reasons: Vec<(&str, Vec<usize>)> = by_reason.into_iter().collect();
     reasons.sort_by_key(|(_, indices)| indices.len());
-    let (mut room, mut left) = (most, reasons.len());
+    let (mut room, mut left) = (max, reasons.len());
     for (why, indices) in reasons {
         let share = indices.len().min(room / left);
         (room, left) = (room - share, left - 1);
         listed.counts.insert(why, indices.len());
-        // Each id lies somewhere else in memory: two threads wait for two at a time.
+        // Ids are scattered in memory: several threads hide the latency.
         let ids = indices[..share].par_iter().with_min_len(TASK);
         listed
             .ids
@@ -73,7 +73,7 @@ fn bounded(
     listed
 }
 
-fn said(why: Excluded) -> &'static str {
+fn reason(why: Excluded) -> &'static str {
     match why {
         Excluded::BehindEarth => "behind the Earth",
         Excluded::TooFaint => "too faint",
@@ -85,8 +85,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_too_many_each_reason_has_its_part() {
-        // X-Val: by hand: of 10 places 5 are for each reason; what is not needed goes to the other.
+    fn long_lists_are_shared_equally_by_reason() {
+        // X-Val: by hand: each reason has 5 of 10 entries; unused ones go to the other reason.
         for (behind, faint, listed) in [
             (20, 3, [7, 3]),
             (20, 30, [5, 5]),

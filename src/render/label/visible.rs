@@ -1,8 +1,8 @@
-//! Why objects and spots count as not visible.
+//! Reasons why objects and artifacts are not visible.
 
 use crate::scene::{Body, Hidden, Scene, Source};
 
-/// Objects of a lower signal-to-noise ratio count as not visible.
+/// Objects with a lower signal-to-noise ratio are not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
 
 /// Whether labels list a source as an object.
@@ -10,7 +10,7 @@ pub fn is_listed(source: &Source, scene: &Scene, label_snr: f64) -> bool {
     source.clear_snr >= label_snr || scene.fills_all(source)
 }
 
-/// Why an object does not count as visible, as its label says it; none where it does.
+/// The reason why an object is not visible, as text of the label; none if it is visible.
 pub fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
     if !in_frame {
         return Some("its centroid is outside the frame".to_string());
@@ -29,7 +29,7 @@ pub fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option
     }
 }
 
-/// Why no light of an object arrives, as its label says it.
+/// The reason why no light of an object arrives, as text of the label.
 pub fn why_hidden(hidden: Hidden) -> &'static str {
     match hidden {
         Hidden::ByEarth => "behind the Earth",
@@ -38,7 +38,7 @@ pub fn why_hidden(hidden: Hidden) -> &'static str {
     }
 }
 
-/// The same of a signal-to-noise ratio below [`VISIBLE_SNR`].
+/// The reason for a signal-to-noise ratio below [`VISIBLE_SNR`].
 pub fn too_faint(dimmed: &str, snr: f64) -> String {
     // Rounded down, so that it never reads as the limit itself.
     let snr = (snr * 100.0).floor() / 100.0;
