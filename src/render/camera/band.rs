@@ -9,19 +9,19 @@ pub const SUN_MAGNITUDE: f64 = -26.73;
 const H_C: f64 = 6.626_070_15e-34 * 299_792_458.0;
 /// Second radiation constant `h c / k`, m K.
 const C2: f64 = 1.438_776_877e-2;
-/// The Sun's B-V (Ramirez et al. 2012): a star of this colour has the Sun's band magnitude less its
-/// V.
+/// The Sun's B-V (Ramirez et al. 2012): for a star of this colour, band magnitude minus V is that
+/// of the Sun.
 const SUN_B_V: f64 = 0.653;
 
-/// Response to photons against wavelength, normalised to a peak of 1 (quantum efficiency and
-/// transmission are apart).
+/// Relative response to photons by wavelength, with a peak of 1. Quantum efficiency and
+/// transmission are separate factors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
     name: String,
     /// Wavelength (m) and response at equal steps.
     samples: Vec<(f64, f64)>,
     step_m: f64,
-    /// The band's photon rate of a black body of the Sun's colour.
+    /// Photon rate of a black body of the Sun's colour in the band.
     sun_photons: f64,
     /// ph/s/m^2 of magnitude 0.
     zero_point: f64,
@@ -29,13 +29,13 @@ pub struct Band {
     mean_wavelengths: Vec<f64>,
 }
 
-/// B-V that black bodies stand for (see [`temperature`]), and the steps in which mean wavelengths
-/// are tabulated.
+/// Range of B-V with a black-body temperature (see [`temperature`]), and the number of steps in the
+/// table of mean wavelengths.
 const B_V: [f64; 2] = [-0.4, 2.0];
 const B_V_STEPS: usize = 48;
 
-/// Where the Sun's spectrum is known, and a little more, since nanometres do not come out even; and
-/// the width of the narrowest band, m.
+/// Range of the tabulated solar spectrum, widened for rounding of nanometres, and the narrowest
+/// band, m.
 const SPECTRUM_M: [f64; 2] = [299.9e-9, 1200.1e-9];
 const NARROWEST_M: f64 = 1e-12;
 
@@ -44,8 +44,8 @@ const V: &[f64] = &[
     0.000, 0.030, 0.163, 0.458, 0.780, 0.967, 1.000, 0.973, 0.898, 0.792, 0.684, 0.574, 0.461,
     0.359, 0.270, 0.197, 0.135, 0.081, 0.045, 0.025, 0.017, 0.013, 0.009, 0.000,
 ];
-/// A front-illuminated silicon sensor behind glass, 350 to 1050 nm each 50 nm: a typical shape,
-/// assumed.
+/// A front-illuminated silicon sensor behind glass, 350 to 1050 nm each 50 nm: an assumed typical
+/// shape.
 const SILICON: &[f64] = &[
     0.00, 0.30, 0.60, 0.80, 0.93, 1.00, 0.98, 0.92, 0.83, 0.70, 0.55, 0.40, 0.25, 0.10, 0.00,
 ];
@@ -54,8 +54,8 @@ impl Band {
     /// Bands with a name.
     pub const NAMES: [&str; 2] = ["v", "silicon"];
 
-    /// Full response between two wavelengths (m), of which what lies outside of 300 to 1200 nm
-    /// counts for nothing; at least a picometre.
+    /// Full response between two wavelengths (m), limited to 300 to 1200 nm and at least a
+    /// picometre wide.
     pub fn top_hat(from_m: f64, to_m: f64) -> Band {
         let [first_m, last_m] = SPECTRUM_M;
         let from_m = nearest(from_m, first_m..=last_m - NARROWEST_M);
@@ -74,8 +74,8 @@ impl Band {
                 name.into(),
                 470e-9,
                 700e-9,
-                // Per photon: the table weighs energy, and a photon of wavelength w carries hc/w.
-                // Its peak is at 530 nm.
+                // The table is per energy; a photon of wavelength w carries hc/w. Its peak is at
+                // 530 nm.
                 |m| table(V, 470.0, 10.0)(m) * 530e-9 / m,
             )),
             "silicon" => Some(Band::sampled(
@@ -113,7 +113,7 @@ impl Band {
         band
     }
 
-    /// Its name, as labels and FITS headers give it.
+    /// Its name in labels and FITS headers.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -136,8 +136,8 @@ impl Band {
         self.samples.iter().map(photons)
     }
 
-    /// The response to a photon of a wavelength (m), 0..1: that of the step in which it lies, 0
-    /// outside the band.
+    /// The response to a photon of a wavelength (m), 0..1, constant within a step; 0 outside the
+    /// band.
     pub fn response(&self, wavelength_m: f64) -> f64 {
         let from_m = self
             .samples
@@ -158,9 +158,9 @@ impl Band {
         -2.5 / LN_10 * libm::log(in_band / in_v)
     }
 
-    /// Mean wavelength of the photons that a star of colour B-V gives in the band, over that of a
-    /// star of the Sun's colour, the band's reference. Straight lines between steps of 0.05 mag err
-    /// by less than 1e-4.
+    /// Mean wavelength of the photons of a star of colour B-V in the band, relative to the band's
+    /// reference: a star of the Sun's colour. Linear interpolation in steps of 0.05 mag errs by
+    /// less than 1e-4.
     pub fn wavelength_ratio(&self, b_v: f64) -> f64 {
         let at = |b_v: f64| {
             let part = (b_v.clamp(B_V[0], B_V[1]) - B_V[0]) / (B_V[1] - B_V[0]);
@@ -179,7 +179,7 @@ impl Band {
         self.mean_wavelength_m(temperature(SUN_B_V))
     }
 
-    /// Wavelength in units of the reference, and the photons there (any unit) of a star of the
+    /// Wavelengths in units of the reference, and the photons at each (any unit) from a star of the
     /// Sun's colour.
     pub fn spectrum(&self) -> Vec<(f64, f64)> {
         let (reference, t) = (self.reference_m(), temperature(SUN_B_V));
@@ -205,15 +205,15 @@ impl Band {
     }
 }
 
-/// Photons of a black body at a wavelength (m), arbitrary unit; on every platform the same, for
-/// they shape pixels.
+/// Photons of a black body at a wavelength (m), arbitrary unit. Pixels depend on it, so it must be
+/// the same on every platform.
 fn planck(w: f64, t: f64) -> f64 {
     let um = w * 1e6;
     1.0 / (um * um * um * um) / libm::expm1(C2 / (w * t))
 }
 
-/// Effective temperature (K) from colour, Ballesteros 2012 (EPL 97, 34008), Eq. (14); B-V held to
-/// -0.4..2.0, where it was fitted.
+/// Effective temperature (K) from colour, Ballesteros 2012 (EPL 97, 34008), Eq. (14); B-V limited
+/// to the fitted range -0.4..2.0.
 fn temperature(b_v: f64) -> f64 {
     let c = 0.92 * b_v.clamp(-0.4, 2.0);
     4600.0 * (1.0 / (c + 1.70) + 1.0 / (c + 0.62))
@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_zero_point_of_v_is_the_published_one() {
+    fn zero_point_of_v_matches_the_published_one() {
         // X-Val: Bessell, Castelli & Plez 1998 (A&A 333, 231), Table A2: V = 0 is 3.631e-9
         // erg/s/cm^2/A, which through the response to photons is 8.652e9 ph/s/m^2. On that scale
         // the Sun has -26.76 (Willmer 2018, ApJS 236, 47), here the paper's -26.73. Weighted by
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_narrow_band_scales_with_its_width_and_a_wide_one_sums_its_parts() {
+    fn zero_points_are_additive_over_the_band() {
         let zero = |a: f64, b: f64| Band::top_hat(a * 1e-9, b * 1e-9).zero_point();
         assert!((zero(629.0, 631.0) / zero(628.0, 632.0) - 0.5).abs() < 1e-4);
         assert!(
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn red_stars_gain_in_the_red_and_the_suns_colour_changes_nothing() {
+    fn red_stars_are_brighter_in_the_red() {
         let v = Band::named("v").unwrap();
         let nir = Band::top_hat(650e-9, 1100e-9);
         assert!(nir.colour_term(SUN_B_V, &v).abs() < 1e-12);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn red_stars_have_longer_wavelengths_and_the_suns_colour_is_the_reference() {
+    fn red_stars_have_longer_mean_wavelengths() {
         let nir = Band::top_hat(650e-9, 1100e-9);
         assert!((nir.wavelength_ratio(SUN_B_V) - 1.0).abs() < 1e-15);
         // X-Val: numpy 2.4.6, 200,001 points of Planck's law in photons at 5767.48 K (B-V 0.653):
@@ -291,7 +291,7 @@ mod tests {
         assert!((nir.reference_m() * 1e9 - 857.72).abs() < 0.05);
         let [blue, red] = nir.wavelength_ratios();
         assert!(blue < 0.99 && red > 1.02, "{blue} {red}");
-        // The table against the integral.
+        // Interpolation against the integral.
         for b_v in [-0.37, 0.12, 0.611, 1.33, 1.98] {
             let exact = nir.mean_wavelength_m(temperature(b_v)) / nir.reference_m();
             assert!((nir.wavelength_ratio(b_v) - exact).abs() < 1e-4);

@@ -1,12 +1,12 @@
-//! The detector: pixels, noise and digits.
+//! The detector: pixels, noise and conversion to digital numbers.
 
 use super::pattern::Pattern;
 use std::sync::Arc;
 
-/// What becomes of charge that a pixel cannot hold.
+/// Treatment of charge above full well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blooming {
-    /// It is lost: anti-blooming drains take it.
+    /// It is lost, as with anti-blooming drains.
     None,
     /// It spills up and down its column.
     Column,
@@ -21,40 +21,40 @@ pub struct Detector {
     pub height: usize,
     /// Pixel pitch, m.
     pub pitch_m: f64,
-    /// Electrons a photon, averaged over the band (1).
+    /// Electrons per photon, averaged over the band (1).
     pub quantum_efficiency: f64,
-    /// Dark current of a pixel on average, hot pixels left out, e-/s.
+    /// Mean dark current of a pixel without hot pixels, e-/s.
     pub dark_e_s: f64,
     /// Read noise, e- rms.
     pub read_noise_e: f64,
     /// Full well, e-.
     pub full_well_e: f64,
-    /// What becomes of charge beyond it.
+    /// Treatment of charge above it.
     pub blooming: Blooming,
     /// Share of the signal that is missing at full well (1); see `effect`, non-linearity.
     pub nonlinearity: f64,
     /// Gain, e-/DN: electrons are divided by it (the paper's "eDN").
     pub gain_e_per_dn: f64,
-    /// What the converter gives for no charge, DN.
+    /// Value of a pixel without charge, DN.
     pub offset_dn: f64,
     /// Bits of the converter.
     pub bits: u8,
-    /// What a stuck pixel gives, DN.
+    /// Value of a stuck pixel, DN.
     pub stuck_dn: u16,
-    /// What differs from pixel to pixel.
+    /// Differences from pixel to pixel.
     pub pattern: Arc<Pattern>,
 }
 
 impl Detector {
-    /// Pixels.
+    /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width * self.height
     }
 
-    /// How much faster dark current flows `warmer_k` above its reference, where it doubles every
-    /// `doubling_k`: `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)`: the law near one
-    /// temperature of `T^1.5 exp(-E_gap / 2 k T)` (Janesick 2001, ch. 7), which doubles in 8 K at
-    /// 20 deg C and in 6 K at -20. Where diffusion from the bulk prevails, warm, it is
+    /// Factor of the dark current `warmer_k` above its reference, for a doubling each `doubling_k`:
+    /// `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)`. This approximates, near one temperature,
+    /// `T^1.5 exp(-E_gap / 2 k T)` (Janesick 2001, ch. 7), which doubles in 8 K at 20 deg C and in
+    /// 6 K at -20. Where diffusion from the bulk prevails, at high temperature, it is
     /// `exp(-E_gap / k T)`, twice as fast (Widenhorn et al. 2002, Proc. SPIE 4669, 193).
     pub fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
         libm::exp2(warmer_k / doubling_k)
@@ -65,20 +65,20 @@ impl Detector {
         self.pattern.dark_mean_e_s() * exposure_s
     }
 
-    /// The charge that is read where `e` (e-) is held: `e (1 - a e / full well)`, with `a` missing
-    /// at full well. The first term beyond the linear one of a source follower whose gain falls
-    /// with its signal (Janesick 2007, Photon Transfer, ch. 7). It rises all the way to full well
-    /// for `a` up to 1/2; beyond the well it goes on with the slope of a line.
+    /// The charge that is read for a held charge `e` (e-): `e (1 - a e / full well)`, with the
+    /// fraction `a` missing at full well. This is the first non-linear term of a source follower
+    /// whose gain falls with its signal (Janesick 2007, Photon Transfer, ch. 7). It rises up to
+    /// full well for `a` up to 1/2; above full well it is linear.
     pub fn response_e(&self, e: f64) -> f64 {
         e * (1.0 - self.nonlinearity * (e / self.full_well_e).clamp(0.0, 1.0))
     }
 
-    /// The charge (e-) that the converter's largest number stands for.
+    /// The charge (e-) at the converter's largest number.
     pub fn converter_reach_e(&self) -> f64 {
         (f64::from(self.max_dn()) - self.offset_dn) * self.gain_e_per_dn
     }
 
-    /// Why its users should know, where the converter saturates before the pixels do.
+    /// A warning if the converter saturates before the pixels.
     pub fn converter_clips_first(&self) -> Option<String> {
         let reach = self.converter_reach_e();
         (self.response_e(self.full_well_e) > reach).then(|| {
@@ -94,20 +94,20 @@ impl Detector {
         (u32::from(u16::MAX) >> (16 - u32::from(self.bits.min(16)))) as u16
     }
 
-    /// The digital number at which a pixel saturates: its full well, or full scale where that comes
-    /// first.
+    /// The digital number at which a pixel saturates: at full well, or at full scale if that is
+    /// reached first.
     pub fn saturation_dn(&self) -> u16 {
         let full_well = self.response_e(self.full_well_e) / self.gain_e_per_dn + self.offset_dn;
         (full_well.round() as u16).min(self.max_dn())
     }
 
-    /// Variance that rounding to whole digits adds, e-^2: `gain^2 / 12`.
+    /// Variance of rounding to whole DN, e-^2: `gain^2 / 12`.
     pub fn quantisation_variance(&self) -> f64 {
         self.gain_e_per_dn * self.gain_e_per_dn / 12.0
     }
 
-    /// The edge of the detector, every pixel included, widened by `margin_px`: points (px) some
-    /// sixteenth of a side apart.
+    /// Points (px) on the outer edge of the detector, widened by `margin_px`: a sixteenth of a side
+    /// apart.
     pub fn edge(&self, margin_px: f64) -> impl Iterator<Item = [f64; 2]> {
         const PARTS: usize = 16;
         let low = -0.5 - margin_px;
@@ -126,7 +126,7 @@ impl Detector {
         [self.width as f64, self.height as f64]
     }
 
-    /// Whether a position lies on the detector, pixel edges included on the lower side.
+    /// Whether a position lies on the detector. Lower and left pixel edges belong to it.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         (-0.5..self.width as f64 - 0.5).contains(&x)
             && (-0.5..self.height as f64 - 0.5).contains(&y)
@@ -139,7 +139,7 @@ mod tests {
     use skyloop_base::load::Folder;
 
     #[test]
-    fn a_frame_holds_its_lower_edges_and_not_its_upper_ones() {
+    fn frame_includes_its_lower_edges_only() {
         // 1280 x 1024 pixels; a pixel reaches half its width beyond its centre.
         let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
         let inside = |x, y| camera.detector.contains([x, y]);
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_response_bends_by_what_is_configured_and_never_falls() {
+    fn response_is_nonlinear_as_configured_and_monotonic() {
         let mut detector = Camera::load("cots-wide", &Folder::current())
             .unwrap()
             .detector;
@@ -162,12 +162,12 @@ mod tests {
             let steps: Vec<f64> = (0..=100).map(|i| full * f64::from(i) / 100.0).collect();
             assert!(steps.is_sorted_by(|a, b| detector.response_e(*a) < detector.response_e(*b)));
         }
-        // Below zero, where read noise leads, nothing bends.
+        // Negative values, from read noise, stay linear.
         assert_eq!(detector.response_e(-3.0), -3.0);
     }
 
     #[test]
-    fn a_converter_that_clips_first_is_told() {
+    fn early_converter_saturation_is_reported() {
         let mut detector = Camera::load("cots-wide", &Folder::current())
             .unwrap()
             .detector;

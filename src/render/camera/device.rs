@@ -10,28 +10,28 @@ use crate::attitude::{Attitude, angle_between};
 /// A camera on its vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// Name, as labels and FITS headers give it.
+    /// Name in labels and FITS headers.
     pub name: String,
-    /// Serial number, which its fixed pattern is keyed by.
+    /// Serial number, the key of its fixed pattern.
     pub serial: u64,
     /// Body to camera.
     pub mounting: Attitude,
     /// Aperture, projection, transmission, band and point spread function.
     pub optics: Optics,
-    /// Pixels, noise and digits.
+    /// Pixels, noise and conversion.
     pub detector: Detector,
-    /// Charged particles; none where the file has no such table.
+    /// Charged particles; none without this table in the file.
     pub radiation: Option<Radiation>,
-    /// Exposure time unless commanded otherwise, s.
+    /// Default exposure time, s.
     pub exposure_s: f64,
-    /// Frames a second at the camera's own cadence, Hz.
+    /// Own frame rate, Hz.
     pub rate_hz: f64,
-    /// How exposures begin and end.
+    /// Timing of the rows.
     pub shutter: Shutter,
 }
 
 impl Camera {
-    /// Electrons a second that a source of band magnitude 0 gives on the whole detector:
+    /// Electrons per second from a source of band magnitude 0 on the whole detector:
     /// `E_zero QE tau A_app` of Clark et al. 2021, Eq. (2).
     pub fn electrons_per_second_at_zero(&self) -> f64 {
         self.optics.band.zero_point()
@@ -50,8 +50,8 @@ impl Camera {
         self.shutter.period_s(self.detector.height, exposure_s)
     }
 
-    /// The greatest scale on the detector (px a rad), found at its corners and at the principal
-    /// point, and the corners' greatest distance from that point (px).
+    /// The greatest scale (px/rad) at the corners and the principal point, and the greatest
+    /// distance of a corner from that point (px).
     pub fn scale_and_corner_px(&self) -> (f64, f64) {
         const STEP_PX: f64 = 0.1;
         let optics = &self.optics;
@@ -61,8 +61,8 @@ impl Camera {
             self.detector.height as f64 - 0.5,
         );
         let (mut scale, mut furthest) = (0.0f64, 0.0f64);
-        for place in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
-            let from = [place[0] - centre[0], place[1] - centre[1]];
+        for position in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
+            let from = [position[0] - centre[0], position[1] - centre[1]];
             let distance = libm::hypot(from[0], from[1]);
             furthest = furthest.max(distance);
             // Along the radius and across it.
@@ -72,19 +72,19 @@ impl Camera {
                 [1.0, 0.0]
             };
             for step in [radius, [-radius[1], radius[0]]] {
-                let moved = [0, 1].map(|i| place[i] + STEP_PX * step[i]);
-                let angle = angle_between(&optics.direction(place), &optics.direction(moved));
+                let moved = [0, 1].map(|i| position[i] + STEP_PX * step[i]);
+                let angle = angle_between(&optics.direction(position), &optics.direction(moved));
                 scale = scale.max(STEP_PX / angle);
             }
         }
         (scale, furthest)
     }
 
-    /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
+    /// The angle from the boresight (rad) that contains every pixel, widened by `margin_px`.
     pub fn cone_rad(&self, margin_px: f64) -> f64 {
         match self.optics.projection.model() {
             Model::Pinhole => self.pinhole_cone_rad(margin_px),
-            // Distortion may be left out.
+            // The distortion may be switched off.
             Model::BrownConrady { .. } => {
                 let ideal = self.pinhole_cone_rad(margin_px);
                 self.distorted_cone_rad(margin_px).max(ideal)
@@ -92,8 +92,8 @@ impl Camera {
             Model::Fisheye { .. } => {
                 let (_, furthest) = self.scale_and_corner_px();
                 let ideal = (furthest + margin_px) / self.optics.focal_px;
-                let most = std::f64::consts::PI;
-                self.distorted_cone_rad(margin_px).max(ideal).min(most)
+                let max = std::f64::consts::PI;
+                self.distorted_cone_rad(margin_px).max(ideal).min(max)
             }
         }
     }
@@ -122,8 +122,8 @@ impl Camera {
             libm::atan2(libm::hypot(direction.x, direction.y), direction.z)
         };
         let widest = self.detector.edge(margin_px).map(angle).fold(0.0, f64::max);
-        // Tangential distortion has its widest angle between the points, some thousandth of a
-        // side's further.
+        // With tangential distortion the widest angle may lie between the points, by some
+        // thousandth of a side.
         (1.01 * widest).min(std::f64::consts::PI)
     }
 }

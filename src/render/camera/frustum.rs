@@ -1,23 +1,23 @@
-//! The pyramid that the directions of a camera's pixels lie in.
+//! The pyramid of the directions of a camera's pixels.
 
 use super::device::Camera;
 use nalgebra::Vector3;
 
-/// One side of it: a plane through the camera.
+/// One side of the pyramid: a plane through the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
     /// Its normal, to the inside: unit vector.
     pub inward: Vector3<f64>,
-    /// How far beyond it directions of pixels may be, for edges that bend, rad.
+    /// Greatest angle of a pixel's direction beyond the plane, for curved edges, rad.
     pub beyond: f64,
 }
 
-/// Cosine of the angle from the boresight beyond which no pyramid holds a field, 80 degrees.
+/// Cosine of the greatest angle from the boresight for a pyramid, 80 degrees.
 const WIDEST: f64 = 0.17;
 
 impl Camera {
-    /// The planes (camera axes) within which every pixel, widened by `margin_px`, lies, distortion
-    /// left out or not; none of a field that is too wide for them.
+    /// The planes (camera axes) that enclose every pixel, widened by `margin_px`, with or without
+    /// distortion. Empty for a field that is too wide for a pyramid.
     pub fn sides(&self, margin_px: f64) -> Vec<Side> {
         let optics = &self.optics;
         let ideal = optics.projection.ideal();
@@ -43,7 +43,7 @@ impl Camera {
             let inward = normal * 1f64.copysign(normal.dot(&middle));
             let beyond = |direction: &Vector3<f64>| libm::asin(-direction.dot(&inward));
             let furthest = seen.iter().map(beyond).fold(0.0, f64::max);
-            // An edge has its furthest place between the points, some thousandth of that further.
+            // The maximum may lie between the points: it is greater by some thousandth.
             let beyond = 1.01 * furthest + 1e-9;
             Some(Side { inward, beyond })
         };

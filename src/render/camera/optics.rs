@@ -1,4 +1,4 @@
-//! From direction to pixel: projection, aperture, transmission and point spread function as one.
+//! Direction to pixel: projection, aperture, transmission and point spread function.
 
 use super::band::Band;
 use super::projection::{Model, Projection};
@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 pub struct Optics {
     /// Focal length in pixels (focal length / pixel pitch).
     pub focal_px: f64,
-    /// Where the boresight meets the detector, px.
+    /// Position of the boresight on the detector, px.
     pub principal_px: [f64; 2],
     /// Diameter of the entrance pupil, m.
     pub aperture_m: f64,
@@ -22,11 +22,11 @@ pub struct Optics {
     pub band: Band,
     /// From direction to the detector plane.
     pub projection: Projection,
-    /// How much of the light passes off the boresight.
+    /// Transmission off the boresight.
     pub vignetting: Vignetting,
     /// The point spread function.
     pub psf: Psf,
-    /// What is scattered onto the detector from outside the image, and the Sun's exclusion angle.
+    /// Scatter from outside the image, and the Sun's exclusion angle.
     pub stray: Stray,
 }
 
@@ -41,7 +41,7 @@ impl Optics {
         self.psf.at(self.offset(pixel), wavelength_ratio)
     }
 
-    /// The centre of the light of a source whose image is at a pixel.
+    /// The centroid of the light of a source whose image is at a pixel.
     #[inline]
     pub fn lit(&self, pixel: [f64; 2]) -> [f64; 2] {
         if self.psf.is_symmetric() {
@@ -56,7 +56,7 @@ impl Optics {
         self.project_by(&self.projection, direction)
     }
 
-    /// Its projection, or the ideal one if the lens is not to distort.
+    /// Its projection, or the ideal one if `distorts` is false.
     pub fn projection_if(&self, distorts: bool) -> Projection {
         if distorts {
             self.projection
@@ -75,7 +75,7 @@ impl Optics {
         let [x, y] = projection.image(direction)?;
         let [cx, cy] = self.principal_px;
         if *projection.model() == Model::Pinhole {
-            // One rounding less.
+            // Saves one rounding.
             return Some([
                 cx + self.focal_px * direction.x / direction.z,
                 cy + self.focal_px * direction.y / direction.z,
@@ -84,8 +84,8 @@ impl Optics {
         Some([cx + self.focal_px * x, cy + self.focal_px * y])
     }
 
-    /// The unit direction in camera axes of a pixel: the inverse of [`Optics::project`]. Beyond the
-    /// projection's end, that of the last place before it, on the way out from the principal point.
+    /// The unit direction (camera axes) of a pixel: the inverse of [`Optics::project`]. For a pixel
+    /// beyond the projection's end, the last valid direction on the line from the principal point.
     pub fn direction(&self, pixel: [f64; 2]) -> Vector3<f64> {
         if let Some(direction) = self.seen_at(pixel) {
             return direction;

@@ -1,23 +1,23 @@
-//! The fixed pattern of a detector: what its maker left in every pixel, the same in every frame.
+//! The fixed pattern of a detector: manufacturing differences of its pixels, equal in every frame.
 //!
-//! Keyed by the camera's serial number alone: neither by the run's seed nor by threads or platform.
-//! Per pixel:
+//! Its only key is the camera's serial number, not the run's seed; threads and platform do not
+//! change it. Per pixel:
 //!
 //! ```text
-//! response  g = max(0, 1 + prnu N(0, 1))                            mean 1, EMVA Standard 1288 release 4.0, PRNU
-//! dark      d = dark exp(s N(0, 1) - s^2 / 2) + excess              mean of the lognormal 1, s^2 = ln(1 + sigma^2)
-//! excess      = -hot ln U with probability hot_fraction, else 0     exponential, mean `hot`
+//! response  g = max(0, 1 + prnu N(0, 1))                          mean 1, EMVA 1288 rel. 4.0
+//! dark      d = dark exp(s N(0, 1) - s^2 / 2) + excess            s^2 = ln(1 + sigma^2)
+//! excess      = -hot ln U with probability hot_fraction, else 0   exponential, mean `hot`
 //! ```
 //!
-//! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068,
-//! 606805); the excess that displacement damage adds to a pixel is taken as exponential (assumed,
-//! after the tails of irradiated sensors: Virmontois et al. 2010, IEEE TNS 57, 3101).
+//! Dark currents have a skewed, near lognormal distribution with a tail of hot pixels (Baer 2006,
+//! Proc. SPIE 6068, 606805). The excess from displacement damage is assumed exponential, after the
+//! tails of irradiated sensors (Virmontois et al. 2010, IEEE TNS 57, 3101).
 
 use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
 use std::fmt;
 
-/// What a pattern is drawn from. Currents hold at the detector's temperature.
+/// Statistics of a pattern. Currents hold at the detector's temperature.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatternStats {
     /// The camera's serial number.
@@ -28,7 +28,7 @@ pub struct PatternStats {
     pub height: usize,
     /// Sigma of the relative response (1).
     pub prnu: f64,
-    /// Dark current of a pixel on average, without hot pixels, e-/s.
+    /// Mean dark current of a pixel without hot pixels, e-/s.
     pub dark_e_s: f64,
     /// Sigma of the relative dark current (1).
     pub dark_nonuniformity: f64,
@@ -38,15 +38,15 @@ pub struct PatternStats {
     pub hot_e_s: f64,
     /// Share of the pixels that are dead (1).
     pub dead_fraction: f64,
-    /// Dead pixels by `[column, row]`, beside those.
+    /// Further dead pixels, `[column, row]`.
     pub dead_px: Vec<[u32; 2]>,
     /// Share of the pixels that are stuck (1).
     pub stuck_fraction: f64,
-    /// Stuck pixels by `[column, row]`, beside those.
+    /// Further stuck pixels, `[column, row]`.
     pub stuck_px: Vec<[u32; 2]>,
 }
 
-/// The pattern, with nothing made that the figures do not call for. Pixels by row-major index.
+/// The pattern. Maps without differences stay empty. Pixels by row-major index.
 #[derive(Clone, PartialEq, Default)]
 pub struct Pattern {
     /// Relative response of every pixel (1); empty: 1 everywhere.
@@ -61,15 +61,15 @@ pub struct Pattern {
     stuck: Vec<u32>,
     /// Largest `|response - 1|` (1).
     worst_response: f64,
-    /// Dark current, e-/s: least, mean and largest.
+    /// Dark current, e-/s: minimum, mean and maximum.
     dark_min_e_s: f64,
     dark_mean_e_s: f64,
     dark_max_e_s: f64,
-    /// The same of the hottest pixel of each column; empty: the same everywhere.
+    /// Dark current of the hottest pixel of each column; empty: the same everywhere.
     hottest_e_s: Vec<f32>,
 }
 
-/// The draws of the pattern, as the effects of a frame have theirs: another number, other draws.
+/// Random streams of the pattern, distinct from those of a frame's effects.
 const RESPONSE: u8 = 240;
 const DARK: u8 = 241;
 const HOT: u8 = 242;
@@ -77,10 +77,10 @@ const DEAD: u8 = 243;
 const STUCK: u8 = 244;
 
 impl PatternStats {
-    /// With every real figure from 0 up to what single precision holds.
+    /// With every number limited to 0 up to what single precision holds.
     fn bounded(&self) -> PatternStats {
         const MAX: f64 = 1e30;
-        let bounded = |figure: f64| nearest(figure, 0.0..=MAX);
+        let bounded = |value: f64| nearest(value, 0.0..=MAX);
         PatternStats {
             prnu: bounded(self.prnu),
             dark_e_s: bounded(self.dark_e_s),
@@ -95,19 +95,19 @@ impl PatternStats {
 }
 
 impl Pattern {
-    /// Draws the pattern. Figures below 0 and what is no number count as 0, more than 1e30 as that.
-    pub fn new(figures: &PatternStats) -> Pattern {
-        let figures = &figures.bounded();
-        let pixels = (figures.width * figures.height) as u32;
+    /// Draws the pattern. Statistics are limited to 0 to 1e30; NaN counts as 0.
+    pub fn new(stats: &PatternStats) -> Pattern {
+        let stats = &stats.bounded();
+        let pixels = (stats.width * stats.height) as u32;
         let key = NoiseKey {
-            seed: figures.serial,
+            seed: stats.serial,
             sequence: 0,
             repeat: 0,
         };
         let chosen = |stream: u8, fraction: f64, listed: &[[u32; 2]]| {
             let mut chosen: Vec<u32> = listed
                 .iter()
-                .map(|[column, row]| row * figures.width as u32 + column)
+                .map(|[column, row]| row * stats.width as u32 + column)
                 .collect();
             if fraction > 0.0 {
                 let drawn = |pixel: &u32| PixelStream::new(key, stream, *pixel).uniform();
@@ -117,50 +117,46 @@ impl Pattern {
             chosen.dedup();
             chosen
         };
-        let response: Vec<f32> = (0..if figures.prnu > 0.0 { pixels } else { 0 })
+        let response: Vec<f32> = (0..if stats.prnu > 0.0 { pixels } else { 0 })
             .map(|pixel| {
                 let draw = PixelStream::new(key, RESPONSE, pixel).normal();
-                (1.0 + figures.prnu * draw).max(0.0) as f32
+                (1.0 + stats.prnu * draw).max(0.0) as f32
             })
             .collect();
-        let hot: Vec<(u32, f32)> = if figures.hot_e_s > 0.0 {
-            chosen(HOT, figures.hot_fraction, &[])
+        let hot: Vec<(u32, f32)> = if stats.hot_e_s > 0.0 {
+            chosen(HOT, stats.hot_fraction, &[])
                 .into_iter()
                 .map(|pixel| {
                     let mut stream = PixelStream::new(key, HOT, pixel);
-                    // The first number chose the pixel.
+                    // The first number selected the pixel.
                     stream.uniform();
-                    let excess = -figures.hot_e_s * libm::log(stream.uniform());
+                    let excess = -stats.hot_e_s * libm::log(stream.uniform());
                     (pixel, excess as f32)
                 })
                 .collect()
         } else {
             Vec::new()
         };
-        let dark_e_s = dark_map(figures, key, pixels, &hot);
+        let dark_e_s = dark_map(stats, key, pixels, &hot);
         let mean = dark_e_s.iter().map(|d| f64::from(*d)).sum::<f64>() / f64::from(pixels.max(1));
         let uniform = dark_e_s.is_empty();
-        let least = dark_e_s.iter().copied().reduce(f32::min);
-        let mut hottest_e_s = vec![0.0f32; if uniform { 0 } else { figures.width }];
-        for row in dark_e_s.chunks(figures.width.max(1)) {
+        let coldest = dark_e_s.iter().copied().reduce(f32::min);
+        let mut hottest_e_s = vec![0.0f32; if uniform { 0 } else { stats.width }];
+        for row in dark_e_s.chunks(stats.width.max(1)) {
             let columns = hottest_e_s.iter_mut().zip(row);
-            columns.for_each(|(most, dark)| *most = most.max(*dark));
+            columns.for_each(|(max, dark)| *max = max.max(*dark));
         }
-        let most = hottest_e_s.iter().copied().fold(0.0, f32::max);
+        let max = hottest_e_s.iter().copied().fold(0.0, f32::max);
         Pattern {
             worst_response: response
                 .iter()
                 .map(|g| (f64::from(*g) - 1.0).abs())
                 .fold(0.0, f64::max),
-            dark_min_e_s: least.map_or(figures.dark_e_s, f64::from),
-            dark_mean_e_s: if uniform { figures.dark_e_s } else { mean },
-            dark_max_e_s: if uniform {
-                figures.dark_e_s
-            } else {
-                most.into()
-            },
-            dead: chosen(DEAD, figures.dead_fraction, &figures.dead_px),
-            stuck: chosen(STUCK, figures.stuck_fraction, &figures.stuck_px),
+            dark_min_e_s: coldest.map_or(stats.dark_e_s, f64::from),
+            dark_mean_e_s: if uniform { stats.dark_e_s } else { mean },
+            dark_max_e_s: if uniform { stats.dark_e_s } else { max.into() },
+            dead: chosen(DEAD, stats.dead_fraction, &stats.dead_px),
+            stuck: chosen(STUCK, stats.stuck_fraction, &stats.stuck_px),
             response,
             dark_e_s,
             hottest_e_s,
@@ -168,7 +164,7 @@ impl Pattern {
         }
     }
 
-    /// Relative response of every pixel, row-major (1); none where all respond alike.
+    /// Relative response of every pixel, row-major (1); none if all are equal.
     pub fn response(&self) -> Option<&[f32]> {
         (!self.response.is_empty()).then_some(&self.response)
     }
@@ -183,8 +179,7 @@ impl Pattern {
         self.worst_response
     }
 
-    /// Dark current of every pixel, row-major, hot pixels included, e-/s; none where it is the same
-    /// everywhere.
+    /// Dark current of every pixel, row-major, with hot pixels, e-/s; none if all are equal.
     pub fn dark_e_s(&self) -> Option<&[f32]> {
         (!self.dark_e_s.is_empty()).then_some(&self.dark_e_s)
     }
@@ -201,7 +196,7 @@ impl Pattern {
         self.dark_min_e_s
     }
 
-    /// Dark current averaged over the pixels, hot ones included, e-/s.
+    /// Mean dark current, with hot pixels, e-/s.
     pub fn dark_mean_e_s(&self) -> f64 {
         self.dark_mean_e_s
     }
@@ -218,37 +213,37 @@ impl Pattern {
             .map_or(self.dark_max_e_s, |d| f64::from(*d))
     }
 
-    /// Hot pixels in order, with the excess of each, e-/s.
+    /// Hot pixels in order, with their excess, e-/s.
     pub fn hot(&self) -> &[(u32, f32)] {
         &self.hot
     }
 
-    /// Dead pixels in order: they give no charge.
+    /// Dead pixels in order: they have no charge.
     pub fn dead(&self) -> &[u32] {
         &self.dead
     }
 
-    /// Stuck pixels in order: they give one digit whatever falls on them.
+    /// Stuck pixels in order: they have a constant value.
     pub fn stuck(&self) -> &[u32] {
         &self.stuck
     }
 }
 
-/// Dark current of every pixel; empty where none differs.
-fn dark_map(figures: &PatternStats, key: NoiseKey, pixels: u32, hot: &[(u32, f32)]) -> Vec<f32> {
-    let spread = figures.dark_nonuniformity > 0.0 && figures.dark_e_s > 0.0;
+/// Dark current of every pixel; empty if all are equal.
+fn dark_map(stats: &PatternStats, key: NoiseKey, pixels: u32, hot: &[(u32, f32)]) -> Vec<f32> {
+    let spread = stats.dark_nonuniformity > 0.0 && stats.dark_e_s > 0.0;
     if !spread && hot.is_empty() {
         return Vec::new();
     }
-    let variance = libm::log1p(figures.dark_nonuniformity * figures.dark_nonuniformity);
+    let variance = libm::log1p(stats.dark_nonuniformity * stats.dark_nonuniformity);
     let sigma = libm::sqrt(variance);
     let mut map: Vec<f32> = (0..pixels)
         .map(|pixel| {
             if !spread {
-                return figures.dark_e_s as f32;
+                return stats.dark_e_s as f32;
             }
             let draw = PixelStream::new(key, DARK, pixel).normal();
-            (figures.dark_e_s * libm::exp(sigma * draw - variance / 2.0)) as f32
+            (stats.dark_e_s * libm::exp(sigma * draw - variance / 2.0)) as f32
         })
         .collect();
     for (pixel, excess) in hot {
@@ -294,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_called_for_is_not_made() {
+    fn maps_without_differences_are_not_made() {
         let pattern = Pattern::new(&PLAIN);
         assert!(pattern.response().is_none() && pattern.dark_e_s().is_none());
         assert!(pattern.hot().is_empty() && pattern.dead().is_empty());
@@ -313,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn response_and_dark_current_have_the_moments_of_the_figures() {
+    fn response_and_dark_current_have_the_configured_moments() {
         let (prnu, spread, share, hot_e_s) = (0.02, 0.4, 0.01, 900.0);
         let pattern = Pattern::new(&PatternStats {
             prnu,
@@ -354,8 +349,8 @@ mod tests {
     }
 
     #[test]
-    fn the_serial_number_decides_the_pattern() {
-        let figures = PatternStats {
+    fn pattern_depends_on_the_serial_number() {
+        let stats = PatternStats {
             prnu: 0.3,
             dead_fraction: 0.001,
             stuck_fraction: 0.002,
@@ -363,15 +358,12 @@ mod tests {
             stuck_px: vec![[3, 1]],
             ..PLAIN
         };
-        let pattern = Pattern::new(&figures);
-        assert_eq!(pattern, Pattern::new(&figures));
-        let other = Pattern::new(&PatternStats {
-            serial: 8,
-            ..figures
-        });
+        let pattern = Pattern::new(&stats);
+        assert_eq!(pattern, Pattern::new(&stats));
+        let other = Pattern::new(&PatternStats { serial: 8, ..stats });
         assert_ne!(pattern.response(), other.response());
         assert_ne!(pattern.dead(), other.dead());
-        // What is listed is there whatever is drawn.
+        // Listed pixels are always included.
         for pattern in [&pattern, &other] {
             assert!(
                 [0, 199_999]
@@ -382,7 +374,7 @@ mod tests {
             assert!(pattern.dead().is_sorted() && pattern.stuck().is_sorted());
             assert!((100..300).contains(&pattern.dead().len()));
             assert!((300..500).contains(&pattern.stuck().len()));
-            // Clipped: no pixel turns light into less than nothing.
+            // Clipped at 0: no pixel has a negative response.
             assert!(pattern.response().unwrap().iter().all(|g| *g >= 0.0));
             assert!(pattern.response().unwrap().contains(&0.0));
         }

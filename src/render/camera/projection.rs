@@ -7,18 +7,18 @@
 //! (Kannala & Brandt 2006, PAMI 28, 1335), in OpenCV's form, with `t` the angle from the boresight:
 //! `r' = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`, along the azimuth of the direction.
 //!
-//! Polynomials turn around somewhere. There the model ends: what lies further out has no image, and
-//! no pixel beyond the image of that fold has a direction. Backwards by Newton's method, to 1e-13
-//! of the focal length.
+//! The polynomials have a turning point. The model ends there: directions further out have no
+//! image, and pixels beyond the image of that fold have no direction. The inverse is by Newton's
+//! method, to 1e-13 of the focal length.
 
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// A projection and how far it reaches.
+/// A projection and its valid range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     model: Model,
-    /// The model holds below this: tangent of the angle from the boresight (Brown-Conrady), or the
+    /// End of the valid range: tangent of the angle from the boresight (Brown-Conrady), or the
     /// angle (fisheye, rad).
     end: f64,
 }
@@ -35,7 +35,7 @@ pub enum Model {
         /// Tangential: p1, p2.
         p: [f64; 2],
     },
-    /// Equal steps in angle are equal steps on the detector, but for the distortion.
+    /// Equidistant in angle, with radial distortion.
     Fisheye {
         /// Radial: k1 to k4.
         k: [f64; 4],
@@ -45,7 +45,7 @@ pub enum Model {
 /// Directions nearer than this to the plane of the aperture (sine of the angle) have no image
 /// behind a pinhole.
 const GRAZING: f64 = 1e-6;
-/// Steps of Newton's method: from the fold's neighbourhood some twenty, else five.
+/// Greatest number of Newton steps: some twenty near the fold, else five.
 const MAX_STEPS: usize = 60;
 
 impl Projection {
@@ -55,7 +55,7 @@ impl Projection {
         end: f64::INFINITY,
     };
 
-    /// The projection by `model`; without any distortion Brown-Conrady's is the pinhole.
+    /// The projection by `model`; Brown-Conrady without distortion becomes the pinhole.
     pub fn new(model: Model) -> Projection {
         let none = Model::BrownConrady {
             k: [0.0; 3],
@@ -79,7 +79,7 @@ impl Projection {
     pub fn ideal(&self) -> Projection {
         match self.model {
             Model::Pinhole | Model::BrownConrady { .. } => Projection::PINHOLE,
-            // Its radius grows all the way.
+            // Its radius grows up to pi.
             Model::Fisheye { .. } => Projection {
                 model: Model::Fisheye { k: [0.0; 4] },
                 end: PI,
@@ -104,8 +104,8 @@ impl Projection {
         }
     }
 
-    /// Where the image of a direction (any length, camera axes) falls, in focal lengths from the
-    /// principal point; none of what is no direction.
+    /// The image of a direction (any length, camera axes), in focal lengths from the principal
+    /// point; none of an invalid direction.
     pub fn image(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let [x, y, z] = [direction.x, direction.y, direction.z];
         if let Model::Fisheye { k } = &self.model {
@@ -118,7 +118,7 @@ impl Projection {
             let seen = angle < self.end && across.is_finite();
             return seen.then_some([radius * (x / across), radius * (y / across)]);
         }
-        // Of what is no number, neither is.
+        // False for NaN.
         let is_before = z > GRAZING * direction.norm();
         if !is_before {
             return None;
@@ -132,9 +132,9 @@ impl Projection {
         }
     }
 
-    /// The solid angle (sr) that a square of one focal length's side takes in a direction (unit
-    /// vector, camera axes), were it as large everywhere: `cos^3` of a pinhole, less by as much as
-    /// distortion spreads images; `sin(a) / (r dr/da)` of a fisheye.
+    /// The solid angle (sr) of a square whose sides are one focal length, at the scale of a
+    /// direction (unit vector, camera axes): `cos^3` for a pinhole, divided by the area factor of
+    /// the distortion; `sin(a) / (r dr/da)` for a fisheye.
     pub fn solid_angle(&self, direction: &Vector3<f64>) -> f64 {
         let z = direction.z;
         match &self.model {
@@ -155,8 +155,8 @@ impl Projection {
         }
     }
 
-    /// The unit direction (camera axes) whose image falls at `at`, in focal lengths from the
-    /// principal point: the inverse of [`Projection::image`]. None beyond the model's end.
+    /// The unit direction (camera axes) of an image at `at`, in focal lengths from the principal
+    /// point: the inverse of [`Projection::image`]. None beyond the model's end.
     pub fn direction(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
         match &self.model {
             Model::Pinhole => Vector3::new(at[0], at[1], 1.0)
@@ -193,7 +193,7 @@ fn even(k: &[f64], s: f64) -> (f64, f64) {
     (1.0 + s * value, value + s * slope)
 }
 
-/// The image of a pinhole's point by Brown and Conrady, and its derivatives
+/// The Brown-Conrady image of a pinhole point, and its derivatives
 /// `[dx'/dx, dx'/dy = dy'/dx, dy'/dy]`.
 fn distorted(k: &[f64; 3], [p1, p2]: &[f64; 2], [x, y]: [f64; 2]) -> ([f64; 2], [f64; 3]) {
     let s = x * x + y * y;
@@ -210,13 +210,11 @@ fn distorted(k: &[f64; 3], [p1, p2]: &[f64; 2], [x, y]: [f64; 2]) -> ([f64; 2], 
     (image, derivatives)
 }
 
-/// The greatest radius within which Brown and Conrady's map folds nowhere, up to 10,000 (89.99
-/// deg).
+/// The greatest radius within which the Brown-Conrady map has no fold, up to 10,000 (89.99 deg).
 ///
-/// Its matrix of derivatives is symmetric and starts as the unit matrix: as long as both of its
-/// eigenvalues are above 0, the map is the gradient of a convex function, and no two points have
-/// one image. Radii grow by a part of themselves: coefficients of narrow fields are large, and fold
-/// them at small ones.
+/// Its matrix of derivatives is symmetric and starts as the unit matrix. While both eigenvalues are
+/// positive, the map is the gradient of a convex function, and no two points have the same image.
+/// Radii grow geometrically, since large coefficients of narrow fields cause folds at small radii.
 fn first_fold(k: &[f64; 3], p: &[f64; 2]) -> f64 {
     const FURTHEST: f64 = 1e4;
     const NEAREST: f64 = 1e-8;
@@ -249,7 +247,7 @@ fn first_turn(k: &[f64; 4]) -> f64 {
         .map_or(PI, |i| bisect(angle(i - 1), angle(i), falls))
 }
 
-/// The place between `low` and `high` where `beyond` becomes true.
+/// The value between `low` and `high` at which `beyond` becomes true.
 fn bisect(mut low: f64, mut high: f64, beyond: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..60 {
         let mid = (low + high) / 2.0;
@@ -269,7 +267,7 @@ fn radius_of(k: &[f64; 4], angle: f64) -> (f64, f64) {
     (angle * value, value + 2.0 * s * slope)
 }
 
-/// The pinhole's point of an image by Brown and Conrady, within `end`.
+/// The pinhole point of a Brown-Conrady image, within `end`.
 fn undistorted(k: &[f64; 3], p: &[f64; 2], at: [f64; 2], end: f64) -> Option<[f64; 2]> {
     let miss = |image: [f64; 2]| [at[0] - image[0], at[1] - image[1]];
     let size = |[x, y]: [f64; 2]| libm::hypot(x, y);
@@ -287,7 +285,7 @@ fn undistorted(k: &[f64; 3], p: &[f64; 2], at: [f64; 2], end: f64) -> Option<[f6
         if size(step) <= 1e-15 * (1.0 + size(point)) {
             break;
         }
-        // Half the step as long as it leads out of the model or does not help.
+        // Halve the step while it leaves the valid range or does not help.
         let better = (0..40)
             .map(|halvings| 0.5f64.powi(halvings))
             .find_map(|part| {
@@ -305,11 +303,11 @@ fn undistorted(k: &[f64; 3], p: &[f64; 2], at: [f64; 2], end: f64) -> Option<[f6
     (size(left) <= 1e-13 * (1.0 + size(at))).then_some(point)
 }
 
-/// The angle (rad) below `end` of a fisheye's radius: Newton's method, held between bounds.
+/// The angle (rad) below `end` of a fisheye's radius: Newton's method within a bracket.
 fn angle_of(k: &[f64; 4], radius: f64, end: f64) -> Option<f64> {
-    // Next to the fold radii are the same to the last digit. (No number is none.)
-    let most = radius_of(k, end).0 * (1.0 + 4.0 * f64::EPSILON);
-    if radius.is_nan() || radius > most {
+    // Next to the fold radii differ in the last digits only.
+    let max = radius_of(k, end).0 * (1.0 + 4.0 * f64::EPSILON);
+    if radius.is_nan() || radius > max {
         return None;
     }
     let (mut low, mut high) = (0.0, end);
@@ -339,7 +337,7 @@ fn angle_of(k: &[f64; 4], radius: f64, end: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Lenses of real cameras' size of distortion, and harder ones.
+    /// Lenses with distortion as in real cameras, and harder ones.
     fn lenses() -> Vec<Projection> {
         let brown = |k, p| Projection::new(Model::BrownConrady { k, p });
         let fisheye = |k| Projection::new(Model::Fisheye { k });
@@ -356,13 +354,13 @@ mod tests {
     }
 
     #[test]
-    fn forward_and_inverse_agree_up_to_the_models_end() {
+    fn inverse_matches_forward_up_to_the_models_end() {
         for lens in lenses() {
-            // 3,000 px: no focal length of a star tracker is much longer.
+            // 3,000 px: about the longest focal length of a star tracker.
             let pixel = 1.0 / 3000.0;
-            let most = lens.end_rad().min(1.4_f64.max(lens.end_rad() * 0.999));
+            let max = lens.end_rad().min(1.4_f64.max(lens.end_rad() * 0.999));
             for i in 1..=400 {
-                let angle = most * f64::from(i) / 400.0 * 0.9999;
+                let angle = max * f64::from(i) / 400.0 * 0.9999;
                 for azimuth in [0.0, 0.7, 2.0, 3.3, 4.9] {
                     let (sin, cos) = f64::sin_cos(angle);
                     let truth = Vector3::new(sin * f64::cos(azimuth), sin * f64::sin(azimuth), cos);
@@ -378,8 +376,8 @@ mod tests {
                     let again = lens.image(&back).unwrap();
                     let miss = (again[0] - at[0]).hypot(again[1] - at[1]);
                     assert!(miss < 1e-6 * pixel, "{lens:?} {angle} {miss:e}");
-                    // Close to the fold the angle is known from the place by half its digits only.
-                    if angle < 0.99 * most {
+                    // Close to the fold the position determines the angle to half its digits only.
+                    if angle < 0.99 * max {
                         assert!((back - truth).norm() < 1e-11, "{lens:?} {angle}");
                     }
                 }
@@ -388,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_beyond_the_fold_has_no_image_and_no_direction() {
+    fn beyond_the_fold_there_is_no_image_and_no_direction() {
         // x (1 - 0.4 x^2) turns around at x = 1 / sqrt(1.2), where it is 2/3 of that.
         let lens = Projection::new(Model::BrownConrady {
             k: [-0.4, 0.0, 0.0],
@@ -413,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn an_equidistant_fisheye_sees_behind_itself_and_a_pinhole_does_not() {
+    fn only_a_fisheye_has_images_from_behind() {
         let lens = Projection::new(Model::Fisheye { k: [0.0; 4] });
         let back = Vector3::new(0.1, 0.0, -1.0);
         // X-Val: by hand, the angle from the boresight is pi - atan(0.1) = 3.0419240.
@@ -425,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn without_its_coefficients_a_lens_is_ideal() {
+    fn lens_without_coefficients_is_ideal() {
         for lens in lenses() {
             assert!(lens.ideal().is_ideal());
             let fisheye = matches!(lens.model(), Model::Fisheye { .. });

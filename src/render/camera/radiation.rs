@@ -1,5 +1,5 @@
-//! Charged particles through the sensitive layer: straight tracks that leave charge in every pixel
-//! that they cross.
+//! Charged particles through the sensitive layer: straight tracks that deposit charge in every
+//! crossed pixel.
 //!
 //! The charge of a track of length x is drawn from Moyal's form of Landau's distribution (Moyal
 //! 1955, Phil. Mag. 46, 263) about the most probable loss (Particle Data Group, Review of Particle
@@ -9,48 +9,48 @@
 //! loss  = loss_p + xi M,   M = -ln N(0, 1)^2
 //! loss_p = xi (ln(2 m c^2 (beta gamma)^2 / I) + ln(xi / I) + 0.200 - beta^2 - delta)
 //! xi    = (0.307075 / 2) <Z/A> density x / beta^2   MeV
-//! charge = loss / 3.65 eV                            (Janesick 2001, Scientific Charge-Coupled Devices)
+//! charge = loss / 3.65 eV             (Janesick 2001, Scientific Charge-Coupled Devices)
 //! ```
 //!
 //! Validity: singly charged particles from some 50 MeV a nucleon up, which lose little of their
 //! energy. 534 +- 117 MeV, the typical energy at the Hubble's imagers (Miles et al. 2021, ApJ 918,
-//! 86), gives 75 e- per um of 10 um as the most probable and 86 on average. By Bethe's formula (Eq.
-//! 34.5) the average is 139: the rest goes to rare fast electrons, most of which leave so thin a
-//! layer; Moyal's tail has none. Layers below 50 um scatter more than Landau's theory says (Bichsel
-//! 1988, Rev. Mod. Phys. 60, 663: the width is short by a factor up to 2). Trapped protons of the
-//! South Atlantic Anomaly are slower, and all have the file's energy here: at 100 MeV they would
-//! leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
+//! 86), gives 75 e- per um of 10 um as the most probable and 86 on average. Bethe's formula (Eq.
+//! 34.5) has an average of 139: the difference is rare fast electrons, most of which leave so thin
+//! a layer. Moyal's tail does not contain them. Layers below 50 um scatter more than Landau's
+//! theory (Bichsel 1988, Rev. Mod. Phys. 60, 663: the width is too small by a factor up to 2).
+//! Trapped protons of the South Atlantic Anomaly are slower, but all have the file's energy here:
+//! at 100 MeV they would leave 2.7 times the charge. Secondaries, showers and stopping particles
+//! are omitted.
 
 use super::detector::Detector;
 use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
 
-/// Most events that one exposure may be expected to hold.
+/// Greatest expected number of events in one exposure.
 pub const MAX_EVENTS: f64 = 1e5;
-/// Most pixels at which the charge of one exposure's particles may be expected to be computed:
-/// some seconds.
+/// Greatest expected number of pixel computations for the particles of one exposure: some seconds.
 pub const MAX_WORK: f64 = 1e8;
-/// Most pixels at which the charge of one particle may be expected to be computed.
+/// Greatest expected number of pixel computations for one particle.
 pub const MAX_WORK_AN_EVENT: f64 = 1e6;
 
-/// The noise key's identity of the particles of a frame.
+/// Random stream of the particles of a frame.
 const STREAM: u8 = 3;
 /// Energy of one electron-hole pair in silicon, eV.
 const PAIR_EV: f64 = 3.65;
 
-/// How many particles come.
+/// Particle flux.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Flux {
-    /// Through a square centimetre of the detector a second, both ways.
+    /// Through a square centimetre of the detector per second, both directions.
     Fixed(f64),
-    /// By the observer's place: see `sky::radiation`.
+    /// By the observer's position: see `sky::radiation`.
     ByOrbit,
 }
 
-/// Radiation as the camera file has it.
+/// Radiation parameters of the camera file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Radiation {
-    /// How many particles come.
+    /// Particle flux.
     pub flux: Flux,
     /// Depth from which charge is collected, um.
     pub thickness_um: f64,
@@ -58,14 +58,14 @@ pub struct Radiation {
     pub energy_mev: f64,
     /// Sigma of the charge's sideways diffusion, um.
     pub diffusion_um: f64,
-    /// Time beside the exposure in which charge stands in the pixels or their store, s.
+    /// Time outside the exposure in which charge is in the pixels or their store, s.
     pub readout_s: f64,
 }
 
 /// One particle's charge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// `(row-major index, e-)` of every pixel that it left whole electrons in, in order.
+    /// `(row-major index, e-)` of every pixel with at least one whole electron, in order.
     pub pixels: Vec<(u32, u32)>,
 }
 
@@ -84,8 +84,8 @@ impl Radiation {
         flux * detector.pixels() as f64 * pitch_cm * pitch_cm * (exposure_s + self.readout_s)
     }
 
-    /// Pixels at which the charge of one particle is computed, on average: its track is
-    /// `pi / 2 thickness` long in the plane.
+    /// Mean number of pixel computations for one particle: its track is `pi / 2 thickness` long in
+    /// the plane.
     pub fn work_an_event(&self, detector: &Detector) -> f64 {
         let [track, sigma] =
             [self.thickness_um, self.diffusion_um].map(|um| um * 1e-6 / detector.pitch_m);
@@ -98,44 +98,44 @@ impl Radiation {
         (1.0 + track / step_px(sigma)) * wide * high
     }
 
-    /// Most particles that an exposure may be expected to hold.
-    pub fn most_events(&self, detector: &Detector) -> f64 {
+    /// Greatest expected number of particles in an exposure.
+    pub fn max_events(&self, detector: &Detector) -> f64 {
         MAX_EVENTS.min(MAX_WORK / self.work_an_event(detector))
     }
 
     /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own
-    /// index. No more are drawn than [`Radiation::most_events`]: the anomaly reaches that in
+    /// index. `expected` is limited to [`Radiation::max_events`]: the anomaly reaches that in
     /// exposures of hours.
     pub fn events(&self, detector: &Detector, expected: f64, key: NoiseKey) -> Vec<Event> {
         self.each_event(detector, expected, key).collect()
     }
 
-    /// [`Radiation::events`], one after another.
+    /// The iterator of [`Radiation::events`].
     pub(crate) fn each_event(
         &self,
         detector: &Detector,
         expected: f64,
         key: NoiseKey,
     ) -> impl Iterator<Item = Event> {
-        let expected = nearest(expected, 0.0..=self.most_events(detector));
+        let expected = nearest(expected, 0.0..=self.max_events(detector));
         let count = PixelStream::new(key, STREAM, 0).poisson(expected) as u32;
         let events = (1..=count).map(move |index| self.event(detector, key, index));
         events.filter(|event| !event.pixels.is_empty())
     }
 
-    /// One particle of an isotropic flux. Through a plane its direction has the density
+    /// One particle of an isotropic flux. The direction through a plane has the density
     /// `2 cos(theta)`.
     fn event(&self, detector: &Detector, key: NoiseKey, index: u32) -> Event {
         let mut stream = PixelStream::new(key, STREAM, index);
         let (w, h) = (detector.width as f64, detector.height as f64);
-        // At half depth, px from the detector's corner: a track's middle lies on the detector.
+        // At half depth, px from the detector's corner: the middle of a track is on the detector.
         let middle = [stream.uniform() * w, stream.uniform() * h];
         let cos = libm::sqrt(stream.uniform());
         let azimuth = std::f64::consts::TAU * stream.uniform();
         let depth_px = self.thickness_um * 1e-6 / detector.pitch_m;
         let half = depth_px * libm::sqrt(1.0 - cos * cos) / cos / 2.0;
         let (dx, dy) = (half * libm::cos(azimuth), half * libm::sin(azimuth));
-        // The part of -1..1 inside the detector: a grazing track ends at its edges.
+        // The part of -1..1 inside the detector: a grazing track ends at the edges.
         let inside = |at: f64, step: f64, size: f64| {
             if step == 0.0 {
                 return 1.0;
@@ -184,8 +184,7 @@ impl Radiation {
         (most_probable.max(0.0), xi)
     }
 
-    /// The share of a track's charge in the pixels from its first end to its last, px from the
-    /// corner.
+    /// The share of a track's charge in each pixel. The ends are in px from the corner.
     fn shares(&self, detector: &Detector, [a, b]: [[f64; 2]; 2]) -> Vec<(u32, f64)> {
         let sigma = self.diffusion_um * 1e-6 / detector.pitch_m;
         let mut shares: Vec<(u32, f64)> = Vec::new();
@@ -203,10 +202,10 @@ impl Radiation {
             }
         }
         shares.sort_by_key(|(pixel, _)| *pixel);
-        shares.dedup_by(|next, kept| {
-            let same = next.0 == kept.0;
+        shares.dedup_by(|next, last| {
+            let same = next.0 == last.0;
             if same {
-                kept.1 += next.1;
+                last.1 += next.1;
             }
             same
         });
@@ -214,15 +213,15 @@ impl Radiation {
     }
 }
 
-/// How far the points of a track stand apart whose charge diffuses by `sigma` (px): a quarter of
-/// that, but no closer than a twentieth of a pixel.
+/// Distance of the points of a track whose charge diffuses by `sigma` (px): a quarter of that, but
+/// at least a twentieth of a pixel.
 fn step_px(sigma: f64) -> f64 {
     0.25 * sigma.max(0.2)
 }
 
 /// Sternheimer's density effect at `x = log10(beta gamma)`, in silicon: the constants of
 /// Sternheimer, Berger and Seltzer 1984 (Atomic Data and Nuclear Data Tables 30, 261), scaled to
-/// 2.329 g/cm^3 as the Particle Data Group's table of muons in silicon has them.
+/// 2.329 g/cm^3 as in the Particle Data Group's table of muons in silicon.
 fn density_effect(x: f64) -> f64 {
     const LN_100: f64 = 4.605_170_186;
     if x < 0.2015 {
@@ -254,8 +253,8 @@ fn crossed(detector: &Detector, a: [f64; 2], b: [f64; 2], mut each: impl FnMut(u
     }
 }
 
-/// A point's charge after diffusion: a Gaussian over the pixels within five sigma. What leaves the
-/// detector is lost.
+/// A point's charge after diffusion: a Gaussian over the pixels within five sigma. Charge beyond
+/// the detector is lost.
 fn diffused(detector: &Detector, at: [f64; 2], sigma: f64, mut each: impl FnMut(u32, f64)) {
     let reach = 5.0 * sigma;
     let below =
@@ -279,8 +278,8 @@ fn pixel_at(detector: &Detector, [x, y]: [f64; 2]) -> u32 {
     (row * detector.width + column) as u32
 }
 
-/// `charge` in whole electrons over the shares: what each rounds away is carried to the next, so
-/// that the sum is kept.
+/// `charge` in whole electrons over the shares. Each remainder is carried to the next pixel, so
+/// that the sum is exact.
 fn whole_electrons(shares: &[(u32, f64)], charge: f64) -> Vec<(u32, u32)> {
     let (mut sum, mut given) = (0.0, 0.0);
     let mut pixels = Vec::with_capacity(shares.len());
@@ -324,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn the_loss_is_that_of_the_particle_data_group() {
+    fn loss_matches_the_particle_data_group() {
         let (bound, xi) = PLAIN.loss_ev(10.0);
         // By hand from Eq. 34.12: gamma 1.5691, beta^2 0.5938; 9.063 + 0.551 + 0.2 - 0.594 - 0.081
         // = 9.139 times 300.2 eV.
@@ -337,11 +336,11 @@ mod tests {
             ..PLAIN
         };
         assert!((fast.loss_ev(300.0).0 / 84.2e3 - 1.0).abs() < 0.002);
-        let least = Radiation {
+        let minimum = Radiation {
             energy_mev: 3000.0,
             ..PLAIN
         };
-        assert!((77e3..79.5e3).contains(&least.loss_ev(300.0).0));
+        assert!((77e3..79.5e3).contains(&minimum.loss_ev(300.0).0));
         // Mean of Moyal's distribution: Euler's constant + ln 2.
         let n = 100_000;
         let charge: f64 = (0..n)
@@ -354,11 +353,11 @@ mod tests {
     }
 
     #[test]
-    fn a_track_gives_each_pixel_the_length_that_it_has_there() {
+    fn track_is_split_by_its_length_in_each_pixel() {
         let detector = detector();
         let mut parts = Vec::new();
-        // From (0.5, 0.25) to (2.5, 1.25): it leaves column 0 a quarter, column 1 three quarters of
-        // the way, row 0 also there.
+        // From (0.5, 0.25) to (2.5, 1.25): it leaves column 0 at a quarter, column 1 and row 0 at
+        // three quarters of its length.
         crossed(&detector, [0.5, 0.25], [2.5, 1.25], |pixel, part| {
             if part > 0.0 {
                 parts.push((pixel, part));
@@ -373,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn charge_is_kept_and_stays_on_the_detector() {
+    fn charge_is_conserved_and_stays_on_the_detector() {
         let detector = detector();
         for diffusion_um in [0.0, 6.0, 60.0] {
             let radiation = Radiation {
@@ -384,7 +383,7 @@ mod tests {
             let ends = [[120.3, 200.7], [124.9, 203.1]];
             let shares = radiation.shares(&detector, ends);
             let sum: f64 = shares.iter().map(|(_, share)| share).sum();
-            // Five sigma on each side hold all but 6e-7 an axis.
+            // Five sigma on each side contain all but 6e-7 per axis.
             assert!((sum - 1.0).abs() < 3e-6, "{diffusion_um}: {sum}");
             let whole = whole_electrons(&shares, 4321.7);
             let total: u32 = whole.iter().map(|(_, e)| e).sum();
@@ -400,10 +399,10 @@ mod tests {
         assert!(events.iter().any(|event| event.pixels.len() > 1));
     }
 
-    /// Over 10^4 frames: the number within Poisson's error, and mean length and directions those of
+    /// Over 10^4 frames: the number is within Poisson's error, and mean length and directions match
     /// an isotropic flux.
     #[test]
-    fn the_rate_is_the_one_configured() {
+    fn rate_matches_the_configuration() {
         let detector = detector();
         let radiation = Radiation {
             readout_s: 0.05,
@@ -425,21 +424,21 @@ mod tests {
         let variance = squares / 1e4 - (events / 1e4).powi(2);
         let error = ((2.0 * expected * expected + expected) / 1e4).sqrt();
         assert!((variance - expected).abs() < 4.0 * error, "{variance}");
-        // Isotropic: over the density 2 cos, 1 / cos has the mean 2 and ln(1 / cos) / cos too. With
-        // a = 9.139 of the most probable loss of 10 um (see above) and Moyal's mean, the charge is
-        // (2 a + 2 + 2 * 1.270) / (2 a + 2 ln 2) = 1.160 of that of 20 um. A flux like a beam's
-        // would give 0.53, one of density 3 cos^2 0.83.
+        // Isotropic: over the density 2 cos, 1 / cos has the mean 2, and so has ln(1 / cos) / cos.
+        // With a = 9.139 of the most probable loss of 10 um (see above) and Moyal's mean, the
+        // charge is (2 a + 2 + 2 * 1.270) / (2 a + 2 ln 2) = 1.160 of that of 20 um. A beam would
+        // give 0.53, a density 3 cos^2 0.83.
         let mean = charge / events / PLAIN.charge_e(20.0, 1.0);
         assert!((mean / 1.160 - 1.0).abs() < 0.05, "{mean}");
     }
 
     #[test]
-    fn the_key_decides_the_events() {
+    fn events_depend_on_the_key() {
         let detector = detector();
         let draw = |sequence| PLAIN.events(&detector, 30.0, key(sequence));
         assert_eq!(draw(1), draw(1));
         assert_ne!(draw(1), draw(2));
-        // More of them: the first are the same.
+        // The first events are the same for a greater number.
         let (few, many) = (PLAIN.events(&detector, 5.0, key(1)), draw(1));
         assert!(few.len() < many.len() && few[..] == many[..few.len()]);
     }

@@ -1,6 +1,6 @@
-//! The shutter: when rows collect light, and what reading a frame out takes.
+//! The shutter: timing of the rows and of the readout.
 
-/// How the exposure begins and ends.
+/// Timing of the exposure's begin and end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Shutter {
     /// All rows together.
@@ -13,18 +13,18 @@ pub enum Shutter {
         row_s: f64,
     },
     /// All rows together without a shutter: the image is shifted row by row below a cover, and
-    /// collects light on the way.
+    /// collects light during the shift.
     FrameTransfer {
         /// Shift of one row, s.
         row_s: f64,
     },
 }
 
-/// Their names in camera files.
+/// Names in camera files.
 pub const SHUTTERS: [&str; 3] = ["global", "rolling", "frame-transfer"];
 
 impl Shutter {
-    /// The shutter called `name`; `row_s` is from row to row, where rows take turns.
+    /// The shutter called `name`; `row_s` is the time from row to row.
     pub fn named(name: &str, row_s: f64) -> Option<Shutter> {
         match name {
             "global" => Some(Shutter::Global),
@@ -42,9 +42,9 @@ impl Shutter {
         }
     }
 
-    /// The shortest time (s) from one exposure of `exposure_s` to the next: exposures do not
-    /// overlap, one frame's rows are read before the next one's, and images are not shifted while
-    /// they are exposed.
+    /// The shortest time (s) from one exposure of `exposure_s` to the next. Exposures do not
+    /// overlap, a frame's rows are read before those of the next, and an image is not shifted
+    /// during its exposure.
     pub fn period_s(&self, rows: usize, exposure_s: f64) -> f64 {
         match self {
             Shutter::Global => exposure_s,
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frames_period_holds_its_exposure_and_its_readout() {
+    fn period_contains_exposure_and_readout() {
         let rolling = Shutter::Rolling { row_s: 1e-5 };
         let transfer = Shutter::FrameTransfer { row_s: 1e-5 };
         assert!((rolling.readout_s(1001) - 0.01).abs() < 1e-15);

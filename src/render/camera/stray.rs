@@ -1,28 +1,28 @@
-//! Light from outside of the image that the optics and the baffle scatter onto the detector.
+//! Light from outside of the image, scattered onto the detector by the optics and the baffle.
 //!
 //! The point-source transmittance (PST) is the irradiance on the detector over that on the
-//! aperture, by the angle of the source from the boresight; the optics' transmission is in it.
-//! Scattered light is spread over the detector as a veil:
+//! aperture, by the angle of the source from the boresight; it includes the optics' transmission.
+//! Scattered light is a uniform veil on the detector:
 //!
 //! ```text
 //! veil = E PST(angle) A_pixel QE     [e-/s]
 //! ```
 //!
-//! (Breault 1995, Handbook of Optics, ch. 38, defines it so.) Between the points of its table the
-//! logarithm of the PST goes along monotone cubics (Fritsch & Carlson 1980, SIAM J. Numer. Anal.
-//! 17, 238), smooth and without overshoot; before and beyond them it is constant.
+//! The definition is from Breault 1995, Handbook of Optics, ch. 38. Between the points of its table
+//! the logarithm of the PST follows monotone cubics (Fritsch & Carlson 1980, SIAM J. Numer. Anal.
+//! 17, 238), smooth and without overshoot; beyond them it is constant.
 
-/// What the optics scatter, and how near the Sun may come.
+/// Stray light of the optics, and the Sun's exclusion angle.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Stray {
     /// Angle (rad, rising), logarithm of the PST, and its slope there (1/rad).
     points: Vec<[f64; 3]>,
-    /// The Sun nearer to the boresight than this (rad) saturates the frame.
+    /// Closer to the boresight than this (rad) the Sun saturates the frame.
     pub sun_exclusion: f64,
 }
 
 impl Stray {
-    /// From angles (rad, rising) and the PST (over 0, at most 1) at each; without any there is no
+    /// From angles (rad, rising) and the PST (above 0, at most 1) at each; an empty table means no
     /// stray light.
     pub fn new(table: &[[f64; 2]], sun_exclusion: f64) -> Stray {
         let mut points: Vec<[f64; 3]> = table
@@ -33,8 +33,8 @@ impl Stray {
             .windows(2)
             .map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
             .collect();
-        // Flat at the ends, where the table is continued by constants, and where the chords turn;
-        // else their harmonic mean, which is within the region of Fritsch & Carlson.
+        // Slope 0 at the ends, where constants follow, and where the chords change sign; else the
+        // chords' harmonic mean, which is within the region of Fritsch & Carlson.
         for (point, pair) in points.iter_mut().skip(1).zip(chords.windows(2)) {
             if pair[0] * pair[1] > 0.0 {
                 point[2] = 2.0 * pair[0] * pair[1] / (pair[0] + pair[1]);
@@ -73,7 +73,7 @@ impl Stray {
         libm::exp(log)
     }
 
-    /// The veil (e-/s a pixel) of a source that gives `irradiance` (ph/s/m^2 in the band) on the
+    /// The veil (e-/s per pixel) of a source with `irradiance` (ph/s/m^2 in the band) on the
     /// aperture, `angle` (rad) from the boresight, on pixels of `pitch_m` with
     /// `quantum_efficiency`.
     pub fn veil_e_s(
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_met_and_continued() {
+    fn table_is_interpolated_monotonically() {
         let points = [[15.0, 1e-3], [30.0, 1e-6], [60.0, 1e-8], [90.0, 2e-8]];
         let table = stray(&points);
         let at = |deg: f64| table.pst(deg.to_radians());
@@ -115,13 +115,13 @@ mod tests {
             // Smooth: no step of more than a fifth in a tenth of a degree.
             assert!((b / a).ln().abs() < 0.2, "{k}");
         }
-        // X-Val: by hand: halfway on an even slope the geometric mean.
+        // X-Val: by hand: halfway on a constant slope the geometric mean.
         let even = stray(&[[0.0, 1e-2], [10.0, 1e-3], [20.0, 1e-4], [30.0, 1e-5]]);
         assert!((even.pst(15f64.to_radians()) / 10f64.powf(-3.5) - 1.0).abs() < 1e-9);
     }
 
     #[test]
-    fn the_veil_is_irradiance_times_area() {
+    fn veil_is_irradiance_times_area() {
         let table = stray(&[[20.0, 1e-6]]);
         // X-Val: by hand: 2e21 ph/s/m^2 * 1e-6 * (18e-6 m)^2 * 0.5 = 3.24e5 e-/s.
         assert!((table.veil_e_s(2e21, 1.0, 18e-6, 0.5) / 3.24e5 - 1.0).abs() < 1e-12);

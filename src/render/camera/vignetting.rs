@@ -1,11 +1,10 @@
-//! How much of the light passes off the boresight.
+//! Transmission off the boresight.
 //!
 //! Either the fourth power of the cosine of the field angle (the natural fall-off of a thin lens:
 //! the projected pupil, the projected pixel, and the square of the distance; Born & Wolf,
-//! Principles of Optics, 4.8.3), or a table of transmission against angle, straight lines between
-//! its points and constant beyond them. The fourth power is the law of an evenly bright scene and
-//! is assumed for points: of a star's whole light a thin lens takes the cosine alone, which a table
-//! can say.
+//! Principles of Optics, 4.8.3), or a table of transmission by angle, linear between its points and
+//! constant beyond them. The fourth power is the law of a uniform scene and is assumed for points
+//! too. For a star's total light a thin lens has the cosine alone, which needs a table.
 
 use nalgebra::Vector3;
 
@@ -15,7 +14,7 @@ pub enum Vignetting {
     /// The same everywhere.
     #[default]
     None,
-    /// `cos^4` of the field angle; nothing from 90 deg on.
+    /// `cos^4` of the field angle; 0 from 90 deg on.
     Cos4,
     /// Field angles (rad, rising) and the transmission (0..1) at each.
     Table(Vec<[f64; 2]>),
@@ -38,7 +37,7 @@ impl Vignetting {
         }
     }
 
-    /// The field angle (rad) from which on nothing passes; pi where something always does.
+    /// The field angle (rad) from which on the transmission is 0; pi if it never is.
     pub fn end(&self) -> f64 {
         match self {
             Vignetting::None => std::f64::consts::PI,
@@ -50,8 +49,8 @@ impl Vignetting {
         }
     }
 
-    /// By which part of itself the transmission changes across a disc of so many rad radius around
-    /// a direction (camera axes), outwards from the boresight.
+    /// Relative change of the transmission across a disc of `radius` rad around a direction (camera
+    /// axes), outwards from the boresight.
     pub fn change_across(&self, direction: &Vector3<f64>, radius: f64) -> f64 {
         let across = libm::hypot(direction.x, direction.y);
         let angle = libm::atan2(across, direction.z);
@@ -63,7 +62,7 @@ impl Vignetting {
         2.0 * (near - far).abs() / (near + far).max(f64::MIN_POSITIVE)
     }
 
-    /// The least and the greatest transmission up to a field angle (rad) from the boresight.
+    /// Minimum and maximum transmission up to a field angle (rad) from the boresight.
     pub fn range(&self, angle: f64) -> [f64; 2] {
         match self {
             Vignetting::None => [1.0, 1.0],
@@ -75,14 +74,13 @@ impl Vignetting {
                 let ends = [linear(table, 0.0), linear(table, angle)];
                 let inside = table.iter().filter(|[at, _]| *at <= angle).map(|[_, t]| *t);
                 let all = inside.chain(ends);
-                all.fold([1.0, 0.0], |[least, most], t| [t.min(least), t.max(most)])
+                all.fold([1.0, 0.0], |[min, max], t| [t.min(min), t.max(max)])
             }
         }
     }
 }
 
-/// Straight lines through the points of a table, constant beyond its ends; `table` rises in its
-/// first column.
+/// Linear interpolation in a table, constant beyond its ends; `table` rises in its first column.
 pub(super) fn linear(table: &[[f64; 2]], at: f64) -> f64 {
     let next = table.partition_point(|[x, _]| *x < at);
     match (
@@ -105,19 +103,19 @@ mod tests {
     }
 
     #[test]
-    fn the_fourth_power_is_known_at_known_angles() {
+    fn fourth_power_of_cosine_at_known_angles() {
         // X-Val: cos^4 of 0, 30, 45, 60 deg by hand: 1, 9/16, 1/4, 1/16.
         for (deg, expected) in [(0.0, 1.0), (30.0, 0.5625), (45.0, 0.25), (60.0, 0.0625)] {
             assert!((at(&Vignetting::Cos4, deg) - expected).abs() < 1e-14);
         }
         assert_eq!(at(&Vignetting::Cos4, 91.0), 0.0);
         assert_eq!(at(&Vignetting::None, 91.0), 1.0);
-        let [least, most] = Vignetting::Cos4.range(30f64.to_radians());
-        assert!((least - 0.5625).abs() < 1e-14 && most == 1.0);
+        let [min, max] = Vignetting::Cos4.range(30f64.to_radians());
+        assert!((min - 0.5625).abs() < 1e-14 && max == 1.0);
     }
 
     #[test]
-    fn a_table_is_straight_between_its_points_and_constant_beyond() {
+    fn table_is_linear_between_its_points_and_constant_beyond() {
         let points = [[0.0, 1.0], [10.0, 0.9], [20.0, 0.95], [100.0, 0.0]];
         let table = Vignetting::Table(
             points
@@ -134,7 +132,7 @@ mod tests {
         ] {
             assert!((at(&table, deg) - expected).abs() < 1e-12, "{deg}");
         }
-        let [least, most] = table.range(15f64.to_radians());
-        assert!((least - 0.9).abs() < 1e-12 && (most - 1.0).abs() < 1e-12);
+        let [min, max] = table.range(15f64.to_radians());
+        assert!((min - 0.9).abs() < 1e-12 && (max - 1.0).abs() < 1e-12);
     }
 }

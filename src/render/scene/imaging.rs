@@ -306,7 +306,7 @@ impl Imaging<'_> {
         let (core_px, height_e) = self.height(candidate);
         let (psf, fidelity) = (&self.view.camera.optics.psf, self.fidelity);
         let step_px = core_px * fidelity.step_sigma(height_e);
-        match psf.at([0.0; 2], 1.0).relief() {
+        match psf.at([0.0; 2], 1.0).gradient() {
             None => [step_px, step_px, core_px * fidelity.point_sigma(height_e)],
             // Images have kinks, which a rule of few points misses.
             Some(_) => [step_px, 0.0, 0.0],

@@ -119,7 +119,7 @@ fn draw_particles(scene: &mut Scene) {
         }),
     };
     let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
-    let most = particles.most_events(&camera.detector);
+    let most = particles.max_events(&camera.detector);
     scene.particles_left_out = (expected - most).max(0.0);
     let pixels = particles.work_an_event(&camera.detector);
     let event_ns = EVENT_NS + pixels * DIFFUSED_NS;

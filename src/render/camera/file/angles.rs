@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 /// Angles from the boresight, deg.
 pub const FIELD_DEG: RangeInclusive<f64> = 0.0..=180.0;
 
-/// Keys that the field of view follows from.
+/// Keys that determine the field of view.
 pub const FIELD: &[&str] = &[
     "optics.focal_length_mm",
     "optics.principal_px",
@@ -18,8 +18,7 @@ pub const FIELD: &[&str] = &[
     "detector.height_px",
 ];
 
-/// Refuses a table of angles (deg) that do not rise, or of angles and values outside of their
-/// limits.
+/// Refuses a table of angles (deg) that do not rise, or with values outside of their limits.
 pub fn rising_angles(
     key: &str,
     table: &[[f64; 2]],

@@ -73,12 +73,13 @@ pub struct RawDetector {
     adc_clips_first: bool,
 }
 
-/// Relative sigmas that a sensor may have. Responses of silicon differ by 0.002 to 0.03; from 0.3 on a Gaussian that is clipped at 0 is none.
+/// Relative sigmas of sensors. Responses of silicon differ by 0.002 to 0.03; from 0.3 on clipping
+/// at 0 distorts the Gaussian.
 const MAX_PRNU: RangeInclusive<f64> = 0.0..=0.3;
-/// Dark currents by 0.03 to 0.5; beyond that the tail is that of hot pixels, which have keys of their own.
+/// Dark currents differ by 0.03 to 0.5; wider tails are those of hot pixels, which have own keys.
 const MAX_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
-/// Limits of the keys; the most of offset_dn and stuck_dn follows from adc_bits.
+/// Limits of the keys; the maximum of offset_dn and stuck_dn follows from adc_bits.
 pub const LIMITS: &[Limit] = &[
     ("detector.offset_dn", Number(0.0..=65535.0)),
     ("detector.stuck_dn", Number(0.0..=65535.0)),
@@ -107,10 +108,10 @@ pub const LIMITS: &[Limit] = &[
     ("detector.blooming", Word(blooming_names)),
 ];
 
-/// A converter of which full pixels use less than this is hardly meant.
+/// Smallest plausible part of the converter's range that full pixels use.
 const MIN_FILLED: f64 = 0.01;
 
-/// Where dark currents are stated, deg C.
+/// Usual reference temperature of dark currents, deg C.
 fn room_temperature() -> f64 {
     20.0
 }
@@ -123,9 +124,9 @@ fn doubling() -> f64 {
 impl RawDetector {
     pub fn validate(self, serial: u64, check: &Check) -> Result<Detector, ConfigError> {
         let limit = |key: &str, value| check.limit(LIMITS, &format!("detector.{key}"), value);
-        let digits = |key: &str, value, most| {
+        let dn = |key: &str, value, max| {
             let value = limit(key, value)?;
-            let inside = check.range(&format!("detector.{key}"), value, 0.0..=most);
+            let inside = check.range(&format!("detector.{key}"), value, 0.0..=max);
             inside.map_err(|error| error.needs(&["detector.adc_bits"]))
         };
         let bits = limit("adc_bits", f64::from(self.adc_bits))? as u8;
@@ -168,7 +169,7 @@ impl RawDetector {
         };
         let hot_fraction = self.hot_fraction.unwrap_or(0.0);
         let any_stuck = self.stuck_fraction.is_some() || self.stuck_px.is_some();
-        let figures = PatternStats {
+        let stats = PatternStats {
             serial,
             width,
             height,
@@ -192,13 +193,13 @@ impl RawDetector {
             read_noise_e: limit("read_noise_e", self.read_noise_e)?,
             full_well_e: limit("full_well_e", self.full_well_e)?,
             blooming: blooming(&self.blooming, check)?,
-            // Beyond a half the response would fall before the well is full.
+            // Above 0.5 the response would fall before full well.
             nonlinearity: limit("nonlinearity", self.nonlinearity)?,
             gain_e_per_dn: limit("gain_e_per_dn", self.gain_e_per_dn)?,
-            offset_dn: digits("offset_dn", self.offset_dn, full_scale)?,
+            offset_dn: dn("offset_dn", self.offset_dn, full_scale)?,
             bits,
-            stuck_dn: digits("stuck_dn", stuck_dn, full_scale)?.round() as u16,
-            pattern: Arc::new(Pattern::new(&figures)),
+            stuck_dn: dn("stuck_dn", stuck_dn, full_scale)?.round() as u16,
+            pattern: Arc::new(Pattern::new(&stats)),
         };
         if self.offset_dn >= full_scale {
             let allowed = format!(
@@ -258,7 +259,7 @@ impl RawDetector {
     }
 }
 
-/// By their names in the file.
+/// Their names in the file.
 const BLOOMING: [(&str, Blooming); 2] = [("none", Blooming::None), ("column", Blooming::Column)];
 
 fn blooming_names() -> Vec<&'static str> {

@@ -1,4 +1,4 @@
-//! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
+//! `images` of `[optics.psf]`: text files of samples, and their positions in the field.
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
 use schemars::JsonSchema;
@@ -21,7 +21,7 @@ pub const LIMITS: &[Limit] = &[
     ("optics.psf", EachOfSeveral(["images", "at_px"])),
 ];
 
-/// The images at the crossings of a grid; a single one holds everywhere.
+/// The images at the nodes of a grid; a single one holds everywhere.
 pub fn grid(
     raw: &[RawImage],
     oversampling: f64,
@@ -81,9 +81,9 @@ fn read(
     let key = format!("{key}.file");
     let found = folder.read_within(&raw.file, skyloop_orbit::LARGEST_TABLE);
     let (file, text) = found.map_err(|error| check.explain(&key, error))?;
-    let most = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
+    let max = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
     let wrong = |reason: String| check.explain(&key, format!("{file}: {reason}"));
-    let (mut rows, mut places) = (Vec::new(), Vec::new());
+    let (mut rows, mut lines) = (Vec::new(), Vec::new());
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default().trim();
         if line.is_empty() {
@@ -96,25 +96,25 @@ fn read(
             wrong(format!("line {number}: {word:?} is no number; {form}"))
         })?;
         rows.push(row);
-        places.push(number);
-        if rows.len() > most || rows.iter().any(|row| row.len() > most) {
-            return Err(wrong(format!("more than {most} samples a side")));
+        lines.push(number);
+        if rows.len() > max || rows.iter().any(|row| row.len() > max) {
+            return Err(wrong(format!("more than {max} samples a side")));
         }
     }
     let first = rows.first().map_or(0, Vec::len);
     if let Some(i) = rows.iter().position(|row: &Vec<f64>| row.len() != first) {
         return Err(wrong(format!(
             "samples in line {}: {}, in line {}: {first}; every row needs as many",
-            places[i],
+            lines[i],
             rows[i].len(),
-            places[0]
+            lines[0]
         )));
     }
     Image::new(&rows).map_err(|flaw| match flaw {
         Flaw::Ragged => wrong("no samples: rows of numbers are wanted, a line a row".to_string()),
         Flaw::Sample(value) => {
-            let here = |row: &Vec<f64>| row.iter().any(|s| s.total_cmp(&value).is_eq());
-            let line = rows.iter().position(here).map_or(0, |i| places[i]);
+            let has_it = |row: &Vec<f64>| row.iter().any(|s| s.total_cmp(&value).is_eq());
+            let line = rows.iter().position(has_it).map_or(0, |i| lines[i]);
             let value = format!("{file} with a sample of {value} in line {line}");
             check.refuse(&key, value, "an image whose samples are 0 or more")
         }

@@ -1,4 +1,4 @@
-//! The camera file: TOML keys with units to a validated [`Camera`]. A file a table.
+//! The camera file: TOML keys with units to a validated [`Camera`]. One source file per table.
 
 mod angles;
 mod detector;
@@ -48,7 +48,7 @@ struct RawCamera {
     mounting: RawMounting,
 }
 
-/// The serial number of cameras that give none.
+/// The default serial number.
 fn first() -> u64 {
     1
 }
@@ -86,7 +86,8 @@ impl Camera {
         Ok(camera)
     }
 
-    /// The same, with what is allowed in the file, but hardly meant, a line each, instead of in the log.
+    /// The same, but returns warnings about valid yet unlikely values, one line each, instead of
+    /// logging them.
     pub fn load_noticed(name: &str, folder: &Folder) -> Result<(Camera, Vec<String>), ConfigError> {
         load(name, folder)
     }
@@ -96,7 +97,8 @@ impl Camera {
         schema()
     }
 
-    /// Reads the text of a camera file called `file`, which names no other files, likewise.
+    /// Reads the text of a camera file called `file`, which names no other files, with its
+    /// warnings.
     pub fn parse_noticed(file: &str, text: &str) -> Result<(Camera, Vec<String>), ConfigError> {
         parse(file, text, &Folder::current())
     }
@@ -110,8 +112,8 @@ fn schema() -> schemars::Schema {
 /// See [`Camera::load_noticed`].
 fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
     let embedded = CAMERAS.contains(&name);
-    // Files that the camera's names are in its own folder.
-    let (found, beside) = match folder {
+    // A camera file names other files relative to its own folder.
+    let (found, own_folder) = match folder {
         _ if embedded => {
             let embedded = Folder::Embedded("cameras");
             (embedded.read(&format!("{name}.toml")), embedded)
@@ -120,17 +122,17 @@ fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
         Folder::Embedded(_) => (folder.read(name), folder.clone()),
     };
     let (file, text) = found.map_err(|error| name_the_cameras(error, name))?;
-    parse(&file, &text, &beside)
+    parse(&file, &text, &own_folder)
 }
 
-/// The camera of a text; `file` is its name in messages, `folder` that of the files that it names.
+/// The camera of a text; `file` is its name in messages, `folder` resolves the files that it names.
 fn parse(file: &str, text: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
     read_noticed(file, text, EXAMPLE_CAMERA, LIMITS, |raw, check| {
         validate(raw, check, folder)
     })
 }
 
-/// A camera that is neither built in nor a file: the remedy lists those that are.
+/// For a camera that is neither built in nor a file: adds a remedy with the built-in names.
 fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
     match error {
         ConfigError::Read { file, source, .. } => ConfigError::Read {

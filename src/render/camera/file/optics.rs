@@ -131,7 +131,7 @@ impl RawOptics {
         };
         let psf = self.psf.validate(&lens, check, folder);
         if psf.is_err() {
-            // Where the field folds, angles have no image: that comes first.
+            // Angles beyond a fold of the projection have no image: report the fold first.
             raw_projection.check_folds(&optics, detector, check)?;
         }
         optics.psf = psf?;

@@ -33,21 +33,22 @@ pub const LIMITS: &[Limit] = &[
     ("optics.projection", Needs(["strength", "model"])),
 ];
 
-/// The key that says which others there are.
+/// The key that determines which other keys are valid.
 const MODEL: &[&str] = &["optics.projection.model"];
 
-/// Models, the keys that they need, and others.
+/// Models, their required keys, and their optional keys.
 const MODELS: [Kind; 3] = [
     ("pinhole", &[], &[]),
     ("brown-conrady", &["k"], &["p", "strength"]),
     ("fisheye", &["k"], &["strength"]),
 ];
 
-/// Furthest (px) beyond the detector that a projection must reach: light from there is faint.
+/// Greatest margin (px) around the detector that a projection must cover: light from beyond is
+/// faint.
 const MAX_MARGIN_PX: f64 = 64.0;
 
 impl RawProjection {
-    /// The polynomial's coefficients; those of the highest orders may be left out.
+    /// The polynomial's coefficients; missing ones of the highest orders are 0.
     fn coefficients<const N: usize>(
         &self,
         strength: f64,
@@ -71,7 +72,7 @@ impl RawProjection {
         Ok(k)
     }
 
-    /// Itself, unless nothing stands in its table.
+    /// Refuses an empty table.
     pub fn not_empty(self, check: &Check) -> Result<Self, ConfigError> {
         match (&self.model, &self.k, &self.p, self.strength) {
             (None, None, None, None) => {
@@ -114,14 +115,15 @@ impl RawProjection {
         }))
     }
 
-    /// Refuses a projection that ends inside the detector, or so near that light from there falls on it.
+    /// Refuses a projection that folds inside the detector, or so near that light from there falls
+    /// on it.
     pub fn check_folds(
         &self,
         optics: &Optics,
         detector: &Detector,
         check: &Check,
     ) -> Result<(), ConfigError> {
-        // What a source leaves outside of that is below a millionth of its light, or far out in faint wings.
+        // Beyond this reach lies less than a millionth of a source's light, or only faint wings.
         let margin_px = optics.psf.reach_px(1e-6).min(MAX_MARGIN_PX);
         let distance = |[x, y]: [f64; 2]| {
             let [cx, cy] = optics.principal_px;
@@ -136,8 +138,8 @@ impl RawProjection {
         };
         let end = optics.projection.end_rad().to_degrees();
         let strength = self.strength.unwrap_or(1.0);
-        let (key, given) = self.culprit();
-        // In hundredths, so that what is advised holds as it is written.
+        let (key, given) = self.largest_coefficients();
+        // In hundredths, so that the advised value works as printed.
         let weaker = |part: u32| f64::from(part) * strength / 100.0;
         let holds = |part: u32| -> Result<bool, ConfigError> {
             let mut optics = optics.clone();
@@ -167,30 +169,31 @@ impl RawProjection {
         Err(check.refuse(&key, given, allowed).needs(FIELD))
     }
 
-    /// Warns of coefficients that put images far from where they would be without any.
+    /// Warns of coefficients that move images far from their ideal positions.
     pub fn check_size(&self, optics: &Optics, detector: &Detector, check: &Check) {
         let ideal = Optics {
             projection: optics.projection.ideal(),
             ..optics.clone()
         };
-        let (mut most, mut field) = (0.0f64, 0.0f64);
+        let (mut max, mut field) = (0.0f64, 0.0f64);
         for at in detector.edge(0.0) {
             let seen = optics.direction(at);
-            most = most.max(seen.angle(&ideal.direction(at)).to_degrees());
+            max = max.max(seen.angle(&ideal.direction(at)).to_degrees());
             field = field.max(seen.angle(&Vector3::z()).to_degrees());
         }
-        // The barrel that makes an equidistant fisheye of a pinhole comes to 0.36 of a field of 90 deg.
-        if most > field / 2.0 {
-            let (key, given) = self.culprit();
+        // The barrel distortion that turns a pinhole into an equidistant fisheye is 0.36 of a field
+        // of 90 deg.
+        if max > field / 2.0 {
+            let (key, given) = self.largest_coefficients();
             check.notice(format_args!(
-                "{key} = {given}: at the detector's edge it sees {most:.2} deg away from where it would without distortion, in a field of \
+                "{key} = {given}: at the detector's edge it sees {max:.2} deg away from where it would without distortion, in a field of \
                  {field:.2} deg from the boresight: are they for coordinates in focal lengths?",
             ));
         }
     }
 
-    /// The coefficients that distort most, as key and value.
-    fn culprit(&self) -> (String, String) {
+    /// The coefficients that probably distort most, as key and value.
+    fn largest_coefficients(&self) -> (String, String) {
         match &self.k {
             Some(k) if self.p.is_none() || k.iter().any(|k| *k != 0.0) => self.given("k"),
             _ if self.p.is_some() => self.given("p"),
@@ -198,7 +201,7 @@ impl RawProjection {
         }
     }
 
-    /// A key by its full name, and the value given.
+    /// A key by its full name, and its given value.
     fn given(&self, key: &str) -> (String, String) {
         let value = match key {
             "k" => self.k.as_ref().map(|k| format!("{k:?}")),

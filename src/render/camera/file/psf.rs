@@ -52,12 +52,14 @@ pub struct Lens<'a> {
     pub projection: &'a Projection,
 }
 
-/// Points of a table of widths are no further apart than this, deg: what lines by distance then miss is below 1e-4 of their rise.
+/// Greatest distance of points in a table of widths, deg: interpolation by distance then errs by
+/// less than 1e-4 of their rise.
 const FINE_DEG: f64 = 0.25;
-/// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: some 900 x 900 pixels each.
+/// Greatest standard deviation (px) of a Gaussian in the field and for any star: a stamp of some
+/// 900 x 900 pixels.
 const WIDEST_SIGMA_PX: f64 = 100.0;
 
-/// The keys of each kind beside `kind` itself: needed ones, then others.
+/// The keys of each kind in addition to `kind`: required ones, then optional ones.
 const KINDS: &[Kind] = &[
     (
         "gaussian",
@@ -86,7 +88,7 @@ pub const LIMITS: &[Limit] = &[
     ("optics.psf", Allowed::Kind("kind", KINDS)),
 ];
 
-/// Keys that a width follows from.
+/// Keys that determine the width.
 const WIDTH: &[&str] = &[
     "optics.psf.kind",
     "optics.psf.width_by_field",
@@ -104,7 +106,7 @@ impl RawPsf {
         check: &Check,
         folder: &Folder,
     ) -> Result<Psf, ConfigError> {
-        // That its kind has them is known.
+        // The schema of kinds ensures that the required keys are present.
         let number = |key: &str, value: Option<f64>| {
             check.limit(LIMITS, &format!("optics.psf.{key}"), value.unwrap_or(0.0))
         };
@@ -141,7 +143,8 @@ impl RawPsf {
         Ok(Psf::new(shape, variation))
     }
 
-    /// Refuses a width that grows beyond what is drawn in reasonable time, somewhere in the field and for some colour.
+    /// Refuses a width that is too large to draw in reasonable time anywhere in the field or for
+    /// any colour.
     fn check_width(
         &self,
         width_px: f64,
@@ -158,12 +161,12 @@ impl RawPsf {
             .into_iter()
             .fold(1.0, f64::max);
         let widest = width_px * field * colour;
-        let (key, most, remedy) = match self.kind.as_str() {
+        let (key, max, remedy) = match self.kind.as_str() {
             "gaussian" => ("sigma_px", WIDEST_SIGMA_PX, ""),
             "airy" => ("kind", WIDEST_PX, "; enlarge the aperture or the pixels"),
             _ => ("fwhm_px", WIDEST_PX, ""),
         };
-        if widest <= most {
+        if widest <= max {
             return Ok(());
         }
         let mut reason = format!("the width of {width_px:.2} px comes to {widest:.2} px");
@@ -173,12 +176,12 @@ impl RawPsf {
         if colour > 1.0 {
             reason += &format!(", by {colour:.3} with the colour of stars (power {exponent})");
         }
-        reason += &format!(": at most {most} px{remedy}");
+        reason += &format!(": at most {max} px{remedy}");
         let error = check.explain(&format!("optics.psf.{key}"), reason);
         Err(error.needs(WIDTH))
     }
 
-    /// Where the table of widths ends, deg, if it is one.
+    /// The last angle of the table of widths, deg, if it has several points.
     pub fn last_angle_deg(&self) -> Option<f64> {
         let table = self.width_by_field.as_ref().filter(|t| t.len() > 1)?;
         table.last().map(|Fixed([deg, _])| *deg)
@@ -193,8 +196,8 @@ impl RawPsf {
         Ok((Shape::Airy(Arc::new(airy), width_px), width_px))
     }
 
-    /// Field angles (deg) to distances from the principal point (px), and points between, for lines that are straight by angle
-    /// are not by distance.
+    /// Converts field angles (deg) to distances from the principal point (px). Adds points between,
+    /// since interpolation by angle is not linear in distance.
     fn width_by_field(&self, lens: &Lens<'_>, check: &Check) -> Result<Vec<[f64; 2]>, ConfigError> {
         let key = "optics.psf.width_by_field";
         let table = Fixed::all(self.width_by_field.clone().unwrap_or_default());

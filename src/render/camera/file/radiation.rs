@@ -41,7 +41,7 @@ pub const LIMITS: &[Limit] = &[
     ("radiation.readout_s", Number(0.0..=1e4)),
 ];
 
-/// Keys that the number of particles and their tracks follow from.
+/// Keys that determine the number of particles and their tracks.
 const TRACKS: &[&str] = &[
     "radiation.thickness_um",
     "radiation.diffusion_um",
@@ -99,11 +99,11 @@ impl RawRadiation {
         }
         if let Flux::Fixed(flux) = flux {
             let events = radiation.expected_events(detector, flux, timing.exposure_s);
-            let most = radiation.most_events(detector);
-            if events > most {
+            let max = radiation.max_events(detector);
+            if events > max {
                 let allowed = format!(
                     "at most {:.3e}: {events:.0} particles would cross the detector in one exposure",
-                    flux * most / events
+                    flux * max / events
                 );
                 let error = check.refuse("radiation.flux_cm2_s", flux, allowed);
                 return Err(error.needs(TRACKS));

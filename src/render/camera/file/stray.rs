@@ -9,7 +9,7 @@ use skyloop_base::load::{Check, ConfigError, Fixed, Limit};
 
 /// The Sun's radius as seen from the Earth, deg.
 const SUN_RADIUS_DEG: f64 = 0.27;
-/// How far from the field the Sun stays, deg, where the file does not say.
+/// Default margin of the Sun's exclusion angle beyond the field, deg.
 const MARGIN_DEG: f64 = 10.0;
 
 #[derive(Deserialize, JsonSchema)]
@@ -26,7 +26,7 @@ pub struct RawStray {
     sun_exclusion_deg: Option<f64>,
 }
 
-/// Limits of the keys; the least of sun_exclusion_deg follows from the field of view.
+/// Limits of the keys; the minimum of sun_exclusion_deg follows from the field of view.
 pub const LIMITS: &[Limit] = &[
     ("optics.stray.sun_exclusion_deg", Number(0.0..=180.0)),
     ("optics.stray.pst[][0]", Number(FIELD_DEG)),
@@ -35,7 +35,7 @@ pub const LIMITS: &[Limit] = &[
 ];
 
 impl RawStray {
-    /// Of a camera whose image holds light from up to `field_deg` from the boresight.
+    /// For a camera whose image contains light from up to `field_deg` from the boresight.
     pub fn validate(
         raw: Option<RawStray>,
         field_deg: f64,
@@ -59,15 +59,15 @@ impl RawStray {
             falling(key, &points, check)?;
             table = points;
         }
-        let least_deg = (field_deg + SUN_RADIUS_DEG).min(180.0);
+        let min_deg = (field_deg + SUN_RADIUS_DEG).min(180.0);
         let key = "optics.stray.sun_exclusion_deg";
         let exclusion_deg = raw.sun_exclusion_deg.unwrap_or(default_deg);
         let exclusion_deg = check.limit(LIMITS, key, exclusion_deg)?;
-        if !(least_deg..=180.0).contains(&exclusion_deg) {
+        if !(min_deg..=180.0).contains(&exclusion_deg) {
             let allowed = format!(
                 "{:.2} to 180 deg: the Sun is never in the image, whose corner is {field_deg:.2} deg from the boresight by \
                  optics.focal_length_mm, detector.pixel_um, detector.width_px and detector.height_px",
-                (least_deg * 100.0).ceil() / 100.0
+                (min_deg * 100.0).ceil() / 100.0
             );
             let error = check.refuse(key, exclusion_deg, allowed);
             return Err(error.needs(FIELD));

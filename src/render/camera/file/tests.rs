@@ -1,10 +1,9 @@
-//! Faults of camera files, and that the JSON Schema has the limits of the loader.
+//! Faults of camera files, and agreement of the JSON Schema with the limits of the loader.
 
 use super::*;
 use skyloop_base::load::{agree, both};
 
-/// The text of a camera file, with these tables for the point spread function and whatever follows
-/// it.
+/// The text of a camera file with this table for the point spread function.
 fn file(psf: &str) -> String {
     format!(
         r#"
@@ -82,8 +81,8 @@ fn the_schema_has_the_loaders_limits() {
     );
 }
 
-/// A fault: text of the file, its replacement, and in brackets the keys that it concerns; below,
-/// the lines that are reported. Each is reported once, whatever is wrong with other keys.
+/// A fault per entry: text of the file, its replacement, and in brackets the affected keys; below,
+/// the reported lines. Each fault is reported once, independent of faults of other keys.
 const FAULTS: &str = r#"
 "X" => 3 [name]
     name: must be a text of 1 to 60 characters in quotes, not 3
@@ -208,17 +207,17 @@ fn faults() -> Vec<Fault> {
 }
 
 #[test]
-fn every_fault_of_a_file_is_reported_whatever_the_others() {
+fn every_fault_is_reported_independently() {
     let base = file(GAUSSIAN).replace("temperature_c = 20.0", "temperature_c = 46.5");
     let base = base.replace("dark_reference_c = 46.5", "dark_reference_c = 20.0");
     assert_eq!(load(&base), None);
     // SplitMix64 (Steele, Lea and Flood 2014).
     let mut state = 41u64;
-    let mut draw = |most: usize| {
+    let mut draw = |count: usize| {
         state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut word = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((word ^ word >> 31) % most as u64) as usize
+        ((word ^ word >> 31) % count as u64) as usize
     };
     let all = faults();
     let singles = (0..all.len()).map(|one| vec![one]);
@@ -257,7 +256,7 @@ fn every_fault_of_a_file_is_reported_whatever_the_others() {
 }
 
 #[test]
-fn schema_and_loader_agree_on_keys_that_go_together() {
+fn schema_and_loader_agree_on_combined_keys() {
     let base = file(GAUSSIAN);
     for (from, to, is_valid) in [
         ("X", "X", true),
@@ -290,7 +289,7 @@ fn schema_and_loader_agree_on_keys_that_go_together() {
         ("band = [400.0, 900.0]", "band = \"w\"", false),
         ("flux_cm2_s = 1.0", "flux_cm2_s = \"orbit\"", true),
         ("flux_cm2_s = 1.0", "flux_cm2_s = \"all\"", false),
-        // Values without their keys are no table.
+        // Values without their keys are not a table.
         (
             "{ pst = [[0.0, 1e-3], [90.0, 1e-9]], sun_exclusion_deg = 40.0 }",
             "[[[0.0, 1e-3], [90.0, 1e-9]], 40.0]",

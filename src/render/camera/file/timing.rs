@@ -9,7 +9,7 @@ use skyloop_base::load::Allowed::{Needs, Number};
 use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use std::ops::RangeInclusive;
 
-/// 10 degrees: what is turned by more is mounted otherwise.
+/// 10 degrees: a larger rotation is a different mounting.
 const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 
 pub const LIMITS: &[Limit] = &[
@@ -24,14 +24,14 @@ pub const LIMITS: &[Limit] = &[
     ),
 ];
 
-/// Shutters and the key that they need.
+/// Shutters and their required key.
 const KINDS: &[Kind] = &[
     ("global", &[], &[]),
     ("rolling", &["row_us"], &[]),
     ("frame-transfer", &["row_us"], &[]),
 ];
 
-/// A row is hardly shifted or read in less, us.
+/// Shortest plausible time for a row, us.
 const SHORTEST_ROW_US: f64 = 0.1;
 
 #[derive(Deserialize, JsonSchema)]
@@ -114,7 +114,7 @@ impl RawTiming {
 }
 
 impl RawMounting {
-    /// Body to camera: the mounting, then the camera turned about its own axes.
+    /// Body to camera: the mounting, then the rotation of the camera about its own axes.
     pub fn validate(self, check: &Check) -> Result<Attitude, ConfigError> {
         let mounting = match self.q_body_to_camera {
             None => Attitude::identity(),

@@ -24,7 +24,7 @@ pub const LIMITS: &[Limit] = &[
 ];
 
 impl RawVignetting {
-    /// Where the table ends, deg, if it is one.
+    /// The last angle of the table, deg, if it has several points.
     pub fn last_angle_deg(&self) -> Option<f64> {
         let table = self.table.as_ref().filter(|t| t.len() > 1)?;
         table.last().map(|Fixed([deg, _])| *deg)

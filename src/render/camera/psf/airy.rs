@@ -3,7 +3,7 @@
 //!
 //! Born & Wolf, Principles of Optics, 8.6.2: with `x = pi r / (lambda N)`, N the focal ratio and
 //! `e` the obscured part of the diameter,
-//! `I(x) = ((2 J1(x) / x - e^2 2 J1(e x) / (e x)) / (1 - e^2))^2`, of which
+//! `I(x) = ((2 J1(x) / x - e^2 2 J1(e x) / (e x)) / (1 - e^2))^2`, with
 //! `int I x dx = 2 / (1 - e^2)`. Far out `J1(x)^2` averages to `1 / (pi x)`, and the light outside
 //! of `x` to `2 / (pi (1 - e) x)`. Unit of width: `lambda N` at the band's reference wavelength.
 
@@ -11,7 +11,7 @@ use super::circular::Quadrant;
 use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
-/// Shape and table of a band's diffraction.
+/// Parameters and table of a band's diffraction.
 #[derive(Debug, PartialEq)]
 pub struct Airy {
     obscuration: f64,
@@ -28,12 +28,12 @@ struct Energy {
 
 /// Step of that table in `x`.
 const STEP: f64 = 0.05;
-/// Wavelengths that stand for a band, at most.
+/// Greatest number of wavelengths that represent a band.
 const WAVELENGTHS: usize = 48;
 
 impl Airy {
-    /// `band`: wavelengths in units of the reference and the light of each (any unit); what of it
-    /// is no light is left out. The obscuration is brought into 0 to 0.9.
+    /// `band`: wavelengths in units of the reference and the light of each (any unit); invalid
+    /// entries are ignored. The obscuration is limited to 0 to 0.9.
     pub fn new(obscuration: f64, band: &[(f64, f64)]) -> Airy {
         let obscuration = nearest(obscuration, 0.0..=0.9);
 
@@ -48,7 +48,7 @@ impl Airy {
             let part = |&(ratio, light): &(f64, f64)| light * mono.at(PI * r / ratio);
             colours.iter().map(part).sum()
         };
-        // The mean over the band is tabulated too: a fan takes a million values of it.
+        // Tabulated, because a fan needs a million values of the mean over the band.
         let knee = (rings / 2.5).clamp(6.0, 16.0);
         let steps = (48.0 * knee) as usize;
         let profile = Profile::new(knee, 8 * steps, energy);
@@ -85,23 +85,22 @@ impl Airy {
         self.half_width
     }
 
-    /// A radius outside of which less than `loss` of the light falls.
+    /// A radius outside of which less than `bound` of the light falls.
     pub fn reach(&self, bound: f64) -> f64 {
-        // The light outside swings around its mean by a part that falls with r; less than 1 is
-        // outside anywhere.
+        // The light outside oscillates around its mean by a part that falls with r, always below
+        // 1.3 of it.
         1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * bound)
     }
 
-    /// A radius outside of which the light of a unit of area is below `share`, its rings averaged.
+    /// A radius outside of which the light per unit area, averaged over rings, is below `share`.
     pub fn faint(&self, share: f64) -> f64 {
         libm::cbrt(1.0 / (PI * PI * PI * (1.0 - self.obscuration) * share))
     }
 }
 
 /// Radius (in units of the width) up to which rings are resolved: the brightest ring beyond is
-/// below 1e-5 of the peak.
-///
-/// Rings: `4 (1 + sqrt e)^2 / (pi x^3 (1 - e^2)^2)` of the peak on the average.
+/// below 1e-5 of the peak. On average rings have `4 (1 + sqrt e)^2 / (pi x^3 (1 - e^2)^2)` of the
+/// peak.
 fn rings(e: f64) -> f64 {
     let height = 4.0 * (1.0 + e.sqrt()).powi(2) / (PI * (1.0 - e * e).powi(2));
     libm::cbrt(height / 1e-5) / PI
@@ -109,7 +108,7 @@ fn rings(e: f64) -> f64 {
 
 /// `I(x)`, 1 at the centre.
 fn intensity(e: f64, x: f64) -> f64 {
-    // 2 J1(x) / x, whose series starts with 1.
+    // 2 J1(x) / x; its limit at 0 is 1.
     let jinc = |x: f64| if x < 1e-4 { 1.0 } else { 2.0 * libm::j1(x) / x };
     let amplitude = (jinc(x) - e * e * jinc(e * x)) / (1.0 - e * e);
     amplitude * amplitude
@@ -136,8 +135,8 @@ impl Energy {
         }
     }
 
-    /// `E(x)`: the table, and far out the mean over the rings; from the one to the other over the
-    /// table's outer third.
+    /// `E(x)`: from the table, and far out the mean over the rings, blended over the table's outer
+    /// third.
     fn at(&self, x: f64) -> f64 {
         let end = (self.values.len() - 3) as f64 * STEP;
         let mean = 1.0 - 2.0 / (PI * (1.0 - self.obscuration) * x.max(1e-9));
@@ -173,7 +172,7 @@ impl Profile {
     }
 }
 
-/// Lagrange's cubic through the four values around place `at`.
+/// Lagrange's cubic through the four values around the index `at`.
 fn cubic(values: &[f64], at: f64) -> f64 {
     let first = (at as usize).saturating_sub(1).min(values.len() - 4);
     let t = at - first as f64;
@@ -187,7 +186,7 @@ fn cubic(values: &[f64], at: f64) -> f64 {
     }
 }
 
-/// Neighbouring wavelengths joined to at most [`WAVELENGTHS`], their light normalised to 1.
+/// Neighbouring wavelengths merged to at most [`WAVELENGTHS`], their light normalised to 1.
 fn thinned(band: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let total: f64 = band.iter().map(|(_, light)| light).sum();
     band.chunks(band.len().div_ceil(WAVELENGTHS).max(1))

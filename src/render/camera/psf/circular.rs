@@ -1,14 +1,14 @@
-//! A circular spread of any profile, integrated over pixels through its encircled energy.
+//! A circular spread of any profile, integrated over pixels by its encircled energy.
 //!
 //! With `E(r)` the share of the light within `r`, the light in the rectangle from the centre to
 //! `(a, b)` is `F(a, b) = T(a, b) + T(b, a)`,
 //! `T(a, b) = 1/(2 pi) int_0^atan(b/a) E(a / cos phi) dphi`: each half of the rectangle is a fan of
-//! sectors. A pixel is a difference of four `F`, so the sum over any rectangle of pixels is the
-//! light in it: interpolation moves a little light between neighbours and loses none.
+//! sectors. A pixel is a difference of four `F`, so the sum over a rectangle of pixels is the light
+//! in it: interpolation moves a little light between neighbours and loses none.
 //!
 //! `F` is tabulated once, in units of the profile's own width, at equal steps of `u = a / (c + a)`:
-//! fine steps in the core, coarse ones in the wings, and the last node is infinity. Any width is a
-//! scale of the same table.
+//! fine steps in the core, coarse ones in the wings, and the last node is infinity. Other widths
+//! scale the same table.
 
 use super::stamp::Stamp;
 use crate::kernels::{self, Nodes, Place};
@@ -19,11 +19,11 @@ use std::ops::Range;
 /// `F(a, b)` on a grid of both coordinates.
 #[derive(Debug, PartialEq)]
 pub struct Quadrant {
-    /// Where the steps begin to grow, in units of the width.
+    /// Coordinate at which the steps begin to grow, in units of the width.
     knee: f64,
     /// Steps from 0 to infinity.
     steps: usize,
-    /// `steps + 1` nodes each way, row by row; symmetric.
+    /// `steps + 1` nodes in each direction, row by row; symmetric.
     light: Vec<f64>,
 }
 
@@ -65,12 +65,12 @@ impl Quadrant {
                 light[i * nodes + j] = fans[i * nodes + j] + fans[j * nodes + i];
             }
         }
-        // The fan of an infinite radius has no light beside the axis.
+        // The fan of an infinite radius has no light off the axis.
         light[nodes * nodes - 1] = 0.25;
         Quadrant { knee, steps, light }
     }
 
-    /// The place of coordinate `a`: four nodes around it, cubic weights (Lagrange).
+    /// The position of coordinate `a`: four nodes around it, cubic weights (Lagrange).
     pub fn place(&self, a: f64) -> Place {
         let size = a.abs();
         let at = self.steps as f64 * (size / (self.knee + size));
@@ -98,8 +98,7 @@ impl Quadrant {
         kernels::table_line(level, &nodes, across, down, line);
     }
 
-    /// The light in the rectangle between two coordinates across and two down, in units of the
-    /// width from the centre.
+    /// The light in a rectangle, given by its edges in units of the width from the centre.
     pub fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
         let across = across.map(|a| self.place(a));
         let [above, below] = down.map(|a| {

@@ -1,26 +1,26 @@
-//! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over
-//! a pixel.
+//! A circular Gaussian: the product of one Gaussian per coordinate, as is its integral over a
+//! pixel.
 
 use crate::kernels::{Lines, Real};
 use skyloop_base::range::nearest;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 
-/// Nodes of the table a standard deviation, and how far it reaches: what lies beyond is below
-/// 1e-16.
+/// Nodes of the table per standard deviation, and its range: the light beyond is below 1e-16.
 const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
 
-/// Light that is lost is no less than this part of it, 37 standard deviations out.
+/// Smallest share of lost light, 37 standard deviations out.
 const MIN_LOSS: f64 = 1e-300;
 
-/// Taylor's series, from the power 0 on.
+/// Taylor's series, from power 0 on.
 type Series = [f64; 6];
 
-/// The normal distribution around the nodes v, Taylor's series:
+/// The normal distribution around the nodes v, as Taylor's series with the Hermite polynomials He_n
+/// at v:
 ///
 /// ```text
-/// P(v + d) = P(v) + p(v) d (1 - He1 d/2! + He2 d^2/3! - He3 d^3/4! + He4 d^4/5!),   He_n the polynomials of Hermite at v
+/// P(v + d) = P(v) + p(v) d (1 - He1 d/2! + He2 d^2/3! - He3 d^3/4! + He4 d^4/5!)
 /// ```
 static TABLE: LazyLock<Vec<Series>> = LazyLock::new(|| {
     let nodes = 0..=(2.0 * REACH * NODES) as usize;
@@ -62,7 +62,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Half the side (px) of the square outside of which less than `loss` of the light falls: two
+    /// Half the side (px) of the square outside of which less than `bound` of the light falls: two
     /// coordinates, two tails each. A tail is below both `exp(-k^2 / 2) / 2` and
     /// `exp(-k^2 / 2) / (k (2 pi)^(1/2))` at k sigma (Abramowitz & Stegun, 7.1.13); by the second
     ///
@@ -70,14 +70,14 @@ impl Gaussian {
     /// k = f(k),   f(k) = (-2 ln(k (2 pi)^(1/2) loss / 4))^(1/2)
     /// ```
     ///
-    /// f falls: from a k that is too great, the first's, it leads to one that is too small, and
-    /// from there to one that is hardly too great.
+    /// f is decreasing: from a k that is too great, by the first bound, one step gives a k that is
+    /// too small, and the next one that is slightly too great.
     pub fn reach_px(&self, bound: f64) -> f64 {
-        // Of no loss at all there would be no end.
+        // Without loss the reach would be infinite.
         let loss = nearest(bound, MIN_LOSS..=1.0);
         let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
         let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
-        // Of more than a hundredth the tail is not that far out.
+        // For losses above 0.01 the second bound does not hold.
         let k = if loss < 0.01 {
             nearer(nearer(far))
         } else {
@@ -86,22 +86,23 @@ impl Gaussian {
         self.sigma_px * k
     }
 
-    /// The radius (px) of the circle outside of which `loss` of the light falls,
+    /// The radius (px) of the circle outside of which `bound` of the light falls,
     /// `exp(-r^2 / (2 sigma^2))`.
     pub fn circle_px(&self, bound: f64) -> f64 {
         self.sigma_px * (-2.0 * libm::log(nearest(bound, MIN_LOSS..=1.0))).sqrt()
     }
 
-    /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that
-    /// the table would be large. With a source `f` above the lower edge of its own pixel, j pixels
-    /// from there is
+    /// The shares of pixels as [`Lines`], within 1e-7; none if the width would make the table too
+    /// large. With a source at `f` above the lower edge of its own pixel, the share of the pixel at
+    /// distance j is
     ///
     /// ```text
-    /// S_j(f) = P((j + 1 - f) / sigma) - P((j - f) / sigma),   d^n S_j / df^n = (-1 / sigma)^n (P^(n)((j + 1 - f) / sigma) - P^(n)((j - f) / sigma))
+    /// S_j(f) = P((j + 1 - f) / sigma) - P((j - f) / sigma)
+    /// d^n S_j / df^n = (-1 / sigma)^n (P^(n)((j + 1 - f) / sigma) - P^(n)((j - f) / sigma))
     /// ```
     pub fn lines<T: Real>(&self) -> Option<Lines<T>> {
         const WIDTHS: std::ops::RangeInclusive<f64> = 0.05..=20.0;
-        // A standard deviation; what is left out of the series is below (1/32)^4 / 24 times 1.1.
+        // Per standard deviation; the truncation error is below (1/32)^4 / 24 times 1.1.
         const NODES: f64 = 16.0;
         if !WIDTHS.contains(&self.sigma_px) {
             return None;
@@ -121,10 +122,9 @@ impl Gaussian {
         Some(Lines::new(nodes, reach, terms))
     }
 
-    /// Share of the light that falls between the lower edges of the pixels `edges` along one axis,
-    /// for a source at `at` (px), within 2e-13:
-    /// `(erf((i + 1/2 - x) / (sqrt 2 sigma)) - erf((i - 1/2 - x) / (sqrt 2 sigma))) / 2`. The share
-    /// of a pixel is the product over both axes.
+    /// Share of the light between the lower edges of the pixels `edges` along one axis, for a
+    /// source at `at` (px), within 2e-13: `(erf((i + 1/2 - x) / (sqrt 2 sigma)) - erf((i - 1/2 - x)
+    /// / (sqrt 2 sigma))) / 2`. The share of a pixel is the product over both axes.
     pub fn shares(&self, at: f64, mut edges: impl Iterator<Item = i64>, out: &mut Vec<f64>) {
         out.clear();
         out.reserve(edges.size_hint().0);
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shares_keep_light_and_centre() {
+    fn shares_conserve_light_and_centroid() {
         for sigma_px in [0.05, 0.3, 0.7, 2.5] {
             for at in [0.0, 0.1, 0.5, -0.31] {
                 let psf = Gaussian { sigma_px };
@@ -156,7 +156,7 @@ mod tests {
                 psf.shares(at, range.start..=range.end, &mut shares);
                 let total: f64 = shares.iter().sum();
                 assert!((total - 1.0).abs() < 1e-12);
-                // The centre of light on pixels equals the source's for a band-limited PSF only.
+                // The pixel centroid equals the source's for a band-limited PSF only.
                 if sigma_px >= 0.7 {
                     let centre: f64 = range.zip(&shares).map(|(i, s)| i as f64 * s).sum();
                     assert!((centre - at).abs() < 1e-4, "{sigma_px} {at} {centre}");
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_has_the_light_below_any_place() {
+    fn table_matches_the_normal_distribution() {
         for i in -100_000..=100_000 {
             let u = f64::from(i) * 1e-4 + 3.3e-6;
             let exact = 0.5 * libm::erfc(-u * FRAC_1_SQRT_2);
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn less_than_the_loss_falls_outside_the_reach() {
+    fn light_outside_the_reach_is_below_the_bound() {
         let psf = Gaussian { sigma_px: 0.7 };
         for bound in [9.9e-3, 1e-3, 1e-6, 1e-9] {
             let k = psf.reach_px(bound) / psf.sigma_px;

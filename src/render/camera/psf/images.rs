@@ -1,9 +1,9 @@
-//! A spread given as images, at places of the field.
+//! A spread given as images at positions of the field.
 //!
-//! An image's samples are the light in its cells, `oversampling` cells a pixel, spread evenly over
-//! each cell; the source stands at the middle of the image. The cells' running sum is the light in
-//! any rectangle, exactly; a pixel is a difference of four. Between the places images are mixed by
-//! bilinear weights, which keeps the light; beyond them the nearest hold.
+//! An image's samples are the light in its cells, `oversampling` cells per pixel, uniform within
+//! each cell; the source is at the middle of the image. The cells' cumulative sum gives the exact
+//! light in any rectangle; a pixel is a difference of four sums. Between the positions images are
+//! mixed by bilinear weights, which conserves light; beyond them the nearest are used.
 
 use std::ops::Range;
 
@@ -12,18 +12,18 @@ use std::ops::Range;
 pub struct Image {
     columns: usize,
     rows: usize,
-    /// Light left of and above each corner of a cell: `columns + 1` a row.
+    /// Light left of and above each corner of a cell: `columns + 1` per row.
     sums: Vec<f64>,
-    /// From its middle to the centre of its light, cells.
+    /// From its middle to its centroid, cells.
     offset: [f64; 2],
 }
 
 /// The images of a field.
 #[derive(Debug, PartialEq)]
 pub struct Images {
-    /// Cells a pixel.
+    /// Cells per pixel.
     oversampling: f64,
-    /// Places of the images' columns and rows in the field (px from the principal point), rising.
+    /// Column and row positions of the images (px from the principal point), rising.
     places: [Vec<f64>; 2],
     /// Row by row.
     images: Vec<Image>,
@@ -31,40 +31,41 @@ pub struct Images {
     core_px: f64,
     /// Half the side of the largest, px.
     reach_px: f64,
-    relief: Relief,
+    gradient: Gradient,
 }
 
-/// How the share of a pixel changes with the place of the source.
+/// Change of a pixel's share with the position of the source.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Relief {
-    /// The greatest share that any pixel gets (1).
+pub struct Gradient {
+    /// The greatest share of any pixel (1).
     pub peak: f64,
     /// The steepest slope of a share, 1/px.
     pub slope: f64,
-    /// The greatest jump of that slope where a cell ends, 1/px.
+    /// The greatest jump of that slope at the end of a cell, 1/px.
     pub kink: f64,
-    /// The peak in units of the brightest pixel of the image, where that is least (1).
+    /// The peak relative to the brightest pixel of the image, where that is faintest (1).
     pub over_brightest: f64,
 }
 
-/// The cell that a coordinate stands in, and the part of it that lies before.
+/// The cell of a coordinate, and its position within the cell (0..1).
 type Corner = (usize, f64);
 
 /// Up to four images and their weights.
 pub type Mix = [(usize, f64); 4];
 
-/// Why images are no point spread function.
+/// Why samples are refused as a point spread function.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Flaw {
-    /// A row is not as long as the first, or there is none.
+    /// A row differs in length from the first, or there is none.
     Ragged,
-    /// A sample is below 0, infinite or no number.
+    /// A sample is negative, infinite or NaN.
     Sample(f64),
     /// The light does not sum to 1.
     Sum(f64),
 }
 
-/// The samples of an image may miss a sum of 1 by this: rounded digits. They are then scaled to 1.
+/// Tolerance of the sum of an image's samples, for rounded values. The samples are then scaled to
+/// 1.
 pub const SUM_TOLERANCE: f64 = 1e-3;
 
 impl Image {
@@ -103,34 +104,34 @@ impl Image {
         })
     }
 
-    /// Light left of and above a corner, between the cells' own.
+    /// Light left of and above a position within a cell.
     fn light(&self, (i, s): Corner, (j, t): Corner) -> f64 {
         let at = |i: usize, j: usize| self.sums[j * (self.columns + 1) + i];
         (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j))
             + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
     }
 
-    /// Shares as they change with the place of the source.
-    fn relief(&self, oversampling: f64) -> Relief {
-        // At the ends of cells, and at least so often a pixel: shares are linear between.
+    /// Change of the shares with the position of the source.
+    fn gradient(&self, oversampling: f64) -> Gradient {
+        // At the ends of cells, and at least four times per pixel: shares are linear between.
         const MIN: f64 = 4.0;
-        let a_cell = (MIN / oversampling).ceil().max(1.0);
-        let steps = (oversampling * a_cell).round().clamp(1.0, 64.0);
-        let places = |cells: usize| {
+        let per_cell = (MIN / oversampling).ceil().max(1.0);
+        let steps = (oversampling * per_cell).round().clamp(1.0, 64.0);
+        let positions = |cells: usize| {
             let half = cells as f64 / 2.0 / oversampling + 1.0;
             let n = (half * steps).ceil() as i64;
             (-n..=n).map(move |i| i as f64 / steps)
         };
         let corner = |px: f64, cells: usize| -> Corner {
-            let place = (px * oversampling + cells as f64 / 2.0).clamp(0.0, cells as f64);
-            let first = (place as usize).min(cells - 1);
-            (first, place - first as f64)
+            let position = (px * oversampling + cells as f64 / 2.0).clamp(0.0, cells as f64);
+            let first = (position as usize).min(cells - 1);
+            (first, position - first as f64)
         };
         let edges = |px: f64, cells: usize| [corner(px - 0.5, cells), corner(px + 0.5, cells)];
-        let across: Vec<[Corner; 2]> = places(self.columns)
+        let across: Vec<[Corner; 2]> = positions(self.columns)
             .map(|px| edges(px, self.columns))
             .collect();
-        let shares: Vec<f64> = places(self.rows)
+        let shares: Vec<f64> = positions(self.rows)
             .map(|px| edges(px, self.rows))
             .flat_map(|[above, below]| {
                 let of = move |[left, right]: &[Corner; 2]| {
@@ -140,10 +141,10 @@ impl Image {
                 across.iter().map(of)
             })
             .collect();
-        Relief::of(&shares, across.len(), steps as usize)
+        Gradient::of(&shares, across.len(), steps as usize)
     }
 
-    /// Radius (cells) of the disc as large as what is brighter than half the brightest cell.
+    /// Radius (cells) of a disc with the area of all cells above half the brightest.
     fn half_width(&self) -> f64 {
         let cell = |i: usize, j: usize| {
             let at = |i: usize, j: usize| self.sums[j * (self.columns + 1) + i];
@@ -158,44 +159,43 @@ impl Image {
     }
 }
 
-impl Relief {
-    /// Of the shares of a pixel that the source is off by whole steps, `steps` of them a pixel, row
-    /// by row.
-    fn of(shares: &[f64], wide: usize, steps: usize) -> Relief {
+impl Gradient {
+    /// From the shares of a pixel for source offsets in steps, `steps` per pixel, row by row.
+    fn of(shares: &[f64], wide: usize, steps: usize) -> Gradient {
         let at = |i: usize, j: usize| shares[j * wide + i];
         let peak = shares.iter().copied().fold(0.0, f64::max);
         let rows = shares.len() / wide;
         let [mut slope, mut kink] = [0.0f64; 2];
         for j in 1..rows - 1 {
             for i in 1..wide - 1 {
-                let here = at(i, j);
-                let across = [at(i - 1, j) - here, at(i + 1, j) - here];
-                let down = [at(i, j - 1) - here, at(i, j + 1) - here];
+                let own = at(i, j);
+                let across = [at(i - 1, j) - own, at(i + 1, j) - own];
+                let down = [at(i, j - 1) - own, at(i, j + 1) - own];
                 let steeper = |[a, b]: [f64; 2]| a.abs().max(b.abs());
                 slope = slope.max(libm::hypot(steeper(across), steeper(down)));
                 let bend = |[a, b]: [f64; 2]| (a + b).abs();
                 kink = kink.max(bend(across) + bend(down));
             }
         }
-        // Sources at each place within a pixel, and the brightest of the pixels around.
+        // The brightest pixel for each position of the source within a pixel.
         let brightest = (0..steps * steps).map(|phase| {
             let rows = (phase / steps..rows).step_by(steps);
-            let here =
+            let shares =
                 rows.flat_map(|j| (phase % steps..wide).step_by(steps).map(move |i| at(i, j)));
-            here.fold(0.0, f64::max)
+            shares.fold(0.0, f64::max)
         });
-        let least = brightest.fold(peak, f64::min);
-        Relief {
+        let faintest = brightest.fold(peak, f64::min);
+        Gradient {
             peak,
             slope: slope * steps as f64,
             kink: kink * steps as f64,
-            over_brightest: peak / least.max(f64::MIN_POSITIVE),
+            over_brightest: peak / faintest.max(f64::MIN_POSITIVE),
         }
     }
 
-    /// What bounds both.
-    fn or(self, other: Relief) -> Relief {
-        Relief {
+    /// A bound of both.
+    fn or(self, other: Gradient) -> Gradient {
+        Gradient {
             peak: self.peak.max(other.peak),
             slope: self.slope.max(other.slope),
             kink: self.kink.max(other.kink),
@@ -205,9 +205,9 @@ impl Relief {
 }
 
 impl Images {
-    /// `images`, row by row, stand at the crossings of `places` (columns, rows; px from the
-    /// principal point, rising). None if there are not as many as crossings, or less than one cell
-    /// or more than a thousand a pixel.
+    /// `images`, row by row, at the nodes of `places` (columns, rows; px from the principal point,
+    /// rising). None if their number differs from that of the nodes, or if there is less than one
+    /// cell or more than a thousand per pixel.
     pub fn new(oversampling: f64, places: [Vec<f64>; 2], images: Vec<Image>) -> Option<Images> {
         let is_whole = images.len() == places[0].len() * places[1].len();
         if images.is_empty() || !is_whole || !(1.0..=1e3).contains(&oversampling) {
@@ -221,26 +221,26 @@ impl Images {
             .iter()
             .map(Image::half_width)
             .fold(f64::MAX, f64::min);
-        // A Gaussian's full width at half maximum is 2.3548 of its standard deviations.
+        // The full width at half maximum of a Gaussian is 2.3548 standard deviations.
         let core_px = 2.0 * half / oversampling / 2.354_820_045;
-        let reliefs = images.iter().map(|image| image.relief(oversampling));
-        let relief = reliefs.fold(Relief::default(), Relief::or);
+        let gradients = images.iter().map(|image| image.gradient(oversampling));
+        let gradient = gradients.fold(Gradient::default(), Gradient::or);
         Some(Images {
             oversampling,
             places,
             core_px,
             reach_px: cells as f64 / 2.0 / oversampling,
-            relief,
+            gradient,
             images,
         })
     }
 
-    /// That of all the images.
-    pub fn relief(&self) -> Relief {
-        self.relief
+    /// The bound of all images.
+    pub fn gradient(&self) -> Gradient {
+        self.gradient
     }
 
-    /// The width of the narrowest core, px.
+    /// The standard deviation of the narrowest core, px.
     pub fn core_px(&self) -> f64 {
         self.core_px
     }
@@ -250,12 +250,12 @@ impl Images {
         self.reach_px
     }
 
-    /// How many images are mixed at most.
+    /// Greatest number of images in a mix.
     pub fn mixed(&self) -> usize {
         self.images.len().min(4)
     }
 
-    /// From the source to the centre of its light, px.
+    /// From the source to the centroid of its light, px.
     pub fn offset_px(&self, mix: &Mix) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (i, weight) in mix {
@@ -265,7 +265,7 @@ impl Images {
         sum
     }
 
-    /// What the images are mixed of at a place of the field.
+    /// The images and weights at a position of the field.
     pub fn mix(&self, field_px: [f64; 2]) -> Mix {
         let [(i, s), (j, t)] = [0, 1].map(|axis| between(&self.places[axis], field_px[axis]));
         let columns = self.places[0].len();
@@ -297,9 +297,9 @@ impl Images {
         {
             let corner = |i: i64, at: f64, cells: usize| -> Corner {
                 let from_middle = (i as f64 - 0.5 - at) * self.oversampling;
-                let place = (from_middle + cells as f64 / 2.0).clamp(0.0, cells as f64);
-                let first = (place as usize).min(cells - 1);
-                (first, place - first as f64)
+                let position = (from_middle + cells as f64 / 2.0).clamp(0.0, cells as f64);
+                let first = (position as usize).min(cells - 1);
+                (first, position - first as f64)
             };
             let across = edges.clone().map(|i| corner(i, at[0], image.columns));
             let across: Vec<Corner> = across.collect();
@@ -321,7 +321,7 @@ impl Images {
     }
 }
 
-/// The sum of what the weights of each image differ by.
+/// The sum of the differences between the weights of each image.
 pub fn apart(a: &Mix, b: &Mix) -> f64 {
     let weight = |mix: &Mix, image: usize| -> f64 {
         let same = mix.iter().filter(|(i, _)| *i == image);
@@ -336,7 +336,7 @@ pub fn apart(a: &Mix, b: &Mix) -> f64 {
     apart.sum()
 }
 
-/// The place before `at` and the part of the way to the next.
+/// The index of the position before `at`, and the fraction of the distance to the next.
 fn between(places: &[f64], at: f64) -> (usize, f64) {
     let next = places.partition_point(|place| *place <= at);
     match (

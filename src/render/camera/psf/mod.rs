@@ -1,15 +1,15 @@
-//! The point spread function, integrated over each pixel: how it varies over the field and with
+//! The point spread function, integrated over each pixel, and its variation over the field and with
 //! colour.
 //!
 //! The integrals are exact for Gaussians and images, and within 1e-4 of the brightest pixel for
-//! tables of circular profiles, as long as their width (see [`Airy`] and [`Moffat`]) is at most
-//! [`WIDEST_PX`]; narrow ones have no limit. Price: a stamp of 15 x 15 pixels takes 1.7 us as a
-//! Gaussian, 2 us from a table, some 10 us from four images; a table is made in 20 to 200 ms when
-//! the camera is loaded.
+//! tables of circular profiles if their width (see [`Airy`] and [`Moffat`]) is at most
+//! [`WIDEST_PX`]; small widths have no limit. Cost: a stamp of 15 x 15 pixels takes 1.7 us as a
+//! Gaussian, 2 us from a table, some 10 us from four images; a table takes 20 to 200 ms when the
+//! camera is loaded.
 //!
-//! No profile is cut and scaled up: of wide wings what falls beside the pixels that are drawn,
-//! [`LocalPsf::undrawn`], is laid evenly over these (see `footprint`); what is lost of narrow ones,
-//! [`Fidelity::loss`] has.
+//! No profile is cut and scaled up. Light of wide wings outside the drawn pixels,
+//! [`LocalPsf::undrawn`], is spread evenly over these (see `footprint`). [`Fidelity::bound`] limits
+//! the loss of narrow profiles.
 
 mod airy;
 mod circular;
@@ -19,7 +19,7 @@ mod moffat;
 mod stamp;
 
 pub use airy::Airy;
-pub use images::{Flaw, Image, Images, Relief, SUM_TOLERANCE};
+pub use images::{Flaw, Gradient, Image, Images, SUM_TOLERANCE};
 pub use moffat::Moffat;
 pub use stamp::Stamp;
 
@@ -31,23 +31,21 @@ use skyloop_base::range::nearest;
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
-/// Greatest width (px) that the tables of circular profiles are made for, before it varies over the
-/// field.
+/// Greatest width (px) of circular profiles from tables, before variation over the field.
 pub const WIDEST_PX: f64 = 20.0;
-/// Furthest (px) that light is drawn from a source: wide wings end there, but for a Gaussian's,
-/// which has none. Beyond it lie 2 % of a diffraction pattern whose `lambda N` is 25 px, and a
-/// thousandth of one of 1 px.
+/// Greatest distance (px) of drawn light from a source: wide wings end there, except for a
+/// Gaussian, which has none. Beyond it lie 2 % of a diffraction pattern whose `lambda N` is 25 px,
+/// and a thousandth of one of 1 px.
 pub const FURTHEST_PX: f64 = 256.0;
 
-/// Widths (px) that a shape may have; and by what factors the field and colours may change them.
+/// Limits of a shape's width (px), and of its factors from field and colour.
 const WIDTHS_PX: RangeInclusive<f64> = 1e-6..=1e3;
 const SCALES: RangeInclusive<f64> = 1e-3..=1e3;
 
-/// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px),
-/// each way.
+/// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px).
 pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
     // Pixel i covers i - 0.5 to i + 0.5.
-    // Without a call, which `floor` is on old processors.
+    // Avoids `floor`, which is a function call on old processors.
     let pixel = |x: f64| {
         let towards_zero = (x + 0.5) as i64;
         towards_zero.saturating_sub(i64::from(x + 0.5 < towards_zero as f64))
@@ -55,12 +53,12 @@ pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
     at.map(|x| pixel(x - reach_px)..pixel(x + reach_px).saturating_add(1))
 }
 
-/// How a camera spreads the light of a point over the detector.
+/// Spread of a point's light over the detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Psf {
     shape: Shape,
     variation: Variation,
-    /// Of a Gaussian that is the same everywhere and for all colours.
+    /// For a Gaussian that is the same everywhere and for all colours.
     lines: Option<Arc<(Lines<f32>, Lines<f64>)>>,
 }
 
@@ -78,20 +76,20 @@ pub enum Shape {
     Images(Arc<Images>),
 }
 
-/// How the width varies.
+/// Variation of the width.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variation {
-    /// Distance from the principal point (px, rising) and the factor of the width there; straight
-    /// lines between.
+    /// Distance from the principal point (px, rising) and the factor of the width there; linear
+    /// between.
     pub by_field: Vec<[f64; 2]>,
-    /// The width goes by this power of the wavelength.
+    /// Exponent of the width with the wavelength.
     pub wavelength_exponent: f64,
-    /// The least and the greatest ratio of a source's mean wavelength to the band's reference.
+    /// Minimum and maximum ratio of a source's mean wavelength to the band's reference.
     pub wavelength_ratios: [f64; 2],
 }
 
 impl Default for Variation {
-    /// Not at all.
+    /// No variation.
     fn default() -> Self {
         Variation {
             by_field: Vec::new(),
@@ -101,7 +99,7 @@ impl Default for Variation {
     }
 }
 
-/// The spread at one place of the field and of one colour.
+/// The spread at one position of the field for one colour.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalPsf<'a> {
     shape: &'a Shape,
@@ -111,7 +109,7 @@ pub struct LocalPsf<'a> {
 }
 
 impl Shape {
-    /// With its width brought into [`WIDTHS_PX`].
+    /// With its width limited to [`WIDTHS_PX`].
     fn bounded(self) -> Shape {
         let bounded = |width_px: f64| nearest(width_px, WIDTHS_PX);
         match self {
@@ -124,9 +122,8 @@ impl Shape {
 }
 
 impl Psf {
-    /// A shape whose width varies. Widths are brought into 1e-6 to 1e3 px, and what the field and
-    /// colours make of them into a thousandth to a thousand times; what is no number becomes the
-    /// least.
+    /// A shape whose width varies. Widths are limited to 1e-6 to 1e3 px, and factors from field and
+    /// colour to 1e-3 to 1e3; NaN becomes the minimum.
     pub fn new(shape: Shape, variation: Variation) -> Psf {
         let shape = shape.bounded();
         let is_even = variation.by_field.is_empty() && variation.wavelength_exponent == 0.0;
@@ -144,8 +141,8 @@ impl Psf {
         }
     }
 
-    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours,
-    /// in single and in double precision; none of other spreads.
+    /// The shares of lines of pixels for a Gaussian that is the same everywhere and for all
+    /// colours, in single and in double precision; none for other spreads.
     pub fn lines(&self) -> Option<&(Lines<f32>, Lines<f64>)> {
         self.lines.as_deref()
     }
@@ -165,14 +162,14 @@ impl Psf {
         self.local(scale, mix)
     }
 
-    /// Whether the centre of all light is where its source is.
+    /// Whether the centroid of the light equals the position of the source.
     #[inline]
     pub fn is_symmetric(&self) -> bool {
         !matches!(self.shape, Shape::Images(_))
     }
 
-    /// From a source at `field_px` from the principal point to the centre of its light, px: images
-    /// may be off their middle, other profiles are symmetric.
+    /// From a source at `field_px` from the principal point to the centroid of its light, px.
+    /// Images may be off centre, other profiles are symmetric.
     #[inline]
     pub fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
         match &self.shape {
@@ -197,49 +194,49 @@ impl Psf {
         }
     }
 
-    /// The least and the greatest scale of the field and of all colours.
+    /// Minimum and maximum scale over the field and all colours.
     fn scales(&self) -> [f64; 2] {
         let factors = self.variation.by_field.iter().map(|[_, factor]| *factor);
         let field = factors.fold(None, |range: Option<[f64; 2]>, f| {
-            let [least, most] = range.unwrap_or([f, f]);
-            Some([least.min(f), most.max(f)])
+            let [min, max] = range.unwrap_or([f, f]);
+            Some([min.min(f), max.max(f)])
         });
-        let [least, most] = field.unwrap_or([1.0, 1.0]);
+        let [min, max] = field.unwrap_or([1.0, 1.0]);
         let [a, b] = self
             .variation
             .wavelength_ratios
             .map(|ratio| self.by_wavelength(ratio));
-        [least * a.min(b), most * a.max(b)]
+        [min * a.min(b), max * a.max(b)]
     }
 
-    /// What spreading a point over a square of so many rows takes, ns on one core.
+    /// Time to spread a point over a square of `rows` rows, ns on one core.
     pub fn stamp_ns(&self, rows: f64) -> f64 {
         match self.shape {
-            // Error functions at the edges of rows and columns, and a product a pixel.
+            // Error functions at the edges of rows and columns, one product per pixel.
             Shape::Gaussian(_) => 200.0 + 47.0 * rows + 0.34 * rows * rows,
-            // Interpolation in a table: a place an edge, a sum a corner.
+            // Table interpolation: one position per edge, one sum per corner.
             Shape::Airy(..) => 250.0 + 65.0 * rows + 3.5 * rows * rows,
-            // Its reach takes powers.
+            // Its reach needs powers.
             Shape::Moffat(..) => 500.0 + 65.0 * rows + 3.5 * rows * rows,
             Shape::Images(ref images) => 100.0 + 11.0 * images.mixed() as f64 * rows * rows,
         }
     }
 
-    /// The greatest [`LocalPsf::reach_px`] of the field and of all colours.
+    /// The greatest [`LocalPsf::reach_px`] over the field and all colours.
     pub fn reach_px(&self, bound: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
             .reach_px(bound)
     }
 
-    /// The greatest [`LocalPsf::drawn_px`] of the field and of all colours.
+    /// The greatest [`LocalPsf::drawn_px`] over the field and all colours.
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
             .drawn_px(fidelity, electrons)
     }
 
-    /// The radius (px) of the circle to draw around each of the points that stand for a streak, for
-    /// a source of so many `electrons`: all of their light but [`Fidelity::loss`] is in it. None
-    /// but of a Gaussian that is the same everywhere and for all colours.
+    /// The radius (px) of the circle to draw around each point of a streak, for a source of
+    /// `electrons`: it contains all light except [`Fidelity::bound`]. Only for a Gaussian that is
+    /// the same everywhere and for all colours.
     pub fn circle_px(&self, fidelity: &Fidelity, electrons: f64) -> Option<f64> {
         match self.shape {
             Shape::Gaussian(sigma_px) if self.lines.is_some() => {
@@ -249,15 +246,14 @@ impl Psf {
         }
     }
 
-    /// A bound of the sum of the squares of a point's shares, over the field and of all colours
-    /// (1).
+    /// A bound of the sum of the squares of a point's shares, over the field and all colours (1).
     pub fn sharpness(&self) -> f64 {
-        // A sum of squares is no more than the greatest of what sums to 1.
+        // For shares that sum to 1, the sum of squares is at most the greatest share.
         if let Shape::Images(images) = &self.shape {
-            return images.relief().peak.min(1.0);
+            return images.gradient().peak.min(1.0);
         }
-        // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no
-        // share in squares.
+        // Symmetric profiles are sharpest at the middle of a pixel. Squares of shares further out
+        // are negligible.
         let narrowest = self.narrowest();
         let mut stamp = Stamp::default();
         let reach_px = 4.0 * narrowest.core_px();
@@ -271,29 +267,29 @@ impl Psf {
         (1.01 * squares).min(1.0)
     }
 
-    /// A bound of a point's share on any pixel, over the field and of all colours (1).
+    /// A bound of a point's share on any pixel, over the field and all colours (1).
     pub fn peak(&self) -> f64 {
         if let Shape::Images(images) = &self.shape {
-            return images.relief().peak.min(1.0);
+            return images.gradient().peak.min(1.0);
         }
         let middle = self.narrowest().on_pixel([0.0; 2], &mut Stamp::default());
         (1.01 * middle).min(1.0)
     }
 
-    /// The least [`LocalPsf::core_px`] of the field and of all colours.
+    /// The smallest [`LocalPsf::core_px`] over the field and all colours.
     pub fn core_px(&self) -> f64 {
         self.narrowest().core_px()
     }
 
-    /// It where it is narrowest, but for images.
+    /// The narrowest spread, except for images.
     fn narrowest(&self) -> LocalPsf<'_> {
         self.local(self.scales()[0], images::Mix::default())
     }
 }
 
 impl LocalPsf<'_> {
-    /// Half the side (px) of the square outside of which less than `loss` of the light falls; but
-    /// for a Gaussian's at most [`FURTHEST_PX`].
+    /// Half the side (px) of the square outside of which less than `bound` of the light falls; at
+    /// most [`FURTHEST_PX`] except for a Gaussian.
     pub fn reach_px(&self, bound: f64) -> f64 {
         let reach = match self.shape {
             Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(bound),
@@ -304,9 +300,9 @@ impl LocalPsf<'_> {
         nearest(reach, 0.0..=FURTHEST_PX)
     }
 
-    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its
-    /// light but [`Fidelity::loss`] is in it; or, of wide wings, all that is not too faint,
-    /// [`LocalPsf::undrawn`] being the rest.
+    /// Half the side (px) of the square to draw for a source of `electrons`: it contains all light
+    /// except [`Fidelity::bound`]; for wide wings, all that is not too faint, with the rest in
+    /// [`LocalPsf::undrawn`].
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
         let faint_px = match self.shape {
@@ -334,7 +330,7 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// The share of the light of a point on the pixel that it is `off` (px) from the middle of.
+    /// The share of a point's light on a pixel whose middle is `off` (px) away.
     pub fn on_pixel(&self, off: [f64; 2], stamp: &mut Stamp) -> f64 {
         if let Some((table, width_px)) = self.table() {
             let [across, down] = off.map(|off| [-0.5, 0.5].map(|edge| (edge - off) / width_px));
@@ -344,8 +340,8 @@ impl LocalPsf<'_> {
         stamp.light.iter().sum()
     }
 
-    /// The light of a point at `at` (px) outside of `square` (columns, rows); 0 where it is no more
-    /// than `psf_loss`.
+    /// The light of a point at `at` (px) outside of `square` (columns, rows); 0 if at most
+    /// `psf_loss`.
     pub fn undrawn(&self, at: [f64; 2], square: &[Range<i64>; 2], fidelity: &Fidelity) -> f64 {
         let Some((table, width_px)) = self.table() else {
             return 0.0;
@@ -362,10 +358,10 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must
-    /// be sampled.
+    /// The width (px) of its core, as the standard deviation of a Gaussian: the scale for sampling
+    /// tracks.
     pub fn core_px(&self) -> f64 {
-        // A Gaussian's full width at half maximum is 2.3548 of its standard deviations.
+        // The full width at half maximum of a Gaussian is 2.3548 standard deviations.
         const FULL_WIDTH: f64 = 2.354_820_045;
         match self.shape {
             Shape::Gaussian(sigma_px) => self.gaussian(*sigma_px).sigma_px,
@@ -377,19 +373,19 @@ impl LocalPsf<'_> {
         }
     }
 
-    /// How shares change with the place of the source, where that is told by images; else as of a
-    /// Gaussian of the core's width.
-    pub fn relief(&self) -> Option<Relief> {
+    /// Change of the shares with the position of the source, for images; other profiles behave like
+    /// a Gaussian of the core's width.
+    pub fn gradient(&self) -> Option<Gradient> {
         match self.shape {
-            Shape::Images(images) => Some(images.relief()),
+            Shape::Images(images) => Some(images.gradient()),
             Shape::Gaussian(_) | Shape::Airy(..) | Shape::Moffat(..) => None,
         }
     }
 
-    /// By which part of its peak a spread differs from another one of the same camera at most,
-    /// where that is little (1).
+    /// Greatest difference to another spread of the same camera, relative to its peak (1); valid
+    /// for small differences.
     pub fn differs(&self, other: &LocalPsf<'_>) -> f64 {
-        // The peak goes by the inverse square of the width.
+        // The peak is proportional to the inverse square of the width.
         let wider = (self.scale / other.scale).max(other.scale / self.scale);
         wider * wider - 1.0 + images::apart(&self.mix, &other.mix)
     }
@@ -419,7 +415,7 @@ impl LocalPsf<'_> {
         );
     }
 
-    /// The light of a point at `at` (px) on each of `rows`, the pixels of `columns` added up.
+    /// The light of a point at `at` (px) on each of `rows`, summed over `columns`.
     pub fn spread_on_rows(
         &self,
         at: [f64; 2],

@@ -1,5 +1,5 @@
-//! Moffat's profile (1969, A&A 3, 455): `I(r) ~ (1 + r^2 / alpha^2)^-beta`; a core with the wings
-//! of scattered light.
+//! Moffat's profile (1969, A&A 3, 455): `I(r) ~ (1 + r^2 / alpha^2)^-beta`; a core with wings of
+//! scattered light.
 //!
 //! Encircled energy `E(r) = 1 - (1 + r^2 / alpha^2)^(1 - beta)`. Unit of width: the full width at
 //! half maximum, `2 alpha sqrt(2^(1/beta) - 1)`.
@@ -8,7 +8,7 @@ use super::circular::Quadrant;
 use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
-/// Shape and table of a Moffat profile.
+/// Parameters and table of a Moffat profile.
 #[derive(Debug, PartialEq)]
 pub struct Moffat {
     /// Exponent (1).
@@ -20,12 +20,11 @@ pub struct Moffat {
 
 /// Steps of the table.
 const STEPS: usize = 320;
-/// Where they begin to grow, in units of the full width.
+/// Radius at which they begin to grow, in units of the full width.
 const KNEE: f64 = 4.0;
 
 impl Moffat {
-    /// The profile of exponent `beta`, which is brought into 1.1 to 100: that of 1 has no end to
-    /// its light.
+    /// The profile of exponent `beta`, limited to 1.1 to 100: at 1 its light is infinite.
     pub fn new(beta: f64) -> Moffat {
         let beta = nearest(beta, 1.1..=100.0);
         let alpha = 0.5 / (libm::pow(2.0, 1.0 / beta) - 1.0).sqrt();
@@ -41,7 +40,7 @@ impl Moffat {
         &self.table
     }
 
-    /// The radius outside of which `loss` of the light falls.
+    /// The radius outside of which `bound` of the light falls.
     pub fn reach(&self, bound: f64) -> f64 {
         self.alpha
             * (libm::pow(bound, 1.0 / (1.0 - self.beta)) - 1.0)
@@ -49,7 +48,7 @@ impl Moffat {
                 .sqrt()
     }
 
-    /// The radius outside of which the light of a unit of area is below `share`.
+    /// The radius outside of which the light per unit area is below `share`.
     pub fn faint(&self, share: f64) -> f64 {
         let peak = (self.beta - 1.0) / (PI * self.alpha * self.alpha);
         self.alpha

@@ -3,13 +3,12 @@
 use crate::kernels::Place;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// The light of a point on a rectangle of pixels; used again and again, so that nothing is
-/// allocated twice.
+/// The light of a point on a rectangle of pixels. It is reused, so that memory is allocated once.
 #[derive(Debug)]
 pub struct Stamp {
     /// Light on each pixel, row by row.
     pub light: Vec<f64>,
-    /// The vector instructions that it is computed with; all give the same.
+    /// Vector instructions of the computation; all give the same result.
     pub(super) level: Option<Level>,
     pub(super) across: Vec<f64>,
     pub(super) down: Vec<f64>,
@@ -17,7 +16,7 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// One that is computed with the vector instructions of `level`.
+    /// A stamp computed with the vector instructions of `level`.
     pub fn of(level: Option<Level>) -> Stamp {
         Stamp {
             light: Vec::new(),
@@ -30,7 +29,7 @@ impl Stamp {
 }
 
 impl Default for Stamp {
-    /// With the fastest that the processor has.
+    /// With the fastest instructions of the processor.
     fn default() -> Stamp {
         Stamp::of(Some(Level::best()))
     }

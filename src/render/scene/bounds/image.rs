@@ -8,7 +8,7 @@
 //! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
 //! ```
 //!
-//! Spreads given as images have their own peak, slope and kinks (`Relief`). An image centred r
+//! Spreads given as images have their own peak, slope and kinks (`Gradient`). An image centred r
 //! outside of the detector has the slope `N r / s^2` and the bend `N r^2 / s^4` at its edge. Wings
 //! end at whole pixels, and the light at their edge comes and goes; so do sources that touch the
 //! detector only with the effect, or only without it. `compared` adds the changes up where images
@@ -64,7 +64,7 @@ impl Image<'_> {
         let source = self.source;
         // Between pixels it may be higher than in the brightest: by the ratio of a source in the
         // middle of a pixel to one at a corner.
-        let over = match self.psf.relief() {
+        let over = match self.psf.gradient() {
             Some(relief) => relief.over_brightest,
             None => self.middle / self.psf.on_pixel([0.5; 2], &mut Stamp::default()),
         };
@@ -84,7 +84,8 @@ impl Image<'_> {
         let core_px = self.core_px;
         // If it is off the detector, the slope of its flank at that distance.
         let steepest = steepest.max(self.flank());
-        let steeper = (self.psf.relief()).map_or(1.0, |of| of.slope * core_px / of.peak / STEEPEST);
+        let steeper =
+            (self.psf.gradient()).map_or(1.0, |of| of.slope * core_px / of.peak / STEEPEST);
         self.inside_e(e, px) * (steepest * steeper.max(1.0) * px / core_px).min(1.0)
             + self.edge_e(px)
     }
@@ -95,7 +96,7 @@ impl Image<'_> {
     /// Gaussian's.
     pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
         let smooth = (length_px / self.core_px).powi(2) / 24.0;
-        let kinks = (self.psf.relief()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
+        let kinks = (self.psf.gradient()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
         let flank = self.flank().max(1.0).powi(2);
         self.inside_e(e, length_px / 2.0) * (1.2 * (flank * smooth + kinks)).min(1.0)
             + self.edge_e(length_px / 2.0)
@@ -117,7 +118,7 @@ impl Image<'_> {
         if self.outside_px == 0.0 || from_px <= 0.0 {
             return e;
         }
-        if self.psf.relief().is_some() {
+        if self.psf.gradient().is_some() {
             return if from_px > self.drawn_px + 1.0 {
                 0.0
             } else {
@@ -195,7 +196,7 @@ pub fn changes(
     // No profile of that width is higher in its middle than a Gaussian. With a rolling shutter rows
     // may be exposed a little longer.
     let core_px = optics.psf.core_px();
-    let middle = match optics.psf_at(optics.principal_px, 1.0).relief() {
+    let middle = match optics.psf_at(optics.principal_px, 1.0).gradient() {
         None => (1.0 / (TAU * core_px * core_px)).min(1.0),
         Some(_) => 1.0,
     };
@@ -243,7 +244,7 @@ fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Imag
     let (optics, detector) = (&scene.view.camera.optics, &scene.view.camera.detector);
     let ratio = source.body.wavelength_ratio();
     let psf = optics.psf_at(source.centroid, ratio);
-    let middle = match psf.relief() {
+    let middle = match psf.gradient() {
         Some(relief) => relief.peak,
         None => psf.on_pixel([0.0; 2], stamp),
     };
