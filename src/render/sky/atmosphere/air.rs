@@ -1,24 +1,24 @@
-//! Air: how dense it is, how much of it lies along a line, and how it scatters.
+//! Air: density, columns along lines, and scattering.
 //!
 //! Density: US Standard Atmosphere 1976, 0 to 700 km, exponential between its nodes. Columns along
 //! slant lines: Chapman's function of grazing incidence by Smith & Smith 1972 (J. Geophys. Res. 77,
-//! 3592), its scale height that of the column above the point. Rayleigh scattering: Bodhaine et al.
+//! 3592), with the scale height of the column above the point. Rayleigh scattering: Bodhaine et al.
 //! 1999 (J. Atmos. Oceanic Technol. 16, 1854) and the phase function of Bucholtz 1995 (Appl. Opt.
 //! 34, 2765).
 //!
 //! The sphere has the Earth's equatorial radius: lines and altitudes are those of stretched space
 //! (see [`Earth`]), which err by 0.3 % of the altitude. Refraction, which bends a grazing line by
-//! up to a degree below 10 km, is left out.
+//! up to a degree below 10 km, is omitted.
 //!
 //! [`Earth`]: crate::sky::shadow::Earth
 
 use crate::sky::shadow::EARTH_RADIUS_M;
 use std::f64::consts::PI;
 
-/// Where air and airglow are taken to end, m.
+/// Upper limit of air and airglow, m.
 pub const TOP_M: f64 = 700e3;
 
-/// Molecules a cubic metre, each 5 km from the ground to 120 km, then each 20 km to 700 km (PyPI
+/// Molecules per cubic metre, each 5 km from the ground to 120 km, then each 20 km to 700 km (PyPI
 /// ussa1976 0.3.4).
 const LOW_STEP_M: f64 = 5e3;
 const LOW: [f64; 25] = [
@@ -33,18 +33,17 @@ const HIGH: [f64; 30] = [
     3.127e13, 2.322e13, 1.741e13, 1.320e13, 1.013e13, 7.876e12, 6.209e12, 4.968e12, 4.034e12,
     3.327e12, 2.784e12, 2.364e12,
 ];
-/// Where the two tables meet, m.
+/// Common altitude of the two tables, m.
 const SEAM_M: f64 = LOW_STEP_M * (LOW.len() - 1) as f64;
 
-/// The density of the air with altitude, and how thick it is above.
+/// Density of the air, and column above, by altitude.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Air {
     low: Profile,
     high: Profile,
 }
 
-/// Straight lines are drawn between so many parts of each step of the tables: off by 1.2e-4 of the
-/// density at most.
+/// Linear pieces per step of the tables: the error is at most 1.2e-4 of the density.
 const PARTS: usize = 64;
 
 /// A table of equal steps: the density (1/m^3), and the scale height of the column above (m), at
@@ -59,16 +58,16 @@ struct Profile {
 /// The air at an altitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Density {
-    /// Molecules a cubic metre.
+    /// Molecules per cubic metre.
     pub molecules_m3: f64,
-    /// Molecules straight above a square metre over those in a cubic metre, m.
+    /// Vertical column above (1/m^2) divided by the density, m.
     pub scale_m: f64,
 }
 
 impl Air {
     /// The standard atmosphere.
     pub fn standard() -> Air {
-        // Air above the top falls off as it does below it.
+        // Above the top the density falls at the rate of the last step.
         let fall = libm::log(HIGH[HIGH.len() - 2] / HIGH[HIGH.len() - 1]);
         let beyond = HIGH[HIGH.len() - 1] * HIGH_STEP_M / fall;
         let (high, column) = Profile::new(SEAM_M, HIGH_STEP_M, &HIGH, beyond);
@@ -76,7 +75,7 @@ impl Air {
         Air { low, high }
     }
 
-    /// The air at an altitude (m); that of the ground below it, and of the top above that.
+    /// The air at an altitude (m), limited to the range from the ground to the top.
     pub fn at(&self, altitude_m: f64) -> Density {
         let profile = if altitude_m < SEAM_M {
             &self.low
@@ -86,16 +85,16 @@ impl Air {
         profile.at(altitude_m)
     }
 
-    /// Molecules a square metre from a point at `altitude_m` to space, along a line whose cosine to
-    /// the vertical is `cos`: Chapman's function. Where the line points down it passes its lowest
-    /// point; a line that would meet the ground is taken to graze it.
+    /// Molecules per square metre from a point at `altitude_m` to space, along a line whose cosine
+    /// to the vertical is `cos`: Chapman's function. A descending line passes its lowest point; if
+    /// that is below the ground, the line grazes the ground.
     pub fn column(&self, altitude_m: f64, cos: f64) -> f64 {
         self.column_from(EARTH_RADIUS_M + altitude_m, self.at(altitude_m), cos)
     }
 
-    /// [`Air::column`] from a point at `radius` (m) whose air is `here`.
-    pub fn column_from(&self, radius: f64, here: Density, cos: f64) -> f64 {
-        let up = here.molecules_m3 * here.scale_m * chapman(radius / here.scale_m, cos.abs());
+    /// [`Air::column`] from a point at `radius` (m) with known `air`.
+    pub fn column_from(&self, radius: f64, air: Density, cos: f64) -> f64 {
+        let up = air.molecules_m3 * air.scale_m * chapman(radius / air.scale_m, cos.abs());
         if cos >= 0.0 {
             return up;
         }
@@ -107,8 +106,8 @@ impl Air {
 }
 
 impl Profile {
-    /// The profile of `densities` and the column above its foot, with `beyond` (1/m^2) above its
-    /// top.
+    /// The profile of `densities` and the column above its lower end, with `beyond` (1/m^2) above
+    /// its upper end.
     fn new(from_m: f64, step_m: f64, densities: &[f64], beyond: f64) -> (Profile, f64) {
         let mut column = beyond;
         let mut nodes = Vec::with_capacity(densities.len());
@@ -149,8 +148,8 @@ impl Profile {
     }
 }
 
-/// Nodes of a [`Profile`], [`PARTS`] for each step between these: exponentials of the density,
-/// straight lines of the scale height.
+/// Nodes of a [`Profile`], [`PARTS`] per given step: exponential in density, linear in scale
+/// height.
 fn finer(nodes: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let between = nodes.windows(2).flat_map(|pair| {
         let (a, b) = (pair[0], pair[1]);
@@ -164,14 +163,13 @@ fn finer(nodes: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// Chapman's function Ch(x, chi) for chi up to 90 deg, `x` the radius in scale heights, `cos` =
-/// cos(chi): the column along a slant line over that straight up, in air whose density falls by e
-/// each scale height.
+/// cos(chi): slant column over vertical column in air whose density falls by e per scale height.
 ///
 /// ```text
 /// Ch = sqrt(pi x / 2) exp(y^2) erfc(y),   y = sqrt(x / 2) cos(chi)
 /// ```
 ///
-/// (Smith & Smith 1972, with their rational function for exp(y^2) erfc(y), good to 0.12 %.)
+/// (Smith & Smith 1972, with their rational function for exp(y^2) erfc(y), accurate to 0.12 %.)
 pub fn chapman(x: f64, cos: f64) -> f64 {
     let y = (x / 2.0).sqrt() * cos;
     let erfcx = if y < 8.0 {
@@ -190,8 +188,8 @@ pub fn cross_section_m2(wavelength_m: f64) -> f64 {
         / (1.0 + 0.002_705_988_9 / um2 - 85.968_563 * um2)
 }
 
-/// Rayleigh's phase function against the cosine of the scattering angle, its mean over all
-/// directions 1:
+/// Rayleigh's phase function of the cosine of the scattering angle, with a mean over all directions
+/// of 1:
 ///
 /// ```text
 /// P = 3 / (4 (1 + 2 g)) [(1 + 3 g) + (1 - g) cos^2],   g = d / (2 - d)
@@ -209,11 +207,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_column_above_the_ground_is_its_weight_over_gravity() {
+    fn column_above_the_ground_is_weight_over_gravity() {
         let ground = Air::standard().at(0.0);
         let column = ground.molecules_m3 * ground.scale_m;
         // X-Val: hydrostatics: 101325 Pa / (9.80665 m/s^2 * 28.9644 u * 1.66054e-27 kg) = 2.148e29
-        // 1/m^2; gravity falls off upwards.
+        // 1/m^2; gravity decreases with altitude.
         assert!((column / 2.148e29 - 1.0).abs() < 0.01, "{column:e}");
         // X-Val: PyPI ussa1976 0.3.4, n_tot integrated in 10 m steps: 2.1532e29.
         assert!((column / 2.1532e29 - 1.0).abs() < 0.01, "{column:e}");
@@ -222,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn chapmans_function_is_the_sum_along_the_line() {
+    fn chapmans_function_matches_the_numerical_column() {
         for x in [800.0, 300.0, 60.0] {
             for cos in [1.0, 0.6, 0.2, 0.05, 0.0] {
                 // Numerically, in scale heights: density exp(x - r) along r^2 = x^2 + s^2 + 2 x s
@@ -243,22 +241,22 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_dips_has_twice_the_grazing_column_less_what_lies_behind() {
+    fn descending_column_is_twice_the_grazing_one_less_the_rest() {
         let air = Air::standard();
-        // At its lowest point the line from 60 km at a slant is grazing: from there both halves are
-        // alike.
+        // The line from 60 km at a slant grazes at its lowest point: from there both halves are
+        // equal.
         let (radius, low) = (EARTH_RADIUS_M + 60e3, EARTH_RADIUS_M + 30e3);
         let cos = -(1.0 - (low / radius) * (low / radius)).sqrt();
         let whole = air.column(60e3, cos) + air.column(60e3, -cos);
         assert!((whole / (2.0 * air.column(30e3, 0.0)) - 1.0).abs() < 1e-9);
         // The law of the optically thin limb: sqrt(2 pi R H) n.
-        let here = air.at(30e3);
-        let thin = (2.0 * PI * low * here.scale_m).sqrt() * here.molecules_m3;
+        let lowest = air.at(30e3);
+        let thin = (2.0 * PI * low * lowest.scale_m).sqrt() * lowest.molecules_m3;
         assert!((whole / thin - 1.0).abs() < 0.01, "{}", whole / thin);
     }
 
     #[test]
-    fn scattering_is_bates_and_keeps_light() {
+    fn scattering_matches_bates_and_conserves_light() {
         // X-Val: PyPI sasktran2 2026.10.1, rayleigh_cross_section_bates at 350, 550, 800 and 1100
         // nm, m^2.
         for (nm, expected) in [

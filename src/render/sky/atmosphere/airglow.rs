@@ -1,19 +1,19 @@
-//! Airglow: light that the upper atmosphere makes itself, in layers.
+//! Airglow: light emitted by layers of the upper atmosphere.
 //!
-//! Each layer's emission with altitude is a Chapman layer (Chamberlain 1961, Physics of the Aurora
-//! and Airglow, writes such layers so),
+//! The emission of each layer by altitude is a Chapman layer (as in Chamberlain 1961, Physics of
+//! the Aurora and Airglow),
 //!
 //! ```text
 //! e(h) = I / (e H) exp(1 - y - exp(-y)),   y = (h - h0) / H
 //! ```
 //!
-//! `I` its column seen in the zenith, `h0` its peak, `H` its scale height; the width at half
-//! maximum is 2.45 H. Brightness is in Rayleigh, of which 1 R is 1e10 / (4 pi) ph/s/m^2/sr.
+//! `I` its column brightness in the zenith, `h0` its peak, `H` its scale height; the width at half
+//! maximum is 2.45 H. Brightness is in Rayleigh: 1 R is 1e10 / (4 pi) ph/s/m^2/sr.
 //!
-//! The figures are means of quiet nights at a low latitude and medium solar activity (Paranal, 130
-//! solar flux units); a night's own brightness is often half or double. Day, twilight, latitude and
-//! aurora are left out: the day's airglow is brighter (the lines of oxygen ten- to hundredfold) but
-//! stands before the day's own sky.
+//! The values are means of quiet nights at a low latitude and medium solar activity (Paranal, 130
+//! solar flux units); single nights often have half or double. Variation by day, twilight and
+//! latitude, and aurora are omitted: the day's airglow is brighter (the lines of oxygen ten- to
+//! hundredfold), but the daylit sky behind it is much brighter.
 
 use crate::camera::Band;
 use std::f64::consts::{E, PI};
@@ -21,7 +21,7 @@ use std::f64::consts::{E, PI};
 /// One Rayleigh, ph/s/m^2/sr.
 pub const RAYLEIGH: f64 = 1e10 / (4.0 * PI);
 
-/// Where a layer is: altitude of its peak and scale height, m.
+/// Altitude and thickness of a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     /// Altitude of the peak, m.
@@ -30,14 +30,14 @@ pub struct Place {
     pub scale_m: f64,
 }
 
-/// Hydroxyl, and the continuum, whose height Noll et al. 2012 take as the same: 87 km, 8 to 9 km
+/// Hydroxyl, and the continuum, for which Noll et al. 2012 assume the same height: 87 km, 8 to 9 km
 /// wide (Dunker 2018, Ann. Geophys. 36: the commonly assumed 87 km and 8 km; 8.4 km).
 const HYDROXYL: Place = Place {
     peak_m: 87e3,
     scale_m: 3.4e3,
 };
 /// Molecular oxygen: 94 +- 1 km (Watanabe et al. 1981, J. Geophys. Res. 86, 5768, from rockets);
-/// its width is taken as hydroxyl's.
+/// its width is assumed to be hydroxyl's.
 const OXYGEN_MOLECULES: Place = Place {
     peak_m: 94e3,
     scale_m: 3.8e3,
@@ -48,23 +48,23 @@ const SODIUM: Place = Place {
     scale_m: 3.6e3,
 };
 /// The green line of atomic oxygen: 97 km ("Intensity profiles of the 6300-A and 5577-A O I lines
-/// in the night airglow", J. Geophys. Res. 1968, from rockets); its width is taken as hydroxyl's. A
-/// tenth of it, in the F layer, is left out.
+/// in the night airglow", J. Geophys. Res. 1968, from rockets); its width is assumed to be
+/// hydroxyl's. A tenth of it, in the F layer, is omitted.
 const GREEN: Place = Place {
     peak_m: 97e3,
     scale_m: 3.8e3,
 };
-/// The red lines: 245 km, in the F layer, by the same rockets; a hundred kilometres wide.
+/// The red lines: 245 km, in the F layer, by the same rockets; some 100 km wide.
 const RED: Place = Place {
     peak_m: 245e3,
     scale_m: 40e3,
 };
 
-/// A line or a band: wavelength in air (nm), zenith brightness outside the atmosphere (R), where.
+/// A line or a band: wavelength in air (nm), zenith brightness outside the atmosphere (R), layer.
 ///
 /// Atoms: PALACE v1.0 (Noll et al. 2025, Geosci. Model Dev. 18, 4353), reference intensities.
 /// Molecular oxygen: its (0-1) band by the same model, 344 R; the (0-0) band, which never reaches
-/// the ground, is 18.65 times that by the Einstein coefficients of HITRAN 2020.
+/// ground, is 18.65 times as bright by the Einstein coefficients of HITRAN 2020.
 const LINES: [(f64, f64, Place); 10] = [
     (557.7, 163.0, GREEN),
     (589.0, 23.5, SODIUM),
@@ -78,10 +78,10 @@ const LINES: [(f64, f64, Place); 10] = [
     (864.5, 344.0, OXYGEN_MOLECULES),
 ];
 
-/// Lines of hydroxyl, R in each 10 nm from 600 nm on, as in the zenith outside the lower
-/// atmosphere: the lines of ESO's sky model (Noll et al. 2012, A&A 543, A92, after Hanuschik 2003,
-/// Cosby et al. 2006, Rousselot et al. 2000) in PyPI moons1d 1.0.3, over its transmission; without
-/// the lines above. tests/reference/airglow.py makes them.
+/// Lines of hydroxyl, R in each 10 nm from 600 nm on, in the zenith outside the lower atmosphere:
+/// the lines of ESO's sky model (Noll et al. 2012, A&A 543, A92, after Hanuschik 2003, Cosby et al.
+/// 2006, Rousselot et al. 2000) in PyPI moons1d 1.0.3, divided by its transmission; without the
+/// lines above. tests/reference/airglow.py computes them.
 const HYDROXYL_FROM_NM: f64 = 600.0;
 const HYDROXYL_R: [f64; 52] = [
     4.0, 10.0, 46.0, 19.0, 17.0, 50.0, 8.0, 3.0, 73.0, 71.0, 22.0, 14.0, 179.0, 197.0, 98.0, 101.0,
@@ -90,7 +90,7 @@ const HYDROXYL_R: [f64; 52] = [
     1617.0, 1696.0, 562.0, 130.0, 2031.0, 2885.0, 2725.0, 1734.0, 262.0,
 ];
 
-/// The continuum: wavelength (nm) and brightness over that at 543 nm (Noll et al. 2012, very
+/// The continuum: wavelength (nm) and brightness relative to 543 nm (Noll et al. 2012, very
 /// uncertain below 400 and above 900 nm).
 const CONTINUUM: [(f64, f64); 21] = [
     (300.0, 0.92),
@@ -115,20 +115,19 @@ const CONTINUUM: [(f64, f64); 21] = [
     (1124.0, 3.80),
     (1208.0, 2.57),
 ];
-/// The continuum at 543 nm, R/nm: 79.8 ph/s/m^2/um/arcsec^2 at 130 solar flux units, of 0.018704
-/// ph/s/m^2/arcsec^2 to the Rayleigh.
+/// The continuum at 543 nm, R/nm: 79.8 ph/s/m^2/um/arcsec^2 at 130 solar flux units, with 0.018704
+/// ph/s/m^2/arcsec^2 per Rayleigh.
 const CONTINUUM_R_NM: f64 = 79.8 / 0.018_704 * 1e-3;
 
-/// The airglow that a band sees.
+/// The airglow in a band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Airglow {
-    /// Where each layer is, and its brightness in the zenith through the band, ph/s/m^2/sr; none
-    /// that the band does not see.
+    /// Each layer with light in the band, and its zenith brightness there, ph/s/m^2/sr.
     layers: Vec<(Place, f64)>,
 }
 
 impl Airglow {
-    /// Of a band: each line weighs by the band's response to it.
+    /// In `band`, with each line weighted by the band's response.
     pub fn of(band: &Band) -> Airglow {
         let lines = LINES.iter().map(|&(nm, rayleigh, position)| {
             let response = band.response(nm * 1e-9);
@@ -161,11 +160,11 @@ impl Airglow {
         self.layers.iter().map(|(_, brightness)| brightness).sum()
     }
 
-    /// What a metre of a line of sight adds at an altitude (m), ph/s/m^2/sr/m.
+    /// Emission per metre of a line of sight at an altitude (m), ph/s/m^2/sr/m.
     pub fn emission(&self, altitude_m: f64) -> f64 {
         let one = |(position, brightness): &(Place, f64)| {
             let y = (altitude_m - position.peak_m) / position.scale_m;
-            // Far below the peak exp(-y) overflows, and its exponential is nothing.
+            // Far below the peak exp(-y) overflows, and the emission is 0.
             if y < -6.0 {
                 return 0.0;
             }
@@ -175,7 +174,7 @@ impl Airglow {
     }
 }
 
-/// The continuum over that at 543 nm, straight between its points.
+/// The continuum relative to 543 nm, linear between its points.
 fn continuum(nm: f64) -> f64 {
     let next = CONTINUUM.partition_point(|(at, _)| *at < nm);
     match (
@@ -196,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_see_their_lines() {
+    fn narrow_bands_contain_their_lines() {
         // X-Val: the red line of 123 R and 2 nm of hydroxyl and continuum, 1.25 * 4.27 R/nm.
         let red = zenith_r(629.0, 631.0);
         assert!((red - 123.0 - 4.0 - 11.0).abs() < 3.0, "{red}");
@@ -211,9 +210,9 @@ mod tests {
     }
 
     #[test]
-    fn the_near_infrared_is_hydroxyls() {
+    fn hydroxyl_dominates_the_near_infrared() {
         // X-Val: the lines of ESO's sky model over its transmission, 650 to 1100 nm: 28.5 kR
-        // (tests/reference/airglow.py); the A band and the continuum (6 to 7 kR) are not in it.
+        // (tests/reference/airglow.py), without the A band and the continuum (6 to 7 kR).
         let all = zenith_r(650.0, 1100.0);
         assert!(
             (all / (28_500.0 + 6420.0 + 6700.0) - 1.0).abs() < 0.05,
@@ -222,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_layer_holds_its_brightness_and_peaks_where_it_should() {
+    fn layers_have_their_brightness_and_peak_altitude() {
         let airglow = Airglow::of(&Band::top_hat(650e-9, 1100e-9));
         let step = 100.0;
         let column: f64 = (0..8_000)

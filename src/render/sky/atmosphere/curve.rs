@@ -1,22 +1,22 @@
 //! Tables of exponential sums over columns of air.
 
-/// `sum w exp(-s N)` of a column `N` (1/m^2) as a table: straight lines, as many in each octave,
-/// which miss 3e-5 of it where its depth is 1.
+/// `sum w exp(-s N)` of a column `N` (1/m^2) as a table: linear pieces, equally many per octave,
+/// with an error of 3e-5 of it at an optical depth of 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     values: Vec<f64>,
 }
 
 /// The octaves of the table, 2^79 to 2^107 (6e23 to 1.6e32 1/m^2: from no optical depth to more
-/// than any line has), and lines in each, as a power of two.
+/// than any line has), and the number of pieces per octave, as a power of two.
 const OCTAVES: [u64; 2] = [79, 107];
 const LINES_BITS: u32 = 6;
-/// Bits of a double's fraction, and what its exponent is counted from.
+/// Bits of a double's fraction, and the bias of its exponent.
 const FRACTION_BITS: u32 = f64::MANTISSA_DIGITS - 1;
 const BIAS: u64 = 1023;
 
 impl Curve {
-    /// Of the parts `[w, s]`, `s` in m^2.
+    /// From the terms `[w, s]`, `s` in m^2.
     pub fn new(parts: &[[f64; 2]]) -> Curve {
         const LINES: usize = 1 << LINES_BITS;
         let [first, last] = OCTAVES;
@@ -26,7 +26,7 @@ impl Curve {
             let foot = foot(octave);
             let mut lines = [0.0; LINES];
             for [w, s] in parts {
-                // From one column to the next each falls by the same.
+                // From one column to the next each term falls by the same factor.
                 let fall = libm::exp(-s * foot / LINES as f64);
                 let mut part = w * libm::exp(-s * foot);
                 for line in &mut lines {
@@ -41,11 +41,11 @@ impl Curve {
         Curve { values }
     }
 
-    /// Its value; beyond the table that of its end.
+    /// Its value; beyond the table that of the nearest end.
     pub fn at(&self, column: f64) -> f64 {
         const LEFT: u32 = FRACTION_BITS - LINES_BITS;
-        let [least, most] = OCTAVES.map(|octave| (octave + BIAS) << FRACTION_BITS);
-        let bits = column.max(0.0).to_bits().clamp(least, most) - least;
+        let [min, max] = OCTAVES.map(|octave| (octave + BIAS) << FRACTION_BITS);
+        let bits = column.max(0.0).to_bits().clamp(min, max) - min;
         let (i, rest) = ((bits >> LEFT) as usize, bits & ((1 << LEFT) - 1));
         let a = self.values.get(i).copied().unwrap_or_default();
         let b = self.values.get(i + 1).copied().unwrap_or(a);
@@ -58,8 +58,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn curves_are_their_sums() {
-        // Cross-sections of air at 350 and 1100 nm, m^2 (see air), of the one twice the light.
+    fn curves_match_their_sums() {
+        // Cross-sections of air at 350 and 1100 nm, m^2 (see air), the first with twice the light.
         let parts = [[2.0, 2.93e-30], [1.0, 2.74e-32]];
         let curve = Curve::new(&parts);
         for k in 0..2000 {
@@ -68,8 +68,8 @@ mod tests {
                 let of = |[w, s]: &[f64; 2]| w * (s * column).powi(moment) * libm::exp(-s * column);
                 parts.iter().map(of).sum()
             };
-            // A straight line is off by h^2 / 8 of the second moment, h = 1/64; and of no depth by
-            // as much as that of the least column is.
+            // The interpolation error is h^2 / 8 of the second moment, h = 1/64; at no depth it is
+            // the depth of the smallest column.
             let bound = of(2) / 32768.0 * 1.1 + 2e-6 * of(0);
             let error = (curve.at(column) - of(0)).abs();
             assert!(error <= bound + 1e-30, "{column:e}: {error:e} {bound:e}");

@@ -1,8 +1,8 @@
-//! The atmosphere's light for one frame, as tables that a direction looks up.
+//! The atmosphere's light for one frame, in tables by direction.
 //!
-//! What depends on the line alone (how much air it meets, how much airglow) stands in tables of one
-//! dimension, in logarithms; the Sun's part of it in rows against the Sun's height over the line's
-//! place, for some lines only: it changes slowly from one to the next.
+//! Terms that depend on the line alone (its air, its airglow) are in one-dimensional tables of
+//! logarithms. The Sun's factors are in rows by the Sun's height over the line's position, for a
+//! few lines only, since they change slowly from line to line.
 
 use super::air::{Density, TOP_M, phase_function};
 use super::model::Atmosphere;
@@ -15,19 +15,19 @@ use nalgebra::Vector3;
 use std::f64::consts::PI;
 use std::sync::{Arc, OnceLock};
 
-/// Points along a line, and entries of the two tables: lines before the ground, past the Earth, and
-/// upwards.
+/// Points along a line, and entries of the two tables for the three kinds of lines: to the ground,
+/// past the Earth, and upwards.
 const POINTS: usize = 32;
 const SCATTERED: [usize; 3] = [16, 72, 12];
 const AIRGLOW: [usize; 3] = [24, 192, 16];
-/// Lines of which there is a row: cosines at the ground, altitudes (m), cosines at the observer.
+/// Lines with a row: cosines at the ground, altitudes (m), cosines at the observer.
 const GROUND_ROWS: [f64; 7] = [0.0, 0.06, 0.14, 0.25, 0.4, 0.65, 1.0];
 const PAST_ROWS_M: [f64; 14] = [
     0.0, 4e3, 8e3, 13e3, 19e3, 26e3, 34e3, 44e3, 58e3, 80e3, 120e3, 200e3, 400e3, TOP_M,
 ];
 const UP_ROWS: [f64; 4] = [0.0, 0.15, 0.4, 1.0];
 
-/// The light of the atmosphere around the Earth, from one place at one time.
+/// The light of the atmosphere around the Earth, for one observer at one time.
 #[derive(Debug, Clone)]
 pub struct Limb {
     atmosphere: Arc<Atmosphere>,
@@ -41,35 +41,35 @@ pub struct Limb {
     along: f64,
     /// The observer's distance from the centre of stretched space, m.
     radius: f64,
-    /// The Sun's light over that at 1 au, of which a steradian takes its part (1/sr).
+    /// The Sun's light relative to 1 au, per steradian (1/sr).
     nearness: f64,
-    /// Of lines past the Earth: up to which part of the greatest altitude entries are nearly even,
-    /// and the logarithm that the greatest has then.
+    /// Scale of the table of lines past the Earth: relative altitude up to which entries are nearly
+    /// equidistant, and the logarithm at the greatest altitude.
     near: f64,
     far: f64,
-    /// Of each kind of line what has been asked for.
+    /// Tables of each kind of line, computed on first use.
     kinds: [OnceLock<Kind>; 3],
 }
 
-/// What lines of one kind meet.
+/// Tables of one kind of line.
 #[derive(Debug, Clone)]
 struct Kind {
-    /// Scattered light where the Sun reaches every point undimmed, 4 pi L, at 1 au; airglow;
+    /// Scattered light with undimmed sunlight at every point, 4 pi L, at 1 au; airglow;
     /// ph/s/m^2/sr.
     scattered: Table,
     airglow: Table,
-    /// Lines of which there is a row, and those rows that have been asked for.
+    /// Lines with a row, and the rows, computed on first use.
     lines: Vec<f64>,
-    rows: Vec<OnceLock<Lit>>,
+    rows: Vec<OnceLock<SunlitLine>>,
 }
 
-/// A line of which there is a row.
+/// A line with a row.
 #[derive(Debug, Clone)]
-struct Lit {
+struct SunlitLine {
     row: Row,
     line: Line,
     /// The air along it, from the observer on.
-    parcels: Vec<Parcel>,
+    segments: Vec<Segment>,
 }
 
 impl Limb {
@@ -77,8 +77,8 @@ impl Limb {
     /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None
     /// for an observer inside the Earth.
     ///
-    /// Directions cost 0.1 us each, and the first of their kind and height some 10 us more, for
-    /// tables: 2 ms for all. Make it once a frame.
+    /// A direction takes 0.1 us; the first of a kind and height some 10 us more, for tables: 2 ms
+    /// for all. Make one per frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -111,7 +111,7 @@ impl Limb {
         Some(limb)
     }
 
-    /// What lines of a kind meet.
+    /// The tables of a kind of line, computed on first use.
     fn kind(&self, kind: usize) -> &Kind {
         self.kinds[kind].get_or_init(|| {
             let lines = self.lines(kind);
@@ -124,8 +124,8 @@ impl Limb {
         })
     }
 
-    /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr; where the line
-    /// ends on the ground, what the air before it adds.
+    /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr. For a line to
+    /// the ground, the light of the air before it.
     pub fn radiance(&self, direction: &Vector3<f64>) -> f64 {
         let [scattered, airglow] = self.parts(direction);
         scattered + airglow
@@ -158,27 +158,26 @@ impl Limb {
         let (first, part) = between(lines, at);
         let mut sides = [[0.0; 2]; 2];
         for (i, side) in (first..).zip(&mut sides) {
-            let lit = rows[i].get_or_init(move || self.lit(kind, lines[i]));
-            let parts = move |height| self.sun_along(lit, height);
-            *side = lit.row.at([along, across], parts);
+            let sunlit = rows[i].get_or_init(move || self.sunlit(kind, lines[i]));
+            let parts = move |height| self.sun_along(sunlit, height);
+            *side = sunlit.row.at([along, across], parts);
         }
-        let [[direct, from_below], there] = sides;
-        let direct = direct + (there[0] - direct) * part;
-        let from_below = from_below + (there[1] - from_below) * part;
+        let [[direct, from_below], next] = sides;
+        let direct = direct + (next[0] - direct) * part;
+        let from_below = from_below + (next[1] - from_below) * part;
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
         [scattered * self.nearness * sunlit, airglow]
     }
 
-    /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and
-    /// below the air.
+    /// The transmission (0..1) of the air for the light of the Earth's disc in `direction`.
     ///
-    /// All of the optical depth toward the observer counts, for what air scatters into the line is
-    /// in [`Limb::radiance`], but half of that toward the Sun: half of what air scatters there goes
-    /// on to the ground (a symmetric phase function, two streams; Coakley & Chylek 1975, J. Atmos.
-    /// Sci. 32, 409). Seen from straight above, the two together keep the albedo that the disc has
-    /// with its air, within 5 % from 400 nm on while the Sun is more than 20 deg high; at a slant,
-    /// the Sun low behind, air adds up to 18 %.
+    /// The whole optical depth toward the observer counts, since light scattered into the line is
+    /// in [`Limb::radiance`]. Of the depth toward the Sun half counts: half of the scattered light
+    /// continues to the ground (a symmetric phase function, two streams; Coakley & Chylek 1975, J.
+    /// Atmos. Sci. 32, 409). Seen from straight above, both together keep the albedo of the disc
+    /// with its air, within 5 % from 400 nm on while the Sun is more than 20 deg high. At a slant,
+    /// with the Sun low behind, air adds up to 18 %.
     pub fn ground_share(&self, direction: &Vector3<f64>) -> f64 {
         let stretched = self.earth.to_sphere(*direction).normalize();
         let (cos, sin) = self.angles(&stretched);
@@ -195,8 +194,8 @@ impl Limb {
             .at(air.column(0.0, slant) + 0.5 * to_sun)
     }
 
-    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which the
-    /// atmosphere ends; pi for an observer inside it.
+    /// Minimum and maximum angle (rad) of the atmosphere's edge from the direction of the Earth's
+    /// centre; pi for an observer inside it.
     pub fn edge(&self) -> [f64; 2] {
         self.earth
             .outline(self.earth.unstretched(self.zenith * self.radius), TOP_M)
@@ -212,7 +211,7 @@ impl Limb {
         self.radius < EARTH_RADIUS_M + TOP_M
     }
 
-    /// The kind of a line and its coordinate among its kind.
+    /// The kind of a line and its coordinate within the kind.
     fn coordinate(&self, sight: Sight) -> Option<(usize, f64)> {
         match sight {
             Sight::Ground(cos) => Some((0, cos)),
@@ -230,13 +229,13 @@ impl Limb {
         }
     }
 
-    /// Altitudes of lines past the Earth: at most the observer's own.
+    /// Greatest altitude of a line past the Earth: at most the observer's own.
     fn highest_m(&self) -> f64 {
         (self.radius - EARTH_RADIUS_M).clamp(1.0, TOP_M)
     }
 
-    /// Where a coordinate stands in its table, 0..1: altitudes evenly in their logarithm; from
-    /// inside also evenly in the dip, near the observer's own.
+    /// Position of a coordinate in its table, 0..1. Altitudes are spaced logarithmically; from
+    /// inside the atmosphere also by the dip, near the observer's own altitude.
     fn entry(&self, kind: usize, at: f64) -> f64 {
         if kind != 1 {
             return at;
@@ -275,25 +274,23 @@ impl Limb {
         (atmosphere.shells).along(line, self.radius, &atmosphere.air, &atmosphere.passed)
     }
 
-    /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun
-    /// reached it all, times 4 pi.
+    /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the whole
+    /// line were in undimmed sunlight, times 4 pi.
     fn undimmed(&self, line: &Line) -> f64 {
-        self.parcels(line)
-            .iter()
-            .map(|parcel| parcel.undimmed)
-            .sum()
+        let segments = self.segments(line);
+        segments.iter().map(|segment| segment.undimmed).sum()
     }
 
     /// The air along a line, from the observer on.
-    fn parcels(&self, line: &Line) -> Vec<Parcel> {
+    fn segments(&self, line: &Line) -> Vec<Segment> {
         let Atmosphere { air, scattered, .. } = &*self.atmosphere;
         let mut behind = 0.0;
-        let parcel = |step: Step| {
+        let segment = |step: Step| {
             let air = air.at(step.altitude);
             let molecules = air.molecules_m3 * step.length;
             let column = behind + molecules / 2.0;
             behind += molecules;
-            Parcel {
+            Segment {
                 step,
                 air,
                 molecules,
@@ -301,10 +298,10 @@ impl Limb {
                 undimmed: molecules * scattered.at(column),
             }
         };
-        line.steps(POINTS).map(parcel).collect()
+        line.steps(POINTS).map(segment).collect()
     }
 
-    /// The lines of a kind of which there are rows.
+    /// The lines of a kind that have rows.
     fn lines(&self, kind: usize) -> Vec<f64> {
         match kind {
             0 => GROUND_ROWS.to_vec(),
@@ -316,22 +313,22 @@ impl Limb {
         }
     }
 
-    /// A line, and the row for all heights that the Sun can have over it.
-    fn lit(&self, kind: usize, at: f64) -> Lit {
+    /// A line, and its row for all heights of the Sun.
+    fn sunlit(&self, kind: usize, at: f64) -> SunlitLine {
         let line = Limb::sight(kind, at).line(self.radius);
-        // The place lies at p toward the lowest point's zenith and at s along the line; that zenith
-        // is sin(zenith) - cos(horizontal).
+        // The position lies at p toward the lowest point's zenith and at s along the line; that
+        // zenith is sin(zenith) - cos(horizontal).
         let position = line.position();
         let far = (line.p * line.p + position * position).sqrt();
         let weights = [
             (line.p * line.sin + position * line.cos) / far,
             (position * line.sin - line.p * line.cos) / far,
         ];
-        let [along, most] = self.sun_above();
+        let [along, max] = self.sun_above();
         let height = |across| weights[0] * along + weights[1] * across;
-        Lit {
-            row: Row::of(weights, [height(-most), height(most)]),
-            parcels: self.parcels(&line),
+        SunlitLine {
+            row: Row::of(weights, [height(-max), height(max)]),
+            segments: self.segments(&line),
             line,
         }
     }
@@ -342,30 +339,34 @@ impl Limb {
         [cos, ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt()]
     }
 
-    /// The parts of the undimmed light that the Sun's direct light and the day side's give, the
-    /// sine of the Sun's height over the line's place given.
-    fn sun_along(&self, lit: &Lit, height: f64) -> [f64; 2] {
-        let Lit { row, line, parcels } = lit;
-        let [along, most] = self.sun_above();
-        let across = row.across(height, along).clamp(-most, most);
+    /// The fractions of the undimmed light from direct sunlight and from the day side, for the sine
+    /// of the Sun's height over the line's position.
+    fn sun_along(&self, sunlit: &SunlitLine, height: f64) -> [f64; 2] {
+        let SunlitLine {
+            row,
+            line,
+            segments,
+        } = sunlit;
+        let [along, max] = self.sun_above();
+        let across = row.across(height, along).clamp(-max, max);
         let Atmosphere { air, scattered, .. } = &*self.atmosphere;
         let lowest = line.sin * along - line.cos * across;
         let ahead = line.cos * along + line.sin * across;
         let [mut all, mut direct, mut from_below] = [0.0; 3];
-        for parcel in parcels {
-            all += parcel.undimmed;
-            let radius = EARTH_RADIUS_M + parcel.step.altitude;
-            let height = (line.p * lowest + parcel.step.s * ahead) / radius;
+        for segment in segments {
+            all += segment.undimmed;
+            let radius = EARTH_RADIUS_M + segment.step.altitude;
+            let height = (line.p * lowest + segment.step.s * ahead) / radius;
             let visible = visible_sun(radius, height);
             if visible <= 0.0 {
                 continue;
             }
-            let to_sun = air.column_from(radius, parcel.air, height);
-            direct += parcel.molecules * visible * scattered.at(parcel.column + to_sun);
+            let to_sun = air.column_from(radius, segment.air, height);
+            direct += segment.molecules * visible * scattered.at(segment.column + to_sun);
             if height > 0.0 {
                 let part = (EARTH_RADIUS_M / radius).min(1.0);
                 let sky = ((1.0 - part) * (1.0 + part)).sqrt();
-                from_below += parcel.undimmed * 2.0 * EARTH_ALBEDO * height * (1.0 - sky);
+                from_below += segment.undimmed * 2.0 * EARTH_ALBEDO * height * (1.0 - sky);
             }
         }
         if all > 0.0 {
@@ -378,22 +379,22 @@ impl Limb {
 
 /// The air of a part of a line.
 #[derive(Debug, Clone, Copy)]
-struct Parcel {
+struct Segment {
     step: Step,
     air: Density,
-    /// Molecules a square metre across the line: its own, and from the observer to its middle.
+    /// Molecules per square metre across the line: its own, and from the observer to its middle.
     molecules: f64,
     column: f64,
-    /// What it scatters if the Sun reaches it undimmed, 4 pi L, ph/s/m^2.
+    /// Scattered light with undimmed sunlight, 4 pi L, ph/s/m^2.
     undimmed: f64,
 }
 
-/// Altitude (m) up to which entries of the table of lines past the Earth are nearly even.
+/// Altitude (m) up to which entries of lines past the Earth are nearly equidistant.
 const NEAR_M: f64 = 60e3;
 
-/// The part of the Sun's disc that is seen past the Earth from a point at `radius` (m), where the
-/// sine of the Sun's height is `height`: from 0 to 1 while the Sun's disc, SUN_RADIUS_M / AU_M wide
-/// to each side, clears the horizon.
+/// The visible part of the Sun's disc, past the Earth, from a point at `radius` (m) with the sine
+/// of the Sun's height `height`. It rises from 0 to 1 while the disc, of radius SUN_RADIUS_M /
+/// AU_M, clears the horizon.
 fn visible_sun(radius: f64, height: f64) -> f64 {
     if height >= 0.0 {
         return 1.0;

@@ -1,27 +1,29 @@
-//! The Earth's atmosphere as a camera in space sees it: sunlight that air scatters, and airglow.
+//! The Earth's atmosphere from space: scattered sunlight, and airglow.
 //!
-//! [`air`] has density, columns and scattering, [`airglow`] the layers that shine by themselves;
-//! [`Atmosphere`] is both as one band sees them, made once a camera; [`Limb`] is its light for one
-//! frame, in every direction: above the limb, and before the ground.
+//! [`air`] has density, columns and scattering, [`airglow`] the emitting layers. [`Atmosphere`] has
+//! both in one band, made once per camera. [`Limb`] is its light for one frame, in every direction:
+//! above the limb, and before the ground.
 //!
-//! Sunlight is scattered once, on the way from the Sun to the line of sight, and dimmed on both
-//! ways; of what the air scatters more than once, the part that comes back from below is counted as
-//! light of the day side, of which each point of the line sees a share:
+//! Sunlight is scattered once between the Sun and the line of sight, and dimmed on both paths. Of
+//! multiple scattering, the part from below counts as light of the day side, of which each point of
+//! the line receives a share:
 //!
 //! ```text
-//! L = 1/(4 pi) sum over wavelengths of E s  integral n [P(t) V exp(-s (N_v + N_s)) + 2 A c (1 - sqrt(1 - (R/r)^2)) V exp(-s N_v)] dl
+//! L = 1/(4 pi) sum over wavelengths of E s  integral n [direct + from below] dl
+//! direct     = P(t) V exp(-s (N_v + N_s))
+//! from below = 2 A c (1 - sqrt(1 - (R/r)^2)) V exp(-s N_v)
 //! ```
 //!
 //! with the Sun's photon irradiance `E`, the cross-section `s`, the density `n`, the phase function
 //! `P` of the scattering angle `t`, the columns `N_v` to the observer and `N_s` to the Sun, the
 //! visible part `V` of the Sun's disc, the albedo `A`, the cosine `c` of the Sun's zenith distance
-//! and the radius `r` (Chandrasekhar 1960, Radiative Transfer, for single scattering). Twilight is
-//! what is left when the Earth's shadow climbs through the air.
+//! and the radius `r` (Chandrasekhar 1960, Radiative Transfer, for single scattering). Twilight
+//! remains when the Earth's shadow rises through the air.
 //!
 //! Valid for clear air from 350 to 1100 nm: by day 3 to 25 % below a full calculation from 10 to 80
-//! km of tangent altitude (tests/physics/limb.rs). Left out: clouds and dust (some tens of per cent of the
-//! limb below 20 km, more in the red), ozone (the yellow, below 30 km), light scattered more than
-//! once in twilight, refraction, the day's airglow and aurora.
+//! km of tangent altitude (tests/physics/limb.rs). Omitted: clouds and dust (some tens of per cent
+//! of the limb below 20 km, more in the red), ozone (the yellow, below 30 km), multiple scattering
+//! in twilight, refraction, the day's airglow and aurora.
 
 pub mod air;
 pub mod airglow;

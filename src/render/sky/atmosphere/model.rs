@@ -6,22 +6,21 @@ use super::curve::Curve;
 use super::shells::Shells;
 use crate::camera::Band;
 
-/// The atmosphere as a band sees it.
+/// The atmosphere in a band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Atmosphere {
     pub(super) air: Air,
     pub(super) airglow: Airglow,
-    /// The same in shells.
+    /// The airglow in shells.
     pub(super) shells: Shells,
-    /// `sum E s exp(-s N)`, ph/s: what a molecule takes from the Sun's light behind a column, at 1
-    /// au.
+    /// `sum E s exp(-s N)`, ph/s: light scattered by a molecule behind a column, at 1 au.
     pub(super) scattered: Curve,
-    /// `sum E exp(-s N) / sum E`: the part of the Sun's light that passes a column (1).
+    /// `sum E exp(-s N) / sum E`: transmission of a column for sunlight (1).
     pub(super) passed: Curve,
 }
 
 impl Atmosphere {
-    /// Of a band. Costs some milliseconds: make it once a camera.
+    /// In `band`. Takes some milliseconds: make one per camera.
     pub fn of(band: &Band) -> Atmosphere {
         let sun: Vec<[f64; 2]> = band
             .sun_spectrum()
@@ -42,7 +41,7 @@ impl Atmosphere {
         }
     }
 
-    /// The airglow that the band sees.
+    /// The airglow in the band.
     pub fn airglow(&self) -> &Airglow {
         &self.airglow
     }

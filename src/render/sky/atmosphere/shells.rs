@@ -12,9 +12,9 @@ const SHELLS: [(f64, f64, usize); 3] = [(60e3, 1e3, 15), (75e3, 0.25e3, 160), (1
 /// The airglow in shells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shells {
-    /// Radius (m) of the lowest shell's foot.
+    /// Radius (m) of the lowest shell's inner side.
     foot: f64,
-    /// Of each shell its outer radius (m) and what a metre of it gives, ph/s/m^2/sr/m.
+    /// Outer radius (m) and emission per metre, ph/s/m^2/sr/m, of each shell.
     shells: Vec<(f64, f64)>,
 }
 
@@ -32,7 +32,7 @@ impl Shells {
     }
 
     /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the
-    /// lowest point; what lies behind is dimmed by all the air on the way.
+    /// lowest point. Light from behind is dimmed by all air of the path.
     pub fn along(&self, line: &Line, radius: f64, air: &Air, passed: &Curve) -> f64 {
         let before = || self.between(line.p, [0.0, radius]);
         match line.sight {
@@ -46,8 +46,8 @@ impl Shells {
         }
     }
 
-    /// What shines between two radii (m) on one side of a line that passes the centre at `p` (m):
-    /// each shell's emission times the chord that it cuts.
+    /// Emission between two radii (m) on one side of a line at the distance `p` (m) from the
+    /// centre: each shell's emission times its chord.
     fn between(&self, p: f64, [from, to]: [f64; 2]) -> f64 {
         let from = from.max(p).max(self.foot);
         let first = self.shells.partition_point(|(outer, _)| *outer <= from);

@@ -1,19 +1,19 @@
 //! Lines of sight through the atmosphere, in the plane of the observer's zenith and the line.
 //!
-//! Stretched space has a spherical Earth (see [`Earth`](crate::sky::shadow::Earth)). A line passes
-//! the centre at the distance `p`; a point of it lies at `s` from its nearest one, at the radius
+//! Stretched space has a spherical Earth (see [`Earth`](crate::sky::shadow::Earth)). A line has the
+//! distance `p` from the centre; a point at `s` from its nearest point has the radius
 //! `r^2 = p^2 + s^2`.
 
 use super::air::TOP_M;
 use crate::sky::shadow::EARTH_RADIUS_M;
 
-/// Where a line of sight leads.
+/// The kind of a line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sight {
-    /// To the ground, which it meets at this cosine of the zenith distance (0: the horizon, 1:
-    /// straight down).
+    /// To the ground, with this cosine of the zenith distance there (0: the horizon, 1: straight
+    /// down).
     Ground(f64),
-    /// Past the Earth, this far (m) above the ground at its lowest.
+    /// Past the Earth, with this lowest altitude (m).
     Past(f64),
     /// Upwards, from an observer inside the atmosphere, at this cosine of the zenith distance.
     Up(f64),
@@ -21,7 +21,7 @@ pub enum Sight {
     Away,
 }
 
-/// A line of sight: its distance from the centre, and the part of it that lies in the atmosphere.
+/// A line of sight: its distance from the centre, and its part in the atmosphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     pub sight: Sight,
@@ -30,12 +30,12 @@ pub struct Line {
     /// Cosine and sine of the angle between the line and the observer's zenith.
     pub cos: f64,
     pub sin: f64,
-    /// From here, along the line, to there, m.
+    /// Ends of the part in the atmosphere along the line, m.
     pub from: f64,
     pub to: f64,
 }
 
-/// A point of a line: where, how much of the line it stands for, and its altitude, m.
+/// A point of a line: its position, the length that it represents, and its altitude, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
     pub s: f64,
@@ -43,11 +43,11 @@ pub struct Step {
     pub altitude: f64,
 }
 
-/// How much closer the points of a line lie where the air is densest than where it is thin.
+/// Exponent of the spacing of a line's points between dense and thin air.
 const CROWDING: f64 = 4.5;
 
 impl Sight {
-    /// Of a line from an observer at `radius` (m), at cosine `cos` of its zenith distance.
+    /// For a line from an observer at `radius` (m), at cosine `cos` of its zenith distance.
     pub fn of(radius: f64, cos: f64, sin: f64) -> Sight {
         let p = radius * sin;
         if cos < 0.0 && p < EARTH_RADIUS_M {
@@ -55,10 +55,12 @@ impl Sight {
             return Sight::Ground(((1.0 - part) * (1.0 + part)).sqrt());
         }
         let inside = radius < EARTH_RADIUS_M + TOP_M;
-        match cos < 0.0 {
-            true if p - EARTH_RADIUS_M < TOP_M => Sight::Past(p - EARTH_RADIUS_M),
-            false if inside => Sight::Up(cos),
-            _ => Sight::Away,
+        if cos < 0.0 && p - EARTH_RADIUS_M < TOP_M {
+            Sight::Past(p - EARTH_RADIUS_M)
+        } else if cos >= 0.0 && inside {
+            Sight::Up(cos)
+        } else {
+            Sight::Away
         }
     }
 
@@ -95,8 +97,7 @@ impl Sight {
 }
 
 impl Line {
-    /// The point of the line that stands for its place: on the ground, the lowest, or where it
-    /// leaves the atmosphere.
+    /// The reference point of the line: on the ground, the lowest, or at the end of the atmosphere.
     pub fn position(&self) -> f64 {
         match self.sight {
             Sight::Past(_) => 0.0,
@@ -104,15 +105,15 @@ impl Line {
         }
     }
 
-    /// The line in at most `count` parts, the observer's first. They lie closest where the air is
-    /// densest: at the lowest point.
+    /// The line in at most `count` parts, the observer's first. They are shortest in the densest
+    /// air, at the lowest point.
     pub fn steps(&self, count: usize) -> impl Iterator<Item = Step> + '_ {
         let reach = self.from.abs().max(self.to.abs()).max(1.0);
         let span = self.to - self.from;
         let whole = libm::exp(CROWDING);
         let (spread, sinh) = (whole - 1.0, (whole - 1.0 / whole) / 2.0);
-        // Of the lowest point, sinh(w) opens to both sides; of the ground and the observer's own
-        // place, exp(w) - 1 to one. `e` is exp(w).
+        // Spacing: sinh(w) to both sides of a lowest point; exp(w) - 1 to one side from the ground
+        // or the observer. `e` is exp(w).
         let at = move |e: f64| match self.sight {
             Sight::Past(_) => reach * ((e - 1.0 / e) / 2.0) / sinh,
             Sight::Up(_) => self.from + span * (e - 1.0) / spread,
@@ -144,8 +145,7 @@ impl Line {
     }
 }
 
-/// Half the chord that a sphere of `radius` cuts from a line at the distance `p` from its centre,
-/// m.
+/// Half the chord of a sphere of `radius` on a line at the distance `p` from its centre, m.
 pub fn half_chord(radius: f64, p: f64) -> f64 {
     ((radius - p) * (radius + p)).max(0.0).sqrt()
 }

@@ -1,52 +1,52 @@
-//! Tables of light against lines of sight, and against the Sun's height.
+//! Tables of light by line of sight, and by the Sun's height.
 
 use std::sync::OnceLock;
 
-/// Places in a row.
-const PLACES: usize = 17;
-/// The sine of the Sun's height within which a row has most of its places: twilight.
+/// Nodes of a row.
+const NODES: usize = 17;
+/// The sine of the Sun's height within which a row has most of its nodes: twilight.
 const TWILIGHT: f64 = 0.15;
 
-/// The least entry of a table, ph/s/m^2/sr: nothing that a camera sees.
+/// Minimum entry of a table, ph/s/m^2/sr: far below any camera's sensitivity.
 const MIN: f64 = 1.0;
 
-/// Values at equidistant places and the cubics between them (Catmull & Rom 1974), of those that
-/// have been asked for.
+/// Values at equidistant nodes and the cubics between them (Catmull & Rom 1974), computed on first
+/// use.
 #[derive(Debug, Clone)]
 struct Cubics<const N: usize> {
     values: Vec<OnceLock<[f64; N]>>,
-    /// Of each interval by powers of its part.
+    /// Coefficients of each interval's cubic, by powers.
     powers: Vec<OnceLock<[[f64; N]; 4]>>,
 }
 
-/// Light against one kind of line: logarithms, of base 2.
+/// Light by the coordinate of one kind of line, as binary logarithms.
 #[derive(Debug, Clone)]
 pub struct Table {
     logs: Cubics<1>,
 }
 
-/// The Sun's part against its height over one line's place.
+/// The Sun's factors by its height over one line's position.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction
-    /// in that to the place's zenith.
+    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal
+    /// direction, in its cosine to the position's zenith.
     weights: [f64; 2],
-    /// Where the row's places begin, how far they reach, and one over that, see [`crowd`]; 0 where
-    /// they are all one.
+    /// Start, length and inverse length of the row's range on the scale of [`crowd`]; the inverse
+    /// is 0 for an empty range.
     from: f64,
     span: f64,
     per_span: f64,
-    /// The part of the table's scattered light by the Sun's direct light, and by the day side's.
+    /// Fractions of the table's scattered light from direct sunlight and from the day side.
     parts: Cubics<2>,
 }
 
-/// So many that have not been asked for.
+/// Values that are computed on first use.
 fn blank<T>(count: usize) -> Vec<OnceLock<T>> {
     (0..count).map(|_| OnceLock::new()).collect()
 }
 
 impl<const N: usize> Cubics<N> {
-    /// Of so many values, two or more.
+    /// With `count` values, two or more.
     fn of(count: usize) -> Cubics<N> {
         Cubics {
             values: blank(count),
@@ -54,7 +54,7 @@ impl<const N: usize> Cubics<N> {
         }
     }
 
-    /// What stands at 0..1 of all places; `value` gives it there for the place itself.
+    /// The value at 0..1 of the range; `value` computes nodes at 0..1.
     #[inline]
     fn at(&self, part: f64, value: impl Fn(f64) -> [f64; N]) -> [f64; N] {
         let count = self.powers.len();
@@ -85,14 +85,14 @@ impl<const N: usize> Cubics<N> {
 }
 
 impl Table {
-    /// Of so many values, two or more.
+    /// With `count` values, two or more.
     pub fn of(count: usize) -> Table {
         Table {
             logs: Cubics::of(count),
         }
     }
 
-    /// The value at 0..1, by cubics through four of those that `value` gives for 0..1.
+    /// The value at 0..1, by cubics through four nodes; `value` computes nodes at 0..1.
     #[inline]
     pub fn at(&self, part: f64, value: impl Fn(f64) -> f64) -> f64 {
         let [log] = self
@@ -103,7 +103,7 @@ impl Table {
 }
 
 impl Row {
-    /// Of the sines of the Sun's height from the one of `ends` to the other.
+    /// For sines of the Sun's height between the two `ends`.
     pub fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
         let [from, to] = ends.map(crowd);
         let span = to - from;
@@ -112,12 +112,12 @@ impl Row {
             from,
             span,
             per_span: if span.abs() > 1e-9 { 1.0 / span } else { 0.0 },
-            parts: Cubics::of(PLACES),
+            parts: Cubics::of(NODES),
         }
     }
 
-    /// The parts for the Sun's cosines to the observer's zenith and to the line's horizontal
-    /// direction; `parts` gives them for sines of the Sun's height.
+    /// The fractions for the Sun's cosines to the observer's zenith and to the line's horizontal
+    /// direction; `parts` computes them for sines of the Sun's height.
     #[inline]
     pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
@@ -128,8 +128,8 @@ impl Row {
         [direct.max(0.0), from_below.max(0.0)]
     }
 
-    /// The Sun's cosine to the line's horizontal direction, at the sine `height` of its height,
-    /// that to the observer's zenith being `along`.
+    /// The Sun's cosine to the line's horizontal direction, for the sine `height` of its height and
+    /// its cosine `along` to the observer's zenith.
     pub fn across(&self, height: f64, along: f64) -> f64 {
         if self.weights[1].abs() > 1e-9 {
             (height - self.weights[0] * along) / self.weights[1]
@@ -139,8 +139,8 @@ impl Row {
     }
 }
 
-/// The first of the two lines on either side of `at`, and which part of the way to the second it
-/// lies.
+/// The index of the first of the two lines around `at`, and the fraction of the distance to the
+/// second.
 #[inline]
 pub fn between(lines: &[f64], at: f64) -> (usize, f64) {
     let above = lines.partition_point(|line| *line < at);
@@ -165,7 +165,7 @@ mod tests {
     use std::cell::Cell;
 
     #[test]
-    fn cubics_follow_a_parabola_go_through_their_places_and_ask_for_what_is_near() {
+    fn cubics_follow_a_parabola_and_compute_only_neighbours() {
         let requested = Cell::new(0);
         let parabola = |x: f64| [3.0 - 2.0 * x + 5.0 * x * x, 1.0 - x];
         let value = |x: f64| {
@@ -173,20 +173,22 @@ mod tests {
             parabola(x)
         };
         let cubics = Cubics::<2>::of(11);
-        // X-Val: by hand, the parabola itself: Catmull and Rom's cubics are of its slope at their
-        // ends.
+        // X-Val: by hand, the parabola itself: Catmull-Rom cubics have its slopes at their ends.
         for part in [0.512, 0.5, 0.58] {
-            let [told, truth] = [cubics.at(part, value), parabola(part)];
-            assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{part}");
+            let [found, exact] = [cubics.at(part, value), parabola(part)];
+            assert!(
+                (0..2).all(|k| (found[k] - exact[k]).abs() < 1e-14),
+                "{part}"
+            );
         }
         assert_eq!(requested.get(), 4);
         for i in 0..=10 {
             let part = f64::from(i) / 10.0;
-            let [told, truth] = [cubics.at(part, value), parabola(part)];
-            assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{i}");
+            let [found, exact] = [cubics.at(part, value), parabola(part)];
+            assert!((0..2).all(|k| (found[k] - exact[k]).abs() < 1e-14), "{i}");
         }
         assert_eq!(requested.get(), 11);
-        // Beyond the ends as at them.
+        // Constant beyond the ends.
         assert_eq!(cubics.at(-3.0, value), cubics.at(0.0, value));
     }
 }
