@@ -1,18 +1,19 @@
-//! In which direction an observer sees stars, objects in orbit, the Sun, the Moon and the Earth.
+//! Directions in which an observer sees stars, objects in orbit, the Sun, the Moon and the Earth.
 //!
 //! All directions are unit vectors along the axes of the ICRF, *proper*: as measured by the moving
-//! observer, aberration included.
+//! observer, with aberration.
 //!
-//! - Stars: space motion since J1991.25, parallax, deflection by the Sun, aberration; barycentric throughout.
-//! - Objects in Earth orbit: light time and aberration, geocentric throughout. The Earth's own motion carries observer, object and
-//!   light alike, so the velocity which aberrates is the observer's against the Earth, never against the barycentre; mixing the two
-//!   would cost 20.5 arcsec.
+//! - Stars: space motion since J1991.25, parallax, deflection by the Sun, aberration; all
+//!   barycentric.
+//! - Objects in Earth orbit: light time and aberration, both geocentric. Observer, object and light
+//!   share the Earth's motion, so the observer's velocity relative to the Earth causes the
+//!   aberration, not the barycentric one; mixing the two would cost 20.5 arcsec.
 //!
-//! Left out for stars, with what that costs: deflection by Jupiter (17 milliarcsec at its limb, 1
-//! at 15 limbs' distance) and by the Earth (0.6 milliarcsec at its limb), and the change of proper
-//! motion by radial velocity, which the catalogue does not give. That last one is 1.2
-//! milliarcsec/yr^2 for Barnard's star (2.8 arcsec by 2060) and 0.15 for Groombridge 1830, and
-//! below 0.02 arcsec by 2060 for all but some tens of nearby stars.
+//! Omitted for stars, with the error: deflection by Jupiter (17 milliarcsec at its limb, 1 at 15
+//! limb distances) and by the Earth (0.6 milliarcsec at its limb), and the change of proper motion
+//! by radial velocity, which is not in the catalogue. That change is 1.2 milliarcsec/yr^2 for
+//! Barnard's star (2.8 arcsec by 2060) and 0.15 for Groombridge 1830, and below 0.02 arcsec by 2060
+//! for all but some tens of nearby stars.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -23,27 +24,28 @@ use super::bodies::{Aberration, Bodies, aberrate};
 use super::constants::{AU_M, LIGHT_M_S, tt_days_since_j2000};
 
 /// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The
-/// catalogue counts TCB and this module TT: 7 s apart, 2 microarcsec of the fastest proper motion.
+/// catalogue uses TCB, this module TT: the difference of 7 s is 2 microarcsec of the fastest proper
+/// motion.
 const CATALOGUE_EPOCH_DAYS: f64 = 2_448_349.062_5 - 2_451_545.0;
 const DAYS_PER_YEAR: f64 = 365.25;
 /// Twice the Sun's gravitational parameter over c^2, m: its Schwarzschild radius.
 /// GM = 1.327 124 4e20 m^3/s^2 (IAU 2015 Resolution B3).
 const SUN_SCHWARZSCHILD_M: f64 = 2.0 * 1.327_124_4e20 / (LIGHT_M_S * LIGHT_M_S);
-/// Smallest `1 - cos(elongation)` for which deflection grows on: 4.9 arcmin at 1 au, well behind
-/// the Sun's disc (16 arcmin).
+/// Smallest `1 - cos(elongation)` with increasing deflection: 4.9 arcmin at 1 au, well behind the
+/// Sun's disc (16 arcmin).
 const DEFLECTION_FLOOR: f64 = 1e-6;
-/// Light time converges by a factor v/c, below 1e-4, a step.
+/// Light time converges by a factor v/c, below 1e-4, per step.
 const LIGHT_TIME_STEPS: usize = 3;
 
-/// Lagrange's parabola through what is at the start, in the middle and at the end of a time, at a
-/// part of it (0: start, 1: end).
+/// Lagrange's parabola through the values at the start, middle and end of an interval, at a part of
+/// it (0: start, 1: end).
 pub fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
     a * ((2.0 * part - 1.0) * (part - 1.0))
         + b * (4.0 * part * (1.0 - part))
         + c * (part * (2.0 * part - 1.0))
 }
 
-/// A star's place in the catalogue: ICRS at J1991.25.
+/// A star's catalogue position: ICRS at J1991.25.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarPlace {
     /// Right ascension, rad.
@@ -58,7 +60,7 @@ pub struct StarPlace {
     pub pm_dec_rad_yr: f64,
 }
 
-/// Which corrections to apply; all of them by default.
+/// The corrections to apply; all of them by default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Corrections {
     /// Space motion from J1991.25 to the epoch (stars).
@@ -75,7 +77,7 @@ pub struct Corrections {
 }
 
 impl Corrections {
-    /// No correction: catalogue places, geometric positions.
+    /// No correction: catalogue positions, geometric positions.
     pub const NONE: Self = Self {
         proper_motion: false,
         parallax: false,
@@ -97,7 +99,7 @@ impl Default for Corrections {
     }
 }
 
-/// The one who looks: a camera at one instant.
+/// A camera at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observer {
     /// The instant.
@@ -121,15 +123,15 @@ impl Observer {
         self.bodies.earth_barycentric_velocity_m_s + self.velocity_m_s
     }
 
-    /// To where the observer sees the Sun's centre: apparent direction times distance, m. The Sun
-    /// moves 13 m/s, so that its light time (0.01 arcsec) is left out.
+    /// The apparent vector to the Sun's centre: direction times distance, m. The Sun moves 13 m/s,
+    /// so its light time (0.01 arcsec) is omitted.
     pub fn sun_m(&self, corrections: &Corrections) -> Vector3<f64> {
         let line = self.bodies.sun_geocentric_m - self.position_m;
         self.seen(line, self.barycentric_velocity_m_s(), corrections)
     }
 
-    /// To where the observer sees the Moon's centre, likewise; light time and aberration are
-    /// geocentric, as for objects in orbit.
+    /// The apparent vector to the Moon's centre, m. Light time and aberration are geocentric, as
+    /// for objects in orbit.
     pub fn moon_m(&self, corrections: &Corrections) -> Vector3<f64> {
         let mut line = self.bodies.moon_geocentric_m - self.position_m;
         if corrections.light_time {
@@ -139,12 +141,12 @@ impl Observer {
         self.seen(line, self.velocity_m_s, corrections)
     }
 
-    /// To where the observer sees the Earth's centre, likewise; zero for an observer who is there.
+    /// The apparent vector to the Earth's centre, m; zero for an observer at the centre.
     pub fn earth_m(&self, corrections: &Corrections) -> Vector3<f64> {
         self.seen(-self.position_m, self.velocity_m_s, corrections)
     }
 
-    /// What light takes from a place (GCRF, m), s.
+    /// Light time from a position (GCRF, m), s.
     fn light_time_s(&self, from_m: &Vector3<f64>) -> f64 {
         (from_m - self.position_m).norm() / LIGHT_M_S
     }
@@ -164,7 +166,7 @@ impl Observer {
     }
 }
 
-/// A star's place and way at the catalogue's epoch, ICRS: what its direction is computed from.
+/// A star's position and motion at the catalogue's epoch, ICRS: the inputs of its direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarMotion {
     /// [`catalogue_direction`].
@@ -176,8 +178,8 @@ pub struct StarMotion {
 }
 
 impl StarMotion {
-    /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east
-    /// and north.
+    /// From a catalogue position: motion is `p mu_ra + q mu_dec`, where p and q point east and
+    /// north.
     pub fn of(position: &StarPlace) -> StarMotion {
         let (sin_ra, cos_ra) = libm::sincos(position.ra_rad);
         let (sin_dec, cos_dec) = libm::sincos(position.dec_rad);
@@ -191,20 +193,20 @@ impl StarMotion {
     }
 }
 
-/// What stars' directions have in common.
+/// The common terms of all stars' directions.
 #[derive(Debug)]
 pub struct Sight<'a> {
     corrections: &'a Corrections,
     /// Since the catalogue's epoch.
     days: f64,
-    /// Of the observer, barycentric, m.
+    /// Barycentric position of the observer, m.
     position_m: Vector3<f64>,
     sun: Deflection,
     aberration: Aberration,
 }
 
 impl<'a> Sight<'a> {
-    /// That of `observer`.
+    /// For `observer`.
     pub fn of(observer: &Observer, corrections: &'a Corrections) -> Sight<'a> {
         Sight {
             corrections,
@@ -221,7 +223,7 @@ impl<'a> Sight<'a> {
         // Uniform space motion and parallax, in units of the star's distance at the catalogue's
         // epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
-        // The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
+        // The term in c refers light to one wave front: 0.2 milliarcsec for Barnard's star.
         let mut u = star.direction;
         if self.corrections.proper_motion {
             let roemer_days = u.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
@@ -242,14 +244,14 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// The unit vector to a star's catalogue place, without any correction.
+/// The unit vector to a star's catalogue position, without any correction.
 pub fn catalogue_direction(position: &StarPlace) -> Vector3<f64> {
     let (sin_ra, cos_ra) = libm::sincos(position.ra_rad);
     let (sin_dec, cos_dec) = libm::sincos(position.dec_rad);
     Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
 }
 
-/// How the Sun bends light from distant sources away from itself.
+/// Deflection of light from distant sources by the Sun, away from it.
 ///
 /// With e the unit vector from the Sun to the observer and r their distance,
 ///
@@ -258,8 +260,8 @@ pub fn catalogue_direction(position: &StarPlace) -> Vector3<f64> {
 /// ```
 ///
 /// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.63, for a source at
-/// infinity): 1.75 arcsec at the limb. Behind the Sun's disc the divisor is held above a floor, so
-/// that the result stays finite and continuous.
+/// infinity): 1.75 arcsec at the limb. Behind the Sun's disc the divisor has a minimum, so that the
+/// result is finite and continuous.
 #[derive(Debug)]
 struct Deflection {
     /// From the Sun: e and 2 GM / c^2 r.
@@ -277,7 +279,7 @@ impl Deflection {
         }
     }
 
-    /// The direction of light that would come from `u`.
+    /// The direction of light that would come from `u` without deflection.
     fn of(&self, u: Vector3<f64>) -> Vector3<f64> {
         let e = self.from_sun;
         let along = u.dot(&e);
@@ -289,8 +291,8 @@ impl Deflection {
 /// An object in Earth orbit as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApparentObject {
-    /// Where the object appears: unit vector, axes of the ICRF. Zero when the object is at the
-    /// observer's own place.
+    /// Apparent direction: unit vector, axes of the ICRF. Zero when the object is at the observer's
+    /// own position.
     pub direction: Vector3<f64>,
     /// Distance at the observer's epoch, geometric, m.
     pub range_m: f64,
@@ -298,17 +300,18 @@ pub struct ApparentObject {
     pub range_rate_m_s: f64,
     /// The object's geometric state at the observer's epoch, GCRF.
     pub state: StateVector,
-    /// Where the object was when the light left it, GCRF, m: the place that decides illumination,
-    /// phase and occultation.
+    /// Position of the object when the light left it, GCRF, m: it determines illumination, phase
+    /// and occultation.
     pub seen_at_m: Vector3<f64>,
 }
 
 /// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at
-/// any epoch is `state_at`.
+/// any epoch is `state_at`. Within 5 milliarcsec of a fully barycentric computation: the second
+/// order of the Earth's velocity over c.
 ///
-/// The object is asked for at the observer's epoch and a light time earlier. Its errors are passed
-/// on. Within 5 milliarcsec of a fully barycentric reckoning: the second order of the Earth's
-/// velocity over c.
+/// # Errors
+///
+/// Those of `state_at`, which is called for the observer's epoch and a light time earlier.
 pub fn object_direction<E>(
     state_at: impl Fn(Epoch) -> Result<StateVector, E>,
     observer: &Observer,
@@ -316,7 +319,7 @@ pub fn object_direction<E>(
 ) -> Result<ApparentObject, E> {
     let state = state_at(observer.epoch)?;
     let then = if corrections.light_time {
-        // Never the same instant again.
+        // At least 1 us, so that the two instants differ.
         let earlier_s = observer.light_time_s(&state.position_m).max(1e-6);
         Some((earlier_s, state_at(observer.epoch - seconds(earlier_s))?))
     } else {
@@ -325,8 +328,9 @@ pub fn object_direction<E>(
     Ok(apparent_object(state, then, observer, corrections))
 }
 
-/// The same of an object whose state is known at the observer's epoch, and `then`, by so much
-/// earlier (s), where the light's leaving is within a second; without that, light takes no time.
+/// The same for an object with known states: `state` at the observer's epoch, and `then`, a number
+/// of seconds earlier with the state at that time. The light must leave within one second of it.
+/// Without `then` light time is ignored.
 pub fn apparent_object(
     state: StateVector,
     then: Option<(f64, StateVector)>,
@@ -341,19 +345,19 @@ pub fn apparent_object(
         0.0
     };
 
-    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration, on the parabola through the
-    // places at t and t - d, bent by what velocity changed:
-    //     r(t - tau) = r(t) + (r(t - d) - r(t)) tau / d + a tau (tau - d) / 2,   a = (v(t) - v(t - d)) / d
-    // SGP4's velocity is not the derivative of its positions; what it is off by goes with the
-    // difference. A jerk j, 0.01 m/s^3 or less, adds j tau (tau - d) (tau + d) / 6: micrometres
-    // from 40,000 km.
+    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration. The path is a parabola
+    // through the positions at t and t - d, with the curvature from the change of velocity:
+    //     r(t - tau) = r(t) + (r(t - d) - r(t)) tau / d + a tau (tau - d) / 2
+    //     a = (v(t) - v(t - d)) / d
+    // SGP4's velocity is not the derivative of its positions; the error cancels in the difference.
+    // A jerk j, 0.01 m/s^3 or less, adds j tau (tau - d) (tau + d) / 6: micrometres from 40,000 km.
     let mut seen_at_m = state.position_m;
     if let Some((earlier_s, then)) = then {
-        let way = (then.position_m - state.position_m) / earlier_s;
+        let slope = (then.position_m - state.position_m) / earlier_s;
         let half_bend = (state.velocity_m_s - then.velocity_m_s) / (2.0 * earlier_s);
         for _ in 0..LIGHT_TIME_STEPS {
             let tau = observer.light_time_s(&seen_at_m);
-            seen_at_m = state.position_m + way * tau + half_bend * (tau * (tau - earlier_s));
+            seen_at_m = state.position_m + slope * tau + half_bend * (tau * (tau - earlier_s));
         }
     }
 

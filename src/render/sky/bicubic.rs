@@ -1,7 +1,7 @@
 //! A smooth function through the values of a table.
 //!
-//! Bicubic Hermite polynomials: each cell's has value, both slopes and their cross derivative at
-//! its four corners, so that the whole is smooth (C1) and meets the table. The slopes at a place
+//! Bicubic Hermite polynomials: each cell's has the value, both slopes and the cross derivative at
+//! its four corners, so the function is smooth (C1) and exact at the nodes. The slopes at a node
 //! are those of the parabola through it and its two neighbours.
 
 /// Values over the grid of `x` and `y`.
@@ -9,26 +9,26 @@
 pub(super) struct Bicubic {
     x: Axis,
     y: Axis,
-    /// The polynomial of each cell, `y` runs fastest: by powers of the part of the cell along `x`,
-    /// in each by powers of that along `y`.
+    /// The polynomial of each cell, `y` fastest: by powers of the position in the cell along `x`,
+    /// each by powers of that along `y`.
     cells: Vec<[[f64; 4]; 4]>,
 }
 
-/// The places of a side of the grid.
+/// The nodes along one side of the grid.
 #[derive(Debug, Clone)]
 struct Axis {
     places: Vec<f64>,
-    /// Over the width of each interval.
+    /// Inverse width of each interval.
     per_width: Vec<f64>,
-    /// Over the width of the narrowest.
+    /// Inverse width of the narrowest interval.
     per_bucket: f64,
-    /// The interval in which each bucket, as wide as the narrowest, begins: one place at most lies
-    /// in a bucket.
+    /// The interval at the begin of each bucket. Buckets are as wide as the narrowest interval, so
+    /// each has at most one node.
     buckets: Vec<usize>,
 }
 
 impl Bicubic {
-    /// Through `value(i, j)` at `x[i]`, `y[j]`, two places or more on each side, growing. Flat at
+    /// Through `value(i, j)` at `x[i]`, `y[j]`, two or more nodes on each side, rising. Slope 0 at
     /// the first and last `x` and at the first `y`; at the last `y` the slope and its derivative by
     /// x are `last(x)`.
     pub(super) fn new(
@@ -84,17 +84,17 @@ impl Bicubic {
 }
 
 impl Axis {
-    /// Of two places or more, growing.
+    /// From two or more rising nodes.
     fn of(places: Vec<f64>) -> Axis {
         let widths = places.windows(2).map(|pair| pair[1] - pair[0]);
-        let least = widths.clone().fold(f64::INFINITY, f64::min);
+        let narrowest = widths.clone().fold(f64::INFINITY, f64::min);
         let (first, last) = (places[0], places[places.len() - 1]);
-        let count = ((last - first) / least).ceil() as usize;
-        let starts = (0..count).map(|k| first + k as f64 * least);
+        let count = ((last - first) / narrowest).ceil() as usize;
+        let starts = (0..count).map(|k| first + k as f64 * narrowest);
         let below = |at: f64| places.partition_point(|position| *position <= at);
         Axis {
             per_width: widths.map(|width| 1.0 / width).collect(),
-            per_bucket: 1.0 / least,
+            per_bucket: 1.0 / narrowest,
             buckets: starts
                 .map(|at| below(at).clamp(1, places.len() - 1) - 1)
                 .collect(),
@@ -102,7 +102,7 @@ impl Axis {
         }
     }
 
-    /// The interval for `at`, and which part of it lies before.
+    /// The interval that contains `at`, and the position in it (0..1).
     #[inline]
     fn cell(&self, at: f64) -> (usize, f64) {
         let bucket = ((at - self.places[0]) * self.per_bucket) as u32 as usize;
@@ -119,7 +119,7 @@ fn horner(powers: [f64; 4], t: f64) -> f64 {
     powers[0] + t * (powers[1] + t * (powers[2] + t * powers[3]))
 }
 
-/// The powers of Hermite's cubic from 0 to 1, of its values and then its slopes at both ends.
+/// Coefficients of Hermite's cubic on 0..1, from its values and then its slopes at both ends.
 fn hermite([a, b, a_t, b_t]: [f64; 4]) -> [f64; 4] {
     [
         a,
@@ -129,8 +129,8 @@ fn hermite([a, b, a_t, b_t]: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// The polynomial of a cell of a `size` along x and y from the nodes at its corners, of which the
-/// second is the next along y.
+/// The polynomial of a cell of a `size` along x and y from the nodes at its corners; the second
+/// corner is the next along y.
 fn powers([width, height]: [f64; 2], corners: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     // By powers of y at both ends along x: the value, and the slope along x.
     let side = |a: [f64; 4], b: [f64; 4]| {
@@ -145,7 +145,7 @@ fn powers([width, height]: [f64; 2], corners: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|l| along[l][k]))
 }
 
-/// Slopes of `values` at `x`: 0 at the first place, `last` at the last, of parabolas between.
+/// Slopes of `values` at `x`: 0 at the first node, `last` at the last, from parabolas between.
 fn slopes(x: &[f64], values: &[f64], last: f64) -> Vec<f64> {
     let mut slopes = vec![0.0; x.len()];
     for k in 1..x.len() - 1 {
@@ -166,9 +166,9 @@ fn slopes(x: &[f64], values: &[f64], last: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A product of parabolas with the right ends comes back, and the table's values always.
+    /// A product of parabolas with matching ends is exact, and so are the table's values.
     #[test]
-    fn parabolas_come_back() {
+    fn parabolas_are_reproduced() {
         let x = vec![-1.0, -0.4, 0.1, 0.7, 1.5];
         let y = vec![0.0, 0.3, 1.0, 1.2];
         let f = |x: f64, y: f64| (2.0 - x + 3.0 * x * x) * (1.0 + 2.0 * y * y);
@@ -188,7 +188,7 @@ mod tests {
                 assert!((table.at(x, y) - f(x, y)).abs() < 1e-12);
             }
         }
-        // In the cells whose slopes by x are not set at an end.
+        // In cells without a prescribed slope by x.
         for (x, y) in [(-0.2, 0.1), (0.0, 0.9), (0.5, 1.1), (0.69, 0.01)] {
             assert!((table.at(x, y) - f(x, y)).abs() < 1e-12, "{x} {y}");
         }

@@ -1,9 +1,9 @@
-//! Where the Earth, the Sun and the Moon are.
+//! Positions of the Earth, the Sun and the Moon.
 //!
 //! Frames: axes of the ICRF throughout. Positions are geometric (no light time) and in metres,
-//! velocities in metres a second. The series are SOFA's `epv00` and, for the Moon,
-//! [`series`](super::moon). `epv00` wants TDB; TT stands in for it, which differs by less than 2
-//! ms, in which the Earth moves 60 m.
+//! velocities in metres per second. The series are SOFA's `epv00` and, for the Moon,
+//! [`series`](super::moon). `epv00` is in TDB; TT is used instead: it differs by less than 2 ms, in
+//! which the Earth moves 60 m.
 
 pub use super::constants::{AU_M, LIGHT_M_S, SUN_RADIUS_M};
 
@@ -14,14 +14,14 @@ use nalgebra::Vector3;
 use skyloop_orbit::time::utc_text;
 use thiserror::Error;
 
-/// The epoch lies outside the years for which the series of the Earth's motion hold.
+/// The epoch is outside the years of the series for the Earth's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
     "no Earth and Sun positions for {}: the series hold from 1900 to 2100; choose an epoch inside",
     utc_text(*epoch)
 )]
 pub struct EpochOutOfRange {
-    /// The epoch that was asked for.
+    /// The requested epoch.
     pub epoch: Epoch,
 }
 
@@ -29,7 +29,7 @@ pub struct EpochOutOfRange {
 ///
 /// Errors over 1991 to 2060 against JPL DE440: Earth against Sun 12 km (0.017 arcsec in the Sun's
 /// direction), velocity 4 mm/s (3 microarcsec of aberration). The barycentre is 125 km from
-/// DE440's, which counts the Kuiper belt in: 1 microarcsec at 1 arcsec of parallax. The Moon: 7.9
+/// DE440's, which includes the Kuiper belt: 1 microarcsec at 1 arcsec of parallax. The Moon: 7.9
 /// arcsec (rms 1.6) in direction, 13 km in distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bodies {
@@ -46,7 +46,7 @@ pub struct Bodies {
 }
 
 impl Bodies {
-    /// Positions at `t`. Costs tens of microseconds: make it once a frame.
+    /// Positions at `t`. Takes tens of microseconds: compute them once per frame.
     pub fn at(t: Epoch) -> Result<Self, EpochOutOfRange> {
         let days = tt_days_since_j2000(t);
         let (heliocentric, barycentric) =
@@ -61,10 +61,10 @@ impl Bodies {
         })
     }
 
-    /// `dt_s` seconds later, in straight lines. Over 5 minutes the Sun is 4 km off and the Moon 0.2
-    /// km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec from the Earth's centre.
+    /// `dt_s` seconds later, by linear extrapolation. Over 5 minutes the Sun is 4 km off and the
+    /// Moon 0.2 km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec from the Earth's centre.
     pub fn after(&self, dt_s: f64) -> Self {
-        // The Sun's own way is 13 m/s.
+        // The Sun itself moves 13 m/s.
         let path_m = self.earth_barycentric_velocity_m_s * dt_s;
         Self {
             earth_barycentric_m: self.earth_barycentric_m + path_m,
@@ -74,12 +74,12 @@ impl Bodies {
         }
     }
 
-    /// Earth's centre to the place in the sky from which sunlight arrives near the Earth, m: the
-    /// geometric Sun aberrated by the Earth's velocity, some 20.5 arcsec from it.
+    /// Earth's centre to the apparent Sun near the Earth, m: the geometric Sun aberrated by the
+    /// Earth's velocity, some 20.5 arcsec from it.
     ///
-    /// This is the Sun to use with geocentric positions for shadows and phase angles: seen from the
-    /// Earth, light runs along straight lines only in the frame that moves with the Earth. (The Sun
-    /// itself moves 13 m/s: its light time adds 0.01 arcsec.)
+    /// Use this Sun with geocentric positions for shadows and phase angles: relative to the Earth,
+    /// light runs along straight lines only in the frame that moves with the Earth. (The Sun itself
+    /// moves 13 m/s: its light time adds 0.01 arcsec.)
     pub fn sun_apparent_m(&self) -> Vector3<f64> {
         let distance = self.sun_geocentric_m.norm();
         aberrate(
@@ -89,13 +89,13 @@ impl Bodies {
     }
 }
 
-/// The direction in which an observer who moves at `velocity` (m/s) sees light whose source a
-/// resting observer sees along the unit vector `u`. Unit vector.
+/// The apparent direction, for an observer with `velocity` (m/s), of light that an observer at rest
+/// sees along the unit vector `u`. Unit vector.
 pub fn aberrate(u: Vector3<f64>, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
     Aberration::by(velocity_m_s).of(u)
 }
 
-/// The aberration of an observer who moves.
+/// The aberration for a moving observer.
 ///
 /// With b = v/c and 1/g = sqrt(1 - b^2), special relativity gives
 ///
@@ -111,7 +111,7 @@ pub(super) struct Aberration {
 }
 
 impl Aberration {
-    /// By a velocity.
+    /// For a velocity.
     pub(super) fn by(velocity_m_s: Vector3<f64>) -> Aberration {
         let beta = velocity_m_s / LIGHT_M_S;
         Aberration {

@@ -1,4 +1,4 @@
-//! How the body of an object in orbit is turned; conventions as at the head of `attitude`.
+//! Attitudes of objects in orbit; conventions as in `attitude`.
 
 use crate::attitude::Attitude;
 use hifitime::Epoch;
@@ -8,17 +8,16 @@ use skyloop_orbit::StateVector;
 /// The attitude of an object's body over time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BodyAttitude {
-    /// At rest among the stars: ICRF to body.
+    /// Fixed in the ICRF: ICRF to body.
     Inertial(Attitude),
-    /// Turning with its orbit: from the axes of the orbit (+Z to the Earth's centre, +X towards the
-    /// velocity as far as it is across that, +Y against the orbit's normal) to the body.
+    /// Fixed to its orbit: from the axes of the orbit (+Z to the Earth's centre, +X along the
+    /// component of the velocity across that, +Y against the orbit's normal) to the body.
     Nadir(Attitude),
-    /// Turning at constant rates in body axes: about a fixed direction, whichever axis of the body
-    /// that is.
+    /// Constant rates in body axes: a rotation about a direction that is fixed in the ICRF.
     Spin {
-        /// When it is turned as `attitude` says.
+        /// The epoch of `attitude`.
         epoch: Epoch,
-        /// ICRF to body, then.
+        /// ICRF to body at `epoch`.
         attitude: Attitude,
         /// Angular velocity of the body against ICRF, body axes, rad/s.
         rates: Vector3<f64>,
@@ -26,8 +25,8 @@ pub enum BodyAttitude {
 }
 
 impl BodyAttitude {
-    /// ICRF to body: the rotation matrix `R` of `v_body = R v_icrf`, at `epoch`, for an object
-    /// whose geocentric state (GCRF) is `state` then.
+    /// ICRF to body: the rotation matrix `R` of `v_body = R v_icrf`, at `epoch`, for an object with
+    /// the geocentric state (GCRF) `state`.
     pub fn matrix(&self, epoch: Epoch, state: &StateVector) -> Matrix3<f64> {
         match self {
             BodyAttitude::Inertial(attitude) => attitude.matrix(),
@@ -40,7 +39,7 @@ impl BodyAttitude {
         }
     }
 
-    /// How fast the body turns against ICRF, rad/s.
+    /// Angular speed of the body against ICRF, rad/s.
     pub fn rate(&self, state: &StateVector) -> f64 {
         match self {
             BodyAttitude::Inertial(_) => 0.0,
@@ -54,8 +53,8 @@ impl BodyAttitude {
     }
 }
 
-/// GCRF to the axes of the orbit. A state without an orbital plane, which nothing in orbit has,
-/// gets some +X; at the Earth's centre, some +Z.
+/// GCRF to the axes of the orbit. A degenerate state without an orbital plane gets an arbitrary +X;
+/// at the Earth's centre, an arbitrary +Z.
 fn orbit_axes(state: &StateVector) -> Matrix3<f64> {
     let up = state.position_m.try_normalize(1e-6);
     let z = -up.unwrap_or_else(Vector3::z);
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn nadir_has_z_to_the_earth_and_x_along_the_way() {
+    fn nadir_has_z_to_the_earth_and_x_along_the_velocity() {
         let body = BodyAttitude::Nadir(Attitude::identity());
         let r = body.matrix(epoch(0.0), &state());
         assert!((r * -Vector3::x() - Vector3::z()).norm() < 1e-15);
@@ -96,14 +95,14 @@ mod tests {
         assert!((r * -Vector3::z() - Vector3::y()).norm() < 1e-15);
         assert!((r.determinant() - 1.0).abs() < 1e-15);
         assert!((body.rate(&state()) - 7500.0 / 7e6).abs() < 1e-12);
-        // A body turned by a quarter about +Z against those axes: its +X is what was +Y
-        // (conventions: v_body = R v).
+        // A body rotated by a quarter turn about +Z: its +X is the former +Y (conventions: v_body =
+        // R v).
         let quarter = Attitude::from_xyzw([0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2]).unwrap();
         let r = BodyAttitude::Nadir(quarter).matrix(epoch(0.0), &state());
         assert!((r * -Vector3::z() - Vector3::x()).norm() < 1e-12);
     }
 
-    /// An ephemeris may say anything.
+    /// Ephemeris files may contain degenerate states.
     #[test]
     fn states_without_an_orbital_plane_have_axes_too() {
         let places = [
@@ -129,14 +128,13 @@ mod tests {
     }
 
     #[test]
-    fn a_spin_goes_on_from_its_epoch_and_at_rest_nothing_moves() {
+    fn spin_rotates_about_its_epoch_and_inertial_is_fixed() {
         let spin = BodyAttitude::Spin {
             epoch: epoch(0.0),
             attitude: Attitude::identity(),
             rates: Vector3::new(0.0, 0.0, FRAC_PI_2),
         };
-        // After a second the body has turned from +X to +Y: what lies along +Y of ICRF lies along
-        // +X of the body.
+        // After a second the body has rotated from +X to +Y: +Y of the ICRF is +X of the body.
         let r = spin.matrix(epoch(1.0), &state());
         assert!((r * Vector3::y() - Vector3::x()).norm() < 1e-12);
         let whole = spin.matrix(epoch(-4.0), &state());

@@ -3,30 +3,34 @@
 //! `cargo run --example build_catalog` builds it from `hip2.dat` (van Leeuwen 2007) and the Bright
 //! Star Catalogue (Hoffleit and Warren 1991), and its `--check` compares. It holds 78,367 entries:
 //! 78,340 of Hipparcos (Hp <= 9, or fainter with an HR number) and 27 of the Bright Star Catalogue
-//! alone. What the two sources say is reconciled so:
+//! alone. The two sources are merged by these rules:
 //!
-//! - **Names.** All 9,096 HR are found. 8,998 are matched one to one, at J2000 and within 20 arcsec (median 1.3, the
-//!   right ascension of the bright stars being given to 5.4 arcsec). 71 more stand within 25 arcsec of a matched
-//!   entry that holds their light, as both stars of gamma Leo do: they are names of that entry. 27 shine alone: 24 have no entry
-//!   within 25 arcsec (xi UMa, xi Sco, eta Car, gamma1 Vel, sigma Ori E, ...); Mizar B and p Eri B, 14 and 11 arcsec from
-//!   their primaries, are missing in the primary's Hp; theta1 Ori B stands among entries whose Hp are mixed. Places and
-//!   motions of the 27 are Tycho-2's, to 0.2 arcsec.
-//! - **V** of an entry with an HR is the Bright Star Catalogue's (8,538 entries), and V by Hp where the entry carries
-//!   several HR (69), where the two disagree by more than 0.1 mag, or 0.3 mag beyond V-I = 2 (272: variables such as T CrB,
-//!   listed at its outburst, and magnitudes of close pairs), and where another entry stands within 30 arcsec (104). Sirius
-//!   and Canopus keep the Bright Star Catalogue's: above Hp 0 the photometer saturates. Without an HR it is V by Hp: with
-//!   x = V-I - 1, V-I not below -0.3,
-//!   `V = Hp - 0.15655 - 0.03839 x + 0.13310 x^2 + 0.00487 x^3 - 0.00813 x^4 - 0.00330 x^5` up to V-I = 3 and
-//!   0.46 mag a magnitude of V-I beyond, fitted to 7,135 single stars, rms 0.019 mag where V-I < 1.6.
-//! - **No light twice.** Hipparcos measured some close entries through one field, so that both carry the sum: sigma Ori D is
-//!   listed as Hp 3.71. Of such pairs, those with an HR take the Bright Star Catalogue's V (11, and alpha Cen B and alpha1 CVn),
-//!   eight Tycho's, one the literature's, and 18 faint ones without any other V (Hp 6.9 to 8.9) are left out,
-//!   their light being in the neighbour's.
-//! - **B-V** is as measured (77,304); where its error is 0.2 mag or more (estimates, up to 5.5 for red stars) it follows
-//!   from V-I by the medians of well measured stars (943); 93 entries without any colour take the median star's, 0.55.
-//! - Negative parallaxes (1,319, noise) are 0.
+//! - **Names.** All 9,096 HR are found. 8,998 are matched one to one, at J2000 and within 20 arcsec
+//!   (median 1.3; the right ascension of the bright stars has 5.4 arcsec). 71 more are within 25
+//!   arcsec of a matched entry that contains their light, as both stars of gamma Leo: they are
+//!   names of that entry. 27 have no matched light: 24 have no entry within 25 arcsec (xi UMa, xi
+//!   Sco, eta Car, gamma1 Vel, sigma Ori E, ...); Mizar B and p Eri B, 14 and 11 arcsec from their
+//!   primaries, are missing in the primary's Hp; theta1 Ori B is among entries with mixed Hp.
+//!   Positions and motions of the 27 are Tycho-2's, to 0.2 arcsec.
+//! - **V** of an entry with an HR is the Bright Star Catalogue's (8,538 entries). It is V by Hp
+//!   where the entry has several HR (69), where the two differ by more than 0.1 mag, or 0.3 mag
+//!   beyond V-I = 2 (272: variables such as T CrB, listed at its outburst, and magnitudes of close
+//!   pairs), and where another entry is within 30 arcsec (104). Sirius and Canopus keep the Bright
+//!   Star Catalogue's: above Hp 0 the photometer saturates. Without an HR it is V by Hp: with x =
+//!   V-I - 1, V-I not below -0.3, `V = Hp - 0.15655 - 0.03839 x + 0.13310 x^2 + 0.00487 x^3 -
+//!   0.00813 x^4 - 0.00330 x^5` up to V-I = 3 and 0.46 mag a magnitude of V-I beyond, fitted to
+//!   7,135 single stars, rms 0.019 mag where V-I < 1.6.
+//! - **No light counts twice.** Hipparcos measured some close entries through one field, so both
+//!   have the sum: sigma Ori D is listed as Hp 3.71. Of such pairs, those with an HR take the
+//!   Bright Star Catalogue's V (11, and alpha Cen B and alpha1 CVn), eight Tycho's, one the
+//!   literature's, and 18 faint ones without any other V (Hp 6.9 to 8.9) are omitted, since their
+//!   light is in the neighbour's.
+//! - **B-V** is as measured (77,304). Where its error is 0.2 mag or more (estimates, up to 5.5 for
+//!   red stars) it follows from V-I by the medians of well measured stars (943); 93 entries without
+//!   any colour take the median star's, 0.55.
+//! - Negative parallaxes (1,319, noise) are set to 0.
 //!
-//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and one record of 25 octets an entry: HIP
+//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and one record of 25 bytes an entry: HIP
 //! u24, HR u16, right ascension u32 and declination i32 in 2^-32 of a turn (0.30 mas), parallax u16
 //! in 0.0125 mas, proper motion in right ascension (times cos Dec) and declination i24 in 0.01
 //! mas/yr, V and B-V i16 in 0.001 mag. `names.tsv` gives, for each HR that has a name or belongs to
@@ -38,7 +42,7 @@ use std::f64::consts::{PI, TAU};
 const STARS: &[u8] = include_bytes!("data/stars.bin");
 const NAMES: &str = include_str!("data/names.tsv");
 
-/// Octets before the first record: mark and count.
+/// Bytes before the first record: signature and count.
 const HEADER: usize = 12;
 const RECORD: usize = 25;
 
@@ -56,7 +60,7 @@ pub struct Star {
     pub ra_rad: f64,
     /// Declination, rad.
     pub dec_rad: f64,
-    /// Parallax, rad; 0 where none was measured.
+    /// Parallax, rad; 0 if not measured.
     pub parallax_rad: f64,
     /// Proper motion in right ascension times cos(Dec), rad per Julian year.
     pub pm_ra_cosdec_rad_yr: f64,
@@ -68,7 +72,7 @@ pub struct Star {
     pub b_v: f64,
 }
 
-/// Which entries to take.
+/// Subset of the catalogue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Selection {
     /// All 78,367 entries. In a configuration: `hipparcos`.
@@ -81,14 +85,14 @@ pub enum Selection {
 /// The catalogue in memory.
 #[derive(Debug, Clone)]
 pub struct Catalog {
-    /// By HIP, then, for those without, by HR.
+    /// By HIP; entries without a HIP follow, by HR.
     stars: Vec<Star>,
-    /// All names of the entry with this principal HR, ready for labels.
+    /// All names of the entry with this principal HR, in label form.
     names: HashMap<u16, Vec<String>>,
 }
 
 impl Catalog {
-    /// The catalogue that is part of the program.
+    /// The catalogue embedded in the program.
     pub fn embedded(selection: Selection) -> Catalog {
         let stars = STARS
             .get(HEADER..)
@@ -114,8 +118,7 @@ impl Catalog {
             0 => ("HR", u32::from(star.hr)),
             hip => ("HIP", hip),
         };
-        // Digit by digit, from the last on, and into as much room as the longest takes: frames have
-        // thousands.
+        // Written digit by digit into a buffer of the greatest length: frames have thousands.
         let (mut digits, mut first, mut rest) = ([b'0'; 10], 10, number);
         while rest > 0 || first == digits.len() {
             first -= 1;
@@ -141,7 +144,7 @@ impl Catalog {
     }
 }
 
-/// The names by principal HR.
+/// Names by principal HR.
 fn read_names() -> HashMap<u16, Vec<String>> {
     let rows: Vec<(u16, u16, &str)> = NAMES.lines().filter_map(name_row).collect();
     let mut names: HashMap<u16, Vec<String>> = HashMap::new();
@@ -153,7 +156,7 @@ fn read_names() -> HashMap<u16, Vec<String>> {
     for &(hr, entry, _) in rows.iter().filter(|(hr, entry, _)| hr != entry) {
         names.entry(entry).or_default().push(format!("HR {hr}"));
     }
-    // the principal star's designations first
+    // The principal star's designations come first.
     let (principal, further): (Vec<_>, Vec<_>) =
         rows.iter().partition(|(hr, entry, _)| hr == entry);
     for (_, entry, designations) in principal.into_iter().chain(further) {
@@ -193,7 +196,7 @@ fn decode(record: &[u8]) -> Star {
     }
 }
 
-/// `len` octets from `at`, little-endian.
+/// `len` bytes from `at`, little-endian.
 fn unsigned(record: &[u8], at: usize, len: usize) -> u32 {
     let bytes = record.get(at..at + len).unwrap_or_default();
     bytes

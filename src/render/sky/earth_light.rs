@@ -1,7 +1,7 @@
 //! The Earth's disc: sunlight from its day side.
 //!
-//! Each piece of the WGS84 ellipsoid reflects as a Lambert surface does. Its radiance over the
-//! Sun's irradiance at 1 au is, whatever the band,
+//! Each piece of the WGS84 ellipsoid reflects as a Lambert surface. Its radiance over the Sun's
+//! irradiance at 1 au is, in any band,
 //!
 //! ```text
 //! L / E_sun = A cos(i) / pi * (1 au / d)^2     [1/sr]
@@ -10,26 +10,25 @@
 //! with `A` the albedo, `i` the angle between the ellipsoid's normal and the Sun, `d` the Sun's
 //! distance: Lambert's law, of which the paper's Eq. (7) is the sum over a sphere. The night side
 //! is dark. A radiance is Eq. (3) of Clark et al. 2021,
-//! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`, of the magnitude m a square arcsecond that it has.
+//! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`, with m the magnitude per square arcsecond.
 //!
-//! Not modelled: clouds, oceans and continents (real albedos run from 0.05 to 0.9; this is their
-//! mean), the Sun's glint on water, the brightening of the real disc toward full phase, twilight by
-//! the Sun's own half degree. Light scattered above the ground is
-//! [`atmosphere`](super::atmosphere)'s.
+//! Not modelled: clouds, oceans and continents (real albedos are 0.05 to 0.9; this is their mean),
+//! sun glint on water, the brightening of the real disc toward full phase, twilight by the Sun's
+//! half degree. Light scattered above the ground is in [`atmosphere`](super::atmosphere).
 
 use super::bodies::AU_M;
 use super::shadow::{EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342
+/// The share of the Sun's light that the Earth reflects, air and clouds included: 0.31 (107 of 342
 /// W/m^2; Kiehl & Trenberth 1997, BAMS 78, 197) to 0.29 by later budgets.
 pub const EARTH_ALBEDO: f64 = 0.3;
 
-/// Golden angle, rad: turns between neighbours of a spiral that never fall into line.
+/// Golden angle, rad: neighbours on a spiral with this turn never align.
 const GOLDEN_ANGLE: f64 = PI * (3.0 - 2.236_067_977_499_79);
 
-/// The Earth as an observer sees it.
+/// The Earth for one observer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EarthDisc {
     observer_m: Vector3<f64>,
@@ -40,9 +39,9 @@ pub struct EarthDisc {
 /// A part of the Earth's disc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patch {
-    /// Toward its middle: unit vector, GCRF axes.
+    /// Unit vector toward its middle, GCRF axes.
     pub direction: Vector3<f64>,
-    /// What it gives on a surface that faces it, over the Sun's irradiance at 1 au (1).
+    /// Irradiance on a surface that faces it, over the Sun's irradiance at 1 au (1).
     pub irradiance: f64,
 }
 
@@ -59,8 +58,8 @@ impl EarthDisc {
     }
 
     /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr;
-    /// 0 where the line misses the Earth or ends on its night side, and of places and directions
-    /// that are no numbers.
+    /// 0 where the line misses the Earth or ends on its night side, and for input that is not
+    /// finite.
     pub fn reflectance(&self, direction: &Vector3<f64>) -> f64 {
         let Some(point_m) = self.earth.meets(self.observer_m, *direction) else {
             return 0.0;
@@ -71,14 +70,14 @@ impl EarthDisc {
         (EARTH_ALBEDO * cos_i / PI * (AU_M * AU_M / distance2)).max(0.0)
     }
 
-    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre,
-    /// see [`Earth::outline`].
+    /// Minimum and maximum angle (rad) of the limb from the direction of the Earth's centre, see
+    /// [`Earth::outline`].
     pub fn edge(&self) -> [f64; 2] {
         self.earth.outline(self.observer_m, 0.0)
     }
 
-    /// The lit part of the disc in at most `n` patches of nearly the same solid angle, each with
-    /// what it gives on a surface that faces it.
+    /// The lit part of the disc in at most `n` patches of nearly the same solid angle, with their
+    /// irradiances on a surface that faces them.
     ///
     /// Sums of smooth functions over a thousand patches err by some 0.1 %, over a hundred by 1 %.
     pub fn patches(&self, n: usize) -> Vec<Patch> {
@@ -94,14 +93,13 @@ impl EarthDisc {
         (0..n).filter_map(patch).collect()
     }
 
-    /// The direction (unit vector) that has `part` of the disc nearer to its middle, `turn` (rad)
-    /// about that, and the solid angle (sr) of a disc whose every part were as large as the one
-    /// there.
+    /// The direction (unit vector) with `part` of the disc nearer to its middle, at the position
+    /// angle `turn` (rad), and the solid angle (sr) of the disc at the local scale.
     ///
-    /// Stretched space has a sphere, whose disc is a cone of half angle rho, sin(rho) = a / r, and
-    /// solid angle 4 pi sin^2(rho / 2). An angle theta from its axis has (sin(theta / 2) / sin(rho
-    /// / 2))^2 of it inside. Of a solid angle in direction d, unstretching makes det(S)^-1 |S^-1
-    /// d|^-3 times as much.
+    /// In stretched space the Earth is a sphere, its disc a cone of half angle rho, sin(rho) = a /
+    /// r, and solid angle 4 pi sin^2(rho / 2). The part within an angle theta from its axis is
+    /// (sin(theta / 2) / sin(rho / 2))^2. Unstretching multiplies a solid angle in direction d by
+    /// det(S)^-1 |S^-1 d|^-3.
     fn within(&self, part: f64, turn: f64) -> (Vector3<f64>, f64) {
         let observer = self.earth.to_sphere(self.observer_m);
         let distance = observer.norm();

@@ -1,8 +1,8 @@
 //! The ecliptic: mean ecliptic and equinox of J2000.0.
 //!
-//! Its axes are those of the ICRF turned about the equinox by the obliquity; the frames' bias (0.02
-//! arcsec) is left out. The ecliptic of date leaves that of J2000.0 by 47 arcsec a century, which
-//! is nothing to light that changes over degrees.
+//! Its axes are those of the ICRF rotated about the equinox by the obliquity; the frame bias (0.02
+//! arcsec) is omitted. The ecliptic of date moves from that of J2000.0 by 47 arcsec per century,
+//! which is negligible for light that changes over degrees.
 
 use nalgebra::Vector3;
 
@@ -24,7 +24,7 @@ pub fn from_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     )
 }
 
-/// The other way round.
+/// The inverse of [`from_icrf`].
 pub fn to_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
         v.x,
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_axes_turn_by_the_obliquity() {
+    fn axes_are_rotated_by_the_obliquity() {
         let obliquity = (84_381.406_f64 / 3600.0).to_radians();
         assert!((SIN_OBLIQUITY - obliquity.sin()).abs() < 1e-15);
         assert!((COS_OBLIQUITY - obliquity.cos()).abs() < 1e-15);

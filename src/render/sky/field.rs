@@ -45,8 +45,8 @@ pub struct Field<'a> {
     pub sides: &'a [Side],
     /// The observer at the exposure's start, mid and end.
     pub shutter: &'a [Observer; 3],
-    /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is lost in
-    /// noise; infinite where nothing is.
+    /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is below
+    /// the noise; infinite without such a limit.
     pub reach_m: f64,
 }
 
@@ -80,12 +80,12 @@ impl Bright {
     }
 }
 
-/// Why an object in the field is not seen.
+/// Why an object in the field has no image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Excluded {
-    /// It is behind the Earth all the time.
+    /// It is behind the Earth throughout.
     BehindEarth,
-    /// Even in full light it is lost in noise.
+    /// Even in full light it is below the noise.
     TooFaint,
 }
 
@@ -94,8 +94,8 @@ impl Field<'_> {
         (self.shutter[2].epoch - self.shutter[0].epoch).to_seconds()
     }
 
-    /// Whether an object with that state at mid-exposure (GCRF) may be in the field at some time of
-    /// the exposure.
+    /// Whether an object with this state at mid-exposure (GCRF) may be in the field during the
+    /// exposure.
     pub fn may_hold(&self, state: &StateVector) -> bool {
         let mid = &self.shutter[1];
         let line = state.position_m - mid.position_m;
@@ -103,8 +103,8 @@ impl Field<'_> {
         // From mid-exposure to either end, on a path w, the line turns by at most asin(w / range),
         // or half a turn if w is longer. Pi w / range exceeds both, with a margin for a curved
         // path.
-        let way = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
-        let sweep = PI * way / range.max(1e-3);
+        let path_m = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
+        let sweep = PI * path_m / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
         range >= OWN_VEHICLE_M
             && line.dot(&self.axis) >= range * libm::cos(reach)
@@ -114,7 +114,7 @@ impl Field<'_> {
             })
     }
 
-    /// The sides' inward normals, and the least product with them of a fixed direction (unit
+    /// The sides' inward normals, each with the smallest product for a fixed direction (unit
     /// vector, ICRF) that may be between the sides during the exposure.
     pub fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
@@ -135,7 +135,7 @@ impl Field<'_> {
         let path_km = path_km + BOUND_KM + ROUNDING_KM;
         let axis = (to_teme * self.axis).into();
         let angle = (self.angle + WANDER).min(PI);
-        // An observer inside the Earth looks through it.
+        // The Earth hides nothing from an observer inside it.
         let outside = observer.norm() > EARTH_KM + 100.0 + path_km;
         Test {
             sun_km: to_teme * mid.bodies.sun_apparent_m() * 1e-3,

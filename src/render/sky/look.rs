@@ -1,4 +1,4 @@
-//! What is known of an object's looks, and how much sunlight it sends to an observer during an
+//! Known appearance of an object, and the sunlight that it reflects to an observer during an
 //! exposure.
 
 use super::apparent::{ApparentObject, Observer, parabola};
@@ -17,41 +17,41 @@ use skyloop_orbit::time::seconds;
 pub struct Body {
     /// Its facets.
     pub shape: Shape,
-    /// How it is turned.
+    /// Its attitude.
     pub attitude: BodyAttitude,
 }
 
 /// An object and its observer during an exposure.
 #[derive(Debug)]
 pub struct Passage<'a> {
-    /// The observer when the shutter opens, in the middle, and when it closes.
+    /// The observer at the exposure's start, mid and end.
     pub observers: &'a [Observer; 3],
-    /// The object, as those see it.
+    /// The object as seen by them.
     pub seen: [&'a ApparentObject; 3],
-    /// Earth's centre to the Sun from which its light comes, m.
+    /// Earth's centre to the apparent Sun, m.
     pub sun_m: Vector3<f64>,
-    /// Whether light takes time from the object to the observer.
+    /// Whether light time is included.
     pub light_time: bool,
 }
 
-/// Instants of an exposure for every narrowest lobe that passes a sensor: the light of one passage
-/// is known within 3 %.
+/// Instants of an exposure per crossing of the narrowest lobe: the light of one crossing is
+/// accurate to 3 %.
 const INSTANTS: f64 = 32.0;
-/// Instants at most, times facets: a tenth of a second, if all are sides of cylinders. A body that
-/// turns further shows the mean of as many attitudes as there is time for.
+/// Greatest number of instants times facets: a tenth of a second, if all are sides of cylinders. A
+/// body that rotates further gets the mean of as many attitudes as this permits.
 const MAX_WORK: f64 = 50_000.0;
 
 impl Body {
-    /// Eq. (6), m^2/sr: the mean over the exposure, which a glint or a tumble changes. In how many
-    /// instants depends on how far the body, the observer and the Sun turn against each other: at
-    /// rest one is enough.
+    /// Eq. (6), m^2/sr: the mean over the exposure, during which glints and tumbling change it. The
+    /// number of instants depends on the rotation of the body, the observer and the Sun against
+    /// each other: without any, one is enough.
     pub fn mean_reflective_area(&self, passage: &Passage<'_>) -> f64 {
         let [start, _, end] = passage.observers;
         let duration_s = (end.epoch - start.epoch).to_seconds();
-        let turn = self.attitude.rate(&passage.seen[1].state) * duration_s + passage.swing();
+        let turn = self.attitude.rate(&passage.seen[1].state) * duration_s + passage.turn();
         let needed = (turn / self.shape.detail(passage.at(0.5).sun_radius()) * INSTANTS).ceil();
-        let most = (MAX_WORK / self.shape.facets() as f64).max(1.0);
-        let instants = nearest(needed, 1.0..=most) as usize;
+        let max = (MAX_WORK / self.shape.facets() as f64).max(1.0);
+        let instants = nearest(needed, 1.0..=max) as usize;
         let parts = (0..instants).map(|i| (i as f64 + 0.5) / instants as f64);
         let sum: f64 = parts
             .map(|part| self.reflective_area(&passage.at(part)))
@@ -70,7 +70,7 @@ impl Body {
     }
 }
 
-/// What decides an object's brightness when a ray of light leaves it; ICRF axes, m.
+/// Inputs of an object's brightness when the light leaves it; ICRF axes, m.
 struct Instant {
     epoch: Epoch,
     state: StateVector,
@@ -109,9 +109,9 @@ impl Passage<'_> {
         }
     }
 
-    /// How far the line to the observer turns during the exposure, rad. (The Sun's turns by 1e-4 of
-    /// a radian an hour.)
-    fn swing(&self) -> f64 {
+    /// Rotation of the line to the observer during the exposure, rad. (The line to the Sun rotates
+    /// by 1e-4 rad per hour.)
+    fn turn(&self) -> f64 {
         let [a, b, c] = [0.0, 0.5, 1.0].map(|part| self.at(part).to_sensor);
         angle_between(&a, &b) + angle_between(&b, &c)
     }

@@ -1,5 +1,5 @@
-//! The sky: where the Earth, the Sun, the stars and the objects in orbit are, how bright they are,
-//! and in which direction a camera sees them.
+//! The sky: positions and brightness of the Earth, the Sun, the stars and the objects in orbit, and
+//! their apparent directions.
 
 pub mod apparent;
 pub mod atmosphere;

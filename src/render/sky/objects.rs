@@ -1,4 +1,4 @@
-//! Resident space objects, what they reflect, and how an observer sees one.
+//! Resident space objects, their reflectance, and their appearance to an observer.
 
 use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
 use super::field::Bright;
@@ -11,24 +11,24 @@ use skyloop_orbit::{Object, OrbitError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Objects and what they reflect.
+/// Objects and their reflectance.
 #[derive(Debug, Default)]
 pub struct Objects {
     all: Vec<Object>,
     sphere: Sphere,
-    /// The known looks, each once.
+    /// The known appearances, each once.
     looks: Vec<Look>,
-    /// Each object's look; [`PLAIN`] if unknown.
+    /// Index of each object's appearance; [`PLAIN`] if unknown.
     look_of: Vec<u32>,
 }
 
-/// The looks of objects, by their ids.
+/// Appearances of objects, by object id.
 pub type Looks = BTreeMap<String, Look>;
 
 /// The reflectance of an object.
 #[derive(Debug, Clone)]
 pub enum Look {
-    /// The same from all sides.
+    /// The same from all directions.
     Sphere(Sphere),
     /// A body with a shape and an attitude.
     Body(Arc<Body>),
@@ -42,15 +42,15 @@ pub struct SeenObject {
     /// As seen at the middle of the exposure.
     pub apparent: ApparentObject,
     /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's
-    /// start, mid and end. They change smoothly where directions may swing.
+    /// start, mid and end. They change smoothly where directions may change fast.
     pub lines_m: [Vector3<f64>; 3],
     /// Phase angle Sun - object - observer, rad.
     pub phase: f64,
-    /// Part of the Sun's disc that lights it, 0..1.
+    /// Part of the Sun's disc that illuminates it, 0..1.
     pub illumination: f64,
     /// Whether the Earth occults it.
     pub occulted: bool,
-    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the
+    /// Magnitude by Eq. (9), in full sunlight; for a body with an attitude the mean over the
     /// exposure.
     pub mag: f64,
 }
@@ -58,11 +58,11 @@ pub struct SeenObject {
 /// The observer at an exposure's start, mid and end.
 pub type Shutter = [Observer; 3];
 
-/// The look of an object without a known one: the population's sphere.
+/// Index for objects without a known appearance: the population's sphere.
 const PLAIN: u32 = u32::MAX;
 
 impl Objects {
-    /// Objects, the `looks` of some by their ids, and a sphere for all others.
+    /// Objects, the known `looks` by object id, and a sphere for all others.
     pub fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
         let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
         // The ids of a map are sorted.
@@ -80,7 +80,7 @@ impl Objects {
         &self.all
     }
 
-    /// Bytes of memory that they take, names and looks included, with 16 for each allocation.
+    /// Memory of the objects, bytes, with names and appearances, and 16 for each allocation.
     pub fn bytes(&self) -> usize {
         const PIECE: usize = 16;
         let text = |text: &String| PIECE + text.capacity();
@@ -95,13 +95,13 @@ impl Objects {
         self.all.iter().map(of).sum::<usize>() + looks + look_of
     }
 
-    /// The known look of an object.
+    /// The known appearance of an object.
     fn look_at(&self, index: usize) -> Option<&Look> {
         let look = self.look_of.get(index)?;
         self.looks.get(*look as usize)
     }
 
-    /// Bound of the light of an object; a body's depends on its attitude.
+    /// Upper bound of an object's light; a body's depends on its attitude.
     pub fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),
@@ -110,9 +110,8 @@ impl Objects {
         }
     }
 
-    /// An object as it is seen during an exposure, anywhere, by the scalar SGP4; `earth` is that of
-    /// mid-exposure.
-    /// Fails if its orbit has no position then.
+    /// An object during an exposure, in or outside the field, by the scalar SGP4; `earth` is that
+    /// of mid-exposure. Fails if its orbit has no position at that time.
     pub fn see(
         &self,
         index: usize,
@@ -126,7 +125,7 @@ impl Objects {
         Ok(self.lit(index, earth, shutter, corrections, seen))
     }
 
-    /// An object and its light, as it appears at the exposure's start, mid and end.
+    /// An object and its light, from its appearance at the exposure's start, mid and end.
     pub fn lit(
         &self,
         index: usize,
@@ -164,7 +163,7 @@ impl Objects {
 
 impl SeenObject {
     /// The apparent vector at a part of the exposure (0: start, 1: end), by the parabola through
-    /// start, mid and end; what it misses is a jerk of some 0.01 m/s^3: micrometres in a second.
+    /// start, mid and end. A jerk of some 0.01 m/s^3 is ignored: micrometres in a second.
     pub fn line_m(&self, part: f64) -> Vector3<f64> {
         parabola(&self.lines_m, part)
     }

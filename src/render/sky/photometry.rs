@@ -1,9 +1,8 @@
-//! How bright things are: magnitudes, photon irradiance and the reflecting sphere.
+//! Photometry: magnitudes, photon irradiance and the reflecting sphere.
 //!
-//! Clark et al. 2021 (Sensors 21, 7868), Eqs. (1), (6)-(10), with two of its slips mended: the
-//! exponent of Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular sphere of Eq. (8) is
-//! 1 / (4 pi) (printed 1 / (4 pi^2)): only so does a lossless mirror sphere return all the light
-//! that it takes.
+//! Clark et al. 2021 (Sensors 21, 7868), Eqs. (1), (6)-(10), with two corrections: the exponent of
+//! Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular sphere of Eq. (8) is 1 / (4 pi)
+//! (printed 1 / (4 pi^2)): only so does a lossless mirror sphere conserve light.
 
 use super::bodies::AU_M;
 use crate::attitude::angle_between;
@@ -13,13 +12,13 @@ use skyloop_base::range::nearest;
 use std::f64::consts::PI;
 
 /// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1),
-/// (10), `E = E_zero 10^(-0.4 m)`; no number where one of them is none.
+/// (10), `E = E_zero 10^(-0.4 m)`; NaN if an argument is.
 pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
     e_zero * libm::exp10(-0.4 * m)
 }
 
-/// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent
-/// mended, `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`; no number where one of them is none.
+/// Photon radiance (ph/s/m^2/sr) of `m` magnitudes per square arc second: Eq. (3), its exponent
+/// corrected, `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`; NaN if an argument is.
 pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
     const ARCSEC: f64 = PI / 648_000.0;
     e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
@@ -39,7 +38,7 @@ pub struct Sphere {
 }
 
 impl Default for Sphere {
-    /// The paper's: 10 m, reflectance 0.2, wholly diffuse.
+    /// The paper's: 10 m, reflectance 0.2, fully diffuse.
     fn default() -> Self {
         Sphere {
             diameter_m: 10.0,
@@ -58,8 +57,8 @@ impl Sphere {
         diffuse * diffuse_phase(phase) + specular
     }
 
-    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr;
-    /// 0 of what would be negative or no number.
+    /// The factor of [`diffuse_phase`], m^2, and the constant part, m^2/sr; 0 instead of a negative
+    /// value or NaN.
     pub fn parts(&self) -> [f64; 2] {
         let area = PI * self.diameter_m * self.diameter_m / 4.0;
         let reflective = self.reflectance * area;
@@ -78,8 +77,8 @@ impl Sphere {
 
 /// Apparent magnitude: Eq. (9),
 /// `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`, of the
-/// reflective area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected, or less
-/// than nothing, or no number; no number where a distance is none.
+/// reflective area `rho A F` (m^2/sr), distances in m. Infinite if the area is not positive or NaN;
+/// NaN if a distance is.
 pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
     let a2 = AU_M * AU_M;
     SUN_MAGNITUDE - 2.5 * libm::log10(reflective_area.max(0.0) / a2)
@@ -87,7 +86,7 @@ pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
 }
 
 /// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr, for phase angles from 0
-/// to pi: beyond them as at the nearer end, and 0 of what is no angle.
+/// to pi; constant beyond, and 0 for NaN.
 ///
 /// Near `phi = pi` the bracket is the difference of two equal numbers; with `d = pi - phi` it is
 /// `sin d - d cos d`, whose series starts with `d^3 / 3`.
@@ -101,10 +100,10 @@ pub fn diffuse_phase(phase: f64) -> f64 {
     2.0 / (3.0 * PI * PI) * bracket
 }
 
-/// Eq. (8), mended: `F_spec = 1 / (4 pi)`, 1/sr.
+/// Eq. (8), corrected: `F_spec = 1 / (4 pi)`, 1/sr.
 pub const SPECULAR_PHASE: f64 = 1.0 / (4.0 * PI);
 
-/// The phase angle Sun - object - sensor (rad) from the object's directions to both.
+/// The phase angle Sun - object - sensor (rad), from the object's directions to both.
 pub fn phase_angle(to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
     angle_between(to_sun, to_sensor)
 }
@@ -113,9 +112,9 @@ pub fn phase_angle(to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Energy: what a lossless sphere sends into 4 pi is what falls on its cross-section.
+    /// Energy: a lossless sphere sends the light of its cross-section into 4 pi.
     #[test]
-    fn both_spheres_return_all_the_light_they_take() {
+    fn spheres_conserve_light() {
         const STEPS: usize = 100_000;
         let over_sphere = |f: &dyn Fn(f64) -> f64| -> f64 {
             let h = PI / STEPS as f64;
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_phase_function_is_smooth_where_its_terms_cancel() {
+    fn phase_function_is_smooth_where_its_terms_cancel() {
         let (below, above) = (
             diffuse_phase(PI - 1.000_001e-2),
             diffuse_phase(PI - 0.999_999e-2),

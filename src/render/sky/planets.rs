@@ -1,19 +1,21 @@
-//! The planets as points of light: where an observer near the Earth sees them, and how bright.
+//! The planets as points of light: apparent directions and magnitudes for an observer near the
+//! Earth.
 //!
-//! **Where**: SOFA's `plan94` (Simon et al. 1994, A&A 282, 663): mean orbits with the largest perturbations. Over 1991 to 2060 the directions lie
-//! from JPL DE440 by at most (arcsec; rms in brackets) Mercury 1.9 (0.3), Venus 10 (1.7), Mars 51
-//! (8.9), Jupiter 54 (17), Saturn 89 (31), Uranus 73 (33), Neptune 10 (4.8). Deflection by the Sun
-//! is left out.
+//! **Directions**: SOFA's `plan94` (Simon et al. 1994, A&A 282, 663): mean orbits with the largest
+//! perturbations. Over 1991 to 2060 they differ from JPL DE440 by at most (arcsec; rms in brackets)
+//! Mercury 1.9 (0.3), Venus 10 (1.7), Mars 51 (8.9), Jupiter 54 (17), Saturn 89 (31), Uranus 73
+//! (33), Neptune 10 (4.8). Deflection by the Sun is omitted.
 //!
-//! **How bright**: V by Mallama & Hilton 2018 (Astronomy and Computing 25, 10), their polynomials for the phase angles `a` (deg) that occur
-//! near the Earth, with `r` and `d` the distances from the Sun and from the observer in au:
+//! **Magnitudes**: V by Mallama & Hilton 2018 (Astronomy and Computing 25, 10), with their
+//! polynomials for the phase angles `a` (deg) near the Earth, and `r` and `d` the distances from
+//! the Sun and from the observer in au:
 //!
 //! ```text
 //! V = 5 log10(r d) + V(a)
 //! ```
 //!
 //! Saturn with its rings (Eq. 10), Uranus with its bright poles, Neptune with its rise from 1980 to
-//! 2000 (Eq. 16). Left out are the seasons and the rotation of Mars (0.1 mag each). Coefficients as
+//! 2000 (Eq. 16). Omitted are the seasons and the rotation of Mars (0.1 mag each). Coefficients as
 //! in PyPI `skyfield` 1.55, `magnitudelib`.
 
 use nalgebra::Vector3;
@@ -41,28 +43,28 @@ const PLANETS: [Row; 7] = [
 const SATURN_POLE: Vector3<f64> = Vector3::new(0.085_478_83, 0.073_235_76, 0.993_644_75);
 const URANUS_POLE: Vector3<f64> = Vector3::new(-0.211_999_58, -0.941_559_16, -0.261_768_09);
 
-/// A planet as one observer sees it.
+/// A planet for one observer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Planet {
     /// English name.
     pub name: &'static str,
-    /// Where it appears: unit vector, ICRF.
+    /// Apparent direction: unit vector, ICRF.
     pub direction: Vector3<f64>,
     /// Observer to planet at the observer's epoch, without light time: m, ICRF.
     pub geometric_m: Vector3<f64>,
-    /// From where the planet was when the light left to the observer, m.
+    /// From the planet when the light left it to the observer, m.
     pub distance_m: f64,
-    /// From there to the Sun, m.
+    /// From the planet at that time to the Sun, m.
     pub sun_distance_m: f64,
-    /// Angular radius of its equator, from there, rad.
+    /// Apparent angular radius of its equator, rad.
     pub angular_radius: f64,
-    /// Phase angle Sun - planet - observer, there, rad.
+    /// Phase angle Sun - planet - observer when the light left, rad.
     pub phase: f64,
     /// V magnitude.
     pub magnitude: f64,
 }
 
-/// What a planet's brightness depends on.
+/// Inputs of a planet's brightness.
 struct Circumstances {
     /// Phase angle, deg.
     a: f64,
@@ -73,12 +75,12 @@ struct Circumstances {
     year: f64,
 }
 
-/// Their English names.
+/// English names of the planets.
 pub fn names() -> impl Iterator<Item = &'static str> {
     PLANETS.iter().map(|(name, ..)| *name)
 }
 
-/// The seven planets that `observer` sees, from Mercury to Neptune. Costs some 10 microseconds.
+/// The seven planets for `observer`, from Mercury to Neptune. Takes some 10 microseconds.
 pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
     let seen = |(name, number, radius_km, law): &Row| -> Option<Planet> {
         let days = tt_days_since_j2000(observer.epoch);
@@ -87,7 +89,7 @@ pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
         let to_sun = observer.bodies.sun_geocentric_m - observer.position_m;
         let geometric_m = to_sun + from_sun;
         if corrections.light_time {
-            // The planet as it was; in hours the Sun moves 200 km at most.
+            // The planet when the light left it; in hours the Sun moves 200 km at most.
             let velocity = Vector3::from(velocity) * (AU_M / DAY_S);
             let start = from_sun;
             for _ in 0..2 {
@@ -141,25 +143,25 @@ fn mercury(at: &Circumstances) -> f64 {
     polynomial(at.a, &C)
 }
 
-/// From 163.7 degrees on the atmosphere scatters forward.
+/// From 163.7 degrees on forward scattering of the atmosphere dominates.
 fn venus(at: &Circumstances) -> f64 {
     const C: [f64; 5] = [-4.384, -1.044e-3, 3.687e-4, -2.814e-6, 8.938e-9];
     const FORWARD: [f64; 3] = [236.058_28, -2.819_14, 8.390_34e-3];
     polynomial(at.a, if at.a < 163.7 { &C } else { &FORWARD })
 }
 
-/// To 50 degrees.
+/// Valid up to 50 degrees.
 fn mars(at: &Circumstances) -> f64 {
     polynomial(at.a, &[-1.601, 2.267e-2, -1.302e-4])
 }
 
-/// To 12 degrees.
+/// Valid up to 12 degrees.
 fn jupiter(at: &Circumstances) -> f64 {
     polynomial(at.a, &[-9.395, -3.7e-4, 6.16e-4])
 }
 
-/// Eq. (10), to 6.5 degrees: with B the geometric mean of the Sun's and the observer's latitudes
-/// over the rings, 0 where they are on different sides,
+/// Eq. (10), up to 6.5 degrees: with B the geometric mean of the Sun's and the observer's latitudes
+/// over the rings, 0 if they are on different sides,
 /// `-8.914 - 1.825 sin B + 0.026 a - 0.378 sin B e^(-2.25 a)`.
 fn saturn(at: &Circumstances) -> f64 {
     let product = latitude(&SATURN_POLE, &at.to_sun) * latitude(&SATURN_POLE, &at.to_observer);
@@ -167,8 +169,8 @@ fn saturn(at: &Circumstances) -> f64 {
     -8.914 - 1.825 * sin_b + 0.026 * at.a - 0.378 * sin_b * libm::exp(-2.25 * at.a)
 }
 
-/// To 3.1 degrees (the Earth comes to 3.2): `-7.110 - 0.00084 f`, f the mean distance (deg) of Sun
-/// and observer from the equator.
+/// Up to 3.1 degrees (the Earth reaches 3.2): `-7.110 - 0.00084 f`, f the mean distance (deg) of
+/// Sun and observer from the equator.
 fn uranus(at: &Circumstances) -> f64 {
     let [sun, observer] =
         [&at.to_sun, &at.to_observer].map(|v| latitude(&URANUS_POLE, v).abs().to_degrees());
@@ -180,7 +182,7 @@ fn neptune(at: &Circumstances) -> f64 {
     (-6.89 - 0.0054 * (at.year - 1980.0)).clamp(-7.00, -6.89)
 }
 
-/// Latitude (rad) of the point below direction `to` on a planet with this pole.
+/// Latitude (rad) of the point below direction `to` on a planet with this `pole`.
 fn latitude(pole: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
     libm::asin(pole.dot(to).clamp(-1.0, 1.0))
 }

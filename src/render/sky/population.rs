@@ -23,7 +23,7 @@ pub struct Population {
 }
 
 impl Population {
-    /// Objects; `looks` of some, by their ids; and what stands for all others.
+    /// Objects; the known `looks` by object id; and the sphere for all others.
     pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
         Population {
             objects: Objects::new(objects, sphere, looks),
@@ -36,18 +36,15 @@ impl Population {
         self.objects.all()
     }
 
-    /// Bytes of memory that the objects take, names and looks included, with 16 for each
-    /// allocation.
+    /// Memory of objects and orbits, bytes, with names and appearances, and 16 for each allocation.
     pub fn bytes(&self) -> usize {
-        let fleet = self
-            .population_orbits
-            .get()
-            .and_then(|population_orbits| population_orbits.lock().ok());
-        self.objects.bytes() + fleet.map_or(0, |population_orbits| population_orbits.bytes())
+        let orbits = self.population_orbits.get();
+        let orbits = orbits.and_then(|orbits| orbits.lock().ok());
+        self.objects.bytes() + orbits.map_or(0, |orbits| orbits.bytes())
     }
 
-    /// Indices of the objects that may be in the field at some time of the exposure, in no order;
-    /// and why others have no position, each object once.
+    /// Indices of the objects that may be in the field during the exposure, in no order; and the
+    /// reasons for missing positions, each object once.
     pub fn before(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
         self.population_orbits().before(&self.objects, field)
     }
@@ -56,25 +53,24 @@ impl Population {
     fn population_orbits(&self) -> MutexGuard<'_, PopulationOrbits> {
         let population_orbits = (self.population_orbits)
             .get_or_init(|| Mutex::new(PopulationOrbits::new(&self.objects)));
-        // A thread that panicked has left nothing half done: all state is computed anew from the
-        // time of the call.
+        // A panic leaves no inconsistent state: each call computes all state anew for its own time.
         population_orbits
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Computes the orbits' tracks before their first use.
+    /// Computes the tracks before their first use.
     pub fn get_ready(&self) {
         drop(self.population_orbits());
     }
 
-    /// The objects that may be in the field, and what is seen of them.
+    /// The objects that may be in the field, and their appearance.
     pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
-        (self.population_orbits()).look(&self.objects, field, corrections, orbits)
+        (self.population_orbits()).in_field(&self.objects, field, corrections, orbits)
     }
 
-    /// The object of an index as it is seen during an exposure, wherever it stands, by the scalar
-    /// SGP4; `earth` is that of mid-exposure. Fails if its orbit has no position then.
+    /// An object during an exposure, in or outside the field, by the scalar SGP4; `earth` is that
+    /// of mid-exposure. Fails if its orbit has no position at that time.
     pub fn see(
         &self,
         index: usize,

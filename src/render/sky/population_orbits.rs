@@ -1,9 +1,9 @@
-//! The orbits of a population from frame to frame, and which objects a camera sees.
+//! The orbits of a population from frame to frame, and the objects in a camera's field.
 
 use super::apparent::Corrections;
 use super::field::{Bright, Excluded, Field, Found};
 use super::objects::{Objects, SeenObject};
-use super::propagate::{Close, Instants, Propagation, TASK};
+use super::propagate::{Instants, Outcome, Propagation, TASK};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
 use rayon::prelude::*;
@@ -12,16 +12,16 @@ use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// The objects before a camera during an exposure.
+/// The objects in a camera's field during an exposure.
 #[derive(Debug, Default)]
 pub struct Seen {
     /// The objects that may be seen, in the population's order.
     pub objects: Vec<Arc<SeenObject>>,
-    /// Indices of those that are not, and why; in the same order.
+    /// Indices of the objects without an image, with the reason; in the same order.
     pub excluded: Vec<(usize, Excluded)>,
     /// Number of objects of the population without a position at this time.
     pub unknown: usize,
-    /// Why, for each object once.
+    /// The reasons, once per object.
     pub notices: Vec<OrbitError>,
 }
 
@@ -39,7 +39,7 @@ pub struct PopulationOrbits {
     /// Objects without a track.
     others: Vec<u32>,
     /// Objects reported as without a position.
-    told: HashSet<u32>,
+    reported: HashSet<u32>,
 }
 
 impl PopulationOrbits {
@@ -56,8 +56,7 @@ impl PopulationOrbits {
                 elements.push(*set);
             }
         }
-        // Sets read from files initialise. If another set does not, the scalar model reports which
-        // and why.
+        // Sets read from files initialise. If another one fails, the scalar model reports it.
         let tracks = Tracks::new(&elements).unwrap_or_default();
         let mut others = Vec::new();
         if tracks.is_empty() {
@@ -73,19 +72,19 @@ impl PopulationOrbits {
             tracks,
             sets: of,
             others,
-            told: HashSet::new(),
+            reported: HashSet::new(),
         }
     }
 
-    /// Bytes of memory that they take.
+    /// Memory of the orbits, bytes.
     pub fn bytes(&self) -> usize {
         self.tracks.bytes()
             + self.sets.capacity() * size_of::<(u32, u32)>()
             + self.bright.capacity() * size_of::<Bright>()
     }
 
-    /// Indices of the objects that may be in the field, seen or not; and why others have no
-    /// position, each once.
+    /// Indices of the objects that may be in the field, with or without an image; and the reasons
+    /// for missing positions, each object once.
     pub fn before(
         &mut self,
         population: &Objects,
@@ -141,21 +140,23 @@ impl PopulationOrbits {
         tested
     }
 
-    /// Why these have no position at mid-exposure, each object once.
+    /// The reasons for missing positions at mid-exposure, each object once.
     fn notices(
         &mut self,
         population: &Objects,
         field: &Field<'_>,
         failed: &[(u32, u8)],
     ) -> Vec<OrbitError> {
-        let new = failed.iter().filter(|(index, _)| self.told.insert(*index));
+        let new = failed
+            .iter()
+            .filter(|(index, _)| self.reported.insert(*index));
         let mid = field.shutter[1].epoch;
         let why = |(index, code): &(u32, u8)| population.all()[*index as usize].failure(mid, *code);
         new.map(why).collect()
     }
 
-    /// The objects of `population` that the camera sees.
-    pub fn look(
+    /// The objects of `population` in the field.
+    pub fn in_field(
         &mut self,
         population: &Objects,
         field: &Field<'_>,
@@ -179,19 +180,19 @@ impl PopulationOrbits {
             earth: Earth::at(mid),
             corrections,
         };
-        let looked = near.par_chunks(TASK);
-        let looked: Vec<Vec<Close>> = looked.map(|near| propagation.look(near)).collect();
+        let results = near.par_chunks(TASK);
+        let results: Vec<Vec<Outcome>> = results.map(|near| propagation.run(near)).collect();
         let mut seen = Seen {
             unknown: failed.len(),
             ..Seen::default()
         };
-        for one in looked.into_iter().flatten() {
+        for one in results.into_iter().flatten() {
             match one {
-                Close::Seen(object) => seen.objects.push(object),
-                Close::Excluded(index, why) => excluded.push((index, why)),
-                Close::Failed(index, error) => {
+                Outcome::Seen(object) => seen.objects.push(object),
+                Outcome::Excluded(index, why) => excluded.push((index, why)),
+                Outcome::Failed(index, error) => {
                     seen.unknown += 1;
-                    if self.told.insert(index) {
+                    if self.reported.insert(index) {
                         seen.notices.push(error);
                     }
                 }

@@ -1,6 +1,6 @@
 //! Exact propagation and photometry of the candidates in the field.
 //!
-//! Dozens of objects are propagated at a time, which is several times faster than one by one.
+//! Objects are propagated in groups, which is several times faster than one by one.
 
 use super::apparent::{Corrections, apparent_object};
 use super::field::{Excluded, Field, Test};
@@ -15,7 +15,8 @@ use std::sync::Arc;
 /// Objects that are propagated together.
 pub const TASK: usize = 64;
 
-/// Longest exposure with one rotation from TEME to GCRF, s: in half of that it turns by 4e-11 rad.
+/// Longest exposure with a single rotation from TEME to GCRF, s: in half of that the Earth's axis
+/// moves by 4e-11 rad.
 const SHORT_S: f64 = 10.0;
 
 /// The inputs of a propagation.
@@ -31,11 +32,11 @@ pub struct Propagation<'a> {
 }
 
 /// The result for an object.
-pub enum Close {
+pub enum Outcome {
     Seen(Arc<SeenObject>),
-    /// The object's index, and why.
+    /// The object's index, and the reason.
     Excluded(usize, Excluded),
-    /// It has no position.
+    /// The object has no position.
     Failed(u32, OrbitError),
 }
 
@@ -44,12 +45,12 @@ pub type Near = (u32, Option<u32>);
 
 /// Light time over 3000 km, s.
 const EARLIER_S: f64 = 0.01;
-/// Greatest change of the path in that time within an exposure, m; more is a jump.
+/// Greatest change of the path in that time within an exposure, m; more counts as a jump.
 const JUMP_M: f64 = 0.01;
 
 impl Propagation<'_> {
     /// The results for these objects.
-    pub fn look(&self, near: &[Near]) -> Vec<Close> {
+    pub fn run(&self, near: &[Near]) -> Vec<Outcome> {
         let mut found = Vec::with_capacity(near.len());
         let (mut tracked, mut tracks_of) = (Vec::new(), Vec::new());
         for &(index, track) in near {
@@ -82,18 +83,18 @@ impl Propagation<'_> {
     }
 
     /// The result for an object, if it is in the field, from its states (TEME) at the exposure's
-    /// start, mid and end, and with light time also [`EARLIER_S`] earlier.
+    /// start, mid and end; for light time also [`EARLIER_S`] earlier.
     fn placed(
         &self,
         index: u32,
         when: &[Epoch],
         states: &[Result<StateVector, u8>],
-    ) -> Option<Close> {
+    ) -> Option<Outcome> {
         let (shutter, rotations) = (self.field.shutter, &self.at.rotations);
         let failed = |(t, state): (&Epoch, &Result<StateVector, u8>)| Some((*t, state.err()?));
         if let Some((t, code)) = when.iter().zip(states).find_map(failed) {
             let object = self.population.all()[index as usize].settled(shutter[1].epoch);
-            return Some(Close::Failed(index, object.failure(t, code)));
+            return Some(Outcome::Failed(index, object.failure(t, code)));
         }
         let gcrf = |k: usize| Some((*states.get(k)?).ok()?.rotated(&rotations[k % 3]));
         let now = [gcrf(0)?, gcrf(1)?, gcrf(2)?];
@@ -110,30 +111,30 @@ impl Propagation<'_> {
         let seen = [seen(0), seen(1), seen(2)];
         let index = index as usize;
         let seen = (self.population).lit(index, &self.earth, shutter, self.corrections, seen);
-        Some(Close::Seen(Arc::new(seen)))
+        Some(Outcome::Seen(Arc::new(seen)))
     }
 
-    /// The same for an object without a track, which has not been tested yet.
-    fn alone(&self, index: u32) -> Option<Close> {
+    /// The same for an object without a track, which the field's test has not covered.
+    fn alone(&self, index: u32) -> Option<Outcome> {
         let (population, shutter) = (self.population, self.field.shutter);
         let mid = shutter[1].epoch;
         let object = population.all()[index as usize].settled(mid);
         let state = match object.state_with(mid, &self.at.rotations[1]) {
             Ok(state) => state,
-            Err(error) => return Some(Close::Failed(index, error)),
+            Err(error) => return Some(Outcome::Failed(index, error)),
         };
         let teme = state.rotated(&self.at.rotations[1].transpose());
         let bright = population.brightest(index as usize);
         if let Err(why) = self.test.assess(&teme, bright)? {
-            return Some(Close::Excluded(index as usize, why));
+            return Some(Outcome::Excluded(index as usize, why));
         }
         if !self.field.may_hold(&state) {
             return None;
         }
         let seen = population.see(index as usize, &self.earth, shutter, self.corrections);
         Some(match seen {
-            Ok(seen) => Close::Seen(Arc::new(seen)),
-            Err(error) => Close::Failed(index, error),
+            Ok(seen) => Outcome::Seen(Arc::new(seen)),
+            Err(error) => Outcome::Failed(index, error),
         })
     }
 }
@@ -191,8 +192,8 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
 
-    /// States of a fall, whose velocities are off by as much as `off_m_s`, at 0.1 s from one
-    /// another and [`EARLIER_S`] before.
+    /// States on a parabola 0.1 s apart, and [`EARLIER_S`] before each; velocities have the error
+    /// `off_m_s`.
     fn states(off_m_s: Vector3<f64>) -> [[StateVector; 3]; 2] {
         let (r, v, a) = (
             Vector3::new(4.2e7, 1e6, 0.0),
@@ -211,11 +212,11 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_of_the_model_is_no_way() {
+    fn jumps_of_the_model_do_not_change_the_path() {
         let apart = |a: &StateVector, b: &StateVector| (a.position_m - b.position_m).norm();
         for off_m_s in [Vector3::zeros(), Vector3::new(300.0, 0.0, 20.0)] {
             let [now, then] = states(off_m_s);
-            // However far velocities are off, the same at all instants is no jump.
+            // A constant error of the velocities is not a jump.
             assert_eq!(smooth(&now, then), then);
             for k in 0..3 {
                 for jump_m in [0.02, 60.0, 1e6] {

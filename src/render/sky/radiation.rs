@@ -1,40 +1,49 @@
-//! How many charged particles cross the detector, by place: galactic cosmic rays behind the Earth's
-//! field, and the South Atlantic Anomaly. A simple model of mean rates, not of a day's.
+//! Flux of charged particles through the detector, by position: galactic cosmic rays behind the
+//! Earth's magnetic field, and the South Atlantic Anomaly. A simple model of mean rates.
 //!
-//! Galactic cosmic rays and what they knock out of the spacecraft, by the rigidity R (GV) that the
-//! field lets pass:
+//! Galactic cosmic rays and their secondaries from the spacecraft, by the cutoff rigidity R (GV) of
+//! the field:
 //!
 //! ```text
-//! f = f_0 (1 - exp(-10.275 R^-0.9615))   the latitude curve of neutron monitors (Dorman et al. 2000, JGR 105, 21047)
-//! R = 15.062 cos^4(L) - 0.363            invariant latitude L up to 64 deg (Ogliore et al. 2001, Proc. ICRC 27, 4112)
-//! cos^2(L) = cos^2(geomagnetic latitude) r_E / r    a dipole whose pole stands at 80.7 N, 72.7 W (IGRF-13, 2020)
+//! f = f_0 (1 - exp(-10.275 R^-0.9615))
+//! R = 15.062 cos^4(L) - 0.363
+//! cos^2(L) = cos^2(geomagnetic latitude) r_E / r
 //! ```
 //!
-//! Assumed: that detectors in orbit follow this curve, which was measured at sea level. `f_0` = 1.8
+//! The first is the latitude curve of neutron monitors (Dorman et al. 2000, JGR 105, 21047), the
+//! second the cutoff by invariant latitude L up to 64 deg (Ogliore et al. 2001, Proc. ICRC 27,
+//! 4112), the third a dipole with its pole at 80.7 N, 72.7 W (IGRF-13, 2020).
+//!
+//! Assumed: detectors in orbit follow this curve, which was measured at sea level. `f_0` = 1.8
 //! /cm^2/s gives 1.2 at the mean cutoff of the Hubble's orbit, 9 to 10 GV: WF/PC-1 counted 1.7
-//! events a second on 1.44 cm^2 (HST Data Handbook, section 46.5). Counts that `f_0` was not taken
-//! from, all in the test below: NICMOS 1.1 to 1.5 /cm^2/s in that orbit, WFC3's infrared array,
-//! which sees fainter events, 3.3; far outside the Earth's field JWST's NIRSpec 4.3 to 2.3 from
-//! 2022 to 2025, by the Sun's cycle, which is left out here. Error: a factor 1.5 for CCDs at the
-//! Hubble's orbit, 3 elsewhere (too few).
+//! events per second on 1.44 cm^2 (HST Data Handbook, section 46.5). Independent counts, all in the
+//! test below: NICMOS 1.1 to 1.5 /cm^2/s in that orbit; WFC3's infrared array, which detects
+//! fainter events, 3.3; far outside the Earth's field JWST's NIRSpec 4.3 to 2.3 from 2022 to 2025,
+//! by the solar cycle, which is omitted here. Error: a factor 1.5 for CCDs at the Hubble's orbit, 3
+//! elsewhere (too few).
 //!
 //! The anomaly, a Gaussian in longitude and latitude over an altitude law:
 //!
 //! ```text
-//! f = 1100 exp(-(dlon / 16)^2 / 2 - (dlat / 9)^2 / 2) exp((h - 538) / 100)   /cm^2/s, deg, km; h up to 750
+//! f = 1100 exp(-(dlon / 16)^2 / 2 - (dlat / 9)^2 / 2) exp((h - 538) / 100)
 //! ```
 //!
+//! in /cm^2/s, deg and km, with h up to 750.
+//!
 //! - 1100 /cm^2/s at the Hubble's 538 km: Miles et al. 2021, ApJ 918, 86.
-//! - Centre 30 S, 40 W in 1974: Knoll, Holzer and Schmidtke 1977, JGR 82, 5281, at 700 to 800 km; westwards by 0.3 deg a year:
-//!   Fuerst et al. 2009, Earth Planet. Sci. Lett. 281, 125, at 540 km.
-//! - Widths (assumed): with them the anomaly sinks into the cosmic rays 58 deg east and west and 33 deg north and south of its
-//!   centre, and the Hubble's orbit is inside for 16 % of its time (see the test).
-//! - Altitude law (assumed): trapped protons are lost to the air, and their flux grows by e with each of its scale heights, 50 to
-//!   100 km there, up to some 10^4 /cm^2/s, the order of the inner belt's greatest flux; from 3,000 km on it falls by e with
-//!   each 3,000 km, to nothing where the proton belt ends.
+//! - Centre 30 S, 40 W in 1974: Knoll, Holzer and Schmidtke 1977, JGR 82, 5281, at 700 to 800 km;
+//!   westward drift of 0.3 deg per year: Fuerst et al. 2009, Earth Planet. Sci. Lett. 281, 125, at
+//!   540 km.
+//! - Widths (assumed): with them the anomaly falls below the cosmic rays 58 deg east and west and
+//!   33 deg north and south of its centre, and the Hubble's orbit is inside for 16 % of its time
+//!   (see the test).
+//! - Altitude law (assumed): trapped protons are lost to the air, so their flux grows by e with
+//!   each scale height of air, 50 to 100 km there, up to some 10^4 /cm^2/s, the order of the inner
+//!   belt's greatest flux; from 3,000 km on it falls by e per 3,000 km, down to 0 at the end of the
+//!   proton belt.
 //!
 //! Error: a factor 2 at 538 km at the centre, 3 across the anomaly, 10 at other altitudes up to
-//! 1,000 km. Left out: the belts themselves, which higher orbits cross at all longitudes, electrons
+//! 1,000 km. Omitted: the belts themselves, which higher orbits cross at all longitudes, electrons
 //! of the polar horns, solar particle events.
 
 use hifitime::{Epoch, Unit};
@@ -42,23 +51,23 @@ use nalgebra::Vector3;
 use skyloop_orbit::time::utc_days_since_j2000;
 use std::f64::consts::TAU;
 
-/// Particles a second through a square centimetre (both ways) where the Earth's field lets all
-/// pass.
+/// Particles per second and square centimetre (both directions) where the Earth's field has no
+/// effect.
 pub const FREE_SPACE: f64 = 1.8;
 
 /// Mean radius of the Earth, m.
 const EARTH_M: f64 = 6_371_200.0;
 
-/// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m);
-/// [`FREE_SPACE`] at what is no place.
+/// Particles per second and square centimetre of a detector, both directions, at a GCRF position
+/// (m); [`FREE_SPACE`] for a position that is not finite.
 pub fn flux(position_m: &Vector3<f64>, epoch: Epoch) -> f64 {
     let position = Place::of(position_m, epoch);
-    // Where there is no direction from the Earth's centre there is no anomaly.
+    // At the Earth's centre, without a direction, there is no anomaly.
     cosmic_rays(position.cutoff_gv()) + anomaly(&position).max(0.0)
 }
 
-/// Where an observer is over the turning Earth. The pole of date is the GCRF's but for 0.14 deg in
-/// 25 years, and latitudes are geocentric (0.19 deg from geodetic ones at most): far below the
+/// Position of an observer over the rotating Earth. The GCRF's pole replaces that of date (0.14 deg
+/// in 25 years), and latitudes are geocentric (at most 0.19 deg from geodetic ones): far below the
 /// model's errors.
 #[derive(Debug, Clone, Copy)]
 struct Place {
@@ -86,7 +95,7 @@ impl Place {
         }
     }
 
-    /// Rigidity below which nothing arrives, GV.
+    /// Cutoff rigidity, GV: no particle of a lower rigidity arrives.
     fn cutoff_gv(&self) -> f64 {
         let (pole_lat, pole_lon) = (80.7f64.to_radians(), -72.7f64.to_radians());
         let sin = libm::sin(self.latitude) * libm::sin(pole_lat)
@@ -127,8 +136,8 @@ mod tests {
     use super::*;
     use std::str::FromStr;
 
-    /// GCRF position over `latitude`, `longitude` (deg) at `altitude_km` at J2000, when the Earth
-    /// had turned by 280.46 deg.
+    /// GCRF position over `latitude`, `longitude` (deg) at `altitude_km` at J2000, when the Earth's
+    /// rotation angle was 280.46 deg.
     fn over(latitude: f64, longitude: f64, altitude_km: f64) -> (Vector3<f64>, Epoch) {
         // X-Val: IERS Conventions 2010, Eq. 5.15 at its origin, 0.7790572732640 of a turn.
         let (lat, lon) = (
@@ -149,8 +158,8 @@ mod tests {
     }
 
     #[test]
-    fn the_anomaly_peaks_where_it_was_measured() {
-        // 40 W in 1974 and 0.3 deg a year: 47.8 W in 2000.
+    fn anomaly_peaks_at_its_measured_position() {
+        // 40 W in 1974 and 0.3 deg per year: 47.8 W in 2000.
         let peak = at(-30.0, -47.8, 538.0);
         // X-Val: Miles et al. 2021: 1100 particles/s/cm^2, with the cosmic rays.
         assert!((peak - 1100.0).abs() < 2.0, "{peak}");
@@ -163,18 +172,18 @@ mod tests {
             assert!(at(latitude, longitude, 538.0) < 0.95 * peak);
         }
         assert!((at(-30.0, -47.8, 438.0) / peak * std::f64::consts::E - 1.0).abs() < 0.01);
-        // The inner belt's order of magnitude, and nothing of it far above it, at the anomaly's own
+        // The inner belt's order of magnitude, and no anomaly far above it, at the anomaly's own
         // longitude.
         assert!((5e3..2e4).contains(&at(-30.0, -47.8, 1000.0)));
         assert!(at(-30.0, -47.8, 35_786.0) < FREE_SPACE + 0.5);
         assert!(at(-30.0, -47.8, 384_000.0) < FREE_SPACE + 1e-3);
-        // No step where longitudes wrap, and nothing of it on the other side.
+        // No step at 180 deg, and no anomaly on the opposite side.
         assert!((at(-30.0, 179.9, 538.0) - at(-30.0, -179.9, 538.0)).abs() < 1e-2);
         assert!(at(-30.0, 132.0, 538.0) < 3.0);
     }
 
     #[test]
-    fn the_anomaly_is_as_wide_as_the_hubble_finds_it() {
+    fn anomaly_is_as_wide_as_for_the_hubble() {
         let (mut inside, mut all) = (0.0, 0.0);
         for step in 0..360 {
             let u = f64::from(step).to_radians();
@@ -195,13 +204,13 @@ mod tests {
     }
 
     #[test]
-    fn cosmic_rays_have_the_rates_that_imagers_counted() {
+    fn cosmic_rays_match_the_rates_of_imagers() {
         // Averaged over the Hubble's orbit.
         let orbit: Vec<f64> = (0..360)
             .map(|step| {
                 let u = f64::from(step).to_radians();
                 let latitude = (28.5f64.to_radians().sin() * u.sin()).asin().to_degrees();
-                // All longitudes but those of the anomaly, where instruments rest.
+                // All longitudes except the anomaly's, where instruments pause.
                 at(latitude, 60.0 + f64::from(step % 180), 600.0)
             })
             .collect();
@@ -215,8 +224,8 @@ mod tests {
         // X-Val: JWST's NIRSpec at L2 (Rauscher and Fixsen 2025, PASP 137, 095003): 4.3 /cm^2/s in
         // 2022, 2.3 in 2025.
         assert!((4.3 / 3.0..2.3).contains(&FREE_SPACE));
-        // More towards the poles, where the field lets all pass; there, and far outside, free
-        // space.
+        // More towards the poles, where the field has no effect; there and far outside, the value
+        // of free space.
         assert!((at(80.7, -72.7, 538.0) - FREE_SPACE).abs() < 1e-9);
         assert!(at(0.0, 100.0, 538.0) < 0.7 * FREE_SPACE);
         assert!((at(10.0, 100.0, 300_000.0) - FREE_SPACE).abs() < 1e-3);

@@ -1,9 +1,9 @@
-//! The Earth in the way: its shadow on an object, and its body before one.
+//! Occultation by the Earth: its shadow on an object, and its body in front of one.
 //!
 //! The Earth is the WGS84 ellipsoid, its axis along the mean pole of date. Stretching space along
-//! that axis by a/b makes it a sphere of radius a and keeps lines straight and tangents tangent, so
-//! that all the rest is geometry of a sphere. There is no atmosphere: it neither bends nor dims
-//! sunlight at the limb (it does over the lowest 20 km or so, some 5 s of a low orbit).
+//! that axis by a/b makes it a sphere of radius a and preserves lines and tangents, so the rest is
+//! geometry of a sphere. There is no atmosphere: it neither bends nor dims sunlight at the limb (in
+//! reality it does over the lowest 20 km or so, some 5 s of a low orbit).
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -20,14 +20,14 @@ pub const EARTH_FLATTENING: f64 = 1.0 / 298.257_223_563;
 const ARCSEC: f64 = PI / 648_000.0;
 const DAYS_PER_CENTURY: f64 = 36_525.0;
 
-/// The Earth's figure at one epoch.
+/// The Earth's ellipsoid at one epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Earth {
     /// The Earth's axis, unit vector, GCRF.
     pole: Vector3<f64>,
 }
 
-/// The Earth's limb before one observer: in stretched space a circle around the direction of its
+/// The Earth's limb for one observer: in stretched space a circle around the direction of the
 /// centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimbCone {
@@ -50,7 +50,7 @@ impl LimbCone {
 impl Earth {
     /// The Earth at `t`, its axis along the mean pole of date.
     ///
-    /// Nutation (9 arcsec) is left out: it tilts the limb by at most 1 m. Leaving out precession as
+    /// Nutation (9 arcsec) is omitted: it tilts the limb by at most 1 m. Omitting precession as
     /// well would cost 40 m in 2019 and 130 m in 2060.
     pub fn at(t: Epoch) -> Self {
         // X and Y of the pole, first terms of the polynomials of IAU 2006 (IERS Conventions 2010,
@@ -88,30 +88,30 @@ impl Earth {
 
     /// Whether the Earth hides `target_m` from `observer_m` (both GCRF, m).
     ///
-    /// An observer inside the Earth, such as the fictitious one at its centre, looks through it:
-    /// nothing is hidden. A target inside the Earth is hidden from everyone outside.
+    /// Nothing is hidden from an observer inside the Earth, such as the fictitious one at its
+    /// centre. A target inside the Earth is hidden from every observer outside.
     pub fn occults(&self, observer_m: Vector3<f64>, target_m: Vector3<f64>) -> bool {
         if self.contains(observer_m) {
             return false;
         }
         let observer = self.to_sphere(observer_m);
         let line = self.to_sphere(target_m) - observer;
-        // The Earth is in the way where the line's nearest point lies before the target, or the
-        // target lies inside.
+        // The Earth hides the target if the line's nearest point lies before the target, or if the
+        // target is inside.
         let before_target = -observer.dot(&line) < line.norm_squared();
         self.line_meets_sphere(observer, line) && (before_target || self.contains(target_m))
     }
 
-    /// Whether the Earth hides what lies infinitely far away in `direction` (unit vector), such as
-    /// a star. An observer inside the Earth looks through it.
+    /// Whether the Earth hides an infinitely distant source in `direction` (unit vector), such as a
+    /// star. Nothing is hidden from an observer inside the Earth.
     pub fn occults_direction(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> bool {
         !self.contains(observer_m)
             && self.line_meets_sphere(self.to_sphere(observer_m), self.to_sphere(direction))
     }
 
-    /// Where the line of sight from `observer_m` (GCRF, m) along `direction` (any length) meets the
-    /// ground first, GCRF, m: exact to 1e-7 m near the Earth, to 1e-5 m from the Moon's distance.
-    /// None where it misses, and for an observer inside the Earth.
+    /// The first intersection of the line of sight from `observer_m` (GCRF, m) along `direction`
+    /// (any length) with the ground, GCRF, m: exact to 1e-7 m near the Earth, to 1e-5 m from the
+    /// Moon's distance. None without an intersection, and for an observer inside the Earth.
     pub fn meets(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> Option<Vector3<f64>> {
         if self.contains(observer_m) {
             return None;
@@ -119,8 +119,8 @@ impl Earth {
         let start = self.to_sphere(observer_m);
         let line = self.to_sphere(direction);
         let along = line.norm();
-        // Half the chord: R^2 less the square of the line's distance from the centre, which keeps
-        // its digits from afar.
+        // Half the chord: R^2 minus the squared distance of the line from the centre, as a product
+        // to preserve precision from afar.
         let miss = start.cross(&line).norm() / along;
         let inside = (EARTH_RADIUS_M - miss) * (EARTH_RADIUS_M + miss);
         let nearest = -start.dot(&line) / along;
@@ -128,15 +128,15 @@ impl Earth {
             .then(|| observer_m + direction * ((nearest - inside.sqrt()) / along))
     }
 
-    /// The angle (rad) from the Earth's limb, as an observer at `observer_m` (GCRF, m) sees it, to
-    /// a direction (any length): negative before the Earth; infinite for an observer inside it.
-    /// Exact in sign; up to a flattening of itself in size.
+    /// The angle (rad) from the Earth's limb, for an observer at `observer_m` (GCRF, m), to a
+    /// direction (any length): negative in front of the Earth; infinite for an observer inside it.
+    /// The sign is exact, the size to a relative error of the flattening.
     pub fn limb_angle(&self, observer_m: Vector3<f64>, direction: &Vector3<f64>) -> f64 {
         let cone = self.limb_cone(observer_m);
         cone.map_or(f64::INFINITY, |cone| cone.angle(direction))
     }
 
-    /// The Earth's limb as an observer at `observer_m` (GCRF, m) sees it; none from inside.
+    /// The Earth's limb for an observer at `observer_m` (GCRF, m); none from inside.
     pub fn limb_cone(&self, observer_m: Vector3<f64>) -> Option<LimbCone> {
         let centre = -self.to_sphere(observer_m);
         let sin = EARTH_RADIUS_M / centre.norm();
@@ -147,16 +147,15 @@ impl Earth {
         })
     }
 
-    /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of
-    /// |S x|^2, `S` the stretch, is 2 S S x.
+    /// The upward normal of the ellipsoid at one of its points (GCRF, m), unit vector: the gradient
+    /// of |S x|^2, `S` the stretch, is 2 S S x.
     pub fn normal(&self, point_m: Vector3<f64>) -> Vector3<f64> {
         self.to_sphere(self.to_sphere(point_m)).normalize()
     }
 
-    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which an
-    /// observer (GCRF, m) sees the edge of the Earth with a shell of `altitude_m` around it, to
-    /// 1e-5 rad on the safe side: the outline of an ellipsoid is no circle. Pi for an observer
-    /// inside.
+    /// Minimum and maximum angle (rad) from the direction of the Earth's centre to the outline of
+    /// the Earth with a shell of `altitude_m`, for an observer (GCRF, m), to 1e-5 rad on the safe
+    /// side: the outline of an ellipsoid is not a circle. Pi for an observer inside.
     pub fn outline(&self, observer_m: Vector3<f64>, altitude_m: f64) -> [f64; 2] {
         const POINTS: usize = 360;
         const MARGIN: f64 = 1e-5;
@@ -168,20 +167,20 @@ impl Earth {
         let axis = observer.normalize() * -1.0;
         let toward_centre = -observer_m.normalize();
         let cos = ((1.0 - sin) * (1.0 + sin)).sqrt();
-        let (mut least, mut greatest) = (PI, 0.0f64);
+        let (mut min, mut max) = (PI, 0.0f64);
         for k in 0..POINTS {
             let turn = 2.0 * PI * k as f64 / POINTS as f64;
             let edge = self.unstretched(axis * cos + self.across(axis, turn) * sin);
             let angle = angle_between(&edge, &toward_centre);
-            (least, greatest) = (least.min(angle), greatest.max(angle));
+            (min, max) = (min.min(angle), max.max(angle));
         }
-        [(least - MARGIN).max(0.0), (greatest + MARGIN).min(PI)]
+        [(min - MARGIN).max(0.0), (max + MARGIN).min(PI)]
     }
 
-    /// The unit vector across `axis` (unit vector) that lies `turn` (rad) from the one nearest to
-    /// the pole.
+    /// The unit vector across `axis` (unit vector) at the angle `turn` (rad) from the one nearest
+    /// to the pole.
     pub(super) fn across(self, axis: Vector3<f64>, turn: f64) -> Vector3<f64> {
-        // Any other will do where the axis is the pole.
+        // An arbitrary reference if the axis is the pole.
         let other = if self.pole.dot(&axis).abs() < 0.9 {
             self.pole
         } else {
@@ -201,14 +200,14 @@ impl Earth {
                 < EARTH_RADIUS_M * EARTH_RADIUS_M * line.norm_squared()
     }
 
-    /// The part of the Sun's disc that an object at `object_m` sees past the Earth: 1 in full
-    /// light, 0 in the umbra and inside the Earth. `sun_m` is
+    /// The part of the Sun's disc visible from `object_m` past the Earth: 1 in full light, 0 in the
+    /// umbra and inside the Earth. `sun_m` is
     /// [`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m); both GCRF, m.
     ///
-    /// The disc is uniformly bright (no limb darkening). First and last contact lie within 0.1 m of
-    /// the tangents to both bodies; between them the fraction is within 4e-5 of an integration ray
-    /// by ray up to geostationary orbit, and within 0.003 from the tip of the umbra (1.38 million
-    /// km) outward, where the Earth's whole outline matters.
+    /// The disc is uniform (no limb darkening). First and last contact are within 0.1 m of the
+    /// tangents to both bodies. Between them the fraction is within 4e-5 of an integration ray by
+    /// ray up to geostationary orbit, and within 0.003 from the tip of the umbra (1.38 million km)
+    /// outward, where the Earth's whole outline matters.
     pub fn illumination(&self, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> f64 {
         let object = self.to_sphere(object_m);
         let distance = object.norm();
@@ -226,26 +225,26 @@ impl Earth {
         1.0 - covered_fraction(sun_radius, earth_radius, separation)
     }
 
-    /// How far the Sun, stretched with the rest of space, reaches across the line of sight toward
-    /// the Earth's centre, m.
+    /// Radius of the Sun, stretched with space, across the line of sight toward the Earth's centre,
+    /// m.
     fn stretched_sun_radius(self, toward_sun: Vector3<f64>, toward_earth: Vector3<f64>) -> f64 {
         let across = toward_earth - toward_sun * toward_sun.dot(&toward_earth);
         // Support function of an ellipsoid S(ball): |S n| for the unit normal n. In line with the
-        // Earth every side is the same.
+        // Earth all sides are equal.
         across
             .try_normalize(1e-12)
             .map_or(SUN_RADIUS_M, |n| SUN_RADIUS_M * self.to_sphere(n).norm())
     }
 }
 
-/// The part of a small disc of angular radius `sun` (the Sun) that another of radius `earth`
-/// covers, their centres `separation` apart; all rad.
+/// The part of a small disc of angular radius `sun` (the Sun) covered by another of radius `earth`,
+/// with centres `separation` apart; all rad.
 ///
-/// The other limb is drawn as the plane circle that touches it and curves as it does next to the
-/// Sun, of radius tan(`earth`): exact at contact, and good to the square of the Sun's radius (2e-5)
-/// across it.
+/// The other limb is approximated by the plane circle that touches it and has its curvature next to
+/// the Sun, of radius tan(`earth`): exact at contact, and accurate to the square of the Sun's
+/// radius (2e-5) across it.
 fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
-    // A limb as straight as this is a line over the Sun's disc; more would cost digits below.
+    // Straighter limbs are lines over the Sun's disc; larger radii would lose precision below.
     let radius = libm::tan(earth).min(1e6 * sun);
     let to_limb = separation - earth; // of the Sun's centre; negative inside the disc of the Earth
     if to_limb >= sun {
@@ -262,16 +261,16 @@ fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
     // Two circular segments on either side of the common chord. With d the centres' distance, the
     // chord lies
     //     x = (d^2 + s^2 - R^2) / 2 d
-    // from the Sun's centre, where d^2 - R^2 = (d - R)(d + R) keeps its digits when R is large.
+    // from the Sun's centre, where d^2 - R^2 = (d - R)(d + R) stays precise when R is large.
     let x = (to_limb * (centres + radius) + sun * sun) / (2.0 * centres);
     let half_chord = ((sun - x) * (sun + x)).max(0.0).sqrt();
     let area = segment(sun, half_chord, x) + segment(radius, half_chord, centres - x);
     (area / (PI * sun * sun)).clamp(0.0, 1.0)
 }
 
-/// Area of the segment that a chord cuts off a circle, the chord `half_chord` long to each side and
-/// `x` from the centre (negative: the segment is the larger part): R^2 (alpha - sin(alpha)
-/// cos(alpha)), alpha the half angle under which the centre sees the chord.
+/// Area of the segment that a chord cuts off a circle. The chord is `half_chord` long to each side
+/// and `x` from the centre (negative: the segment is the larger part): R^2 (alpha - sin(alpha)
+/// cos(alpha)), alpha the half angle of the chord at the centre.
 fn segment(radius: f64, half_chord: f64, x: f64) -> f64 {
     radius * radius * libm::atan2(half_chord, x) - half_chord * x
 }

@@ -1,5 +1,4 @@
-//! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's
-//! band.
+//! The catalogue for one camera: directions for the field test, magnitudes in the camera's band.
 
 use super::apparent::{Corrections, Observer, Sight, StarMotion, StarPlace};
 use super::catalog::{Catalog, Star};
@@ -10,26 +9,26 @@ use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees
+/// Greatest angle (rad) of a star from its catalogue direction: Barnard's star moves 0.32 degrees
 /// in the 110 years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind
 /// the Sun), parallax at most 0.8.
 const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
 
-/// Stars with what does not change from frame to frame.
+/// Stars with their data that are the same in all frames.
 #[derive(Debug)]
 pub struct StarField {
     catalog: Catalog,
-    /// Group by group: frames read whole groups.
+    /// Group by group, since frames read whole groups.
     entries: Vec<Entry>,
     groups: Vec<Group>,
 }
 
-/// A star as frames read it.
+/// The data of a star that frames read.
 #[derive(Debug)]
 struct Entry {
-    /// Into the catalogue.
+    /// Index into the catalogue.
     index: u32,
-    way: StarMotion,
+    motion: StarMotion,
     /// Magnitude in the camera's band.
     band_mag: f64,
     /// See [`Band::wavelength_ratio`].
@@ -45,19 +44,19 @@ pub struct SeenStar {
     pub direction: Vector3<f64>,
     /// Magnitude in the camera's band.
     pub band_mag: f64,
-    /// Mean wavelength of its light in the band, over the band's reference.
+    /// Mean wavelength of its light in the band, relative to the band's reference.
     pub wavelength_ratio: f64,
 }
 
-/// Stars that stand together.
+/// Stars of a group.
 const GROUP: usize = 64;
-/// Stars that one thread looks at at least.
+/// Minimum number of stars per thread.
 const TASK: usize = 64;
-/// Groups are cut from strips of the sky of this height (1, along the pole's axis), in which stars
-/// follow each other by right ascension: of 78,000 stars those are as wide as some 7 deg.
+/// Height of the strips of the sky that are cut into groups (1, along the pole's axis). In a strip
+/// stars are ordered by right ascension; with 78,000 stars a group is some 7 deg wide.
 const STRIP: f64 = 0.08;
 
-/// Stars that stand together, and a cone around them.
+/// Neighbouring stars, and a cone around them.
 #[derive(Debug)]
 struct Group {
     axis: Vector3<f64>,
@@ -65,16 +64,16 @@ struct Group {
     angle: f64,
     cos: f64,
     sin: f64,
-    /// Which of the entries they are.
+    /// Their range in the entries.
     entries: Range<usize>,
 }
 
 impl Group {
     fn of(stars: &[Entry], from: usize) -> Group {
-        let sum: Vector3<f64> = stars.iter().map(|star| star.way.direction).sum();
+        let sum: Vector3<f64> = stars.iter().map(|star| star.motion.direction).sum();
         let axis = sum.try_normalize(0.0).unwrap_or_else(Vector3::z);
-        let angles = stars.iter().map(|star| star.way.direction.angle(&axis));
-        // What rounding takes of the arc cosine near 1, too.
+        let angles = stars.iter().map(|star| star.motion.direction.angle(&axis));
+        // A margin for rounding of the arc cosine near 1.
         let angle = angles.fold(0.0, f64::max) + 1e-7;
         let (sin, cos) = libm::sincos(angle);
         Group {
@@ -86,7 +85,7 @@ impl Group {
         }
     }
 
-    /// Those of all stars, in their [`order`].
+    /// The groups of all stars, in their [`order`].
     fn all(stars: &[Entry]) -> Vec<Group> {
         let groups = stars.par_chunks(GROUP).enumerate();
         groups
@@ -95,8 +94,8 @@ impl Group {
     }
 }
 
-/// The order in which stars that follow each other stand together, by their indices: strip by
-/// strip, around the pole in each.
+/// The indices in an order in which consecutive stars are neighbours: strip by strip, around the
+/// pole in each.
 fn order(stars: &[StarMotion]) -> Vec<u32> {
     let key = |(index, star): (usize, &StarMotion)| {
         let at = &star.direction;
@@ -115,12 +114,12 @@ fn order(stars: &[StarMotion]) -> Vec<u32> {
 }
 
 impl StarField {
-    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has
+    /// Prepares `catalog` for `band`. Without `colour` the band magnitude is V, and all light has
     /// the Sun's colour.
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
         let stars = catalog.stars();
-        // Colours are given to a thousandth or so: far fewer than stars.
+        // Colours are rounded to about 0.001: there are far fewer than stars.
         let terms: HashMap<u64, f64> = match &v_band {
             Some(v_band) if colour => {
                 let colours: HashSet<u64> = stars.iter().map(|star| star.b_v.to_bits()).collect();
@@ -141,17 +140,17 @@ impl StarField {
             }
         };
         let places = stars.par_iter().map(position);
-        let ways: Vec<StarMotion> = places.map(|position| StarMotion::of(&position)).collect();
+        let motions: Vec<StarMotion> = places.map(|position| StarMotion::of(&position)).collect();
         let entry = |index: u32| {
             let star = &stars[index as usize];
             Entry {
                 index,
-                way: ways[index as usize],
+                motion: motions[index as usize],
                 band_mag: band_mag(star),
                 wavelength_ratio: wavelength_ratio(star),
             }
         };
-        let entries: Vec<Entry> = order(&ways).into_par_iter().map(entry).collect();
+        let entries: Vec<Entry> = order(&motions).into_par_iter().map(entry).collect();
         StarField {
             groups: Group::all(&entries),
             entries,
@@ -164,13 +163,13 @@ impl StarField {
         &self.catalog
     }
 
-    /// How many stars are of this magnitude in the band, or brighter.
+    /// Number of stars with at most this magnitude in the band.
     pub fn brighter_than(&self, band_mag: f64) -> usize {
         let stars = self.entries.iter();
         stars.filter(|star| star.band_mag <= band_mag).count()
     }
 
-    /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), apparent to `observer`, in
+    /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), as seen by `observer`, in
     /// catalogue order.
     pub fn in_cone(
         &self,
@@ -181,7 +180,7 @@ impl StarField {
     ) -> Vec<SeenStar> {
         let reach = angle + WANDER;
         let (sin, cos) = libm::sincos(reach);
-        // In all directions, whatever rounding makes of products of unit vectors.
+        // All directions, regardless of rounding in products of unit vectors.
         let nearest = if reach < PI { cos } else { -2.0 };
         let near = |group: &&Group| {
             // The cosine of the sum of both angles.
@@ -193,7 +192,7 @@ impl StarField {
             entries.iter()
         });
         let mut near: Vec<(u32, &Entry)> = entries
-            .filter(|star| star.way.direction.dot(axis) >= nearest)
+            .filter(|star| star.motion.direction.dot(axis) >= nearest)
             .map(|star| (star.index, star))
             .collect();
         near.sort_unstable_by_key(|(index, _)| *index);
@@ -201,7 +200,7 @@ impl StarField {
         let stars = near.par_iter().with_min_len(TASK);
         let seen = stars.map(|(index, star)| SeenStar {
             index: *index as usize,
-            direction: sight.of_star(&star.way),
+            direction: sight.of_star(&star.motion),
             band_mag: star.band_mag,
             wavelength_ratio: star.wavelength_ratio,
         });
@@ -227,7 +226,7 @@ mod tests {
     use hifitime::Epoch;
 
     #[test]
-    fn groups_leave_nobody_out() {
+    fn cones_contain_all_of_their_stars() {
         let catalog = Catalog::embedded(Selection::Hipparcos);
         let band = Band::named("v").unwrap();
         let field = StarField::new(catalog, &band, false);
@@ -235,7 +234,7 @@ mod tests {
         assert!(grouped.eq(0..field.entries.len()));
         let mut directions = vec![Vector3::zeros(); field.catalog.stars().len()];
         for star in &field.entries {
-            directions[star.index as usize] = star.way.direction;
+            directions[star.index as usize] = star.motion.direction;
         }
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 6, 1);
         let observer = Observer {

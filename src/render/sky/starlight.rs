@@ -1,19 +1,20 @@
-//! Starlight of all stars that are too faint for the catalogue.
+//! Combined light of all stars too faint for the catalogue.
 //!
 //! `data/starlight.csv` holds their mean surface brightness in S10 (stars of V = 10 a square
 //! degree) every 30 degrees of galactic longitude and 5 to 15 of latitude, for each selection of
-//! the catalogue; its logarithm is interpolated smoothly (C1). What is in the catalogue is not in
-//! the table: no light comes twice. `tests/reference/starlight.py` makes the table:
+//! the catalogue; its logarithm is interpolated smoothly (C1). The table excludes the stars of the
+//! catalogue, so no light counts twice. `tests/reference/starlight.py` computes the table:
 //!
 //! - to V = 11 from the stars themselves (Hipparcos and Tycho, complete there);
-//! - beyond by counts of stars: Bahcall & Soneira 1980 (ApJS 44, 73, Eq. B1) for the ratio to the light of V 10 to 11 from 20 degrees of latitude
-//!   on; near the plane that ratio at 20 degrees, times one number that gives the whole sky the light of all counts to V = 25.
+//! - beyond by counts of stars: Bahcall & Soneira 1980 (ApJS 44, 73, Eq. B1) for the ratio to the
+//!   light of V 10 to 11 from 20 degrees of latitude on; near the plane that ratio at 20 degrees,
+//!   times one factor that gives the whole sky the light of all counts to V = 25.
 //!
 //! Validity: some 20 %, and no structure finer than the table's; the part beyond V = 11 (6 of 10
-//! photons) is a model. With the catalogue it makes 106 S10 over the sky, and 36 and 43 at the
+//! photons) is a model. With the catalogue the mean is 106 S10 over the sky, and 36 and 43 at the
 //! poles, where the model SKY (Wainscoat et al. 1992) has 38 (Leinert et al. 1998, A&AS 127, 1,
-//! Table 24). Starlight that dust scatters (diffuse galactic light, a further 10 to 30 %) and
-//! galaxies (1 S10) are left out.
+//! Table 24). Starlight scattered by dust (diffuse galactic light, a further 10 to 30 %) and
+//! galaxies (1 S10) are omitted.
 
 use std::f64::consts::TAU;
 
@@ -49,7 +50,7 @@ pub struct StarLight {
 }
 
 impl StarLight {
-    /// For a sky whose stars are those of `selection`.
+    /// For a sky with the stars of `selection`.
     pub fn new(selection: Selection) -> Self {
         let skipped = match selection {
             Selection::Hipparcos => 0,
@@ -57,7 +58,7 @@ impl StarLight {
         };
         let rows: Vec<Vec<f64>> = rows().skip(skipped).take(ROWS).collect();
         let latitudes = rows.iter().map(|row| row[0].to_radians()).collect();
-        // A column more on either side: 30 degrees before 0, 360, and 390.
+        // Two more columns for periodic interpolation: -30, 360 and 390 degrees.
         let longitudes = (0..COLUMNS + 3).map(|i| (i as f64 - 1.0) * STEP).collect();
         let value = |i: usize, j: usize| libm::log2(rows[j][1 + (i + COLUMNS - 1) % COLUMNS]);
         StarLight {
@@ -65,8 +66,8 @@ impl StarLight {
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no
-    /// direction. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; NaN for an invalid direction.
+    /// Takes some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let g = GALACTIC * direction;
         let longitude = libm::atan2(g.y, g.x);
@@ -80,7 +81,7 @@ impl StarLight {
     }
 }
 
-/// Latitude (deg) and S10 by longitude, of each row of the table.
+/// Latitude (deg) and S10 by longitude, for each row of the table.
 fn rows() -> impl Iterator<Item = Vec<f64>> {
     TABLE
         .lines()
@@ -106,27 +107,28 @@ pub(crate) mod tests {
         GALACTIC.transpose() * Vector3::new(b.cos() * l.cos(), b.cos() * l.sin(), b.sin())
     }
 
-    /// Asserts that along great circles, each from a start to a side of it, neither value nor slope
-    /// of `log` leaps: curvature shrinks with the step, a leap does not. `asks`: where to look.
+    /// Asserts that neither value nor slope of `log` jumps along great circles, each from a start
+    /// towards a side: a difference from curvature shrinks with the step, a jump does not. `checks`
+    /// selects the directions to check.
     pub fn assert_smooth(
         circles: &[(Vector3<f64>, Vector3<f64>)],
-        asks: impl Fn(&Vector3<f64>) -> bool,
+        checks: impl Fn(&Vector3<f64>) -> bool,
         log: impl Fn(&Vector3<f64>) -> f64,
     ) {
-        let leap = |step: f64| {
+        let jump = |step: f64| {
             let mut worst = 0.0_f64;
             for (start, side) in circles {
                 let side = (side - start * side.dot(start)).normalize();
                 let go = |t: f64| start * t.cos() + side * t.sin();
                 let places = (0..3600).map(|n| f64::from(n) * PI / 1800.0);
-                for t in places.filter(|t| asks(&go(*t))) {
+                for t in places.filter(|t| checks(&go(*t))) {
                     let [a, b, c] = [t - step, t, t + step].map(|t| log(&go(t)));
                     worst = worst.max(((c - b) - (b - a)).abs() / step);
                 }
             }
             worst
         };
-        let (coarse, fine) = (leap(1e-5), leap(1e-6));
+        let (coarse, fine) = (jump(1e-5), jump(1e-6));
         assert!(coarse < 3e-3 && fine < 3e-4, "{coarse} {fine}");
     }
 
@@ -166,7 +168,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_table_is_whole() {
+    fn table_is_complete() {
         let rows: Vec<Vec<f64>> = rows().collect();
         assert_eq!(rows.len(), 2 * ROWS);
         for row in &rows {
@@ -177,14 +179,14 @@ pub(crate) mod tests {
             assert!(half.is_sorted_by(|a, b| a[0] < b[0]));
             assert_eq!((half[0][0], half[ROWS - 1][0]), (-90.0, 90.0));
         }
-        // Its places are met.
+        // Interpolation is exact at its nodes.
         let light = StarLight::new(Selection::Bsc);
         let value = light.s10(&at(60.0, -20.0));
         assert!((value / rows[ROWS + 5][3] - 1.0).abs() < 1e-6, "{value}");
     }
 
     #[test]
-    fn axes_are_those_of_the_galaxy() {
+    fn galactic_axes_match_the_published_ones() {
         // X-Val: galactic pole at RA 192.85948, Dec 27.12825 deg; centre at 266.40500, -28.93617
         // (ESA 1997, vol. 1, section 1.5.3).
         for (ra, dec, v) in [
@@ -192,14 +194,14 @@ pub(crate) mod tests {
             (266.405_00, -28.936_17, at(0.0, 0.0)),
         ] {
             let (ra, dec) = (ra.to_radians(), dec.to_radians());
-            let there = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-            assert!((there - v).norm() < 1e-6, "{v}");
+            let direction = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+            assert!((direction - v).norm() < 1e-6, "{v}");
         }
     }
 
-    /// Whatever the selection, catalogue and light below its limit are all the starlight there is.
+    /// For any selection, catalogue and fainter light together are all the starlight.
     #[test]
-    fn all_starlight_is_as_published_and_comes_once() {
+    fn total_starlight_is_as_published_for_each_selection() {
         let totals = [Selection::Hipparcos, Selection::Bsc].map(|selection| {
             let light = StarLight::new(selection);
             mean(&light, -90.0, 90.0) + catalogued(selection, -90.0, 90.0)
@@ -245,7 +247,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_light_is_smooth_over_the_sky() {
+    fn starlight_is_smooth_over_the_sky() {
         let light = StarLight::new(Selection::Hipparcos);
         let circles = (0..40).map(f64::from).flat_map(|k| {
             [

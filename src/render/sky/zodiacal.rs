@@ -1,26 +1,25 @@
-//! Zodiacal light: sunlight that the dust between the planets scatters.
+//! Zodiacal light: sunlight scattered by interplanetary dust.
 //!
-//! Reference: Levasseur-Regourd & Dumont 1980 (A&A 84, 277) at 500 nm, as Table 16 of Leinert et
-//! al. 1998 (A&AS 127, 1) completes it, in S10: one star of V = 10 with the Sun's spectrum a square
+//! Reference: Levasseur-Regourd & Dumont 1980 (A&A 84, 277) at 500 nm, as completed in Table 16 of
+//! Leinert et al. 1998 (A&AS 127, 1), in S10: one star of V = 10 with the Sun's spectrum per square
 //! degree; 60 at the ecliptic's poles. By longitude from the Sun and latitude, ecliptic of J2000.0.
-//! Read as in PyPI `dorado-sensitivity` 0.4.0; PyPI `EXOSIMS` 3.6.6 has the paper's Table 17, the
+//! Values as in PyPI `dorado-sensitivity` 0.4.0; PyPI `EXOSIMS` 3.6.6 has the paper's Table 17, the
 //! same in SI.
 //!
-//! Validity: the table is good to some 10 %; it holds at 1 au, and [`distance_factor`] for an
-//! observer elsewhere. The year's change, up to 10 % at high latitudes (the dust is inclined to the
-//! ecliptic by 1.5 degrees), and the colour (2 % redder than the Sun in V) are left out.
+//! Validity: the table is accurate to some 10 % at 1 au; [`distance_factor`] corrects for other
+//! distances. The annual change, up to 10 % at high latitudes (the dust is inclined to the ecliptic
+//! by 1.5 degrees), and the colour (2 % redder than the Sun in V) are omitted.
 //!
-//! In between, with `l` the longitude from the Sun, `b` the latitude, both symmetric about the Sun,
+//! Between the nodes, with `l` the longitude from the Sun, `b` the latitude, symmetric in both,
 //!
 //! ```text
 //! S10 = 2^r(l, b) / (e^2)^(p/2),   e^2 = 2 (1 - cos b cos l) + q sin^2 b
 //! ```
 //!
 //! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the
-//! bicubic Hermite polynomial through the table: the table's values are met, and the light is
-//! smooth over the whole sky (C1). Nearer to the Sun than the table goes (15 degrees), `r` is
-//! constant: the power law goes on. The table's own exponents there are 2.0 in the ecliptic and 2.3
-//! across it.
+//! bicubic Hermite polynomial through the table: exact at the nodes and smooth over the whole sky
+//! (C1). Closer to the Sun than the table (15 degrees), `r` is constant, so the power law
+//! continues. The table's own exponents there are 2.0 in the ecliptic and 2.3 across it.
 
 use std::sync::LazyLock;
 
@@ -40,7 +39,7 @@ const LONGITUDES_DEG: [f64; 19] = [
 const LATITUDES_DEG: [f64; 11] = [
     0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 45.0, 60.0, 75.0, 90.0,
 ];
-/// S10 by longitude (rows) and latitude; 0: too near to the Sun.
+/// S10 by longitude (rows) and latitude; 0: too close to the Sun.
 const TABLE: [[f64; 11]; 19] = [
     [
         0.0, 0.0, 0.0, 2450.0, 1260.0, 770.0, 500.0, 215.0, 117.0, 78.0, 60.0,
@@ -100,14 +99,14 @@ const TABLE: [[f64; 11]; 19] = [
         180.0, 166.0, 152.0, 139.0, 127.0, 116.0, 105.0, 82.0, 65.0, 56.0, 60.0,
     ],
 ];
-/// `p` of the module's head, halved.
+/// `p / 2` of the module documentation.
 const HALF_POWER: f64 = 1.125;
-/// `q` of the module's head.
+/// `q` of the module documentation.
 const STRETCH: f64 = 2.2;
-/// The least `e^2`: within the Sun's disc (16 arcmin) the light grows no more.
+/// Minimum of `e^2`: within the Sun's disc (16 arcmin) the light is constant.
 const MIN_SQUARE: f64 = 2.2e-5;
 
-/// The table's innermost place in the ecliptic, whose `r` holds nearer to the Sun.
+/// The table's innermost node in the ecliptic, whose `r` is used closer to the Sun.
 const NEXT_TO_THE_SUN: (usize, usize) = (3, 0);
 
 static RESIDUAL: LazyLock<Bicubic> = LazyLock::new(residual);
@@ -121,8 +120,8 @@ pub struct ZodiacalLight {
 }
 
 impl ZodiacalLight {
-    /// With the Sun in direction `sun` (any length, ICRF); over the ecliptic's pole, and of what is
-    /// no direction, at longitude 0.
+    /// With the Sun in direction `sun` (any length, ICRF); at the ecliptic's pole, and for an
+    /// invalid direction, at longitude 0.
     pub fn new(sun: &Vector3<f64>) -> ZodiacalLight {
         let sun = ecliptic::from_icrf(sun);
         let length = (sun.x * sun.x + sun.y * sun.y).sqrt();
@@ -134,24 +133,24 @@ impl ZodiacalLight {
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no
-    /// direction. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; NaN for an invalid direction.
+    /// Takes some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let v = ecliptic::from_icrf(direction);
         let [cos, sin] = self.sun;
         let (toward_sun, across) = (cos * v.x + sin * v.y, cos * v.y - sin * v.x);
         let longitude = libm::atan2(across.abs(), toward_sun);
         let latitude = libm::atan(v.z.abs() / (v.x * v.x + v.y * v.y).sqrt());
-        // e^p of e^2: p / 2 is one and an eighth.
+        // e^p from e^2: p / 2 is 1 + 1/8.
         let square = elongation_square(toward_sun, v.z);
         let power = square * square.sqrt().sqrt().sqrt();
         libm::exp2(self.residual.at(longitude, latitude)) / power
     }
 }
 
-/// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power
-/// -2.3 that Helios measured from 0.3 to 1 au (Leinert et al. 1981, A&A 103, 177). No number of a
-/// distance below 0.
+/// Factor of the light for an observer at `sun_distance_m` (m) from the Sun: the power -2.3 that
+/// Helios measured from 0.3 to 1 au (Leinert et al. 1981, A&A 103, 177). NaN for a negative
+/// distance.
 pub fn distance_factor(sun_distance_m: f64) -> f64 {
     libm::pow(sun_distance_m / AU_M, -2.3)
 }
@@ -175,8 +174,8 @@ fn residual() -> Bicubic {
         let square = elongation_square(cos * libm::cos(longitudes[i]), sin);
         libm::log2(TABLE[i][j]) + HALF_POWER * libm::log2(square)
     };
-    // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope
-    // runs as the cosine of longitude.
+    // Over the pole the light continues at the opposite longitude. It is smooth there if its slope
+    // varies as the cosine of longitude.
     let tilt = (value(18, 9) - value(0, 9)) / (2.0 * (latitudes[10] - latitudes[9]));
     Bicubic::new(
         longitudes.to_vec(),
@@ -202,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tables_values_are_met_on_all_four_sides_of_the_sun() {
+    fn nodes_are_exact_in_all_four_quadrants() {
         let sun_deg = 217.3;
         let sun = at(sun_deg, 0.0);
         for (i, row) in TABLE.iter().enumerate() {
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn published_brightness_is_met() {
+    fn brightness_is_as_published() {
         assert!((S10_MAG - 10.0 - 2.5 * (3600.0_f64 * 3600.0).log10()).abs() < 1e-12);
         let sun = at(0.0, 0.0);
         let magnitude = |l: f64, b: f64| S10_MAG - 2.5 * s10(&at(l, b), &sun).log10();
@@ -244,9 +243,9 @@ mod tests {
         }
     }
 
-    /// The polynomial does not swing out between the table's places.
+    /// The polynomial does not overshoot between the nodes.
     #[test]
-    fn between_its_places_the_table_is_not_exceeded() {
+    fn values_between_nodes_stay_within_their_range() {
         let sun = at(0.0, 0.0);
         for i in 0..18 {
             for j in 0..10 {
@@ -271,7 +270,7 @@ mod tests {
 
     /// In all directions, over the nodes, the pole and near the Sun.
     #[test]
-    fn the_light_is_smooth_over_the_sky() {
+    fn zodiacal_light_is_smooth_over_the_sky() {
         let sun = at(0.0, 0.0);
         // Circles through the pole, and tilted ones.
         let circles = (0..40).map(f64::from).flat_map(|k| {
@@ -286,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn the_light_grows_to_the_sun_and_stays_finite() {
+    fn light_increases_toward_the_sun_and_stays_finite() {
         let sun = at(40.0, 0.0);
         for (side, up) in [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)] {
             let mut last = 0.0;

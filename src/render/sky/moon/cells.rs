@@ -1,7 +1,8 @@
 //! The lit part of the Moon's disc, cut into cells along the terminator.
 //!
 //! On the unit sphere with the poles at the horns of the crescent, by latitude `v` and longitude
-//! `u` from the point below the observer, positive toward the Sun, a surface element projects to
+//! `u` from the point below the observer, positive toward the Sun, a surface element has the
+//! projection
 //!
 //! ```text
 //! x = cos v sin u     toward the Sun          dx dy = cos^2 v cos u du dv
@@ -20,33 +21,33 @@ use std::f64::consts::PI;
 /// A cell of the disc.
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
-    /// Of the centre of its light: unit vector, ICRF.
+    /// Centroid of its light: unit vector, ICRF.
     pub direction: Vector3<f64>,
-    /// Its part of all the light.
+    /// Its share of all the light.
     pub share: f64,
 }
 
-/// Gauss-Legendre nodes of three points, from the middle in half widths, and their weights by the
-/// whole width.
+/// Gauss-Legendre nodes of three points, in half widths from the middle, and their weights relative
+/// to the whole width.
 const NODES: [(f64, f64); 3] = [
     (-0.774_596_669_241_483_4, 5.0 / 18.0),
     (0.0, 8.0 / 18.0),
     (0.774_596_669_241_483_4, 5.0 / 18.0),
 ];
 
-/// The two factors of a cell's light, and of its centre's distance: a row's by latitude, a column's
-/// by longitude.
+/// The two factors of a cell's light and of its centroid: a row's by latitude, a column's by
+/// longitude.
 struct Factor {
     light: f64,
-    /// Of `x`.
+    /// Contribution to `x`.
     sunward: f64,
     /// `y` of a row.
     across: f64,
 }
 
 impl MoonDisc {
-    /// The lit part in full sunlight as cells at most `1 / count` of the disc's diameter wide and
-    /// high. Shares add up to 1; nothing at new Moon.
+    /// The lit part in full sunlight as cells of at most `1 / count` of the disc's diameter. Shares
+    /// sum to 1; empty at new Moon.
     pub fn cells(&self, count: usize) -> Vec<Cell> {
         if PI - self.phase <= NEW_MOON {
             return Vec::new();
@@ -73,15 +74,14 @@ impl MoonDisc {
                 });
             }
         }
-        // Beside the terminator rounding may leave a cell without light, which has no centre.
+        // At the terminator rounding may leave a cell without light, which has no centroid.
         cells.retain(|cell| cell.share > 0.0);
         let all: f64 = cells.iter().map(|cell| cell.share).sum();
         cells.iter_mut().for_each(|cell| cell.share /= all);
         cells
     }
 
-    /// Toward the Sun on the disc, and across that: unit vectors. At full Moon any direction
-    /// serves.
+    /// Toward the Sun on the disc, and across that: unit vectors. Arbitrary at full Moon.
     fn axes(&self) -> [Vector3<f64>; 2] {
         let sunward = self.to_sun - self.direction * self.to_sun.dot(&self.direction);
         let other = || {
@@ -111,7 +111,7 @@ fn nodes([from, to]: [f64; 2]) -> [(f64, f64, f64); 3] {
     })
 }
 
-/// The integrals of `cos^2 v`, `cos^3 v` and `cos^2 v sin v`, the latter two by the first.
+/// The integrals of `cos^2 v`, `cos^3 v` and `cos^2 v sin v`, the latter two divided by the first.
 fn row(v: [f64; 2]) -> Factor {
     let [mut light, mut sunward, mut across] = [0.0; 3];
     for (sin, cos, weight) in nodes(v) {
@@ -127,8 +127,8 @@ fn row(v: [f64; 2]) -> Factor {
     }
 }
 
-/// The integrals of `cos u mu0 / (mu0 + mu)`, and of that times `sin u` by the first. `sun`: sine
-/// and cosine of the phase angle.
+/// The integrals of `cos u mu0 / (mu0 + mu)`, and of that times `sin u`, divided by the first.
+/// `sun`: sine and cosine of the phase angle.
 fn column(u: [f64; 2], sun: [f64; 2]) -> Factor {
     let [mut light, mut sunward] = [0.0; 2];
     for (sin, cos, weight) in nodes(u) {
@@ -150,8 +150,8 @@ mod tests {
     use crate::sky::moon::RADIUS_M;
     use std::f64::consts::FRAC_PI_2;
 
-    /// The centre of a crescent's light, in radii from the disc's toward the Sun, by the closed
-    /// integrals over latitude (`8 / (3 pi)`) and Simpson's rule over longitude.
+    /// The centroid of a crescent, in disc radii toward the Sun, by the closed integrals over
+    /// latitude (`8 / (3 pi)`) and Simpson's rule over longitude.
     fn by_integral(phase: f64) -> f64 {
         let from = phase - FRAC_PI_2;
         let step = (PI - phase) / 20_000.0;
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centre_of_the_light_does_not_depend_on_the_number_of_cells() {
+    fn centroid_is_independent_of_the_number_of_cells() {
         let toward = Vector3::new(0.6, -0.64, 0.48);
         let east = toward.cross(&Vector3::z()).normalize();
         for phase_deg in [

@@ -1,4 +1,4 @@
-//! The Moon's disc; the equations are in the head of `moon`.
+//! The Moon's disc; the equations are in the module `moon`.
 
 use crate::camera::SUN_MAGNITUDE;
 use crate::sky::apparent::{Corrections, Observer};
@@ -13,20 +13,20 @@ pub const RADIUS_M: f64 = 1_737_400.0;
 
 /// Kieffer & Stone 2005, Table 4, row 549.1 nm: `a0` to `a3`, by rad of phase.
 const A: [f64; 4] = [-2.107_82, -1.667_36, 0.416_97, -0.220_26];
-/// `b1` to `b3`, by rad of the Sun's longitude: the east of the near side is the brighter.
+/// `b1` to `b3`, by rad of the Sun's longitude: the east of the near side is brighter.
 const B: [f64; 3] = [0.034_51, 0.014_52, -0.005_17];
 /// `d1` and `d2`.
 const D: [f64; 2] = [0.368_14, -0.098_15];
 /// Their Eq. (11): `p1` and `p2`, deg.
 const P_DEG: [f64; 2] = [4.060_54, 12.880_2];
 
-/// Phase angles within this of pi (rad) leave no light that could be shown: the sickle is 9 m wide.
+/// Phase angles within this of pi (rad) have no visible light: the crescent is 9 m wide.
 pub(super) const NEW_MOON: f64 = 1e-4;
 
-/// The Moon's disc as one observer sees it.
+/// The Moon's disc for one observer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MoonDisc {
-    /// Where its centre appears: unit vector, ICRF.
+    /// Apparent direction of its centre: unit vector, ICRF.
     pub direction: Vector3<f64>,
     /// Angular radius, rad.
     pub angular_radius: f64,
@@ -43,14 +43,13 @@ pub struct MoonDisc {
 }
 
 impl MoonDisc {
-    /// The disc that `observer` sees.
+    /// The disc for `observer`.
     pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Self {
         Self::new(observer.moon_m(corrections), observer.sun_m(corrections))
     }
 
-    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from the observer, who is
-    /// not in the Moon (m, ICRF). Of places that are no numbers it is dark, and its magnitude no
-    /// number.
+    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from an observer outside
+    /// the Moon (m, ICRF). For input that is not finite it is dark, and its magnitude NaN.
     pub fn new(moon_m: Vector3<f64>, sun_m: Vector3<f64>) -> Self {
         let (distance_m, from_moon) = (moon_m.norm(), sun_m - moon_m);
         let sun_distance_m = from_moon.norm();
@@ -76,8 +75,8 @@ impl MoonDisc {
 
     /// V magnitude of the whole disc, in full sunlight.
     pub fn magnitude(&self) -> f64 {
-        // The Sun's longitude from the meridian of the observer, east positive, about the
-        // ecliptic's pole for the Moon's (1.5 deg off).
+        // The Sun's longitude from the observer's meridian, east positive. The ecliptic's pole
+        // replaces the Moon's (1.5 deg off).
         let toward_us = -self.direction;
         let east = ecliptic::POLE.cross(&toward_us);
         let pole_side = ecliptic::POLE.dot(&toward_us) * ecliptic::POLE.dot(&self.to_sun);
@@ -90,12 +89,11 @@ impl MoonDisc {
             + 5.0 * libm::log10(self.sun_distance_m / AU_M)
     }
 
-    /// The share of the disc's light that comes from direction `at` (unit vector, ICRF), per
-    /// steradian: its integral over the disc is
-    /// 1. It is 0 beside the disc, on the night side, and where a direction is no number.
+    /// The share of the disc's light from direction `at` (unit vector, ICRF), per steradian: its
+    /// integral over the disc is 1. It is 0 off the disc, on the night side, and for NaN.
     pub fn brightness(&self, at: &Vector3<f64>) -> f64 {
-        // The place on the unit sphere: across the line of sight by the angle from the centre, then
-        // up to the surface.
+        // The position on the unit sphere: across the line of sight by the angle from the centre,
+        // then up to the surface.
         let toward_us = -self.direction;
         let across = (at - self.direction * at.dot(&self.direction)) / self.angular_radius;
         let square = across.norm_squared();
@@ -114,8 +112,8 @@ pub(super) fn lommel_seeliger(mu0: f64, mu: f64) -> f64 {
     if mu0 > 0.0 { mu0 / (mu0 + mu) } else { 0.0 }
 }
 
-/// `A` of the module's head: the reflectance of the disc, as of a flat white screen of its size, at
-/// phase angle `phase` and the Sun's longitude `longitude` (rad).
+/// `A` of the module `moon`: the reflectance of the disc relative to a flat white screen of its
+/// size, at phase angle `phase` and the Sun's longitude `longitude` (rad).
 fn disc_reflectance(phase: f64, longitude: f64) -> f64 {
     let square = longitude * longitude;
     let smooth = A[0] + phase * (A[1] + phase * (A[2] + phase * A[3]));
@@ -124,10 +122,10 @@ fn disc_reflectance(phase: f64, longitude: f64) -> f64 {
     libm::exp(smooth + side + surge(0) + surge(1))
 }
 
-/// `S` of the module's head.
+/// `S` of the module `moon`.
 fn disc_integral(phase: f64) -> f64 {
     let half = phase / 2.0;
-    // sin tan ln cot runs as g^2 ln g toward 0.
+    // sin tan ln cot approaches g^2 ln g toward 0.
     let lost = if phase > 1e-9 {
         libm::sin(half) * libm::tan(half) * -libm::log(libm::tan(half / 2.0))
     } else {
@@ -140,7 +138,7 @@ fn disc_integral(phase: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A Moon at its mean distance with the phase angle given (deg), waxing for positive angles.
+    /// A Moon at its mean distance with this phase angle (deg), waxing for positive angles.
     fn moon(phase_deg: f64) -> MoonDisc {
         let toward = ecliptic::to_icrf(&Vector3::new(0.6, 0.8, 0.0));
         let east = ecliptic::POLE.cross(&-toward);
@@ -150,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_full_moon_and_the_quarters_are_as_bright_as_they_are() {
+    fn full_moon_and_quarters_have_their_known_magnitudes() {
         // The surge makes the full Moon 0.3 mag brighter at 2 degrees than at 7.
         for phase_deg in [2.0, 3.0, 4.0, 5.0, 6.0, 7.0] {
             let m = moon(phase_deg).magnitude();
@@ -162,14 +160,14 @@ mod tests {
             let m = moon(phase_deg).magnitude();
             assert!((m + 10.0).abs() < 0.3, "{phase_deg}: {m}");
         }
-        // The first quarter is the brighter: fewer maria. X-Val: exp(2 * 0.0612) = 13 % by the
+        // The first quarter is brighter: fewer maria. X-Val: exp(2 * 0.0612) = 13 % by the
         // terms of b.
         let sides = moon(-90.0).magnitude() - moon(90.0).magnitude();
         assert!((sides - 0.133).abs() < 0.005, "{sides}");
     }
 
     #[test]
-    fn another_law_agrees_over_the_month() {
+    fn magnitudes_agree_with_allens_law() {
         for phase_deg in (10..=150).step_by(5).map(f64::from) {
             let both = (moon(phase_deg).magnitude() + moon(-phase_deg).magnitude()) / 2.0;
             // X-Val: Allen 1976 as in Krisciunas & Schaefer 1991 (PASP 103, 1033), V = -12.73 +
@@ -207,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn the_disc_holds_all_the_light_at_every_phase() {
+    fn integral_over_the_disc_is_1_at_every_phase() {
         for phase_deg in (0..=170).step_by(10).map(f64::from) {
             let sum = integral(&moon(phase_deg + 0.01), 400);
             assert!((sum - 1.0).abs() < 1e-3, "{phase_deg}: {sum}");
@@ -215,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bright_limb_points_to_the_sun() {
+    fn bright_limb_points_to_the_sun() {
         for phase_deg in [20.0, 60.0, 90.0, 120.0, -150.0] {
             let disc = moon(phase_deg);
             let sunward =
@@ -229,7 +227,7 @@ mod tests {
             assert!(disc.brightness(&at(terminator + 0.003)) > 0.0);
             assert_eq!(disc.brightness(&at(terminator - 0.003)), 0.0);
         }
-        // Full: even all over (mu0 = mu), half of the scale.
+        // Full: uniform (mu0 = mu), half of the scale.
         let full = moon(0.0);
         let (middle, edge) = (
             full.direction,

@@ -1,13 +1,13 @@
-//! Where the Moon is: SOFA's `moon98` (Meeus 1998, the 60 largest terms of ELP 2000-82 in each
-//! coordinate) and the largest of those that it leaves out.
+//! Position of the Moon: SOFA's `moon98` (Meeus 1998, the 60 largest terms of ELP 2000-82 in each
+//! coordinate) and the largest of the omitted terms.
 //!
-//! Over 1991 to 2060 `moon98` alone lies up to 17.7 arcsec (rms 2.9) from JPL DE440. With the terms
-//! below it is 7.9 arcsec (rms 1.6), and 13 km in distance, at all of 10,789 epochs.
+//! Over 1991 to 2060 `moon98` alone differs from JPL DE440 by up to 17.7 arcsec (rms 2.9). With the
+//! terms below it is 7.9 arcsec (rms 1.6), and 13 km in distance, over 10,789 epochs.
 //!
 //! Reference: ELP/MPP02 (Chapront & Francou 2003, A&A 404, 735), amplitudes, phases and rates of
 //! the series in longitude and latitude that are constant in time, with the constants fitted to
-//! DE405, as npm `astronomia` 4.2.0 lists them (`elpMppDeFull.js`). Chosen are the terms of at
-//! least 0.25 arcsec that the difference of `moon98` and DE440 shows whole
+//! DE405, as npm `astronomia` 4.2.0 lists them (`elpMppDeFull.js`). The selected terms have at
+//! least 0.25 arcsec and appear fully in the difference of `moon98` and DE440
 //! (`tests/reference/moon_terms.py`).
 
 use std::f64::consts::PI;
@@ -72,7 +72,7 @@ const LONGITUDE: [[f64; 3]; 46] = [
     [0.253, 2.9148, 6447.1991],
 ];
 
-/// Terms in ecliptic latitude, likewise.
+/// Terms in ecliptic latitude, with the same columns.
 const LATITUDE: [[f64; 3]; 13] = [
     [0.352, 4.5427, 14880.6653],
     [0.339, 1.2598, 30561.9814],
@@ -89,16 +89,16 @@ const LATITUDE: [[f64; 3]; 13] = [
     [0.254, 4.9582, -1009.8538],
 ];
 
-/// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Costs
+/// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Takes
 /// some 5 microseconds.
 pub fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
     let days = tt_days_since_j2000(t);
     let [position, velocity] = sofars::eph::moon98(J2000_JD, days).map(|v| Vector3::from(v) * AU_M);
 
-    // A turn by the small angles dl cos(b) along the ecliptic and db toward its pole:
+    // A rotation by the small angles dl cos(b) along the ecliptic and db toward its pole:
     //     r' = r + dl (k x r) + db |r| (k - (k . u) u) / cos(b)
-    // The ecliptic of J2000.0 stands in for that of date: 47 arcsec a century apart, which is
-    // nothing of 10 arcsec.
+    // The ecliptic of J2000.0 replaces that of date: 47 arcsec per century, which is negligible for
+    // angles of 10 arcsec.
     let centuries = days / DAYS_PER_CENTURY;
     let (distance, k) = (position.norm(), ecliptic::POLE);
     let u = position / distance;

@@ -1,10 +1,9 @@
-//! Shapes of objects in orbit: facets whose reflective areas add up, Eq. (6) of Clark et al. 2021.
+//! Shapes of objects in orbit: facets whose reflective areas sum, Eq. (6) of Clark et al. 2021.
 //!
-//! Plates, the sides of cylinders and cones, and spheres; boxes and closed bodies are made of them.
+//! Plates, the sides of cylinders and cones, and spheres; boxes and closed bodies consist of them.
 //! A facet that faces away from the Sun or from the sensor is dark. Parts neither shade nor hide
-//! each other, and light does not go from one to another: a panel behind a body is as bright as one
-//! beside it. Where a shape's own shadow counts, its parts must be chosen so that what is hidden is
-//! left out.
+//! each other, and light is reflected once only: a panel behind a body is as bright as one next to
+//! it. If self-shadowing matters, the shape must omit the hidden parts.
 
 mod ring;
 mod surface;
@@ -16,7 +15,7 @@ use nalgebra::{Unit, Vector3};
 use ring::Ring;
 use std::f64::consts::PI;
 
-/// What an object is made of; axes of its body.
+/// The shape of an object; axes of its body.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Shape {
     facets: Vec<Facet>,
@@ -44,22 +43,22 @@ pub struct Plate {
     pub area_m2: f64,
     /// Normal of its front, unit vector.
     pub normal: Unit<Vector3<f64>>,
-    /// Whether its back is a surface too.
+    /// Whether its back reflects too.
     pub two_sided: bool,
-    /// The body axis that it turns about to face the Sun as well as it can.
+    /// The body axis about which it rotates toward the Sun.
     pub hinge: Option<Unit<Vector3<f64>>>,
 }
 
-/// Which ends of a cylinder or a cone are closed: at the foot of its axis, and at the tip.
+/// Closed ends of a cylinder or a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ends {
-    /// Where the axis comes from.
+    /// At the start of the axis.
     pub base: bool,
-    /// Where the axis points.
+    /// At the end of the axis.
     pub top: bool,
 }
 
-/// The turn of a body over which diffuse light changes little, rad.
+/// Rotation of a body over which diffuse light changes little, rad.
 const DIFFUSE_DETAIL: f64 = 0.2;
 
 impl Shape {
@@ -69,8 +68,8 @@ impl Shape {
         self.facets.push(Facet { form, surface });
     }
 
-    /// Adds a box of edges `size_m` along the body's axes: six plates, or nothing where an edge is
-    /// 0.
+    /// Adds a box of edges `size_m` along the body's axes: six plates; those with an edge of 0 have
+    /// no area.
     pub fn cuboid(&mut self, size_m: [f64; 3], surface: Surface) {
         let [x, y, z] = size_m;
         for (axis, area_m2) in [
@@ -84,8 +83,8 @@ impl Shape {
         }
     }
 
-    /// Adds a cone, cut off where its diameter is that of its top: a cylinder where both diameters
-    /// are the same. Lengths in m.
+    /// Adds a truncated cone with the two diameters of its base and top: a cylinder if they are
+    /// equal. Lengths in m.
     pub fn cone(
         &mut self,
         axis: Unit<Vector3<f64>>,
@@ -94,7 +93,7 @@ impl Shape {
         ends: Ends,
         surface: Surface,
     ) {
-        // The side's normals lean towards the narrower end; its area is pi (r1 + r2) times its
+        // The side's normals tilt towards the narrower end; its area is pi (r1 + r2) times its
         // slant height.
         let narrowing = (base_m - top_m) / 2.0;
         let slant_m = libm::hypot(length_m, narrowing);
@@ -110,19 +109,18 @@ impl Shape {
         }
     }
 
-    /// Adds a sphere, Eqs. (7) and (8): its lobe does not count, for mirrors of all directions add
-    /// up to the same light everywhere.
+    /// Adds a sphere, Eqs. (7) and (8). Its lobe has no effect: the mirror directions of a sphere
+    /// give the same light everywhere.
     pub fn sphere(&mut self, diameter_m: f64, surface: Surface) {
         let form = Form::Sphere(diameter_m);
         self.facets.push(Facet { form, surface });
     }
 
     /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to
-    /// the sensor in axes of the body, where the Sun's disc has an angular radius of `sun_radius`
-    /// (rad).
+    /// the sensor in axes of the body, and the angular radius `sun_radius` (rad) of the Sun's disc.
     ///
-    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4. A facet whose light
-    /// would be negative or no number has none.
+    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4. A facet with
+    /// negative light or NaN counts as 0.
     pub fn reflective_area(
         &self,
         to_sun: &Vector3<f64>,
@@ -136,13 +134,13 @@ impl Shape {
             .sum()
     }
 
-    /// How many facets it has, and at least one.
+    /// Number of facets, at least one.
     pub fn facets(&self) -> usize {
         self.facets.len().max(1)
     }
 
-    /// The turn of the body (rad) over which its light may change much: that which takes the
-    /// narrowest lobe past a sensor; `sun_radius` as above.
+    /// Rotation of the body (rad) over which its light may change much: that which moves the
+    /// narrowest lobe across a sensor.
     pub fn detail(&self, sun_radius: f64) -> f64 {
         let details = self.facets.iter().map(|facet| match facet.form {
             Form::Plate(_) | Form::Ring(_) if facet.surface.specular > 0.0 => {
@@ -213,17 +211,17 @@ impl Plate {
         self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor), &cap)
     }
 
-    /// Its normal once it has turned about its hinge until the Sun stands as high over it as can
-    /// be. With the Sun on the hinge's own line all turns are alike, and it stays.
+    /// Its normal after rotation about its hinge to the greatest height of the Sun. Unchanged if
+    /// the Sun is on the hinge's axis.
     fn turned(&self, to_sun: &Vector3<f64>) -> Vector3<f64> {
         let normal = self.normal.into_inner();
         let Some(hinge) = self.hinge else {
             return normal;
         };
         let across = |v: &Vector3<f64>| v - hinge.into_inner() * hinge.dot(v);
-        let (own, wanted) = (across(&normal), across(to_sun));
-        match wanted.try_normalize(1e-9) {
-            Some(wanted) => hinge.into_inner() * hinge.dot(&normal) + wanted * own.norm(),
+        let (own, sunward) = (across(&normal), across(to_sun));
+        match sunward.try_normalize(1e-9) {
+            Some(sunward) => hinge.into_inner() * hinge.dot(&normal) + sunward * own.norm(),
             None => normal,
         }
     }

@@ -4,8 +4,8 @@ use super::surface::Surface;
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
-/// A band of surface whose normals go around `axis`, all at the same angle above the plane across
-/// it.
+/// A band of surface whose normals go around `axis`, all with the same elevation above the plane
+/// across it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ring {
     /// Unit vectors: two across the axis, and the axis.
@@ -27,15 +27,15 @@ struct Wave {
 /// A part of the ring: first and last azimuth, rad.
 type Arc = [f64; 2];
 
-/// Points at which an arc is searched for the lobe.
+/// Points of the search for the lobe on an arc.
 const SEARCHED: usize = 48;
-/// Steps of the sum over the arc that sends light into the lobe: within 1e-4 of the integral.
+/// Steps of the sum over the arc that reflects light into the lobe: within 1e-4 of the integral.
 const STEPS: usize = 96;
-/// Halvings on the way to the edge of the lobe.
+/// Halvings of the search for the edge of the lobe.
 const HALVINGS: usize = 40;
 
 impl Ring {
-    /// Around `axis` (unit vector), normals raised towards it by `elevation` (rad).
+    /// Around `axis` (unit vector), with the elevation of the normals towards it (rad).
     pub fn new(axis: Vector3<f64>, elevation: f64, area_m2: f64) -> Ring {
         let away = if axis.z.abs() < 0.9 {
             Vector3::z()
@@ -51,9 +51,8 @@ impl Ring {
     }
 
     /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor and the Sun's angular
-    /// radius (rad): the integral of [`Surface::reflected`] over the ring. The diffuse part is in
-    /// closed form; the mirrored one is summed over the arc whose mirror directions have the sensor
-    /// in their lobe.
+    /// radius (rad): the integral of [`Surface::reflected`] over the ring. The diffuse part is
+    /// closed; the specular part is summed over the arc whose lobes contain the sensor.
     pub fn reflective_area(
         &self,
         surface: &Surface,
@@ -107,16 +106,16 @@ impl Wave {
         self.mean + self.cos * cos + self.sin * sin
     }
 
-    /// Middle and half width of the arc on which it is positive; none where it nowhere is.
+    /// Middle and half width of the arc with positive values; none without one.
     fn positive(&self) -> Option<[f64; 2]> {
-        let swing = libm::hypot(self.cos, self.sin);
-        if self.mean <= -swing {
+        let amplitude = libm::hypot(self.cos, self.sin);
+        if self.mean <= -amplitude {
             return None;
         }
-        let half = if self.mean >= swing {
+        let half = if self.mean >= amplitude {
             PI
         } else {
-            libm::acos(-self.mean / swing)
+            libm::acos(-self.mean / amplitude)
         };
         Some([libm::atan2(self.sin, self.cos), half])
     }
@@ -127,7 +126,7 @@ fn lit_and_seen(sun: &Wave, seen: &Wave) -> Vec<Arc> {
     let (Some([sun, sun_half]), Some([seen, seen_half])) = (sun.positive(), seen.positive()) else {
         return Vec::new();
     };
-    // The second arc and its turns by a circle, cut by the first.
+    // The second arc, shifted by whole turns, intersected with the first.
     let turns = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|turn| seen + turn * TAU);
     let cut = turns.map(|middle| {
         [
@@ -138,7 +137,7 @@ fn lit_and_seen(sun: &Wave, seen: &Wave) -> Vec<Arc> {
     cut.into_iter().filter(|[from, to]| from < to).collect()
 }
 
-/// The integral of a product over an arc; never below 0, for both are positive there.
+/// The integral of a product over an arc. At least 0, since both are positive there.
 fn product(a: &Wave, b: &Wave, [from, to]: Arc) -> f64 {
     let antiderivative = |phi: f64| {
         let (sin, cos) = libm::sincos(phi);
@@ -151,7 +150,7 @@ fn product(a: &Wave, b: &Wave, [from, to]: Arc) -> f64 {
     (antiderivative(to) - antiderivative(from)).max(0.0)
 }
 
-/// The parts of an arc on which `f`, which has few maxima, lies above `level`.
+/// The parts of an arc on which `f`, which has few maxima, is above `level`.
 fn where_above(level: f64, [from, to]: Arc, f: impl Fn(f64) -> f64) -> Vec<Arc> {
     let at = |i: usize| from + (to - from) * i as f64 / SEARCHED as f64;
     let values: Vec<f64> = (0..=SEARCHED).map(|i| f(at(i))).collect();
@@ -177,12 +176,12 @@ fn where_above(level: f64, [from, to]: Arc, f: impl Fn(f64) -> f64) -> Vec<Arc> 
             (true, true) => add([at(i), at(i + 1)]),
             (true, false) => add([at(i), edge(at(i + 1), at(i))]),
             (false, true) => add([edge(at(i), at(i + 1)), at(i + 1)]),
-            // A peak narrower than a step lies beside the highest of three values.
+            // A peak narrower than a step lies next to the highest of three values.
             (false, false) => {
                 let highest = values[i].max(values[i + 1]);
                 let before = i.checked_sub(1).and_then(|i| values.get(i));
-                let beside = [before, values.get(i + 2)];
-                if beside.into_iter().flatten().all(|value| *value <= highest) {
+                let neighbours = [before, values.get(i + 2)];
+                if (neighbours.into_iter().flatten()).all(|value| *value <= highest) {
                     let peak = peak(at(i), at(i + 1), &f);
                     if f(peak) > level {
                         add([edge(at(i), peak), edge(at(i + 1), peak)]);
@@ -194,7 +193,7 @@ fn where_above(level: f64, [from, to]: Arc, f: impl Fn(f64) -> f64) -> Vec<Arc> 
     found
 }
 
-/// Where `f` is highest between two azimuths: golden section.
+/// The maximum of `f` between two azimuths: golden section.
 fn peak(mut from: f64, mut to: f64, f: impl Fn(f64) -> f64) -> f64 {
     const SECTION: f64 = 0.618_033_988_749_894_8;
     for _ in 0..HALVINGS {

@@ -1,9 +1,8 @@
-//! How a surface shares out the light that it takes: Lambert's law, and a lobe about the mirror
-//! direction.
+//! Reflection of a surface: Lambert's law, and a lobe about the mirror direction.
 
 use std::f64::consts::PI;
 
-/// What a surface does with light.
+/// Reflective properties of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// Reflectance `rho` (1).
@@ -12,20 +11,20 @@ pub struct Surface {
     pub diffuse: f64,
     /// Hejduk's specular mixing coefficient `B_spec` (1).
     pub specular: f64,
-    /// Where what is mirrored goes.
+    /// Distribution of the specular light.
     pub lobe: Lobe,
 }
 
-/// How far from the mirror direction what is mirrored goes.
+/// Width of the specular light about the mirror direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Lobe {
-    /// A mirror shows the Sun's disc, as large as it is seen from there.
+    /// The Sun's disc, as large as seen from the surface.
     Mirror,
     /// A glossy surface: it ends at this angle (rad), from [`Lobe::NARROWEST`] to a right angle.
     Smooth(f64),
 }
 
-/// The light that a small piece of surface mirrors, over directions: a cap about the mirror
+/// Distribution of the specular light of a surface element over directions: a cap about the mirror
 /// direction.
 ///
 /// With `x = (1 - cos a) / (1 - cos w)`, `a` the angle from the mirror direction and `w` the cap's
@@ -35,9 +34,9 @@ pub enum Lobe {
 /// L = (k + 1) (1 - x)^k / (2 pi (1 - cos w))   for x < 1, else 0
 /// ```
 ///
-/// whose integral over all directions is 1 for any `w`. A mirror's (`k = 0`) is the Sun's disc: its
-/// radiance is the Sun's, so that a lossless one fills the Sun's solid angle and no more. A glossy
-/// surface has `k = 2`, which goes out smoothly.
+/// whose integral over all directions is 1 for any `w`. A mirror (`k = 0`) shows the Sun's disc:
+/// its radiance is the Sun's, so a lossless one fills the Sun's solid angle and no more. A glossy
+/// surface has `k = 2`, which ends smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cap {
     /// Radius of the cap, rad.
@@ -49,12 +48,12 @@ pub struct Cap {
 }
 
 impl Lobe {
-    /// The narrowest smooth lobe, rad. Its middle has three times the density of its mean: narrower
-    /// than sqrt(3) times the Sun's radius (0.470 deg in January, here rounded up) it would be
-    /// brighter than the Sun.
+    /// The narrowest smooth lobe, rad. Its peak density is three times its mean: narrower than
+    /// sqrt(3) times the Sun's radius (0.470 deg in January, rounded up here) it would be brighter
+    /// than the Sun.
     pub const NARROWEST: f64 = 0.5 * PI / 180.0;
 
-    /// Its light where the Sun's disc has an angular radius of `sun_radius` (rad).
+    /// Its distribution for an angular radius `sun_radius` (rad) of the Sun's disc.
     pub fn cap(self, sun_radius: f64) -> Cap {
         let (edge, smooth) = match self {
             Lobe::Mirror => (sun_radius, false),
@@ -80,7 +79,7 @@ impl Cap {
         1.0 - self.depth
     }
 
-    /// Density (1/sr) where the cosine of the angle from the mirror direction is `cos`.
+    /// Density (1/sr) by the cosine of the angle from the mirror direction.
     pub fn density(&self, cos: f64) -> f64 {
         let within = 1.0 - (1.0 - cos) / self.depth;
         if within <= 0.0 {
@@ -96,7 +95,7 @@ impl Cap {
 }
 
 impl Surface {
-    /// Eq. (6) of a lit and seen piece of surface, per area (1/sr):
+    /// Eq. (6) of a lit and visible surface element, per area (1/sr):
     /// `rho (B_diff F_diff + B_spec F_spec)` with
     ///
     /// ```text
@@ -105,8 +104,8 @@ impl Surface {
     /// ```
     ///
     /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its
-    /// lobe's `cap`. The second term of `F_spec` is the part of the lobe that would go into the
-    /// surface at grazing light, turned back at it: with it no light is lost.
+    /// lobe's `cap`. At grazing light a part of the lobe would enter the surface. The second term
+    /// of `F_spec` reflects that part, so that no light is lost.
     pub fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
         let mirrored = 2.0 * sun * seen - apart;
         let lobes = cap.density(mirrored) + cap.density(-apart);
@@ -120,7 +119,7 @@ mod tests {
     use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
 
     #[test]
-    fn a_lobe_holds_all_its_light_and_no_more_radiance_than_the_sun() {
+    fn lobe_conserves_light_and_is_at_most_as_bright_as_the_sun() {
         const STEPS: usize = 200_000;
         // X-Val: the Earth's orbit has an eccentricity of 0.0167.
         for distance_m in [0.983 * AU_M, AU_M, 1.017 * AU_M] {
@@ -133,7 +132,7 @@ mod tests {
                 Lobe::Smooth(PI / 2.0),
             ] {
                 let cap = lobe.cap(sun_radius);
-                // Even steps of the cosine are even steps of the solid angle.
+                // Equal steps of the cosine are equal steps of the solid angle.
                 let ring = 2.0 * PI * cap.depth / STEPS as f64;
                 let at = |i: usize| 1.0 - cap.depth * (i as f64 + 0.5) / STEPS as f64;
                 let all: f64 = (0..STEPS).map(|i| cap.density(at(i)) * ring).sum();
