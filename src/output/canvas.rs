@@ -16,13 +16,13 @@ pub struct Canvas(pub RgbImage);
 const DASHES: f64 = 8.0;
 
 impl Canvas {
-    /// Of one colour.
+    /// A picture of one colour.
     pub fn filled(width: u32, height: u32, color: Rgb888) -> Canvas {
         let rgb = Rgb([color.r(), color.g(), color.b()]);
         Canvas(RgbImage::from_pixel(width, height, rgb))
     }
 
-    /// A ring with smooth edges; `weight` is its width, px, broken into dashes if so.
+    /// A ring with smooth edges; `weight` is its line width, px; `broken` draws dashes.
     pub fn ring(
         &mut self,
         [x, y]: [f64; 2],
@@ -63,7 +63,7 @@ impl Canvas {
         let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
     }
 
-    /// Text on a darkened box of its size, readable on any ground.
+    /// Text on a darkened box of its size, readable on any background.
     pub fn text_on_shade(
         &mut self,
         text: &str,
@@ -89,7 +89,7 @@ impl Canvas {
     }
 }
 
-/// Size of one line of text on its shade.
+/// Size of one line of text with its box.
 pub fn text_size(text: &str, font: &MonoFont<'_>) -> Size {
     let advance = font.character_size.width + font.character_spacing;
     Size::new(
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rings_that_lie_nowhere_or_far_away_draw_nothing() {
+    fn rings_at_invalid_or_distant_positions_draw_nothing() {
         let blank = Canvas::filled(8, 8, Rgb888::BLACK);
         for x in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e300, -1e300] {
             for at in [[x, 4.0], [4.0, x]] {

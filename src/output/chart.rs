@@ -1,4 +1,4 @@
-//! Plots as SVG: a title, a grid with labels, and the curves or dots of one kind of plot.
+//! Plots as SVG: a title, a grid with labels, and curves or dots.
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
@@ -6,7 +6,7 @@ use skyloop_orbit::{Mark, printable_line};
 use std::io;
 use std::ops::Range;
 
-/// How a plot that skyloop wrote is recognised.
+/// The mark of a plot written by skyloop.
 pub const SVG_MARK: Mark = &["<!-- Software: skyloop -->"];
 
 /// Width and height, px.
@@ -19,7 +19,7 @@ const INK: RGBColor = RGBColor(210, 214, 220);
 pub const AMBER: RGBColor = RGBColor(255, 200, 80);
 pub const BLUE: RGBColor = RGBColor(110, 140, 190);
 
-/// Width of a character of [`font`], px.
+/// Width of a character in [`font`], px.
 pub const CHARACTER_PX: i32 = 7;
 
 /// Text in one colour.
@@ -27,7 +27,7 @@ pub fn font(color: RGBColor) -> TextStyle<'static> {
     ("monospace", 15).into_font().color(&color)
 }
 
-/// An axis: its name, its range, the values that have grid lines, and the labels of these.
+/// An axis: its name, its range, the values with grid lines, and their labels.
 pub struct Axis<'t, R> {
     pub name: &'t str,
     pub range: R,
@@ -57,11 +57,11 @@ impl<R: Ranged<ValueType = f64>> Ranged for Marked<R> {
 
 /// The plot's area, with a grid.
 pub type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked<X>, Marked<Y>>>;
-/// Whether something was drawn.
+/// The result of drawing.
 pub type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
 
-/// The text of an SVG file: axes under a title, what `draw` adds, and the names of curves, each in
-/// its colour, in the lower right corner.
+/// The text of an SVG file: axes under a title, the drawing by `draw`, and the names of curves,
+/// each in its colour, in the lower right corner.
 pub fn svg<X, Y>(
     title: &str,
     across: Axis<'_, X>,

@@ -8,11 +8,11 @@ use skyloop_render::camera::Camera;
 use skyloop_render::label::Label;
 use std::io::{self, Write};
 
-/// Headers and data are filled up to whole blocks.
+/// Headers and data are padded to whole blocks.
 const BLOCK: usize = 2880;
 const CARD: usize = 80;
 
-/// What a reader of the header must know; at most 72 characters a line.
+/// Conventions that a reader of the header needs; at most 72 characters per line.
 const COMMENT: &str = "\
 Attitudes: unit quaternions, Hamilton, scalar last (W), v' = q v q^-1.
 They, RA, DEC, PA_PNT and the WCS hold at DATE-AVG; DATE-OBS is
@@ -66,7 +66,8 @@ impl Header {
         h
     }
 
-    /// Start, middle and end of the exposure, each as a date and as a modified Julian date (FITS 4.0, section 9.5).
+    /// Start, middle and end of the exposure, each as a date and as a modified Julian date (FITS
+    /// 4.0, section 9.5).
     fn times(&mut self, label: &Label) {
         for (name, text, comment) in [
             ("OBS", &label.epoch_start, "exposure start"),
@@ -74,7 +75,7 @@ impl Header {
             ("AVG", &label.epoch_mid, "exposure middle"),
             ("END", &label.epoch_end, "exposure end"),
         ] {
-            // FITS times carry no zone: TIMESYS does.
+            // FITS times have no zone suffix: TIMESYS gives the zone.
             let date = text.trim_end_matches('Z');
             self.text(&format!("DATE-{name}"), date, comment);
             if let Ok(epoch) = parse_utc(text) {
@@ -147,7 +148,7 @@ impl Header {
         );
     }
 
-    /// A string card: quotes doubled, at least 8 characters, cut to what a card holds.
+    /// A string card: quotes doubled, at least 8 characters, truncated to the length of a card.
     fn text(&mut self, keyword: &str, value: &str, comment: &str) {
         let mut quoted = String::new();
         for c in value.chars() {
@@ -182,15 +183,15 @@ impl Header {
         self.push(format!("{keyword:<8}= {value}{slash}{comment}"));
     }
 
-    /// Every character is ASCII, so that bytes are characters.
+    /// Adds a card. Every character is ASCII, so bytes are characters.
     fn push(&mut self, mut card: String) {
         card.truncate(CARD);
         self.cards.push(format!("{card:<CARD$}"));
     }
 }
 
-/// A number in at most 20 characters, the fixed format's width: as it is where that fits, else to 14
-/// significant digits; empty (FITS: undefined) where it is not a number.
+/// A number in at most 20 characters, the fixed format's width: the shortest form if it fits, else
+/// with 14 significant digits; empty (FITS: undefined) if it is not finite.
 fn real(value: f64) -> String {
     if !value.is_finite() {
         return String::new();
@@ -201,7 +202,7 @@ fn real(value: f64) -> String {
     } else {
         format!("{value:.13E}")
     };
-    // FITS wants a decimal point before an exponent too.
+    // FITS requires a decimal point before an exponent too.
     match text.split_once('E') {
         Some((digits, exponent)) if !digits.contains('.') => format!("{digits}.0E{exponent}"),
         _ => text,
@@ -275,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_fit_the_fixed_format_and_keep_fourteen_digits() {
+    fn numbers_fit_the_fixed_format_with_fourteen_digits() {
         assert_eq!(real(0.1), "0.1");
         assert_eq!(real(180.0), "180.0");
         assert_eq!(real(1e-7), "1.0E-7");
@@ -293,13 +294,13 @@ mod tests {
     }
 
     #[test]
-    fn the_comment_fits_its_cards() {
+    fn comment_fits_its_cards() {
         let fits = |line: &str| line.len() <= CARD - "COMMENT ".len();
         assert!(COMMENT.is_ascii() && COMMENT.lines().all(fits));
     }
 
     #[test]
-    fn odd_strings_stay_within_a_card() {
+    fn unusual_strings_stay_within_a_card() {
         let mut h = Header::default();
         h.text("INSTRUME", &"it's \u{fc}".repeat(30), "camera");
         h.text("FILTER", "", "band");

@@ -1,4 +1,4 @@
-//! The folder of a run: our names in it, and errors that say which file and what to do.
+//! The output folder of a run: names of files, and errors with file and remedy.
 
 use super::png;
 use skyloop_orbit::path_text;
@@ -13,11 +13,11 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[error("cannot {action} {}: {source}{}", path_text(path), remedy(source))]
 pub struct OutputError {
-    /// What was tried.
+    /// The attempted action.
     pub action: &'static str,
-    /// On what.
+    /// The file or folder.
     pub path: PathBuf,
-    /// What the system said.
+    /// The system's error.
     pub source: io::Error,
 }
 
@@ -33,7 +33,7 @@ impl OutputError {
 
 fn remedy(error: &io::Error) -> &'static str {
     match error.kind() {
-        // Refusals of skyloop's own say it themselves.
+        // skyloop's own refusals contain their remedy.
         ErrorKind::InvalidInput => "",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "; choose an output folder that you may write to"
@@ -54,18 +54,19 @@ fn remedy(error: &io::Error) -> &'static str {
 /// The labels of a run, and its contact sheet.
 pub const LABELS: &str = "labels.jsonl";
 pub const SHEET: &str = "contact_sheet.png";
-/// What follows [`frame_name`]: digital numbers as FITS and as 16-bit PNG, a picture to look at, and expected electrons.
+/// Suffixes after [`frame_name`]: DN as FITS and as 16-bit PNG, a preview picture, and expected
+/// electrons.
 pub const FITS: &str = ".fits";
 pub const PNG: &str = ".png";
 pub const PREVIEW: &str = "_preview.png";
 pub const ELECTRONS: &str = "_electrons.fits";
 
-/// The name of a frame's files, without what follows it.
+/// The name of a frame's files, without suffix.
 pub fn frame_name(frame: u32) -> String {
     format!("frame_{frame:05}")
 }
 
-/// Whether a run of ours gives this name to a file.
+/// Whether a run gives this name to a file.
 fn is_ours(name: &str) -> bool {
     if name == LABELS || name == SHEET {
         return true;
@@ -76,7 +77,7 @@ fn is_ours(name: &str) -> bool {
     let number = [ELECTRONS, PREVIEW, FITS, PNG]
         .iter()
         .find_map(|end| rest.strip_suffix(end));
-    // Written back, the number gives the name again: no sign, no missing or extra zero.
+    // The number must reproduce the name: no sign, no missing or extra zero.
     number.is_some_and(|digits| {
         digits
             .parse()
@@ -84,7 +85,7 @@ fn is_ours(name: &str) -> bool {
     })
 }
 
-/// The frames that the labels of an earlier run list; `None` where the file is no list of labels, or is not there.
+/// The frames listed by the labels of an earlier run; `None` without a valid list of labels.
 fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
     // Opening a pipe would wait for a writer.
     let about = labels.metadata().ok()?;
@@ -97,7 +98,7 @@ fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
         if head.is_empty() {
             return Some(frames);
         }
-        // The last line of a run that was killed may be short.
+        // The last line of a killed run may be incomplete.
         let text = String::from_utf8_lossy(&head);
         let number = text.strip_prefix("{\"frame\":")?;
         let digits = number.split(|c: char| !c.is_ascii_digit()).next()?;
@@ -106,18 +107,19 @@ fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
     }
 }
 
-/// Bytes that a line of labels is known by: the longest number of a frame is in them, and no line is as short.
+/// Bytes at the start of a line of labels: they contain the longest frame number, and every line is
+/// longer.
 const LABEL_HEAD: u64 = 24;
 
-/// What the header of a frame's FITS file has.
+/// Marks in the header of a frame's FITS file.
 const FITS_MARK: Mark = &[
     "SIMPLE  =",
     "/ number in the run, from 0",
     "/ seed of the noise",
 ];
 
-/// Whether a file with a name of ours belongs to the earlier run whose labels list these frames. A run that was killed may have
-/// left one frame more: that is known by its FITS file.
+/// Whether a file named like one of a run belongs to the earlier run with these listed `frames`. A
+/// killed run may have one more frame, which its FITS file identifies.
 fn is_earlier(folder: &Folder, name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
     let Some(frames) = frames else { return false };
     if name.ends_with(PNG) && !may_replace(&folder.path(name), png::MARK) {
@@ -139,7 +141,7 @@ fn is_earlier(folder: &Folder, name: &str, frames: Option<&BTreeSet<u32>>) -> bo
     is_listed || number == next && fits.is_file() && may_replace(&fits, FITS_MARK)
 }
 
-/// Whether a run that writes into the folder `dir` would write a file at `path`.
+/// Whether a run with the output folder `dir` would write a file at `path`.
 pub fn is_of_run(dir: &Path, path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     name.is_some_and(|name| is_ours(name) && skyloop_orbit::is_same_file(&dir.join(name), path))
@@ -152,10 +154,11 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Creates the folder if need be, and removes an earlier run's files; with `force` all that have their names.
+    /// Creates the folder if needed, and removes an earlier run's files; with `force`, all files
+    /// with such names.
     ///
-    /// An earlier run's files are those that its `labels.jsonl` lists, and that itself. Nothing is removed where another file has one of these names, or
-    /// where this process has read one of them.
+    /// An earlier run's files are those listed in its `labels.jsonl`, and that file itself. Nothing
+    /// is removed if another file has one of these names, or if this process has read one of them.
     pub fn open(dir: &Path, force: bool) -> Result<Folder, OutputError> {
         let folder = Folder::shared(dir)?;
         let read = |e| folder.error("read the folder", "", e);
@@ -166,7 +169,7 @@ impl Folder {
             let Some(name) = name.to_str().filter(|name| is_ours(name)) else {
                 continue;
             };
-            // A folder of such a name is not of an earlier run.
+            // A folder of such a name does not belong to an earlier run.
             if !entry.file_type().map_err(read)?.is_dir() {
                 names.push(name.to_string());
             }
@@ -186,8 +189,9 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Refuses to replace files of these names: those that this process has read and, without `force`, any without its mark. A file of a format
-    /// without a mark goes by that of the first, `marked`.
+    /// Refuses to replace files of these names: those that this process has read and, without
+    /// `force`, any without its mark. Files of a format without a mark follow the first file,
+    /// `marked`.
     pub fn may_replace(
         &self,
         (marked, mark): (&str, Mark),
@@ -214,21 +218,21 @@ impl Folder {
         Ok(())
     }
 
-    /// A folder that need not exist.
+    /// A folder that may not exist.
     pub fn at(dir: &Path) -> Folder {
         Folder {
             dir: dir.to_path_buf(),
         }
     }
 
-    /// Creates the folder if need be, and leaves alone what is in it.
+    /// Creates the folder if needed, without changing its contents.
     pub fn shared(dir: &Path) -> Result<Folder, OutputError> {
         let folder = Folder::at(dir);
         fs::create_dir_all(dir).map_err(|e| folder.error("create the folder", "", e))?;
         Ok(folder)
     }
 
-    /// The path of a file in it; of itself for no name.
+    /// The path of a file in the folder; for an empty name, of the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         if name.is_empty() {
             self.dir.clone()
@@ -237,28 +241,28 @@ impl Folder {
         }
     }
 
-    /// Creates a file; what may be replaced was checked before.
+    /// Creates a file; the caller has checked whether it may be replaced.
     pub fn create(&self, name: &str) -> Result<File, OutputError> {
         let file = self.output(name)?.file();
         file.map_err(|e| self.error("create", name, e))
     }
 
-    /// Creates a file that can be removed again; what may be replaced was checked before.
+    /// Creates a file that can be removed again; the caller has checked whether it may be replaced.
     pub fn output(&self, name: &str) -> Result<OutputFile, OutputError> {
         let opened = OutputFile::open(&self.path(name), NO_MARK, true);
         let begun = opened.and_then(|mut output| output.begin().map(|()| output));
         begun.map_err(|e| self.error("create", name, e))
     }
 
-    /// Removes files, of which some may be missing.
+    /// Removes files; some may be missing.
     pub fn remove(&self, names: &[String]) {
         for name in names {
-            // Another error is reported already.
+            // The original error is already reported.
             let _ = fs::remove_file(self.path(name));
         }
     }
 
-    /// Writes a whole file; after an error nothing of it is left.
+    /// Writes a whole file; after an error the file is removed.
     pub fn write(
         &self,
         name: &str,
@@ -268,13 +272,13 @@ impl Folder {
         content(&mut out)
             .and_then(|()| out.flush())
             .map_err(|error| {
-                // Whatever removing it says, the first error is the one to report.
+                // Report the first error, not one from the removal.
                 let _ = fs::remove_file(self.path(name));
                 self.error("write", name, error)
             })
     }
 
-    /// An error on a file in the folder.
+    /// An error about a file in the folder.
     pub fn error(&self, action: &'static str, name: &str, source: io::Error) -> OutputError {
         OutputError::new(action, &self.path(name), source)
     }
@@ -285,7 +289,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_our_exact_names_are_ours() {
+    fn only_exact_names_are_recognised() {
         for name in [
             "frame_00000.fits",
             "frame_00042.png",

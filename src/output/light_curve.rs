@@ -1,4 +1,4 @@
-//! A light curve as a table and as a picture.
+//! A light curve as a table and as a plot.
 
 use super::chart::{AMBER, BLUE, SVG_MARK};
 use super::folder::{Folder, OutputError};
@@ -15,12 +15,13 @@ const HEAD: &str = "utc,t_s,mag,band_mag,range_km,phase_deg,illumination,reason"
 
 /// Whether the files in `dir` may be replaced.
 ///
-/// Errors: this process has read one of them, or without `force`: skyloop did not make them.
+/// Errors: this process has read one of them; without `force`: skyloop did not write them.
 pub fn may_replace_light_curve(dir: &Path, force: bool) -> Result<(), OutputError> {
     Folder::at(dir).may_replace((TABLE, &[HEAD]), &[(PICTURE, SVG_MARK)], force)
 }
 
-/// Writes `lightcurve.csv` and `lightcurve.svg` into `dir`, which is made if it does not exist; other files in it are left alone.
+/// Writes `lightcurve.csv` and `lightcurve.svg` into `dir`, which is created if needed; other files
+/// in it are unchanged.
 ///
 /// Errors: the folder or a file cannot be written.
 pub fn write_light_curve(dir: &Path, title: &str, points: &[Point]) -> Result<(), OutputError> {
@@ -51,7 +52,7 @@ pub fn write_light_curve(dir: &Path, title: &str, points: &[Point]) -> Result<()
     })
 }
 
-/// A line of the table; a magnitude is empty where there is none.
+/// A line of the table; an undefined magnitude is empty.
 fn row(point: &Point, points: &[Point]) -> String {
     let start = points.first().map_or(point.epoch, |first| first.epoch);
     let mag = |mag: Option<f64>| mag.map_or(String::new(), |mag| format!("{mag:.4}"));

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! frame_00000.fits            digital numbers, 16 bit, with times, attitude and WCS
-//! frame_00000.png             the same digits, 16-bit grey
-//! frame_00000_preview.png     the same stretched for people to look at, 8-bit grey
+//! frame_00000.png             the same DN, 16-bit grey
+//! frame_00000_preview.png     a stretched preview, 8-bit grey
 //! frame_00000_electrons.fits  expected electrons, float32, where the frame carries them
-//! labels.jsonl                one JSON object a line and frame, with the frame's files
+//! labels.jsonl                one JSON object per line and frame, with the frame's files
 //! contact_sheet.png           up to twelve annotated frames, spread over the run
 //! ```
 //!
-//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.svg` instead, `skyloop cost` `cost.csv` and `cost.svg`.
+//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.svg` instead, `skyloop cost`
+//! `cost.csv` and `cost.svg`.
 
 mod canvas;
 mod chart;
@@ -45,7 +46,8 @@ use stretch::Levels;
 
 /// Refuses to replace files in `dir`: the `marked` one and `others` that are written with it.
 ///
-/// Errors: this process has read one of them; without `force`: one lacks its mark, or is of a format without one beside a `marked` one that lacks it.
+/// Errors: this process has read one of them; without `force`: one lacks its mark, or has a format
+/// without a mark while the `marked` file lacks its own.
 pub fn may_replace(
     dir: &Path,
     marked: (&str, Mark),
@@ -55,7 +57,7 @@ pub fn may_replace(
     Folder::at(dir).may_replace(marked, others, force)
 }
 
-/// Writes the files of one run. Memory is bounded: no frame is kept, only the sheet's panels.
+/// Writes the files of one run. Memory is bounded: only the sheet's panels are stored.
 #[derive(Debug)]
 pub struct Writer {
     folder: Folder,
@@ -64,20 +66,21 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Opens `dir`, creating it if need be, for a run of `frames` frames, which choose the contact
-    /// sheet's panels; more or fewer may come.
+    /// Opens `dir`, creating it if needed, for a run of `frames` frames. `frames` selects the
+    /// contact sheet's panels; more or fewer may follow.
     ///
-    /// Files of an earlier run, those that its labels list, are removed; no other file is touched.
+    /// Removes the files of an earlier run that its labels list, and no others.
     ///
-    /// Errors: the folder cannot be created or is a file, a file that skyloop did not make, or that this process has read,
-    /// has the name of one of the run's, an earlier file cannot be removed, the labels cannot be created.
+    /// Errors: the folder cannot be created or is a file; a file that skyloop did not write, or
+    /// that this process has read, has the name of one of the run's; an earlier file cannot be
+    /// removed; the labels cannot be created.
     pub fn create(dir: &Path, frames: u32) -> Result<Writer, OutputError> {
         Writer::create_over(dir, frames, false)
     }
 
     /// [`Writer::create`]; with `force` it replaces any file with the name of one of the run's.
     ///
-    /// Errors: as there.
+    /// Errors: those of [`Writer::create`].
     pub fn create_over(dir: &Path, frames: u32, force: bool) -> Result<Writer, OutputError> {
         let folder = Folder::open(dir, force)?;
         let labels = folder.output(LABELS)?;
@@ -88,14 +91,13 @@ impl Writer {
         })
     }
 
-    /// Writes one frame: FITS, PNG, preview, expected electrons if it has them, and its line of
-    /// labels.
+    /// Writes one frame: FITS, PNG, preview, expected electrons if present, and its line of labels.
     ///
-    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the
-    /// label as sent. Its line of `labels.jsonl` also names the frame's files, as `files`.
+    /// `camera` is the camera as commanded for this frame (with its gain); `label_json` is the
+    /// label as sent. Its line of `labels.jsonl` also lists the frame's `files`.
     ///
-    /// Errors: a file cannot be written; files of the frame, and labels without a frame, are
-    /// removed.
+    /// Errors: a file cannot be written; then the frame's files are removed, and the labels too if
+    /// they have no frame.
     pub fn write_frame(
         &mut self,
         camera: &Camera,
@@ -107,7 +109,7 @@ impl Writer {
         let files = [FITS, PNG, PREVIEW, ELECTRONS].map(|end| format!("{name}{end}"));
         let count = files.len() - usize::from(frame.expected_e.is_none());
         let files = &files[..count];
-        // One call a line, unbuffered: a run that is cut short leaves whole lines.
+        // One unbuffered call per line: a run that is cut short leaves whole lines.
         let written = self
             .write_files(camera, label, frame, files)
             .and_then(|()| {
@@ -119,7 +121,7 @@ impl Writer {
             self.folder.remove(files);
             self.labels.discard_empty();
         } else {
-            self.sheet.see(camera, label, frame);
+            self.sheet.add(camera, label, frame);
         }
         written
     }
@@ -151,7 +153,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends the run with the contact sheet; without a frame there is none.
+    /// Ends the run with the contact sheet, if there is a frame.
     ///
     /// Errors: the sheet cannot be written.
     pub fn finish(self) -> Result<(), OutputError> {
@@ -168,7 +170,7 @@ impl Writer {
 fn with_files(label_json: &str, files: &[String]) -> String {
     let members = label_json.strip_suffix('}').unwrap_or(label_json);
     let comma = if members.ends_with('{') { "" } else { "," };
-    // Names of ours have nothing that JSON escapes.
+    // File names contain nothing that JSON escapes.
     format!(
         "{members}{comma}\"files\":[\"{}\"]}}\n",
         files.join("\",\"")

@@ -1,9 +1,9 @@
-//! The one name of an object that a picture shows.
+//! The name of an object in a picture.
 
 use skyloop_render::label::ObjectLabel;
 
-/// A star's proper name, else its Bayer or Flamsteed designation, else its HR number; an RSO's first
-/// name; the id where there is none.
+/// A star's proper name, else its Bayer or Flamsteed designation, else its HR number; an RSO's
+/// first name; the id if there is no name.
 pub fn shown(object: &ObjectLabel) -> &str {
     let best = if object.kind == "star" {
         object.names.iter().min_by_key(|name| rank(name))
@@ -24,7 +24,7 @@ fn rank(name: &str) -> u8 {
     } else if name.starts_with(|c: char| c.is_ascii_digit()) {
         2
     } else if first != last && last.chars().count() == 3 {
-        // The 88 constellations have abbreviations of three letters.
+        // Constellations have abbreviations of three letters.
         1
     } else {
         0
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn proper_names_come_before_letters_before_numbers() {
+    fn names_rank_before_designations_and_numbers() {
         let order = ["Rigil Kentaurus", "alpha1 Cen", "21 And", "HR 5459"];
         let ranks = order.map(rank);
         assert_eq!(ranks, [0, 1, 2, 3]);

@@ -15,28 +15,28 @@ use skyloop_render::label::{Label, ObjectLabel};
 
 /// Stars.
 pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);
-/// RSOs that show.
+/// Visible RSOs.
 pub const RSO: Rgb888 = Rgb888::new(255, 170, 50);
 /// The Moon and planets.
 pub const PLANET: Rgb888 = Rgb888::new(150, 230, 150);
-/// RSOs that do not.
+/// RSOs that are not visible.
 pub const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
 
-/// So many of the brightest stars are named ...
+/// Number of named stars, brightest first.
 const NAMED: usize = 12;
-/// ... and so many ringed.
+/// Number of ringed stars, brightest first.
 pub const RINGED: usize = 60;
-/// Room around an object's track in its ring, px of the panel.
+/// Space around an object's track in its ring, px of the panel.
 const ROOM: f64 = 7.0;
 
-/// A ring and the name beside it.
+/// A ring and its name.
 struct Mark {
     centre: [f64; 2],
     radius: f64,
     color: Rgb888,
     broken: bool,
     text: Option<String>,
-    /// Whether the name must stand even where it covers another.
+    /// Whether the name is drawn even if it covers another.
     must: bool,
 }
 
@@ -61,7 +61,7 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     let to = panel_size(from);
     let scale = [to[0] as f64 / from[0] as f64, to[1] as f64 / from[1] as f64];
     let values = scaled(&frame.dn, from, to);
-    // The noise of a panel's pixel is that of the mean of the camera's pixels in it.
+    // A panel's pixel is the mean of several camera pixels, which reduces its noise.
     let averaged = 1.0 / (scale[0] * scale[1]).min(1.0);
     let stretch = Stretch::new(Levels::of(camera, label), values.iter().copied(), averaged);
     let image = RgbImage::from_fn(to[0] as u32, to[1] as u32, |x, y| {
@@ -81,7 +81,7 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     canvas.0
 }
 
-/// RSOs first: their names are placed first, then the Moon and planets.
+/// RSOs first, then the Moon and planets: their names are placed before those of stars.
 fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
     let in_frame = |kind| {
         label
@@ -96,13 +96,13 @@ fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
         text: (i < NAMED).then(|| shown(star).to_string()),
         ..mark(star, scale, STAR)
     });
-    let wanderers = ["moon", "planet"].into_iter().flat_map(in_frame);
-    let wanderers = wanderers.map(|body| Mark {
+    let planets = ["moon", "planet"].into_iter().flat_map(in_frame);
+    let planets = planets.map(|body| Mark {
         text: Some(shown(body).to_string()),
         must: true,
         ..mark(body, scale, PLANET)
     });
-    rsos.chain(wanderers).chain(stars).collect()
+    rsos.chain(planets).chain(stars).collect()
 }
 
 fn rso_mark(object: &ObjectLabel, scale: [f64; 2]) -> Mark {
@@ -144,15 +144,15 @@ fn mark(object: &ObjectLabel, scale: [f64; 2], color: Rgb888) -> Mark {
     }
 }
 
-/// Where names stand: on that side of their ring where they cover least; none where a star's name
-/// would cover another one.
+/// Positions of names: on the side of their ring with the least overlap; a star's name that would
+/// cover another one is omitted.
 fn place_names(marks: &[Mark], panel: Rectangle) -> Vec<(&Mark, Rectangle)> {
     let mut placed: Vec<(&Mark, Rectangle)> = Vec::new();
     for mark in marks {
         let Some(text) = &mark.text else { continue };
         let names_under =
             |area: &Rectangle| -> u32 { placed.iter().map(|(_, other)| common(area, other)).sum() };
-        // Its own ring counts too: at the panel's edge a name would be moved onto it.
+        // Its own ring counts too: near the panel's edge a name may be moved onto it.
         let cost = |area: &Rectangle| {
             let rings = marks.iter().map(|other| common(area, &other.area()));
             10 * names_under(area) + rings.sum::<u32>()
@@ -186,7 +186,7 @@ fn sides(mark: &Mark, size: Size, panel: Rectangle) -> [Rectangle; 4] {
     })
 }
 
-/// Area that two rectangles share, px.
+/// Common area of two rectangles, px.
 fn common(a: &Rectangle, b: &Rectangle) -> u32 {
     let size = a.intersection(b).size;
     size.width * size.height

@@ -9,7 +9,7 @@ use skyloop_render::effect::counted;
 use skyloop_render::label::why_hidden;
 use std::fmt::Write;
 
-/// A pass, in the units of files.
+/// A pass in the units of output files.
 #[derive(Debug, Serialize)]
 pub struct Row {
     id: String,
@@ -37,7 +37,7 @@ struct Moment {
     phase_deg: f64,
     /// In full sunlight.
     mag: Option<f64>,
-    /// Of the light that arrives.
+    /// Of the arriving light.
     band_mag: Option<f64>,
     reason: &'static str,
 }
@@ -47,22 +47,22 @@ struct Span {
     from: String,
     to: String,
     seconds: f64,
-    /// Why no light arrives; empty where some does.
+    /// Why no light arrives; empty if light arrives.
     reason: &'static str,
 }
 
-/// UTC to the millisecond that instants are known to.
+/// UTC rounded to a millisecond, the accuracy of instants.
 fn to_ms(epoch: Epoch) -> String {
     utc_text(epoch.round(Unit::Millisecond * 1))
 }
 
-/// The head of the CSV: a column for each value of a row but its spans.
+/// The CSV header: a column for each value of a row except its spans.
 const HEAD: &str = "id,name,enters_utc,enters_x_px,enters_y_px,enters_band_mag,leaves_utc,leaves_x_px,leaves_y_px,leaves_band_mag,\
                     nearest_utc,nearest_deg,nearest_x_px,nearest_y_px,brightest_utc,brightest_band_mag,min_range_utc,min_range_km,\
                     rate_px_s,duration_s,lit_s,in_field_at_start,in_field_at_end,reason";
 
 impl Row {
-    /// What is told of a pass of `object`.
+    /// The row for a pass of `object`.
     pub fn new(pass: &Pass, object: &Object) -> Row {
         let seconds = |lit: &Lit| (lit.to - lit.from).to_seconds();
         let lit = pass.lit.iter().filter(|lit| lit.hidden.is_none());
@@ -80,7 +80,7 @@ impl Row {
             min_range_km: pass.closest.1 * 1e-3,
             rate_px_s: pass.rate_px_s,
             duration_s: (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds(),
-            // A sum of nothing would be -0.
+            // An empty `sum()` would be -0.
             lit_s: lit.map(seconds).fold(0.0, |sum, s| sum + s),
             in_field_at_start: pass.begun_before,
             in_field_at_end: pass.goes_on,
@@ -97,7 +97,7 @@ impl Row {
         }
     }
 
-    /// Why it is dark, as long as it is: `in the Earth's shadow, behind the Earth`.
+    /// Reasons for darkness: `in the Earth's shadow, behind the Earth`.
     fn reasons(&self) -> String {
         let mut reasons: Vec<&str> = self.spans.iter().map(|span| span.reason).collect();
         reasons.retain(|reason| !reason.is_empty());
@@ -129,7 +129,7 @@ impl Moment {
     }
 }
 
-/// A table for people. Of stays within a day the time of day is told when objects are nearest and leave, else the date too.
+/// A table for the terminal. If no pass crosses midnight, nearest and leaving times omit the date.
 pub fn table(rows: &[Row]) -> String {
     let within_a_day = rows.iter().all(|row| {
         let [day, others @ ..] = [&row.enters, &row.nearest, &row.leaves].map(|at| date(&at.utc));
@@ -175,7 +175,7 @@ pub fn table(rows: &[Row]) -> String {
             row.enters.utc,
             when(&row.nearest.utc),
             when(&row.leaves.utc),
-            // What is cut by the search's ends lasts longer.
+            // A pass cut by the ends of the search lasts longer.
             if row.in_field_at_start || row.in_field_at_end {
                 format!(">{:.1}", row.duration_s)
             } else {
@@ -207,7 +207,7 @@ fn time_of_day(utc: &str) -> &str {
     time.trim_end_matches('Z')
 }
 
-/// CSV with a head; a magnitude is empty where no light arrives.
+/// CSV with a header; a magnitude is empty if no light arrives.
 pub fn csv(rows: &[Row]) -> String {
     let mut text = format!("{HEAD}\n");
     for row in rows {
@@ -252,7 +252,7 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// What was searched, and what is not among the passes.
+/// The searched interval, and what is missing in the list of passes.
 #[derive(Debug, Serialize)]
 pub struct Searched {
     /// The scene's file.
@@ -261,20 +261,22 @@ pub struct Searched {
     pub from: String,
     /// The last one.
     pub to: String,
-    /// Objects that were looked for.
+    /// Number of searched objects.
     pub objects: usize,
     /// Passes that stay fainter than a limit.
     pub fainter: usize,
-    /// Objects whose orbits have no answer at some time.
+    /// Objects without a state at some time.
     pub without_state: Vec<String>,
-    /// Times that were not searched, since the pointing has no direction then: first and last instants, UTC.
+    /// Times that were not searched, since the pointing has no direction: first and last instants,
+    /// UTC.
     pub not_searched: Vec<[String; 2]>,
-    /// Leap seconds between the first and the last instant: so many seconds more are searched than these differ by.
+    /// Leap seconds between the first and the last instant: the search is longer than the
+    /// difference of these texts by this number of seconds.
     pub leap_seconds: i32,
 }
 
 impl Searched {
-    /// In one line, with the number of passes that are told.
+    /// In one line, with the number of listed passes.
     pub fn line(&self, passes: usize) -> String {
         let passes = match passes {
             1 => "1 pass".to_string(),
@@ -296,7 +298,7 @@ impl Searched {
     }
 }
 
-/// JSON: an object with what was searched and an array of passes.
+/// JSON: an object with the search and an array of passes.
 pub fn json(searched: &Searched, rows: &[Row]) -> String {
     #[derive(Serialize)]
     struct All<'a> {

@@ -1,4 +1,4 @@
-//! A plot of magnitudes against time: bright is up.
+//! A plot of magnitude against time, bright magnitudes at the top.
 
 use super::chart::{Axis, Chart, Drawn, svg};
 use hifitime::{Epoch, Unit};
@@ -13,27 +13,27 @@ pub struct Curve {
     pub name: &'static str,
     /// Its colour.
     pub color: RGBColor,
-    /// One value an epoch; where there is none the line is broken.
+    /// One value per epoch; the line is broken at missing values.
     pub values: Vec<Option<f64>>,
 }
 
-/// The faintest or brightest magnitude that is drawn: steps between labels are lost in rounding far beyond.
+/// Greatest absolute magnitude that is drawn: far beyond, steps between labels vanish in rounding.
 const MAX_MAG: f64 = 1e6;
-/// About as many labels an axis.
+/// Approximate number of labels per axis.
 const TICKS: f64 = 8.0;
-/// Steps between the labels of a time axis, s, that divide minutes, hours and days.
+/// Steps between the labels of a time axis, s, that divide minutes, hours or days.
 const TIME_STEPS: &[f64] = &[
     1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0,
     10_800.0, 21_600.0, 43_200.0, 86_400.0,
 ];
 
-/// The plot as SVG, its `curves` in the order that they are drawn in. `epochs` rise.
+/// The plot as SVG, with its `curves` in drawing order. `epochs` rise.
 pub fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result<String> {
     let start = epochs.first().copied().unwrap_or_default();
     let seconds: Vec<f64> = epochs.iter().map(|t| (*t - start).to_seconds()).collect();
     let span_s = seconds.last().copied().unwrap_or(0.0);
     let (ticks, decimals) = time_ticks(start, span_s);
-    // A single instant stands in the middle.
+    // A single instant is in the middle.
     let ends = if span_s > 0.0 { 0.0..span_s } else { -1.0..1.0 };
     let [bright, faint] = range(curves);
     let day = utc_text(start);
@@ -56,7 +56,7 @@ pub fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result
     })
 }
 
-/// The least and the greatest value, with some room, and never the same.
+/// Minimum and maximum value with a margin, never equal.
 fn range(curves: &[Curve]) -> [f64; 2] {
     let values = curves
         .iter()
@@ -76,7 +76,7 @@ fn is_drawn(magnitude: f64) -> bool {
     magnitude.abs() <= MAX_MAG
 }
 
-/// Draws a line from value to value, and a dot where one stands alone.
+/// Draws a line from value to value, and a dot for an isolated one.
 fn draw<X, Y>(chart: &mut Chart<'_, '_, X, Y>, curve: &Curve, seconds: &[f64]) -> Drawn
 where
     X: Ranged<ValueType = f64>,
@@ -115,16 +115,17 @@ fn nice(step: f64) -> f64 {
     factor.unwrap_or(10.0) * power
 }
 
-/// The seconds after `start` that have a label, at full seconds, minutes, hours or days, and the decimals of the second there.
+/// The labelled times in seconds after `start`, at full seconds, minutes, hours or days, and the
+/// decimals of their seconds.
 fn time_ticks(start: Epoch, span_s: f64) -> (Vec<f64>, usize) {
     if span_s <= 0.0 {
         return (vec![0.0], 3);
     }
-    let wanted = span_s / TICKS;
-    let step = match TIME_STEPS.iter().find(|step| **step >= wanted) {
-        Some(step) if wanted > 0.5 => *step,
-        Some(_) => nice(wanted),
-        None => nice(wanted / 86_400.0) * 86_400.0,
+    let target = span_s / TICKS;
+    let step = match TIME_STEPS.iter().find(|step| **step >= target) {
+        Some(step) if target > 0.5 => *step,
+        Some(_) => nice(target),
+        None => nice(target / 86_400.0) * 86_400.0,
     };
     let before = utc_seconds_of_day(start);
     let (first, last) = (
@@ -141,7 +142,7 @@ fn utc_seconds_of_day(epoch: Epoch) -> f64 {
     const SECOND_NS: i128 = 1_000_000_000;
     let ns = utc_duration(epoch).total_nanoseconds();
     let seconds = ns.div_euclid(SECOND_NS).rem_euclid(86_400);
-    // Exact where it is whole.
+    // Exact for whole seconds.
     seconds as f64 + ns.rem_euclid(SECOND_NS) as f64 * 1e-9
 }
 
@@ -165,7 +166,7 @@ mod tests {
     use skyloop_orbit::time::parse_utc;
 
     #[test]
-    fn times_are_full_units_of_the_day() {
+    fn ticks_are_full_units_of_the_day() {
         let start = parse_utc("2019-06-15T23:59:50.250").unwrap();
         let texts = |span_s| -> Vec<String> {
             let (ticks, decimals) = time_ticks(start, span_s);
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_are_broken_where_there_is_no_value_and_bright_is_up() {
+    fn curves_break_at_missing_values_and_bright_is_up() {
         let start = parse_utc("2019-06-15T00:00:00").unwrap();
         let epochs = [0.0, 1.0, 2.0, 3.0, 4.0].map(|s| start + Unit::Second * s);
         let curve = Curve {
@@ -211,7 +212,7 @@ mod tests {
             (drawn("<polyline").count(), drawn("<circle").count()),
             (1, 1)
         );
-        // Neither values nor instants, and values without a place.
+        // Empty input, and values that cannot be drawn.
         assert!(magnitudes("nothing", &[], &[]).is_ok());
         let extreme = [f64::MAX, -f64::MAX, f64::INFINITY, f64::NAN, 1e17].map(Some);
         let curve = Curve {

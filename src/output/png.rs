@@ -5,10 +5,11 @@ use image::{ExtendedColorType, ImageEncoder, ImageError, RgbImage};
 use skyloop_orbit::Mark;
 use std::io::{self, Write};
 
-/// How a PNG that skyloop wrote is recognised. The first byte, 0x89, is no UTF-8.
+/// The mark of a PNG written by skyloop. The first byte, 0x89, is not valid UTF-8.
 pub const MARK: Mark = &["\u{fffd}PNG", "tEXtSoftware\0skyloop"];
 
-/// Type and data of a textual chunk that names the program (PNG specification, third edition, 11.3.3).
+/// Type and data of a text chunk that names the program (PNG specification, third edition,
+/// 11.3.3).
 const SOFTWARE: &[u8] = b"tEXtSoftware\0skyloop";
 /// Bytes of a chunk's type.
 const CHUNK_TYPE: usize = 4;
@@ -39,7 +40,7 @@ fn encode(
     color: ExtendedColorType,
 ) -> io::Result<()> {
     let mut encoded = Vec::new();
-    // Frames are mostly noise, which no effort compresses further.
+    // Frames are mostly noise, which does not compress further.
     PngEncoder::new_with_quality(&mut encoded, CompressionType::Fast, FilterType::Sub)
         .write_image(bytes, width, height, color)
         .map_err(|error| match error {
@@ -48,7 +49,8 @@ fn encode(
         })?;
     let (head, rest) = encoded.split_at_checked(HEAD).unwrap_or((&encoded, &[]));
     out.write_all(head)?;
-    // A chunk: length, type, data, CRC-32 of type and data (PNG specification, third edition, 5.3).
+    // A chunk: length, type, data, CRC-32 of type and data (PNG specification, third edition,
+    // 5.3).
     let length = (SOFTWARE.len() - CHUNK_TYPE) as u32;
     out.write_all(&length.to_be_bytes())?;
     out.write_all(SOFTWARE)?;

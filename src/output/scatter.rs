@@ -1,4 +1,4 @@
-//! A plot of dots by two values above 0, on logarithmic axes; the best of them are joined by a line.
+//! A plot of dots by two positive values, on logarithmic axes; a line joins the best of them.
 
 use super::chart::{AMBER, Axis, BLUE, CHARACTER_PX, Chart, Drawn, font, svg};
 use super::folder::{Folder, OutputError};
@@ -10,11 +10,11 @@ use std::path::Path;
 
 /// Dots by two values.
 pub struct Scatter {
-    /// The text above it.
+    /// Its title.
     pub title: String,
     /// The names of the axes: across, and upwards.
     pub axes: [&'static str; 2],
-    /// The dots; the first names win where they are crowded.
+    /// The dots. If names overlap, the first ones are drawn.
     pub dots: Vec<Dot>,
     /// A limit across, and its name.
     pub limit: Option<(f64, String)>,
@@ -23,7 +23,8 @@ pub struct Scatter {
 /// A dot.
 #[derive(Clone)]
 pub struct Dot {
-    /// Its values, 0 or more; 0 upwards stands on the lowest line. One that is not finite is not drawn.
+    /// Its values, 0 or more; a second value of 0 is drawn on the lowest line. A dot with a value
+    /// that is not finite is not drawn.
     pub at: [f64; 2],
     /// Its name; may be empty.
     pub name: String,
@@ -37,17 +38,17 @@ const LIMIT: RGBColor = RGBColor(220, 90, 90);
 /// Height of a name, and the space between it and its dot, px.
 const NAME_PX: i32 = 13;
 const GAP_PX: i32 = 8;
-/// The heights that a name is moved by to find its place, px.
+/// Vertical shifts of a name in the search for a free position, px.
 const SHIFTS: [i32; 9] = [0, -11, 11, -22, 22, -33, 33, -44, 44];
 
-/// Writes a plot as SVG into `dir`, which is made if it does not exist.
+/// Writes a plot as SVG into `dir`, which is created if needed.
 ///
 /// Errors: the folder or the file cannot be written.
 pub fn write_scatter(dir: &Path, name: &str, plot: &Scatter) -> Result<(), OutputError> {
     Folder::shared(dir)?.write(name, |out| out.write_all(plot.svg()?.as_bytes()))
 }
 
-/// A range that holds all `values` above 0, with some room.
+/// A range that contains all positive `values`, with a margin.
 fn range(values: impl Iterator<Item = f64>, room: f64) -> Range<f64> {
     let above = values.filter(|value| *value > 0.0);
     let [low, high] = above.fold([f64::MAX, 0.0f64], |[low, high], value| {
@@ -61,7 +62,8 @@ fn range(values: impl Iterator<Item = f64>, room: f64) -> Range<f64> {
     low..high
 }
 
-/// Values with grid lines: 1, 2 and 5 times powers of ten, or the powers alone where they are many.
+/// Values with grid lines: 1, 2 and 5 times powers of ten, or only powers over more than two
+/// decades.
 fn ticks(range: &Range<f64>) -> Vec<f64> {
     let [low, high] = [range.start, range.end].map(|end| libm::log10(end).floor() as i32);
     let factors: &[f64] = if high - low <= 2 {
@@ -73,7 +75,7 @@ fn ticks(range: &Range<f64>) -> Vec<f64> {
     all.filter(|value| range.contains(value)).collect()
 }
 
-/// A value in few digits.
+/// A value with few digits.
 fn text(value: f64) -> String {
     match value {
         value if (1e-3..1e4).contains(&value) => format!("{}", (value * 1e6).round() / 1e6),
@@ -88,7 +90,7 @@ impl Scatter {
         let limit = self.limit.iter().map(|(value, _)| *value);
         let across = range(dots.iter().map(|dot| dot.at[0]).chain(limit), 1.15);
         let above = range(dots.iter().map(|dot| dot.at[1]), 1.5);
-        // Dots at 0 stand on a grid line of their own below the others.
+        // Dots at 0 are on their own grid line below the others.
         let floor = above.start / 1.5;
         for dot in &mut dots {
             dot.at = [dot.at[0].max(across.start), dot.at[1].max(floor)];
@@ -128,7 +130,7 @@ impl Scatter {
 }
 
 impl Dot {
-    fn place(&self) -> (f64, f64) {
+    fn position(&self) -> (f64, f64) {
         self.at.into()
     }
 
@@ -144,13 +146,13 @@ where
     Y: Ranged<ValueType = f64>,
 {
     let front = dots.iter().filter(|dot| dot.is_front);
-    let mut front: Vec<(f64, f64)> = front.map(Dot::place).collect();
+    let mut front: Vec<(f64, f64)> = front.map(Dot::position).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     chart.draw_series([PathElement::new(front, AMBER)])?;
     Ok(())
 }
 
-/// Draws the dots, and the names that find a free place beside their dots.
+/// Draws the dots, and the names for which there is a free position next to the dot.
 fn draw_dots<X, Y>(chart: &mut Chart<'_, '_, X, Y>, dots: &[Dot]) -> Drawn
 where
     X: Ranged<ValueType = f64>,
@@ -158,17 +160,17 @@ where
 {
     let circle = |dot: &Dot| {
         let radius = if dot.is_large { 5 } else { 2 };
-        Circle::new(dot.place(), radius, dot.color().filled())
+        Circle::new(dot.position(), radius, dot.color().filled())
     };
     chart.draw_series(dots.iter().map(circle))?;
     let (columns, rows) = chart.plotting_area().get_pixel_range();
     let taken = dots.iter().map(|dot| {
-        let (x, y) = chart.backend_coord(&dot.place());
+        let (x, y) = chart.backend_coord(&dot.position());
         [x - 4..x + 4, y - 4..y + 4]
     });
     let mut taken: Vec<[Range<i32>; 2]> = taken.collect();
     for dot in dots.iter().filter(|dot| !dot.name.is_empty()) {
-        let (x, y) = chart.backend_coord(&dot.place());
+        let (x, y) = chart.backend_coord(&dot.position());
         let width = CHARACTER_PX * dot.name.chars().count() as i32;
         let area = |(dx, dy): (i32, i32)| [x + dx..x + dx + width, y + dy..y + dy + NAME_PX];
         let is_free = |at: &(i32, i32)| {
@@ -186,7 +188,7 @@ where
         if let Some(place) = places.find(is_free) {
             taken.push(area(place));
             let name = Text::new(dot.name.clone(), place, font(dot.color()));
-            chart.draw_series([EmptyElement::at(dot.place()) + name])?;
+            chart.draw_series([EmptyElement::at(dot.position()) + name])?;
         }
     }
     Ok(())
@@ -202,18 +204,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_go_by_powers() {
+    fn axes_are_logarithmic() {
         assert_eq!(range([4.0, 100.0, 0.0].into_iter(), 2.0), 2.0..200.0);
         let all = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
         assert_eq!(ticks(&(1.0..100.1)), all);
         assert_eq!(ticks(&(1e-3..1e3 + 1.0)).len(), 7);
-        // Without values there is still a plot.
+        // Without values the plot has a default range.
         assert_eq!(range([].into_iter(), 2.0), 0.1..10.0);
         assert_eq!([0.05, 20.0, 1e-6].map(text), ["0.05", "20", "1e-6"]);
     }
 
     #[test]
-    fn dots_and_names_are_drawn_whatever_their_values() {
+    fn finite_dots_and_their_names_are_drawn() {
         let dot = |at, name: &str, is_front| Dot {
             at,
             name: name.to_string(),

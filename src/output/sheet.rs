@@ -18,7 +18,7 @@ const MARGIN: u32 = 12;
 /// Height of the title above all panels and of the caption below each, px.
 const TITLE: u32 = 64;
 const CAPTION: u32 = 38;
-/// A panel's place is at least so wide, for its caption, px.
+/// Minimum width of a panel's cell, for its caption, px.
 const CAPTION_WIDTH: u32 = 400;
 /// Width of a ring of the legend, px.
 const RING: i32 = 20;
@@ -27,7 +27,7 @@ const PAPER: Rgb888 = Rgb888::new(16, 18, 24);
 const INK: Rgb888 = Rgb888::new(235, 238, 245);
 const PALE: Rgb888 = Rgb888::new(160, 168, 182);
 
-/// Collects the panels of a run: frames at equal distances, the first and the last one among them.
+/// Collects the panels of a run: equidistant frames, with the first and the last one.
 #[derive(Debug)]
 pub struct ContactSheet {
     frames: u32,
@@ -54,8 +54,8 @@ impl ContactSheet {
         }
     }
 
-    /// Sees the next frame of the run, and keeps a panel of it if it is one of those to show.
-    pub fn see(&mut self, camera: &Camera, label: &Label, frame: &Frame) {
+    /// Counts the next frame of the run, and stores its panel if it is selected.
+    pub fn add(&mut self, camera: &Camera, label: &Label, frame: &Frame) {
         if chosen(self.seen, self.frames) {
             self.title = format!("skyloop   {}   seed {}", label.camera, label.seed);
             self.panels.push(Panel {
@@ -118,7 +118,7 @@ impl ContactSheet {
     }
 }
 
-/// The rings of panels: colour, whether it is broken, and what it stands for.
+/// The rings of panels: colour, whether the ring is dashed, and its meaning.
 fn legend() -> [(Rgb888, bool, String); 4] {
     let star = format!("star (the brightest {RINGED} of a frame)");
     [
@@ -134,8 +134,8 @@ fn key_width(text: &str) -> u32 {
     RING as u32 + text_size(text, &FONT_7X13).width + MARGIN
 }
 
-/// Whether frame `i` of `frames` is shown: the i that equal steps from the first to the last, rounded,
-/// fall on; all where there are no more than [`PANELS`].
+/// Whether frame `i` of `frames` is selected: equidistant from the first to the last, rounded; all
+/// if there are at most [`PANELS`].
 fn chosen(i: u32, frames: u32) -> bool {
     if frames <= PANELS {
         return i < PANELS;
@@ -144,7 +144,7 @@ fn chosen(i: u32, frames: u32) -> bool {
     (0..=steps).any(|step| (step * last + steps / 2) / steps == i)
 }
 
-/// As square a grid as its columns' limit allows.
+/// The squarest grid with at most [`COLUMNS`] columns.
 fn columns(panels: usize) -> usize {
     (1..COLUMNS)
         .find(|columns| columns * columns >= panels)
@@ -208,13 +208,13 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_is_as_square_as_four_columns_allow() {
+    fn grid_is_nearly_square_up_to_four_columns() {
         let grids = [1, 2, 4, 5, 9, 10, 12].map(columns);
         assert_eq!(grids, [1, 2, 2, 3, 3, 4, 4]);
     }
 
     #[test]
-    fn captions_count_and_shorten() {
+    fn caption_has_milliseconds() {
         assert_eq!(
             shown_time("2019-06-15T23:35:50.123456789Z"),
             "2019-06-15 23:35:50.123 UTC"

@@ -1,20 +1,22 @@
-//! The distortion of a lens as the polynomials of a FITS header (SIP: Shupe et al. 2005, ASP Conf. Ser. 347, 491).
+//! The distortion of a lens as the polynomials of a FITS header (SIP: Shupe et al. 2005, ASP Conf.
+//! Ser. 347, 491).
 //!
-//! With (u, v) a pixel's offset from the principal point, the ideal projection has it at `(u + f(u, v), v + g(u, v))`,
-//! `f = sum A_pq u^p v^q`, `g = sum B_pq u^p v^q`, 2 <= p + q <= the order. Backwards `AP`, `BP`, from p + q = 1.
-//! Least squares over the detector, of the lowest order that leaves less than [`ENOUGH_PX`] everywhere.
+//! With (u, v) a pixel's offset from the principal point, the ideal projection has the image at
+//! `(u + f(u, v), v + g(u, v))`, `f = sum A_pq u^p v^q`, `g = sum B_pq u^p v^q`, 2 <= p + q <= the
+//! order. The inverse is `AP`, `BP`, from p + q = 1. The fit is least squares over the detector, of
+//! the lowest order with a residual below [`ENOUGH_PX`] everywhere.
 
 use nalgebra::{DMatrix, DVector};
 use skyloop_render::camera::{Camera, Optics};
 
-/// A residual (px) that no star's place shows.
+/// A residual (px) below the accuracy of star positions.
 const ENOUGH_PX: f64 = 1e-4;
-/// The highest order that the convention has.
+/// The highest order of the convention.
 const MAX: usize = 9;
-/// Points a side that are fitted.
+/// Fitted points per side.
 const SIDE: usize = 24;
 
-/// A polynomial's exponents of u and v, and its two coefficients: of columns and of rows.
+/// A polynomial's exponents of u and v, and its coefficients for columns and rows.
 pub type Term = ([usize; 2], [f64; 2]);
 
 /// The polynomials of a camera.
@@ -28,15 +30,15 @@ pub struct Sip {
     pub back: Vec<Term>,
     /// Greatest correction on the detector, px.
     pub most_px: f64,
-    /// Greatest distance of a fitted point from the truth, both ways, px.
+    /// Greatest residual of a fitted point in both directions, px.
     pub residual_px: f64,
 }
 
-/// Offsets from the principal point and what is to be added there, px.
+/// Offset from the principal point and its correction, px.
 type Point = ([f64; 2], [f64; 2]);
 
 impl Sip {
-    /// The polynomials of a camera; none where its projection is ideal.
+    /// The polynomials of a camera; none if its projection is ideal.
     pub fn of(camera: &Camera) -> Option<Sip> {
         if camera.optics.projection.is_ideal() {
             return None;
@@ -79,7 +81,7 @@ impl Sip {
     }
 }
 
-/// Points from edge to edge, denser towards the edges: where Chebyshev's polynomials have their extremes.
+/// Points from edge to edge, denser towards the edges: the extremes of Chebyshev's polynomials.
 fn grid(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     let [width, height] = [camera.detector.width, camera.detector.height].map(|n| n as f64);
     let part =
@@ -88,19 +90,19 @@ fn grid(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     (0..SIDE).flat_map(move |j| (0..SIDE).map(move |i| pixel(i, j)))
 }
 
-/// A pixel's offset from the principal point, and that of its direction's ideal image beyond it.
+/// A pixel's offset from the principal point, and the correction to its direction's ideal image.
 fn correction(optics: &Optics, pixel: [f64; 2]) -> Option<Point> {
     let ideal = optics.projection.ideal().image(&optics.direction(pixel))?;
     let at = [0, 1].map(|k| pixel[k] - optics.principal_px[k]);
     Some((at, [0, 1].map(|k| optics.focal_px * ideal[k] - at[k])))
 }
 
-/// The terms of least squares, and the greatest distance that they leave.
+/// The terms of the least-squares fit, and the greatest residual.
 fn fit(points: &[Point], lowest: usize, order: usize) -> Option<(Vec<Term>, f64)> {
     let exponents: Vec<[usize; 2]> = (lowest..=order)
         .flat_map(|sum| (0..=sum).map(move |q| [sum - q, q]))
         .collect();
-    // In units of the furthest point, so that powers stay near 1.
+    // In units of the furthest point, which keeps powers near 1.
     let unit = points
         .iter()
         .flat_map(|(at, _)| at.map(f64::abs))
@@ -113,10 +115,10 @@ fn fit(points: &[Point], lowest: usize, order: usize) -> Option<(Vec<Term>, f64)
     });
     let qr = matrix.clone().qr();
     let solve = |k: usize| {
-        let mut wanted = DVector::from_iterator(points.len(), points.iter().map(|(_, by)| by[k]));
-        qr.q_tr_mul(&mut wanted);
+        let mut target = DVector::from_iterator(points.len(), points.iter().map(|(_, by)| by[k]));
+        qr.q_tr_mul(&mut target);
         qr.r()
-            .solve_upper_triangular(&wanted.rows(0, exponents.len()).into_owned())
+            .solve_upper_triangular(&target.rows(0, exponents.len()).into_owned())
     };
     let (x, y) = (solve(0)?, solve(1)?);
     let (u, v) = (&matrix * &x, &matrix * &y);

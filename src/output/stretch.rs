@@ -1,34 +1,36 @@
-//! From digital numbers to grey levels, for people to look at: the contact sheet's panels and the previews.
+//! Digital numbers to grey levels: the contact sheet's panels and the previews.
 //!
-//! Light counts in standard deviations of its own noise. With the charge e (e-) above the dark level and the variance v (e-^2) of a pixel
-//! without light, the number of them between 0 and e is
+//! Light is measured in standard deviations of its own noise. With the charge e (e-) above the dark
+//! level and the variance v (e-^2) of a pixel without light, their number between 0 and e is
 //!
 //! ```text
 //! u(e) = integral of de / sqrt(v + e) = 2 (sqrt(v + e) - sqrt(v)),   e / sqrt(v) below 0
 //! ```
 //!
-//! Let `low` be the level that a tenth of the pixels lie below, or the dark level if that is higher. Grey goes
-//! - in proportion to the light from black at the dark level to `low`, and there is so near to white as `low` is to the full pixel;
-//! - from there as `asinh(u / soft)`, where `soft` grows with the spread between a tenth and nine tenths of the pixels: faint stars stand out
-//!   of an even sky, and a bright Earth beside a dark sky has contrast.
+//! Let `low` be the 10 % quantile of the pixels, or the dark level if that is higher. Grey is
+//! - linear in the light from black at the dark level to `low`, with the grey at `low` in the ratio
+//!   of `low` to a full pixel;
+//! - then `asinh(u / soft)`, where `soft` grows with the spread between the 10 % and 90 %
+//!   quantiles: faint stars are distinct on a uniform sky, and a bright Earth next to a dark sky
+//!   has contrast.
 //!
-//! So what has no light is black and what is full is white, whatever part of the frame they take.
+//! So pixels without light are black and full pixels are white, whatever their share of the frame.
 
 use skyloop_render::camera::Camera;
 use skyloop_render::label::Label;
 
 /// Longer side of a panel, px.
 const PANEL_PX: usize = 512;
-/// The least `soft`, standard deviations, ...
+/// Minimum of `soft`, standard deviations.
 const SOFT: f64 = 2.5;
-/// ... and its part of the spread between a tenth and nine tenths of the pixels (1).
+/// `soft` relative to the spread between the 10 % and 90 % quantiles (1).
 const SOFT_OF_SPREAD: f64 = 0.5;
-/// White is no less than this above `low`, standard deviations, unless pixels are full there.
+/// Minimum of white above `low`, standard deviations, unless pixels are full there.
 const WHITE: f64 = 250.0;
-/// White is no darker than this part of the pixels (1).
+/// Quantile of the pixels that is at most white (1).
 const WHITE_PART: f64 = 0.999;
 
-/// What the digital numbers of a frame mean.
+/// Scale of a frame's digital numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Levels {
     /// Of a pixel without light: offset and dark charge, DN.
@@ -42,7 +44,7 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Those of a frame of `camera`.
+    /// For a frame of `camera`.
     pub fn of(camera: &Camera, label: &Label) -> Levels {
         let detector = &camera.detector;
         let full_dn = f64::from(detector.saturation_dn());
@@ -62,7 +64,7 @@ impl Levels {
 #[derive(Debug)]
 pub struct Stretch {
     levels: Levels,
-    /// Pixels of the camera in one of the picture.
+    /// Pixels of the camera per pixel of the picture.
     averaged: f64,
     low_dn: f64,
     soft: f64,
@@ -82,8 +84,8 @@ impl Stretch {
             white: WHITE,
         };
         stretch.soft = SOFT.max(SOFT_OF_SPREAD * stretch.sigmas(nine_tenths));
-        let most = stretch.sigmas(levels.full_dn);
-        stretch.white = WHITE.max(stretch.sigmas(bright)).min(most).max(1e-9);
+        let max = stretch.sigmas(levels.full_dn);
+        stretch.white = WHITE.max(stretch.sigmas(bright)).min(max).max(1e-9);
         stretch
     }
 
@@ -113,21 +115,21 @@ impl Stretch {
         if dn <= self.low_dn {
             return (part(dn) * 255.0).round() as u8;
         }
-        let lit = part(self.low_dn);
+        let low = part(self.low_dn);
         let rise = libm::asinh(self.sigmas(dn) / self.soft) / libm::asinh(self.white / self.soft);
-        ((lit + (1.0 - lit) * rise.clamp(0.0, 1.0)) * 255.0).round() as u8
+        ((low + (1.0 - low) * rise.clamp(0.0, 1.0)) * 255.0).round() as u8
     }
 }
 
 /// A frame of the camera's own size, 8-bit grey.
 pub fn preview(levels: Levels, dn: &[u16]) -> Vec<u8> {
     let stretch = Stretch::new(levels, dn.iter().map(|dn| f32::from(*dn)), 1.0);
-    let most = dn.iter().copied().max().unwrap_or(0);
-    let greys: Vec<u8> = (0..=most).map(|dn| stretch.grey(f64::from(dn))).collect();
+    let max = dn.iter().copied().max().unwrap_or(0);
+    let greys: Vec<u8> = (0..=max).map(|dn| stretch.grey(f64::from(dn))).collect();
     dn.iter().map(|dn| greys[usize::from(*dn)]).collect()
 }
 
-/// The values (DN) that such parts of all lie below, to a digital number.
+/// Quantiles (DN) of the values, with a resolution of one digital number.
 fn quantiles<const N: usize>(values: impl Iterator<Item = f32>, parts: [f64; N]) -> [f64; N] {
     let mut counts = vec![0u64; 1 << 16];
     values.for_each(|value| counts[usize::from(value.round() as u16)] += 1);
@@ -142,8 +144,8 @@ fn quantiles<const N: usize>(values: impl Iterator<Item = f32>, parts: [f64; N])
     })
 }
 
-/// Size of the panel for a camera of `size` columns and rows: a whole multiple of a small camera,
-/// a large one scaled down to [`PANEL_PX`].
+/// Size of the panel for a camera of `size` columns and rows: an integer multiple of a small
+/// camera, a large one scaled down to [`PANEL_PX`].
 pub fn panel_size(size: [usize; 2]) -> [usize; 2] {
     let longer = size[0].max(size[1]).max(1);
     if longer <= PANEL_PX {
@@ -153,7 +155,7 @@ pub fn panel_size(size: [usize; 2]) -> [usize; 2] {
     }
 }
 
-/// The digits at the panel's size: neighbours repeated up, areas averaged down.
+/// DN at the panel's size: neighbours repeated up, areas averaged down.
 pub fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     let rows: Vec<f32> = dn
         .chunks_exact(from[0].max(1))
@@ -169,7 +171,7 @@ pub fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     out
 }
 
-/// `to` means over equal parts of `from` values; where a part lies in one value, that value.
+/// `to` means over equal parts of `from` values; a part within one value has that value.
 fn resampled(from: usize, to: usize, value: impl Fn(usize) -> f32) -> impl Iterator<Item = f32> {
     let step = from as f64 / to as f64;
     (0..to).map(move |i| {
@@ -223,9 +225,9 @@ mod tests {
         variance_e2: 4.0,
     };
 
-    /// Pixels of so many (DN) each, and the least and greatest grey level of each group.
+    /// Groups of pixels (count, DN), and the range of grey levels of each.
     #[test]
-    fn no_light_is_black_and_full_is_white_whatever_part_of_a_frame_they_take() {
+    fn dark_is_black_and_full_is_white_for_any_share_of_the_frame() {
         let (dark, full) = (100, 4095);
         for (groups, greys) in [
             // Dark frames, with a bright star and without.
@@ -236,7 +238,8 @@ mod tests {
             (&[(10, dark), (990, full)], &[0..=0, 255..=255]),
             (&[(200, dark), (800, full)], &[0..=0, 255..=255]),
             (&[(800, dark), (200, full)], &[0..=0, 255..=255]),
-            // A faint sky is dark; a star of 5 standard deviations stands out of it (its own noise: sqrt(4 + 20) = 4.9 e-).
+            // A faint sky is dark; a star of 5 standard deviations stands out of it (its own noise:
+            // sqrt(4 + 20) = 4.9 e-).
             (&[(1000, 120), (1, 145)], &[0..=30, 31..=120]),
             // An evenly bright frame, half of full.
             (&[(1000, 2100)], &[120..=135]),
@@ -248,11 +251,11 @@ mod tests {
         ] {
             let values = groups.iter().flat_map(|(count, dn)| vec![*dn; *count]);
             let values: Vec<u16> = values.collect();
-            let shown = preview(LEVELS, &values);
+            let picture = preview(LEVELS, &values);
             let mut first = 0;
             let mut last = None;
             for ((count, dn), range) in groups.iter().zip(greys) {
-                let grey = shown[first];
+                let grey = picture[first];
                 assert!(range.contains(&grey), "{dn} of {groups:?}: {grey}");
                 assert!(
                     last.is_none_or(|last| grey > last + 9),
@@ -264,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn means_of_pixels_have_less_noise_and_brighter_light_is_never_darker() {
+    fn averaging_reduces_noise_and_grey_is_monotonic() {
         let sky = || (0..1000).map(|i| 120.0 + (i % 7) as f32);
         let [one, nine] = [1.0, 9.0].map(|averaged| Stretch::new(LEVELS, sky(), averaged));
         assert!(nine.grey(130.0) > one.grey(130.0));
@@ -272,7 +275,7 @@ mod tests {
             let greys = (0..=4200).map(|dn| stretch.grey(f64::from(dn)));
             assert!(greys.is_sorted());
         }
-        // Neither values nor room between dark and full.
+        // No values, and no range between dark and full.
         let full = Levels {
             dark_dn: 4095.0,
             ..LEVELS

@@ -1,11 +1,12 @@
-//! A file of text by its path.
+//! Text files by path.
 
 use super::folder::OutputError;
 use skyloop_orbit::{Mark, OutputFile};
 use std::fs;
 use std::path::Path;
 
-/// Writes a file whole, and makes its folder if need be. `mark` and `force` say what may be replaced.
+/// Writes a whole file, and creates its folder if needed. `mark` and `force` decide whether an
+/// existing file may be replaced.
 ///
 /// Errors: the folder or the file cannot be written, or the file may not be replaced.
 pub fn write_text(path: &Path, text: &str, mark: Mark, force: bool) -> Result<(), OutputError> {
@@ -16,7 +17,8 @@ pub fn write_text(path: &Path, text: &str, mark: Mark, force: bool) -> Result<()
         .map_err(|e| OutputError::new("write", path, e))
 }
 
-/// Writes files into a folder, which is made if need be. All are checked before the first is replaced.
+/// Writes files into a folder, which is created if needed. All are checked before the first is
+/// replaced.
 ///
 /// Errors: those of [`write_text`].
 pub fn write_files(
@@ -38,9 +40,9 @@ pub fn write_files(
     Ok(())
 }
 
-/// Makes a folder, if it is not there: before long work whose outcome it is to hold.
+/// Creates a folder if needed. Call it before long work whose results go there.
 ///
-/// Errors: it cannot be made.
+/// Errors: it cannot be created.
 pub fn make_folder(folder: &Path) -> Result<(), OutputError> {
     fs::create_dir_all(folder).map_err(|e| OutputError::new("create the folder", folder, e))
 }

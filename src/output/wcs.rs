@@ -1,17 +1,18 @@
-//! The world coordinates of a frame: the FITS projection that gives the same directions, TAN for a pinhole and ARC
-//! for a fisheye, with the polynomials of [`Sip`] where the lens distorts.
+//! The world coordinates of a frame: the FITS projection with the same directions, TAN for a
+//! pinhole and ARC for a fisheye, with the polynomials of [`Sip`] if the lens distorts.
 
 use super::sip::Sip;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_render::attitude::degrees_of_turn;
 use skyloop_render::camera::{Camera, Model};
 
-/// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077), LONPOLE = 180 deg.
+/// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077),
+/// LONPOLE = 180 deg.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wcs {
-    /// Their name of the projection.
+    /// FITS name of the projection.
     pub name: &'static str,
-    /// What the lens adds to it.
+    /// Distortion of the lens.
     pub sip: Option<Sip>,
     /// `CRPIX`: the principal point; FITS counts pixels from 1.
     pub reference_px: [f64; 2],
@@ -22,20 +23,22 @@ pub struct Wcs {
 }
 
 impl Wcs {
-    /// The projection of `camera` whose rotation ICRF to camera is `r`.
+    /// The projection of `camera` with the rotation `r` from ICRF to camera.
     ///
     /// With the boresight `B` at (a, d), east `E = (-sin a, cos a, 0)` and north
     /// `N = (-sin d cos a, -sin d sin a, cos d)`, TAN maps a direction u to
-    /// `(xi, eta) = 180/pi (E.u / B.u, N.u / B.u)` (their Eqs. (54), (12), (13)). The pinhole sees at pixel (x, y)
-    /// `u ~ B + (x - cx)/f Xc + (y - cy)/f Yc`, where Xc, Yc and B are the rows of r. As E.B = N.B = 0,
+    /// `(xi, eta) = 180/pi (E.u / B.u, N.u / B.u)` (their Eqs. (54), (12), (13)). The pinhole's
+    /// direction at pixel (x, y) is `u ~ B + (x - cx)/f Xc + (y - cy)/f Yc`, where Xc, Yc and B are
+    /// the rows of r. As E.B = N.B = 0,
     ///
     /// ```text
     /// CD = 180 / (pi f)  [ E.Xc  E.Yc ]
     ///                    [ N.Xc  N.Yc ]
     /// ```
     ///
-    /// exactly, at any roll and at the poles, where any right ascension serves for the boresight's. ARC has the angle
-    /// from the boresight in place of its tangent (their Eq. (67)), as the fisheye has, and so the same matrix.
+    /// exactly, at any roll and at the poles, where the right ascension of the boresight is
+    /// arbitrary. ARC has the angle from the boresight instead of its tangent (their Eq. (67)), as
+    /// the fisheye has, and so the same matrix.
     pub fn new(camera: &Camera, r: &Matrix3<f64>) -> Wcs {
         let optics = &camera.optics;
         let row = |i: usize| r.row(i).transpose();
