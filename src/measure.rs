@@ -1,4 +1,4 @@
-//! Measured cost of effects: the time of each one, and the error of leaving it out, on one frame.
+//! Measured cost of effects: the time of each, and the error without it, on one frame.
 
 mod clock;
 pub mod cost;
@@ -33,21 +33,21 @@ use std::collections::HashMap;
 use std::hint::black_box;
 use std::sync::Arc;
 
-/// Frames of which random effects' errors are the rms.
+/// Number of frames for the rms errors of random effects.
 const REPEATS: u32 = 12;
 
-/// A frame to measure on.
+/// A frame to measure.
 pub struct Bench<'a> {
     /// The camera under its sky.
     pub emulator: &'a Emulator,
     /// The camera.
     pub camera: Arc<Camera>,
-    /// Where it is.
+    /// State of the vehicle.
     pub vehicle: VehicleState,
 }
 
 impl Bench<'_> {
-    /// The frame, rendered with the effects that `choice` allows; digits, expectation and charge.
+    /// The frame, rendered with the effects that `choice` allows; DN, expectation and charge.
     pub fn frame(&self, choice: &Choice, repeat: u32) -> Result<Frame, Unobservable> {
         let scene = self.scene(choice, repeat)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
@@ -59,8 +59,8 @@ impl Bench<'_> {
         emulator.scene(&self.camera, &self.vehicle, repeat, choice)
     }
 
-    /// The decisions of the frame's plan by `choice`, with the error bound of leaving each effect
-    /// out. For effects that are switched off the bound comes from a frame that has them.
+    /// The decisions of the frame's plan by `choice`, with the error bound without each effect. For
+    /// effects that are switched off, the bound comes from a plan that includes them.
     pub fn verdicts(&self, choice: &Choice) -> Result<Vec<EffectLabel>, Unobservable> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
@@ -95,8 +95,8 @@ impl Bench<'_> {
         Ok(step.and_then(|step| plan.error(step)).unwrap_or_default())
     }
 
-    /// Error of leaving `effect` out of `choice`, as in `Loss`: the change (e-) of the pixel that
-    /// changes most, after full wells and blooming. Its rms where the effect is random, except for
+    /// Error without `effect`, relative to `choice`, as in [`ErrorBound`]: the greatest change (e-)
+    /// of a pixel, after full wells and blooming. It is an rms for random effects, except for
     /// particles, which are those of this frame. Random effects are compared with noise, others
     /// without noise and particles; before digitisation, unless the effect follows it.
     pub fn error_e(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
@@ -117,20 +117,20 @@ impl Bench<'_> {
             }
             Ok(squares.into_iter().map(f64::sqrt).collect())
         };
-        let most =
+        let worst =
             |change: &[f64]| (0..change.len()).max_by(|i, j| change[*i].total_cmp(&change[*j]));
         if !effect.random || effect.is_foreseen() {
             let change = change(0..1)?;
-            return Ok(most(&change).map_or(0.0, |pixel| change[pixel]));
+            return Ok(worst(&change).map_or(0.0, |pixel| change[pixel]));
         }
-        // The pixel is chosen on other frames than it is measured on, or chance alone would raise
-        // it.
-        let (chosen, judged) = (change(0..REPEATS)?, change(REPEATS..2 * REPEATS)?);
-        Ok(most(&chosen).map_or(0.0, |pixel| judged[pixel]))
+        // The pixel is selected on other frames than it is measured on: on the same frames chance
+        // would raise the maximum.
+        let (chosen, measured) = (change(0..REPEATS)?, change(REPEATS..2 * REPEATS)?);
+        Ok(worst(&chosen).map_or(0.0, |pixel| measured[pixel]))
     }
 
-    /// How far leaving `effect` out of `choice` moves a centroid on the detector, or the end of a
-    /// track, at most (px).
+    /// Greatest shift (px) of a centroid on the detector, or of the end of a track, without
+    /// `effect`, relative to `choice`.
     pub fn error_px(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let images = |off: &[&'static str]| -> Result<HashMap<_, _>, Unobservable> {
             let mut choice = with(effect, choice);
@@ -148,24 +148,24 @@ impl Bench<'_> {
             both.then(|| libm::hypot(a[0] - b[0], a[1] - b[1]))
         };
         let (with, without) = (images(&[])?, images(&[effect.name])?);
-        let mut most = 0.0f64;
+        let mut max = 0.0f64;
         for (body, places) in &with {
             let others = without.get(body).into_iter().flatten();
             let moved = places.iter().zip(others).filter_map(|(a, b)| apart([a, b]));
-            most = moved.fold(most, f64::max);
+            max = moved.fold(max, f64::max);
         }
         if effect.id == EffectId::Smear {
-            // Labels have the ends of true tracks: an image at rest misses them by half.
+            // Labels have the ends of true tracks: an image at rest differs by half a track.
             let tracks = images(&["aberration drift"])?;
             let halves = tracks
                 .values()
                 .filter_map(|[_, start, end]| apart([start, end]));
-            most = halves.map(|px| px / 2.0).fold(most, f64::max);
+            max = halves.map(|px| px / 2.0).fold(max, f64::max);
         }
-        Ok(most)
+        Ok(max)
     }
 
-    /// What `effect` works on, e-: the charge, or the digits in electrons.
+    /// The quantity that `effect` changes, e-: the charge, or the DN in electrons.
     fn electrons(&self, effect: &Effect, frame: Frame) -> Vec<f64> {
         if effect.stage == Stage::Dn {
             let gain = self.camera.detector.gain_e_per_dn;
@@ -176,8 +176,8 @@ impl Bench<'_> {
         charge.map(f64::from).collect()
     }
 
-    /// Time of each effect of the plan by `choice`, in the plan's order; 0 if it does not run. To
-    /// be called in a pool of one thread.
+    /// Time of each effect of the plan by `choice`, in the plan's order; 0 if it does not run. Call
+    /// it in a pool of one thread.
     pub fn costs(&self, choice: &Choice) -> Result<Vec<Cost>, Unobservable> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
@@ -212,8 +212,8 @@ impl Bench<'_> {
         Ok(plan.steps.iter().map(&mut time).collect())
     }
 
-    /// Time that `effect` adds to imaging: for a kind of source, its images at rest; for what
-    /// shapes images, over images that have all effects before it in [`EFFECTS`].
+    /// Time that `effect` adds to imaging: for a kind of source, its images at rest; for effects on
+    /// images, with all effects before it in [`EFFECTS`].
     fn imaging(&self, effect: &Effect, scene: &Scene) -> Cost {
         let fidelity = self.emulator.fidelity();
         let alone = EffectSet::default().with(effect.id);
@@ -232,7 +232,7 @@ impl Bench<'_> {
         } else {
             return Cost::default();
         };
-        // An effect on place and light of an image only adds to its track.
+        // Effects on position and light of images only change tracks.
         let only_tracks = matches!(effect.id, EffectId::Distortion | EffectId::Vignetting);
         let time = |simulated: EffectSet| {
             let view = scene.view.clone();
@@ -246,7 +246,7 @@ impl Bench<'_> {
             drop(images);
             took
         };
-        // In turns, so that other load slows both alike.
+        // Alternating, so that other load slows both alike.
         let difference = || time(with) - time(without);
         let Cost { ms, error_ms } = Sample::new(rounds(difference)).median();
         Cost {
@@ -256,13 +256,13 @@ impl Bench<'_> {
     }
 }
 
-/// A frame with its digits, its expectation and its charge.
+/// A frame with its DN, its expectation and its charge.
 fn rendered(plan: &Plan<'_>, scene: &Scene) -> Frame {
     let (level, memory) = (Some(Level::best()), &mut Memory::default());
     render(plan, scene, level, true, memory, &|_, _| {})
 }
 
-/// `choice`, which no longer switches `effect` off.
+/// `choice` without a switch-off of `effect`.
 fn with(effect: &Effect, choice: &Choice) -> Choice {
     let mut with = choice.clone();
     with.off.retain(|name| *name != effect.name);

@@ -2,12 +2,12 @@
 
 use super::sample::{Cost, Sample};
 
-/// Rounds that a time is taken of: at most, and at least.
+/// Maximum and minimum number of timed rounds.
 const ROUNDS: [usize; 2] = [25, 5];
-/// No more rounds once they have taken this long, ms.
+/// No further rounds after this time, ms.
 const LONG_MS: f64 = 400.0;
 
-/// What `work` takes on what `prepare` makes, and what it came to.
+/// Time of `work` on the result of `prepare`, and the result of the work.
 pub(super) fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (Cost, U) {
     let mut round = || {
         let given = prepare();
@@ -15,7 +15,7 @@ pub(super) fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) 
         let made = work(given);
         (thread_ms() - started, made)
     };
-    // The first round finds cold caches.
+    // The first round has cold caches.
     let (_, mut made) = round();
     let times = rounds(|| {
         let took;
@@ -25,17 +25,17 @@ pub(super) fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) 
     (Sample::new(times).median(), made)
 }
 
-/// The times of as many rounds as there is time for, ms.
+/// The times of rounds within the limits, ms.
 pub(super) fn rounds(mut round: impl FnMut() -> f64) -> Vec<f64> {
-    let ([most, least], started) = (ROUNDS, thread_ms());
+    let ([max, min], started) = (ROUNDS, thread_ms());
     let mut times = Vec::new();
-    while times.len() < least || times.len() < most && thread_ms() - started < LONG_MS {
+    while times.len() < min || times.len() < max && thread_ms() - started < LONG_MS {
         times.push(round());
     }
     times
 }
 
-/// A clock of what this thread has had of a processor, ms: what other programs take does not count.
+/// Processor time of this thread, ms; time of other programs does not count.
 #[cfg(target_os = "linux")]
 pub fn thread_ms() -> f64 {
     use rustix::time::{ClockId, clock_gettime};
@@ -43,7 +43,7 @@ pub fn thread_ms() -> f64 {
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
 }
 
-/// A clock, ms: here it counts what other programs take too.
+/// A clock, ms; it includes time of other programs.
 #[cfg(not(target_os = "linux"))]
 pub fn thread_ms() -> f64 {
     use std::{sync::LazyLock, time::Instant};

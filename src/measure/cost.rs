@@ -1,9 +1,9 @@
 //! The cost of accuracy: frames of a scene at each setting of [`Fidelity`], with their errors
 //! against `reference` and their times.
 //!
-//! The settings are the presets, and `realtime` with one knob moved to its value in `fast` or in
-//! `reference`. Errors are those of frames without noise, weighted by what noise leaves of faint
-//! sources. Times are those of whole frames with noise; the settings take turns in each round, so
+//! The settings are the presets, and `realtime` with one tolerance changed to its value in `fast`
+//! or in `reference`. Errors are those of frames without noise, weighted by the noise of faint
+//! sources. Times are those of whole frames with noise; the settings alternate in each round, so
 //! that other load affects all alike.
 
 mod choice;
@@ -28,51 +28,50 @@ use skyloop_render::scene::Unobservable;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// Rounds that are asked for, and at least made.
+/// Default and minimum number of rounds.
 pub const ROUNDS: usize = 101;
 const MIN_ROUNDS: usize = 5;
 
-/// What was measured of a scene.
+/// Measurements of a scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The camera's name.
     pub camera: String,
-    /// Frames of which errors are.
+    /// Number of frames for errors.
     pub frames: usize,
-    /// Rounds of which times are.
+    /// Number of rounds for times.
     pub rounds: usize,
-    /// Of the machine.
+    /// The machine.
     #[serde(flatten)]
     pub machine: Machine,
     /// Setting by setting.
     pub rows: Vec<Row>,
 }
 
-/// How long a measurement may take.
+/// Limits of a measurement.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
-    /// Rounds at most.
+    /// Maximum number of rounds.
     pub rounds: usize,
-    /// No more rounds than a few once they have taken this long.
+    /// No further rounds, except a minimum, after this time.
     pub limit: Duration,
-    /// Whether one thread renders, and times are its processor times, without those of other
-    /// programs.
+    /// Whether one thread renders, and times are its processor times, without other programs.
     pub one_core: bool,
 }
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum Unmeasured {
-    /// A vehicle's frame cannot be made.
+    /// A frame of a vehicle cannot be made.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
-    /// Whoever was told of the parts wanted no more.
+    /// The caller stopped the measurement.
     #[error("the measurement was stopped")]
     Stopped,
 }
 
-/// Ends a measurement whose listener wants no more.
-fn go_on(flow: ControlFlow<()>) -> Result<(), Unmeasured> {
+/// Ends a measurement that the caller stops.
+fn check_stop(flow: ControlFlow<()>) -> Result<(), Unmeasured> {
     match flow {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Unmeasured::Stopped),
@@ -80,21 +79,22 @@ fn go_on(flow: ControlFlow<()>) -> Result<(), Unmeasured> {
 }
 
 impl Report {
-    /// Measures the frames of `vehicles`. `told` gets the number of finished parts and of all, and
-    /// may stop. Of the emulator only the number of the next frame changes.
+    /// Measures the frames of `vehicles`. `on_progress` gets the number of finished parts and of
+    /// all parts, and may stop the measurement. The emulator keeps its state, except the number of
+    /// the next frame.
     ///
-    /// Fails only where [`skyloop_render::scene::build_view`] does, or as `told` says.
+    /// Errors: those of [`skyloop_render::scene::build_view`], or a stop by `on_progress`.
     pub fn measure(
         emulator: &mut Emulator,
         vehicles: &[VehicleState],
         effort: Effort,
-        mut told: impl FnMut(usize, usize) -> ControlFlow<()> + Send,
+        mut on_progress: impl FnMut(usize, usize) -> ControlFlow<()> + Send,
     ) -> Result<Report, Unmeasured> {
         let settings = settings();
         let before = *emulator.fidelity();
         let mut measure = || {
             let machine = Machine::this();
-            let measured = measured(emulator, vehicles, &settings, effort, &mut told);
+            let measured = measured(emulator, vehicles, &settings, effort, &mut on_progress);
             (measured, machine)
         };
         let (measured, machine) = if effort.one_core {
@@ -113,7 +113,7 @@ impl Report {
         })
     }
 
-    /// The setting for a budget of so many ms a frame.
+    /// The setting for a budget of ms per frame.
     pub fn chosen(&self, budget_ms: f64) -> Option<Chosen<'_>> {
         best(&self.rows, budget_ms)
     }
@@ -124,28 +124,28 @@ fn measured(
     vehicles: &[VehicleState],
     settings: &[Setting],
     effort: Effort,
-    told: &mut impl FnMut(usize, usize) -> ControlFlow<()>,
+    on_progress: &mut impl FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<(Vec<Sums>, Vec<Vec<f64>>), Unmeasured> {
     let all = vehicles.len() + effort.rounds;
     let mut sums = vec![Sums::default(); settings.len()];
     for (i, vehicle) in vehicles.iter().enumerate() {
         errors::add(emulator, vehicle, settings, &mut sums)?;
-        go_on(told(i + 1, all))?;
+        check_stop(on_progress(i + 1, all))?;
     }
     let times = times(emulator, vehicles, settings, effort, |round| {
-        told(vehicles.len() + round, all)
+        on_progress(vehicles.len() + round, all)
     })?;
     Ok((sums, times))
 }
 
-/// Frame times of each setting, ms, one per round. Each round starts with a frame that does not
-/// count: it computes what all settings share, such as the orbits.
+/// Frame times of each setting, ms, one per round. Each round starts with an untimed frame: it
+/// computes results shared by all settings, such as the orbits.
 fn times(
     emulator: &mut Emulator,
     vehicles: &[VehicleState],
     settings: &[Setting],
     effort: Effort,
-    mut told: impl FnMut(usize) -> ControlFlow<()>,
+    mut on_round: impl FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Vec<Vec<f64>>, Unmeasured> {
     let started = Instant::now();
     let mut times = vec![Vec::new(); settings.len()];
@@ -166,13 +166,13 @@ fn times(
                 exposed.render_time.as_secs_f64() * 1e3
             });
         }
-        go_on(told(round + 1))?;
+        check_stop(on_round(round + 1))?;
     }
     Ok(times)
 }
 
-/// The order of a round, random: a frame is slower after one that has emptied the caches, and no
-/// setting must follow such a one every time.
+/// The random order of a round. A frame is slower after one that has emptied the caches, so no
+/// setting may follow the same one every time.
 fn order(round: usize, count: usize) -> Vec<usize> {
     let key = NoiseKey {
         seed: 0,
@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_round_has_all_settings_and_none_follows_the_same_one_each_time() {
+    fn rounds_contain_all_settings_in_varying_order() {
         let count = settings().len();
         let mut followed = vec![vec![0; count]; count];
         for round in 0..ROUNDS {
@@ -201,8 +201,9 @@ mod tests {
                 followed[pair[0]][pair[1]] += 1;
             }
         }
-        // X-Val: each of 101 rounds has a given pair with a chance of 1 in 27, 3.7 times in all; 15 have one of a hundred thousand pairs.
-        let most = followed.into_iter().flatten().max().unwrap();
-        assert!(most < 15, "{most}");
+        // X-Val: each of 101 rounds has a given pair with a probability of 1 in 27, on average 3.7
+        // in all; 15 occur for one of a hundred thousand pairs.
+        let max = followed.into_iter().flatten().max().unwrap();
+        assert!(max < 15, "{max}");
     }
 }

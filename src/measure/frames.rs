@@ -1,6 +1,7 @@
-//! Frame times: noise and whole frames against their own slow paths, two threads against one.
+//! Frame times: noise and whole frames against their own reference methods, two threads against
+//! one.
 //!
-//! All figures of a report are of one run, as ratios, taken in turns.
+//! All values of a report are ratios from one run, measured alternately.
 
 use super::population::before;
 use super::ratio::{MS, Machine, Row, pools, row, with_threads};
@@ -25,19 +26,19 @@ const SIDE: usize = 1024;
 const RUN: usize = 2048;
 /// Mean of its pixels, e-.
 const MEAN_E: f32 = 50.0;
-/// Their read noise, e-.
+/// Read noise of its pixels, e-.
 pub const READ_E: f32 = 3.0;
 /// Rounds of the medians: of noise, and of frames.
 const ROUNDS: usize = 21;
 const FRAMES: usize = 16;
 /// Frames before those: the first sixteen build the segments of orbits (`orbit::tracks`).
 const WARM: usize = 18;
-/// Frames in a row on several threads before the turn of the single thread: threads that slept
-/// start late on the first one.
+/// Consecutive frames on several threads before the single thread's: threads that slept start late
+/// on the first one.
 const STREAM: usize = 4;
 const STEP_S: f64 = 0.1;
 
-/// What was measured.
+/// Measurements.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The machine.
@@ -52,9 +53,9 @@ pub struct Report {
 impl super::Report for Report {
     const PARTS: u32 = 5;
 
-    fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+    fn measure(mut on_part: impl FnMut(&str)) -> Result<Report, ConfigError> {
         let machine = Machine::this();
-        told("noise");
+        on_part("noise");
         let noise = Level::available().into_iter().map(|level| {
             let alone = |round, light: &[f32], dn: &mut [u16]| draw(None, round, light, dn);
             noise(level, "each pixel alone", None, alone)
@@ -62,17 +63,17 @@ impl super::Report for Report {
         let noise = noise.collect();
         let mut frames = Vec::new();
         for (camera, name) in [("rigel-l", "1024 x 1024"), ("fai-nir", "FAI, 256 x 256")] {
-            told(name);
+            on_part(name);
             let mut ours = Work::new(camera, None, Some(Level::best()))?;
             let mut plain = Work::new(camera, None, None)?;
             let turns = || {
                 let work = format!("whole frame, {name}");
                 let against = "each object and pixel alone";
-                let least = Some(8.0);
+                let min_ratio = Some(8.0);
                 row(
                     work,
                     against,
-                    least,
+                    min_ratio,
                     FRAMES,
                     [MS; 2],
                     |_| ours.frame(),
@@ -81,9 +82,9 @@ impl super::Report for Report {
             };
             frames.push(with_threads(1, turns));
         }
-        told("smeared stars");
+        on_part("smeared stars");
         frames.push(with_threads(1, smear)?);
-        told("2 threads");
+        on_part("2 threads");
         let mut two = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
         let mut one = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
         if let Some([pair, single]) = pools() {
@@ -126,19 +127,19 @@ impl fmt::Display for Report {
     }
 }
 
-/// What turns electrons into digits.
+/// Conversion of electrons to DN.
 pub const CONVERTER: Converter = Converter {
     per_electron: 0.5,
     offset: 100.0,
     max: 4095,
 };
 
-/// Shot noise, read noise and DN of even light by a level's kernels, against `theirs`, on one
+/// Shot noise, read noise and DN of uniform light by a level's kernels, against `theirs`, on one
 /// thread. `theirs` gets the round, the mean electrons of pixels, and the DN to fill.
 pub fn noise(
     level: Level,
     against: &'static str,
-    least: Option<f64>,
+    min_ratio: Option<f64>,
     mut theirs: impl FnMut(usize, &[f32], &mut [u16]) + Send,
 ) -> Row {
     let light = vec![MEAN_E; SIDE * SIDE];
@@ -147,7 +148,7 @@ pub fn noise(
         row(
             format!("noise, {SIDE} x {SIDE}, mean {MEAN_E} e-, {level}"),
             against,
-            least,
+            min_ratio,
             ROUNDS,
             [SIDE * SIDE; 2],
             |round| {
@@ -163,7 +164,7 @@ pub fn noise(
     with_threads(1, turns)
 }
 
-/// Makes digits of light in runs of pixels; without a level pixel by pixel.
+/// Converts light to DN in runs of pixels; without a level pixel by pixel.
 fn draw(level: Option<Level>, round: usize, light: &[f32], dn: &mut [u16]) {
     let key = NoiseKey {
         seed: 1,
@@ -182,7 +183,7 @@ fn draw(level: Option<Level>, round: usize, light: &[f32], dn: &mut [u16]) {
     }
 }
 
-/// A camera under stars, a synthetic population and all else that the built-in scene has.
+/// A camera under stars, a synthetic population and all other content of the built-in scene.
 struct Work {
     emulator: Emulator,
     vehicle: VehicleState,
@@ -190,8 +191,8 @@ struct Work {
 }
 
 impl Work {
-    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar
-    /// SGP4. Renders some frames already.
+    /// With a square detector of `side` pixels, if given; without a `level` by the scalar SGP4.
+    /// Renders some frames beforehand.
     fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
         let (mut config, vehicle) = before(OBJECTS)?;
         config.camera = Camera::load(camera, &Folder::current())?;

@@ -1,8 +1,8 @@
 //! Orbit times of a catalogue: the batch against the scalar SGP4, threads, tracks, and the whole
 //! step of a camera.
 //!
-//! All ratios of a report are of one run, and timed in turns, so that other load affects both sides
-//! alike.
+//! All ratios of a report are from one run, measured alternately, so that other load affects both
+//! sides alike.
 
 mod step;
 mod table;
@@ -22,33 +22,33 @@ use skyloop_render::render_pool;
 use std::f64::consts::PI;
 use std::hint::black_box;
 
-/// Objects of the works that are measured one by one.
+/// Objects of the separately measured steps.
 const OBJECTS: usize = 20_000;
 /// Objects of the whole step.
 const CATALOGUE: usize = 200_000;
-/// Of them, one in so many is in deep space in the mixed work.
+/// One in this many objects is in deep space in the mixed catalogue.
 const DEEP: usize = 10;
-/// Calls of the batch in a round, back to back: about as long as one of the scalar SGP4.
+/// Consecutive calls of the batch in a round: about as long as one of the scalar SGP4.
 const CALLS: usize = 10;
-/// And of two threads against one: far longer than a scheduler takes to separate them.
+/// The same for two threads against one: far longer than a scheduler takes to separate them.
 const LONG: usize = 100;
 const ROUNDS: usize = 31;
-/// Frames of the whole step, a tenth of a second apart, after those in which segments are laid.
+/// Frames of the whole step, a tenth of a second apart, after those that build segments.
 const FRAMES: usize = 300;
 const WARM: usize = 40;
-/// What the whole step may take, ms, in 99 of 100 frames, and what memory an object may, B.
+/// Limits of the whole step: 99th percentile of the time, ms, and memory per object, B.
 const MAX_MS: f64 = 10.0;
 const MAX_BYTES: f64 = 700.0;
 /// Longest period of a near-Earth orbit, min.
 const NEAR_MIN: f64 = 225.0;
 
-/// What was measured.
+/// Measurements.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The machine.
     #[serde(flatten)]
     pub machine: Machine,
-    /// Line by line.
+    /// Comparisons.
     pub rows: Vec<Row>,
     /// The whole step.
     pub step: Step,
@@ -56,7 +56,7 @@ pub struct Report {
     pub scale: Vec<Scale>,
 }
 
-/// A camera's whole step: who of a catalogue is before it, who can be seen, and the label's text.
+/// A camera's whole step: candidates of a catalogue, visible objects, and the label's text.
 #[derive(Debug, Clone, Serialize)]
 pub struct Step {
     /// Objects.
@@ -67,32 +67,32 @@ pub struct Step {
     pub p50_ms: f64,
     /// The 99th percentile.
     pub p99_ms: f64,
-    /// The first frame, where everything is asked of SGP4.
+    /// The first frame, with SGP4 for all objects.
     pub first_ms: f64,
-    /// The same with nothing but SGP4.
+    /// Median with SGP4 for all objects in every frame.
     pub exact_p50_ms: f64,
     /// Candidates, unseen and labelled objects of a frame, on average.
     pub found: [f64; 3],
-    /// Bytes of memory an object, with its name.
+    /// Memory per object, bytes, with its name.
     #[serde(rename = "octets")]
     pub bytes: f64,
 }
 
-/// What an object takes, by how many there are.
+/// Time per object, by the number of objects.
 #[derive(Debug, Clone, Serialize)]
 pub struct Scale {
     /// Objects.
     pub objects: usize,
-    /// By SGP4, all threads, ns an object.
+    /// By SGP4, all threads, ns per object.
     pub exact_ns: f64,
-    /// By tracks, likewise.
+    /// By tracks, all threads, ns per object.
     pub tracked_ns: f64,
 }
 
 impl super::Report for Report {
     const PARTS: u32 = 7;
 
-    fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+    fn measure(mut on_part: impl FnMut(&str)) -> Result<Report, ConfigError> {
         let machine = Machine::this();
         let mut rows = Vec::new();
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
@@ -100,29 +100,29 @@ impl super::Report for Report {
         let near: Vec<Elements> = orbits(&made, true).take(OBJECTS).collect();
         let mut mixed: Vec<Elements> = orbits(&made, true).take(OBJECTS - OBJECTS / DEEP).collect();
         mixed.extend(orbits(&made, false).take(OBJECTS / DEEP));
-        told("batch against the scalar SGP4");
+        on_part("batch against the scalar SGP4");
         for level in Level::available() {
-            let least = match level {
+            let min_ratios = match level {
                 Level::Avx512 => [Some(12.0), Some(8.0)],
                 Level::Avx2 => [Some(6.0), None],
                 Level::Portable | Level::Neon => [None; 2],
             };
             rows.push(with_threads(1, || {
-                batch(&near, "near Earth", level, epoch, least[0])
+                batch(&near, "near Earth", level, epoch, min_ratios[0])
             }));
             rows.push(with_threads(1, || {
-                batch(&mixed, "10 % deep space", level, epoch, least[1])
+                batch(&mixed, "10 % deep space", level, epoch, min_ratios[1])
             }));
         }
-        told("threads and tracks");
+        on_part("threads and tracks");
         rows.extend(threads(&near, epoch));
         rows.push(with_threads(1, || tracks(&near, epoch)));
         let sizes = [1_000, 10_000, 100_000, 1_000_000];
         let scale = sizes.map(|objects| {
-            told(&format!("{objects} objects"));
+            on_part(&format!("{objects} objects"));
             scaled(objects, epoch)
         });
-        told("whole steps");
+        on_part("whole steps");
         Ok(Report {
             machine,
             rows,
@@ -132,16 +132,12 @@ impl super::Report for Report {
     }
 
     fn broken(&self) -> Vec<String> {
-        let Step {
-            p99_ms,
-            bytes: octets,
-            ..
-        } = self.step;
+        let Step { p99_ms, bytes, .. } = self.step;
         let rows = self.rows.iter().filter_map(Row::broken);
         let step = (p99_ms > MAX_MS)
             .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MAX_MS} ms"));
-        let memory = (octets > MAX_BYTES)
-            .then(|| format!("memory: {octets:.0} B an object are more than {MAX_BYTES} B"));
+        let memory = (bytes > MAX_BYTES)
+            .then(|| format!("memory: {bytes:.0} B an object are more than {MAX_BYTES} B"));
         rows.chain(step).chain(memory).collect()
     }
 }
@@ -150,15 +146,15 @@ impl super::Report for Report {
 fn orbits(made: &[Synthetic], near: bool) -> impl Iterator<Item = Elements> {
     let is_near = |elements: &Elements| {
         let period_min = std::f64::consts::TAU / elements.mean_motion;
-        // The model goes by Brouwer's mean motion, some 1e-3 off.
+        // The model uses Brouwer's mean motion, some 1e-3 off.
         period_min < NEAR_MIN * 0.99
     };
     let all = made.iter().map(|one| one.elements);
     all.filter(move |elements| is_near(elements) == near)
 }
 
-/// The batch on one thread, one epoch a call, against the `sgp4` crate.
-fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Option<f64>) -> Row {
+/// The batch on one thread, one epoch per call, against the `sgp4` crate.
+fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, min: Option<f64>) -> Row {
     let scalar: Vec<(sgp4::Constants, f64)> = sets
         .iter()
         .filter_map(|set| Some((set.constants().ok()?, set.minutes_to(epoch))))
@@ -170,7 +166,7 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
     row(
         format!("{what}, {level}"),
         "sgp4 crate",
-        least,
+        min,
         ROUNDS,
         [sets.len() * CALLS, sets.len()],
         |round| {
@@ -211,17 +207,17 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Option<Row> {
     ))
 }
 
-/// Looks at every place and keeps none.
-struct Nobody(Cone);
+/// Reads every position and finds nothing.
+struct FindNothing(Cone);
 
-impl Nobody {
-    /// All directions are in its cone: nobody is passed over.
-    fn everywhere() -> Nobody {
-        Nobody(Cone::new([0.0; 3], [0.0, 0.0, 1.0], PI, 0.0))
+impl FindNothing {
+    /// With a cone of all directions: no object is skipped.
+    fn everywhere() -> FindNothing {
+        FindNothing(Cone::new([0.0; 3], [0.0, 0.0, 1.0], PI, 0.0))
     }
 }
 
-impl Look for Nobody {
+impl Look for FindNothing {
     type Found = ();
 
     fn cone(&self) -> &Cone {
@@ -238,16 +234,16 @@ impl Look for Nobody {
     }
 }
 
-/// Tracks, laying their segments, frame after frame of 0.1 s, against SGP4 of everything.
+/// Tracks in consecutive frames of 0.1 s, with their new segments, against SGP4 of all objects.
 fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
     let mut tracks = Tracks::new(sets).unwrap_or_default();
     let mut exact = Tracks::new(sets).unwrap_or_default();
     exact.exact = true;
     let at = |frame: usize| epoch + Unit::Second * (0.1 * frame as f64);
     for frame in 0..WARM {
-        tracks.at(at(frame), &Nobody::everywhere());
+        tracks.at(at(frame), &FindNothing::everywhere());
     }
-    // As many frames a round as a segment is long, so that each lays all of them once.
+    // A round is as long as a segment, so that it builds each segment once.
     let frames = 10 * skyloop_orbit::tracks::SEGMENT_S as usize;
     let exact_frames = 20;
     row(
@@ -258,18 +254,21 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
         [sets.len() * frames, sets.len() * exact_frames],
         |round| {
             for frame in 0..frames {
-                black_box(tracks.at(at(WARM + round * frames + frame), &Nobody::everywhere()));
+                black_box(tracks.at(
+                    at(WARM + round * frames + frame),
+                    &FindNothing::everywhere(),
+                ));
             }
         },
         |round| {
             for frame in 0..exact_frames {
-                black_box(exact.at(at(round * exact_frames + frame), &Nobody::everywhere()));
+                black_box(exact.at(at(round * exact_frames + frame), &FindNothing::everywhere()));
             }
         },
     )
 }
 
-/// What an object takes in a catalogue of so many.
+/// Time per object in a catalogue of this size.
 fn scaled(objects: usize, epoch: Epoch) -> Scale {
     let sets: Vec<Elements> = population(objects, 1, epoch)
         .iter()
@@ -282,7 +281,7 @@ fn scaled(objects: usize, epoch: Epoch) -> Scale {
         tracks.exact = exact;
         let warm = if exact { 2 } else { WARM };
         let times = (0..warm + rounds)
-            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody::everywhere()))));
+            .map(|frame| ns(|| drop(tracks.at(at(frame), &FindNothing::everywhere()))));
         Sample::new(times.skip(warm)).quantile(0.5) / objects as f64
     };
     Scale {

@@ -1,4 +1,4 @@
-//! A synthetic catalogue before the built-in scene's camera.
+//! A synthetic catalogue for the built-in scene's camera.
 
 use skyloop_base::load::ConfigError;
 use skyloop_config::Config;

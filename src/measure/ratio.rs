@@ -1,4 +1,4 @@
-//! Two pieces of work timed in turns, so that other load on the machine affects both alike.
+//! Two pieces of work timed alternately, so that other load on the machine affects both alike.
 
 use super::sample::Sample;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -9,38 +9,38 @@ use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
 use std::time::Instant;
 
-/// Nanoseconds of a millisecond: rows whose unit it is.
+/// Nanoseconds per millisecond: the divisor of rows in ms.
 pub(super) const MS: usize = 1_000_000;
 
 /// Measurements of one run.
 pub trait Report: Serialize + fmt::Display + Sized {
-    /// Parts that [`Report::measure`] tells of.
+    /// Number of parts of [`Report::measure`].
     const PARTS: u32;
 
-    /// Measures; `told` hears of each part that is begun.
+    /// Measures; `on_part` is called at the start of each part.
     ///
     /// Errors: the built-in scene or a built-in camera cannot be read.
-    fn measure(told: impl FnMut(&str)) -> Result<Self, ConfigError>;
+    fn measure(on_part: impl FnMut(&str)) -> Result<Self, ConfigError>;
 
-    /// The promises that are not kept, one a line.
+    /// The limits that are not met, one per line.
     fn broken(&self) -> Vec<String>;
 }
 
-/// The machine, as reports name it.
+/// The machine, as in reports.
 #[derive(Debug, Clone, Serialize)]
 pub struct Machine {
-    /// The processor, as the system calls it.
+    /// The processor, as the system names it.
     pub cpu: String,
-    /// How many it has for us.
+    /// Number of threads available to the process.
     pub threads: usize,
-    /// Its load over the last minute, before.
+    /// Its load over the last minute, before the measurement.
     pub load: Option<f64>,
-    /// The instructions used.
+    /// Vector instructions.
     pub level: String,
 }
 
 impl Machine {
-    /// This one, now.
+    /// This machine, now.
     pub fn this() -> Machine {
         Machine {
             cpu: host::processor(),
@@ -66,12 +66,12 @@ impl fmt::Display for Machine {
     }
 }
 
-/// One work against another.
+/// Comparison of two pieces of work.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
     /// The work.
     pub work: String,
-    /// What it is held against.
+    /// The other work.
     pub against: &'static str,
     /// Median, in the unit of its table.
     pub time: f64,
@@ -81,20 +81,20 @@ pub struct Row {
     pub ratio: f64,
     /// The first and third quartile of the ratios.
     pub spread: [f64; 2],
-    /// At least this is promised,
+    /// Minimum of the ratio, if it has one.
     pub least: Option<f64>,
-    /// or, where the ratio is what the work takes over what the other does, at most this.
+    /// Maximum of the ratio, if it has one; then the ratio is the work's time over the other's.
     pub most: Option<f64>,
 }
 
 impl Row {
-    /// Whether it is as promised.
-    pub fn is_kept(&self) -> bool {
+    /// Whether the ratio is within its limits.
+    pub fn is_met(&self) -> bool {
         self.least.is_none_or(|least| self.ratio >= least)
             && self.most.is_none_or(|most| self.ratio <= most)
     }
 
-    /// The same with the ratio the other way round, which is promised to be at most `most`.
+    /// The same with the inverse ratio, which is at most `most`.
     pub(super) fn at_most(self, most: f64) -> Row {
         let [low, high] = self.spread;
         Row {
@@ -106,22 +106,22 @@ impl Row {
         }
     }
 
-    /// What is promised, if anything is.
-    fn promise(&self) -> Option<String> {
+    /// The limit as text, if there is one.
+    fn limit(&self) -> Option<String> {
         let least = self.least.map(|least| format!(">= {least}"));
         least.or(self.most.map(|most| format!("<= {most}")))
     }
 
-    /// What is promised and not kept, in a line.
+    /// A line about a limit that is not met.
     pub fn broken(&self) -> Option<String> {
-        let promise = self.promise().filter(|_| !self.is_kept())?;
+        let limit = self.limit().filter(|_| !self.is_met())?;
         Some(format!(
-            "{}: {:.1} x is not {promise} x",
+            "{}: {:.1} x is not {limit} x",
             self.work, self.ratio
         ))
     }
 
-    /// What stands above rows whose times are those of `unit`, such as `ns an object`.
+    /// Header of rows whose times are in `unit`, such as `ns an object`.
     pub(super) fn head(unit: &str) -> String {
         format!(
             "{:<38}{unit:>14}  {:<26}{:>9}{:>9}  {:<14}{:>8}",
@@ -132,27 +132,27 @@ impl Row {
 
 impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let promise = self.promise().unwrap_or_default();
+        let limit = self.limit().unwrap_or_default();
         let spread = format!("{:.1} to {:.1}", self.spread[0], self.spread[1]);
         write!(
             f,
-            "{:<38}{:>14.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{promise:>8}{}",
+            "{:<38}{:>14.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{limit:>8}{}",
             self.work,
             self.time,
             self.against,
             self.against_time,
             self.ratio,
-            mark(self.is_kept())
+            mark(self.is_met())
         )
     }
 }
 
-/// What stands behind a promise.
-pub(super) fn mark(kept: bool) -> &'static str {
-    if kept { "" } else { "  NOT kept" }
+/// The mark after a limit.
+pub(super) fn mark(is_met: bool) -> &'static str {
+    if is_met { "" } else { "  NOT kept" }
 }
 
-/// Runs `work` on so many threads.
+/// Runs `work` on this number of threads.
 pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     match ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool.install(work),
@@ -160,20 +160,20 @@ pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + S
     }
 }
 
-/// Pools of two threads and of one; none where the system has no threads to give.
+/// Pools of two threads and of one; none if the system refuses threads.
 pub(super) fn pools() -> Option<[ThreadPool; 2]> {
     let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
     Some([pool(2).ok()?, pool(1).ok()?])
 }
 
-/// ns that it takes.
+/// Time of `work`, ns.
 pub(super) fn ns(work: impl FnOnce()) -> f64 {
     let started = Instant::now();
     work();
     started.elapsed().as_nanos() as f64
 }
 
-/// Times two pieces of work in turns, `rounds` times. Each time in ns is divided by its `of`: a
+/// Times two pieces of work alternately, `rounds` times. Each time in ns is divided by its `of`: a
 /// number of objects, or the ns of a unit.
 pub(super) fn row(
     work: String,
@@ -193,7 +193,7 @@ pub(super) fn row(
     row_of(work, against, least, times.collect())
 }
 
-/// The row of what each round took of both.
+/// The row from the times of both in each round.
 fn row_of(
     work: String,
     against: &'static str,
@@ -234,8 +234,8 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_is_kept_up_to_its_bound_on_either_side() {
-        for (ratio, least, most, kept) in [
+    fn limit_is_met_up_to_its_value() {
+        for (ratio, least, most, is_met) in [
             (8.0, Some(8.0), None, true),
             (7.99, Some(8.0), None, false),
             (800.0, Some(8.0), None, true),
@@ -247,14 +247,14 @@ mod tests {
             (f64::NAN, None, Some(4.0), false),
         ] {
             let row = of(ratio, least, most);
-            assert_eq!(row.is_kept(), kept, "{ratio} {least:?} {most:?}");
-            assert_eq!(row.broken().is_none(), kept, "{ratio} {least:?} {most:?}");
-            assert_eq!(row.to_string().ends_with("NOT kept"), !kept);
+            assert_eq!(row.is_met(), is_met, "{ratio} {least:?} {most:?}");
+            assert_eq!(row.broken().is_none(), is_met, "{ratio} {least:?} {most:?}");
+            assert_eq!(row.to_string().ends_with("NOT kept"), !is_met);
         }
     }
 
     #[test]
-    fn what_is_broken_names_the_work_its_ratio_and_the_promise() {
+    fn missed_limit_names_work_ratio_and_limit() {
         let broken = |least, most| of(5.0, least, most).broken();
         assert_eq!(
             broken(Some(8.0), None).as_deref(),
@@ -267,19 +267,19 @@ mod tests {
     }
 
     #[test]
-    fn at_most_turns_the_ratio_and_its_quartiles_round() {
+    fn at_most_inverts_the_ratio_and_its_quartiles() {
         let row = of(0.5, Some(9.0), None).at_most(4.0);
         // X-Val: by hand, of 0.5 with quartiles 0.25 and 1.
         assert_eq!((row.ratio, row.spread), (2.0, [1.0, 4.0]));
         assert_eq!((row.least, row.most), (None, Some(4.0)));
-        // What was timed stays what it was.
+        // The times do not change.
         assert_eq!((row.time, row.against_time), (3.0, 1.5));
-        assert!(row.is_kept());
-        assert!(!of(0.2, None, None).at_most(4.0).is_kept());
+        assert!(row.is_met());
+        assert!(!of(0.2, None, None).at_most(4.0).is_met());
     }
 
     #[test]
-    fn each_work_is_done_and_timed_in_every_round() {
+    fn both_works_run_and_are_timed_in_every_round() {
         // What is done is counted, and what it takes is slept.
         let (mut ours, mut theirs) = (0, 0);
         let sleep = |ms| std::thread::sleep(std::time::Duration::from_millis(ms));
@@ -299,13 +299,14 @@ mod tests {
             },
         );
         assert_eq!((ours, theirs), (10, 10));
-        // X-Val: sleeps are never shorter: 2 ns for each of a million, 8 ns for each of half as many.
+        // X-Val: sleeps are never shorter: 2 ns for each of a million, 8 ns for each of half as
+        // many.
         assert!(row.time >= 2.0 && row.against_time >= 8.0, "{row}");
         assert_eq!((row.least, row.most), (Some(1.5), None));
     }
 
     #[test]
-    fn a_row_has_medians_and_quartiles_of_what_is_left_when_all_is_warm() {
+    fn row_has_medians_and_quartiles_after_the_warm_up() {
         let later = [[2.0, 8.0], [1.0, 5.0], [4.0, 12.0], [2.0, 4.0], [3.0, 3.0]];
         let times = [vec![[1e9, 1.0]], later.to_vec()].concat();
         let row = row_of("stars".to_string(), "sand", None, times);

@@ -19,15 +19,15 @@ impl Sample {
         Sample(values)
     }
 
-    /// The least value that this part of them is not above (nearest rank); NaN of none.
+    /// Quantile by nearest rank; NaN without values.
     pub fn quantile(&self, part: f64) -> f64 {
         let rank = (part * self.0.len() as f64).ceil() as usize;
         let at = self.0.get(rank.saturating_sub(1));
         at.copied().unwrap_or(f64::NAN)
     }
 
-    /// The median, and its standard error by the quartiles: those of a normal distribution lie 1.35
-    /// standard deviations apart, and its median errs by 1.25 of the mean's error.
+    /// The median, and its standard error from the quartiles: in a normal distribution they are
+    /// 1.35 standard deviations apart, and the median's error is 1.25 times the mean's.
     pub fn median(&self) -> Cost {
         let deviation = (self.quantile(0.75) - self.quantile(0.25)) / 1.35;
         Cost {
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_those_of_values_in_any_order() {
+    fn quantiles_are_independent_of_the_order() {
         let of = |values: &[f64], parts: &[f64]| -> Vec<f64> {
             let sample = Sample::new(values.iter().copied());
             parts.iter().map(|part| sample.quantile(*part)).collect()
@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_errs_by_the_spread_of_its_rounds() {
+    fn error_of_the_median_follows_from_the_quartiles() {
         // X-Val: by hand: quartiles 2 and 6 of eight values.
         let Cost { ms, error_ms } = Sample::new((1..=8).map(f64::from)).median();
         assert_eq!(ms, 4.0);

@@ -1,4 +1,4 @@
-//! What smear costs: stars that run over the detector against the same stars at rest.
+//! The cost of smear: moving stars against the same stars at rest.
 
 use super::population::before;
 use super::ratio::{MS, Row, row};
@@ -11,16 +11,16 @@ use skyloop_render::fidelity::Fidelity;
 use skyloop_render::scene::{EffectId, EffectSet, Source, View, build_scene};
 use std::hint::black_box;
 
-/// Stars, and how far (px) they run.
+/// Number of stars, and length (px) of their tracks.
 const STARS: usize = 300;
 const LENGTH_PX: f64 = 50.0;
-/// They run so far (rad) from the detector's columns to its rows: along neither.
+/// Angle (rad) of the tracks from the columns to the rows: along neither.
 const SLOPE: f64 = 0.5;
 const ROUNDS: usize = 41;
-/// Rows that are drawn together, all bands into the same charge, as the renderer's are.
+/// Rows that are drawn together, all bands into the same charge, as in the renderer.
 const BAND: usize = 32;
 
-/// Stars of the catalogue before a camera of 1024 x 1024 pixels that turns.
+/// Stars of the catalogue in a rotating camera of 1024 x 1024 pixels.
 struct Stars {
     view: View,
     simulated: EffectSet,
@@ -29,7 +29,7 @@ struct Stars {
 }
 
 /// Cost of smeared stars over stars at rest: tracks, footprints, signal-to-noise ratios, light on
-/// pixels. At most fourfold.
+/// pixels. The limit is a factor of 4.
 ///
 /// Errors: the built-in scene or camera cannot be read.
 pub fn smear() -> Result<Row, ConfigError> {
@@ -105,7 +105,7 @@ impl Stars {
     }
 }
 
-/// The body's rates (rad/s) by which stars run so far in an exposure.
+/// The body rates (rad/s) for tracks of this length in an exposure.
 fn rates(camera: &Camera) -> Vector3<f64> {
     let turn = LENGTH_PX / (camera.optics.focal_px * camera.exposure_s);
     let (sin, cos) = libm::sincos(SLOPE);
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_are_as_many_stars_and_they_run_as_far() {
+    fn stars_have_the_configured_number_and_track_length() {
         let Stars {
             view,
             simulated,
@@ -130,7 +130,7 @@ mod tests {
         let scene = build_scene(view, simulated, &fidelity);
         assert_eq!(scene.sources.len(), STARS);
         for source in &scene.sources {
-            // The field is 21 deg wide: the plane's scale grows by its tangent.
+            // The field is 21 deg wide: the plane's scale grows with the tangent.
             let off = source.length_px() / LENGTH_PX - 1.0;
             assert!(off.abs() < 0.08, "{off}");
         }

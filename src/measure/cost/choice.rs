@@ -2,7 +2,7 @@
 
 use super::row::{Row, is_closer};
 
-/// What is chosen for a budget.
+/// The setting selected for a budget.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chosen<'a> {
     /// The setting.
@@ -11,9 +11,9 @@ pub struct Chosen<'a> {
     pub fits: bool,
 }
 
-/// The most accurate setting whose 99th percentile is within `budget_ms` (with a median every
+/// The most accurate setting whose 99th percentile is within `budget_ms` (with the median, every
 /// second frame could be late); the first of equal ones. If none fits, the one with the lowest
-/// median. None of no rows.
+/// median. None without rows.
 pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
     let fitting = rows.iter().filter(|row| row.p99_ms <= budget_ms);
     let closest = fitting.reduce(|best, row| {
@@ -36,8 +36,8 @@ mod tests {
     use crate::measure::cost::row::made;
 
     #[test]
-    fn a_budget_is_for_99_frames_in_100_and_buys_the_most_accurate() {
-        // Of each 1.5 times as much is the 99th percentile.
+    fn budget_limits_the_99th_percentile() {
+        // The 99th percentile is 1.5 times the given time.
         let rows = made([(1.0, 3.0), (2.0, 2.0), (4.0, 0.0)]);
         let named = |budget_ms| {
             let chosen = best(&rows, budget_ms).unwrap();

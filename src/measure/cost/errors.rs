@@ -1,4 +1,4 @@
-//! How far a setting's frame is from the reference's: images, background, pixels.
+//! Errors of a setting's frame relative to the reference: images, background, pixels.
 
 use super::setting::Setting;
 use crate::measure::rendered;
@@ -13,27 +13,27 @@ use skyloop_render::plan::Plan;
 use skyloop_render::scene::{Scene, Source, Unobservable};
 use std::collections::HashMap;
 
-/// Images with less of their light on the detector are not compared.
+/// Images with a smaller share of their light on the detector are not compared.
 const WHOLE: f64 = 0.9999;
 
-/// What a setting is off by.
+/// Errors of a setting.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Errors {
     /// Length of the mean shift of images, thousandths of a pixel.
     pub centroid_bias_mpx: f64,
-    /// The rms of all moves, thousandths of a pixel.
+    /// The rms of all shifts, thousandths of a pixel.
     pub centroid_rms_mpx: f64,
-    /// The rms of what images' light is off by, parts in a million.
+    /// The rms of relative errors of images' light, parts in a million.
     pub photometry_ppm: f64,
-    /// What the light of a pixel that no object lights is off by on average, e-.
+    /// Mean error of the light of a pixel without objects, e-.
     pub background_e: f64,
-    /// The rms of what pixels are off by, e-.
+    /// The rms of errors of pixels, e-.
     pub frame_rms_e: f64,
-    /// What the pixel is off by that is off most, e-.
+    /// Greatest error of a pixel, e-.
     pub worst_e: f64,
 }
 
-/// What is summed over frames.
+/// Sums over frames.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sums {
     images: f64,
@@ -51,7 +51,7 @@ pub struct Sums {
 struct Drawn {
     /// Electrons on the detector.
     electrons: f64,
-    /// Where their centre is, px.
+    /// Their centroid, px.
     centre: [f64; 2],
 }
 
@@ -73,7 +73,7 @@ impl Drawn {
     }
 }
 
-/// A frame by some tolerances: its scene with all its noise, and its pixels without any.
+/// A frame with these tolerances: its scene with all its noise, and its pixels without noise.
 fn frame(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
@@ -91,9 +91,9 @@ fn frame(
     Ok((scene, frame))
 }
 
-/// Adds to `sums` what each of `settings` is off by in the frame of `vehicle`.
+/// Adds the errors of each of `settings` in the frame of `vehicle` to `sums`.
 ///
-/// Fails only where [`skyloop_render::scene::View::new`] does.
+/// Errors: those of [`skyloop_render::scene::build_view`].
 pub fn add(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
@@ -138,7 +138,7 @@ impl Sums {
         self.images += 1.0;
         self.light_squared += light * light;
         let moves = [0, 1].map(|axis| drawn.centre[axis] - truth.centre[axis]);
-        // An image without light has no centre.
+        // An image without light has no centroid.
         if moves.iter().all(|px| px.is_finite()) {
             self.moved += 1.0;
             self.moves = [0, 1].map(|axis| self.moves[axis] + moves[axis]);
@@ -146,20 +146,20 @@ impl Sums {
         }
     }
 
-    /// All light of so many images.
+    /// Adds images that lost all light.
     fn lost(&mut self, images: usize) {
         let images = images as f64;
         self.images += images;
         self.light_squared += images;
     }
 
-    /// What a frame's background is off by, e-.
+    /// Adds the error of a frame's background, e-.
     fn background(&mut self, off_e: f64) {
         self.frames += 1.0;
         self.background_e += off_e;
     }
 
-    /// What pixels hold, e-.
+    /// Adds the charges of pixels, e-.
     fn pixels(&mut self, truth_e: &[f32], drawn_e: &[f32]) {
         for (e, true_e) in drawn_e.iter().zip(truth_e) {
             let off = f64::from(*e) - f64::from(*true_e);
@@ -169,7 +169,7 @@ impl Sums {
         }
     }
 
-    /// Those of a frame of one pixel that is off by so much, e-.
+    /// The sums of a frame of one pixel with this error, e-.
     #[cfg(test)]
     pub fn of_pixels(e: f64) -> Sums {
         Sums {
@@ -180,7 +180,7 @@ impl Sums {
         }
     }
 
-    /// Their means.
+    /// The means.
     pub fn errors(&self) -> Errors {
         let mean = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
         let [x, y] = self.moves.map(|sum| mean(sum, self.moved));
@@ -201,7 +201,7 @@ mod tests {
     use skyloop_config::Config;
     use skyloop_config::flight;
 
-    /// An image of so many electrons on a detector of 4 x 4 pixels: its shares by column and row.
+    /// An image with `electrons` on a detector of 4 x 4 pixels: its shares by column and row.
     fn image(electrons: f64, shares: &[([usize; 2], f32)]) -> Drawn {
         const SIDE: usize = 4;
         let mut all = vec![0.0; SIDE * SIDE];
@@ -211,8 +211,11 @@ mod tests {
         Drawn::of(&Footprint::whole(SIDE, all), electrons, SIDE)
     }
 
-    fn assert_near(value: f64, wanted: f64) {
-        assert!((value - wanted).abs() <= 1e-12 * wanted, "{value} {wanted}");
+    fn assert_near(value: f64, expected: f64) {
+        assert!(
+            (value - expected).abs() <= 1e-12 * expected,
+            "{value} {expected}"
+        );
     }
 
     /// One image shifted by (0.5, 0) px, and one by (-0.5, 0.25) px with three quarters of its
@@ -234,17 +237,18 @@ mod tests {
     }
 
     #[test]
-    fn an_image_is_its_light_on_the_detector_and_the_centre_of_that() {
+    fn drawn_image_has_the_light_and_centroid_on_the_detector() {
         let drawn = image(80.0, &[([1, 2], 0.25), ([3, 2], 0.125), ([3, 0], 0.125)]);
         // X-Val: by hand, half of 80 e-; columns (1 + 3) / 2, rows (2 + 2 / 2 + 0) / 2.
         assert_eq!((drawn.electrons, drawn.centre), (40.0, [2.0, 1.5]));
     }
 
     #[test]
-    fn moves_that_cancel_are_no_bias_and_all_of_them_are_in_the_rms() {
+    fn opposite_shifts_cancel_in_the_bias_but_not_in_the_rms() {
         let errors = two_images().errors();
-        // X-Val: by hand, the second image's centre is 1/2 (2, 2) + 1/4 (1, 2) + 1/4 (1, 3) = (1.5, 2.25). The mean of the moves is (0, 0.125), the rms
-        // (1/2 (0.5^2 + 0.5^2 + 0.25^2))^(1/2); of the light 0 and -1/4 it is (1/2 (1/4)^2)^(1/2).
+        // X-Val: by hand, the second image's centroid is 1/2 (2, 2) + 1/4 (1, 2) + 1/4 (1, 3) =
+        // (1.5, 2.25). The mean of the shifts is (0, 0.125), the rms (1/2 (0.5^2 + 0.5^2 +
+        // 0.25^2))^(1/2); of the light 0 and -1/4 it is (1/2 (1/4)^2)^(1/2).
         assert_near(errors.centroid_bias_mpx, 125.0);
         assert_near(errors.centroid_rms_mpx, 1e3 * 0.28125f64.sqrt());
         assert_near(errors.photometry_ppm, 1e6 * 0.03125f64.sqrt());
@@ -253,10 +257,10 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_image_is_off_by_all_its_light_and_moves_nothing() {
+    fn lost_image_counts_in_photometry_only() {
         let (mut lost, mut dark) = (two_images(), two_images());
         lost.lost(1);
-        // Found again, but with no light on the detector.
+        // Found, but without light on the detector.
         dark.image(&image(9.0, &[([1, 1], 1.0)]), &image(9.0, &[]));
         for sums in [lost, dark] {
             let (errors, before) = (sums.errors(), two_images().errors());
@@ -268,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn background_is_a_mean_of_frames_and_pixels_are_an_rms_and_the_worst() {
+    fn background_is_a_mean_and_pixels_are_rms_and_maximum() {
         let mut sums = Sums::default();
         sums.background(0.5);
         sums.pixels(&[10.0, 20.0, 7.0], &[13.0, 20.0, 7.0]);
@@ -278,7 +282,7 @@ mod tests {
         sums.pixels(&[2.0; 3], &[2.0; 3]);
         sums.background(0.0);
         sums.pixels(&[2.0; 3], &[0.0, 2.0, 2.0]);
-        // X-Val: by hand, off by 3, -4, 5 and -2 of twelve.
+        // X-Val: by hand, errors of 3, -4, 5 and -2 in twelve pixels.
         let errors = Errors {
             background_e: 0.09375,
             frame_rms_e: 4.5f64.sqrt(),
@@ -287,14 +291,14 @@ mod tests {
         };
         assert_eq!(sums.errors(), errors);
         sums.pixels(&[9.0], &[1.0]);
-        assert_eq!(sums.errors().worst_e, 8.0, "too little is off too");
+        assert_eq!(sums.errors().worst_e, 8.0, "negative errors count too");
         assert_eq!(Sums::default().errors(), Errors::default());
     }
 
     #[test]
-    fn the_reference_is_off_by_nothing_and_stars_that_are_left_out_by_their_light() {
+    fn reference_has_no_error_and_omitted_stars_lose_their_light() {
         let mut config = Config::builtin().unwrap();
-        // Stars that labels list have images: those of a higher ratio alone are.
+        // Listed stars always have images, so list only those with a higher ratio.
         config.label_snr = 100.0;
         let mission = flight::mission(&config).unwrap();
         let vehicle = flight::vehicle(&mission, 0).unwrap();

@@ -1,4 +1,4 @@
-//! A setting's errors and times, and where it stands among the others.
+//! A setting's errors and times, and its rank among the others.
 
 use super::errors::{Errors, Sums};
 use super::setting::Setting;
@@ -6,46 +6,46 @@ use crate::measure::sample::Sample;
 use serde::Serialize;
 use skyloop_render::fidelity::{Fidelity, Value};
 
-/// A setting, measured.
+/// A measured setting.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
-    /// The preset's name, or the knob that is moved and its value.
+    /// The preset's name, or the changed tolerance and its value.
     pub setting: String,
     /// The tolerance that differs from `realtime`.
     #[serde(rename = "knob")]
     pub tolerance: Option<&'static str>,
-    /// To what.
+    /// Its value.
     pub value: Option<Value>,
     /// All its tolerances.
     #[serde(skip)]
     pub fidelity: Fidelity,
-    /// What it is off by.
+    /// Its errors.
     #[serde(flatten)]
     pub errors: Errors,
     /// Median of the times of its frames, ms.
     pub p50_ms: f64,
-    /// 99 of 100 take no longer, ms; of fewer rounds the longest.
+    /// 99th percentile of these times, ms; for fewer than 100 rounds the maximum.
     pub p99_ms: f64,
-    /// Whether no other is as fast and as accurate, but by chance.
+    /// Whether it is on the Pareto front: no other is faster and more accurate, except by chance.
     pub is_front: bool,
-    /// A setting that is faster and more accurate, by more than chance.
+    /// A faster and more accurate setting, by more than chance.
     pub beaten_by: Option<String>,
 }
 
 impl Row {
-    /// Whether pixels are off by as much as those of another setting.
+    /// Whether the errors of pixels equal those of another setting.
     pub fn is_alike(&self, other: &Row) -> bool {
         !is_closer(&self.errors, &other.errors) && !is_closer(&other.errors, &self.errors)
     }
 }
 
-/// Smaller differences of errors are rounding: of their size, and of electrons.
+/// Smaller differences of errors are rounding: relative, and in electrons.
 const ROUNDING: [f64; 2] = [1e-3, 1e-6];
-/// Times differ from so many standard errors on, and from this part of the time.
+/// Significant differences of times: in standard errors, and relative to the time.
 const SIGMAS: f64 = 3.0;
 const SMALL: f64 = 0.01;
 
-/// The rows of `settings`, with their summed errors and their frame times (ms), round by round.
+/// The rows of `settings`, with their summed errors and their frame times (ms) by round.
 pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
     let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
         let sample = Sample::new(times.iter().copied());
@@ -69,7 +69,7 @@ pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Ro
             let better = |j: &usize| {
                 is_closer(&rows[*j].errors, &rows[i].errors) && is_faster(&times[*j], &times[i])
             };
-            // Of several the one that is closest to the reference.
+            // Of several, the one closest to the reference.
             let all = (0..rows.len()).filter(better);
             let rms = |j: &usize| rows[*j].errors.frame_rms_e;
             let best = all.min_by(|a, b| rms(a).total_cmp(&rms(b)));
@@ -83,29 +83,29 @@ pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Ro
     rows
 }
 
-/// Whether pixels are off by less, and not by rounding alone.
+/// Whether pixels have smaller errors, by more than rounding.
 pub fn is_closer(a: &Errors, b: &Errors) -> bool {
     let [of_size, e] = ROUNDING;
     a.frame_rms_e < b.frame_rms_e * (1.0 - of_size) - e
 }
 
-/// Whether frames take less by the differences of their rounds.
+/// Whether frames are faster, by the differences in each round.
 fn is_faster(a: &[f64], b: &[f64]) -> bool {
-    let least = SMALL * Sample::new(b.iter().copied()).quantile(0.5);
+    let min = SMALL * Sample::new(b.iter().copied()).quantile(0.5);
     let by = Sample::new(a.iter().zip(b).map(|(a, b)| b - a)).median();
-    by.ms > (SIGMAS * by.error_ms).max(least)
+    by.ms > (SIGMAS * by.error_ms).max(min)
 }
 
-/// Which rows are on the Pareto front of time and rms. Of rows that differ only by chance the first
-/// one counts.
+/// Which rows are on the Pareto front of time and rms. Of rows that differ only by chance, the
+/// first counts.
 fn front(rows: &[Row], times: &[Vec<f64>]) -> Vec<bool> {
-    let stands_for = |j: usize, i: usize| {
+    let dominates = |j: usize, i: usize| {
         let closer = |a: usize, b: usize| is_closer(&rows[a].errors, &rows[b].errors);
         let faster = |a: usize, b: usize| is_faster(&times[a], &times[b]);
         !closer(i, j) && !faster(i, j) && (j < i || closer(j, i) || faster(j, i))
     };
     (0..rows.len())
-        .map(|i| !(0..rows.len()).any(|j| j != i && stands_for(j, i)))
+        .map(|i| !(0..rows.len()).any(|j| j != i && dominates(j, i)))
         .collect()
 }
 
@@ -120,7 +120,7 @@ mod tests {
     /// Rows of the presets with these times (ms) and errors of pixels (e-).
     pub fn made(of: [(f64, f64); 3]) -> Vec<Row> {
         let presets = settings().into_iter().take(3).collect();
-        // Two in a hundred take half as long again.
+        // 2 % take 1.5 times as long.
         let times = of.map(|(ms, _)| {
             (0..100)
                 .map(|i| if i < 2 { 1.5 * ms } else { ms })
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn the_front_has_what_nothing_beats_and_one_of_the_same() {
+    fn front_has_undominated_rows_and_one_of_equal_ones() {
         let of = |of| -> Vec<(bool, Option<String>)> {
             let rows = made(of).into_iter();
             rows.map(|row| (row.is_front, row.beaten_by)).collect()
@@ -147,9 +147,10 @@ mod tests {
     }
 
     #[test]
-    fn chance_makes_nothing_faster() {
+    fn differences_by_chance_are_not_faster() {
         let times = |by: f64| -> Vec<f64> {
-            // X-Val: quartiles 0.5 apart, 40 rounds: a median's standard error is 1.25 * 0.5 / 1.35 / 40^(1/2) = 0.07.
+            // X-Val: quartiles 0.5 apart, 40 rounds: a median's standard error is 1.25 * 0.5 / 1.35
+            // / 40^(1/2) = 0.07.
             (0..40)
                 .map(|i| 10.0 + by + f64::from(i % 4) * 0.25)
                 .collect()

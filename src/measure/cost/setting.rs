@@ -1,19 +1,19 @@
-//! The settings that are measured.
+//! The measured settings.
 
 use skyloop_render::fidelity::{Fidelity, PRESETS, TOLERANCES, Value};
 
-/// A setting to be measured.
+/// A setting to measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
-    /// The preset's name, or the knob and its value: `wing_e = 0.2`.
+    /// The preset's name, or the tolerance and its value: `wing_e = 0.2`.
     pub name: String,
-    /// The knob that is moved away from `realtime`, and to what.
+    /// The tolerance that differs from `realtime`, and its value.
     pub moved: Option<(&'static str, Value)>,
     /// All its tolerances.
     pub fidelity: Fidelity,
 }
 
-/// The presets, and `realtime` with one knob moved alone to where another preset has it.
+/// The presets, and `realtime` with each tolerance changed alone to its value in another preset.
 pub fn settings() -> Vec<Setting> {
     let presets = PRESETS.iter().map(|(name, fidelity)| Setting {
         name: name.to_string(),
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_knob_is_moved_alone_and_to_both_sides() {
+    fn each_tolerance_is_changed_alone() {
         let all = settings();
         for setting in all.iter().skip(PRESETS.len()) {
             let (name, value) = setting.moved.unwrap();

@@ -1,4 +1,4 @@
-//! A report as a table, and as lines of numbers.
+//! A report as a table, and as CSV.
 
 use super::{Report, Row};
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fmt;
 const HEAD: &str = "setting,knob,value,centroid_bias_mpx,centroid_rms_mpx,photometry_ppm,background_e,frame_rms_e,worst_e,p50_ms,p99_ms,is_front,beaten_by";
 
 impl Report {
-    /// Comma-separated values, a line a setting.
+    /// Comma-separated values, one line per setting.
     pub fn csv(&self) -> String {
         let line = |row: &Row| {
             let errors = &row.errors;
@@ -82,7 +82,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Three digits of a number of any size.
+/// A number of any size with three digits.
 fn three_digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_string(),
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_as_many_values_as_the_head() {
+    fn lines_have_as_many_values_as_the_header() {
         let settings = settings();
         let count = settings.len();
         let report = Report {

@@ -1,4 +1,4 @@
-//! The whole step: who of a catalogue is before a camera, who can be seen, and the label's text.
+//! The whole step: candidates of a catalogue, visible objects, and the label's text.
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
 use crate::measure::population::before;
@@ -15,7 +15,7 @@ use skyloop_render::scene::{Unobservable, View};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// The built-in scene's camera, at 10 Hz, before a synthetic catalogue.
+/// The built-in scene's camera at 10 Hz, with a synthetic catalogue.
 pub fn measure() -> Result<Step, ConfigError> {
     let (tracked, first_ms, found, bytes) = frames(Orbits::Tracked)?;
     let (exact, ..) = frames(Orbits::Exact)?;
@@ -31,11 +31,12 @@ pub fn measure() -> Result<Step, ConfigError> {
     })
 }
 
-/// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
+/// Times (ms) of the frames, time of the first, mean numbers of found objects, and bytes per
+/// object.
 fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
     let (mut config, vehicle) = before(CATALOGUE)?;
     config.fidelity.orbits = orbits;
-    // Objects alone: what else is in the sky takes its own time.
+    // Objects alone: other content of the sky takes its own time.
     let mut choice = Choice::default();
     choice.off.extend(["stars", "planets", "moon"]);
     choice
@@ -48,7 +49,7 @@ fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
     let mut times = Vec::new();
     for frame in 0..WARM + FRAMES {
         let vehicle = vehicle.at(vehicle.epoch + Unit::Second * (0.1 * frame as f64));
-        // As the emulator makes its frames: on the threads that share them.
+        // As in the emulator: on the threads that share frames.
         let mut step = || -> Result<(), Unobservable> {
             let scene = emulator.scene(&camera, &vehicle, 0, &choice)?;
             let plan = Plan::new(&scene, emulator.fidelity(), &choice);

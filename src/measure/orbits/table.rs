@@ -51,7 +51,7 @@ mod tests {
     use crate::measure::ratio::Machine;
 
     #[test]
-    fn what_is_not_kept_is_marked() {
+    fn missed_limits_are_marked() {
         let row = |work: &str, ratio, least| Row {
             work: work.to_string(),
             against: "another",
