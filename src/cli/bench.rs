@@ -1,11 +1,11 @@
-//! `skyloop bench`: what this machine makes of the works that take the time, as ratios of one run.
+//! `skyloop bench`: benchmarks of the expensive steps on this machine, as ratios from one run.
 
 use super::common::progress;
 use clap::{Args as ClapArgs, Subcommand};
 use skyloop::measure::{Report, frames, orbits};
 use skyloop_firmware_sim::console::say;
 
-/// What is measured, and how it is told.
+/// The benchmark and the format of its report.
 #[derive(ClapArgs)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn json_of_frames_has_the_machine_and_all_of_each_row() {
+    fn json_of_frames_has_the_machine_and_all_values_of_rows() {
         let row = |work, least: Value, most: Value| {
             json!({
                 "work": work, "against": "another", "time": 2.0, "against_time": 20.5,
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn json_of_orbits_has_rows_the_whole_step_and_the_scale() {
+    fn json_of_orbits_has_rows_step_and_scale() {
         let report = orbits::Report {
             machine: machine(),
             rows: vec![row("batch", [None, None])],
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_has_the_same_and_marks_what_is_not_kept() {
+    fn table_has_the_same_content_and_marks_missed_limits() {
         let text = Form { json: false }.text(&frame_report()).unwrap();
         for words in [
             "made up, 2 threads, load 0.50, portable",

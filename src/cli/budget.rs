@@ -1,4 +1,4 @@
-//! `--budget-ms`: the tolerances that a machine has the time for, measured at the start of a run.
+//! `--budget-ms`: tolerances for a time budget, by a measurement at the start of a run.
 
 use super::common::progress;
 use anyhow::{Context, bail};
@@ -13,7 +13,7 @@ use std::ops::{ControlFlow, RangeInclusive};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// The time that a frame may take.
+/// The time budget of a frame.
 #[derive(clap::Args)]
 pub(super) struct Budget {
     /// Measure the settings of `fidelity` at the start, and use the most accurate one whose 99th
@@ -22,7 +22,7 @@ pub(super) struct Budget {
     budget_ms: Option<f64>,
 }
 
-/// Frames and rounds that are measured on, and for how long at most.
+/// Measured frames, and limits of the measurement.
 pub(super) const FRAMES: u32 = 3;
 const EFFORT: Effort = Effort {
     rounds: 101,
@@ -30,12 +30,13 @@ const EFFORT: Effort = Effort {
     one_core: false,
 };
 
-/// The times that a frame may be given, ms.
+/// Permitted budgets, ms.
 pub(super) const BUDGETS_MS: RangeInclusive<f64> = 1e-3..=1e6;
 
 impl Budget {
-    /// Gives `emulator` the best setting for the frames of `vehicles`, which are computed only
-    /// then; what was chosen, or nothing without a budget or where `stop` ends the measurement.
+    /// Sets the best tolerances of `emulator` for the frames of `vehicles`, which are computed only
+    /// if there is a budget. Returns the choice as text; empty without a budget or if `stop` ends
+    /// the measurement.
     pub fn settle(
         &self,
         emulator: &mut Emulator,
@@ -57,7 +58,7 @@ impl Budget {
         });
         bar.finish_and_clear();
         let report = match measured {
-            // The run that was to follow ends as soon as it has begun.
+            // The run that follows ends immediately.
             Err(Unmeasured::Stopped) => return Ok(String::new()),
             measured => measured?,
         };
@@ -76,7 +77,7 @@ impl Budget {
     }
 }
 
-/// What was chosen, and how a file says it.
+/// The choice as text, with its form in a configuration file.
 pub(super) fn chosen_text(budget_ms: f64, chosen: &Chosen<'_>) -> String {
     let row = chosen.row;
     let mut text = format!(
@@ -94,7 +95,7 @@ pub(super) fn chosen_text(budget_ms: f64, chosen: &Chosen<'_>) -> String {
     text + "\n"
 }
 
-/// The setting as the key `fidelity` has it.
+/// The setting as the value of the key `fidelity`.
 fn in_file(chosen: &Chosen<'_>) -> String {
     let row = chosen.row;
     match (row.tolerance, row.value) {
@@ -114,7 +115,7 @@ fn in_file(chosen: &Chosen<'_>) -> String {
     }
 }
 
-/// Where a client may look that has said nothing yet: along the six axes, at rest, now.
+/// Typical states if the pointing is unknown: along the six axes, at rest, now.
 pub(super) fn around() -> anyhow::Result<Vec<VehicleState>> {
     say(format_args!(
         "--budget-ms: no [sequence] says where the client will be: measured from the Earth's centre along the six axes, at rest\n"

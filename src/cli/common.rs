@@ -29,7 +29,7 @@ pub fn scene_name(file: Option<&Path>) -> String {
     file.map_or("the built-in scene".to_string(), path_text)
 }
 
-/// How orbits are propagated.
+/// Method of orbit propagation.
 #[derive(clap::Args, Default)]
 pub struct Orbits {
     /// Run SGP4 for every object in every frame, not only for candidates in the field; frames and
@@ -46,7 +46,7 @@ impl Orbits {
     }
 }
 
-/// What happens to records of orbit files that cannot be used.
+/// Treatment of unusable records of orbit files.
 #[derive(clap::Args, Default)]
 pub struct Records {
     /// Fail if an orbit file or one of its records is unusable; without it, unusable records are
@@ -55,7 +55,7 @@ pub struct Records {
     strict: bool,
 }
 
-/// What happens to existing files that skyloop did not make.
+/// Treatment of existing files that skyloop did not write.
 #[derive(clap::Args)]
 pub struct Force {
     /// Overwrite output files even if skyloop did not write them

@@ -1,4 +1,4 @@
-//! `skyloop cost`: what each setting of the tolerances costs in time, and what it is off by.
+//! `skyloop cost`: times and errors of each setting of the tolerances.
 
 use super::budget::{BUDGETS_MS, chosen_text};
 use super::common::{Force, Records, mission, progress, say_json, scene, scene_name, warn_of_old};
@@ -48,11 +48,11 @@ pub struct Args {
     records: Records,
 }
 
-/// No more rounds after so long.
+/// No further rounds after this time.
 const LIMIT: Duration = Duration::from_secs(120);
 const LINES: &str = "cost.csv";
 const PICTURE: &str = "cost.svg";
-/// What the table begins with.
+/// Start of the table's header.
 const HEAD: &str = "setting,knob,value,";
 
 #[derive(Serialize)]
@@ -118,9 +118,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// So many frames of a mission at most, spread over it.
-pub(super) fn spread(mission: &Mission, most: u32) -> anyhow::Result<Vec<VehicleState>> {
-    let count = most.min(mission.frames);
+/// At most `max` frames of a mission, spread over it.
+pub(super) fn spread(mission: &Mission, max: u32) -> anyhow::Result<Vec<VehicleState>> {
+    let count = max.min(mission.frames);
     let last = u64::from(mission.frames.saturating_sub(1));
     let number = |i: u32| match count {
         0 | 1 => 0,
@@ -131,7 +131,7 @@ pub(super) fn spread(mission: &Mission, most: u32) -> anyhow::Result<Vec<Vehicle
 }
 
 fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
-    // What only chance tells from a preset needs no name.
+    // Settings that differ from a preset only by chance need no name.
     let presets = || report.rows.iter().filter(|row| row.tolerance.is_none());
     let is_named = |row: &Row| {
         row.tolerance.is_none() || row.is_front || !presets().any(|preset| preset.is_alike(row))

@@ -1,4 +1,4 @@
-//! From when to when, as options of `passes` and `lightcurve`.
+//! Start and end, as options of `passes` and `lightcurve`.
 
 use anyhow::{Error, anyhow};
 use hifitime::Epoch;
@@ -16,7 +16,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// The first and the last instant; those of the scene's sequence where the options do not say.
+    /// The first and the last instant; by default those of the scene's sequence.
     pub fn ends(&self, sequence: Option<&Sequence>, scene: &str) -> anyhow::Result<[Epoch; 2]> {
         let last = |s: &Sequence| s.epoch + seconds(s.period_s * f64::from(s.frames - 1));
         let from = self.from.or(sequence.map(|s| s.epoch));

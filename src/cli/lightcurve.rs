@@ -1,4 +1,4 @@
-//! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
+//! `skyloop lightcurve`: the magnitude of an object against time, for an observer in orbit.
 
 use super::common::{
     Force, Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
@@ -103,10 +103,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// At how many instants light arrives, how bright, and why not at others.
+/// Number of instants with light, magnitudes, and reasons for the others.
 fn summary(points: &[Point]) -> String {
-    let shown = points.iter().filter_map(|point| point.band_mag());
-    let (count, brightest, faintest) = shown.fold(
+    let mags = points.iter().filter_map(|point| point.band_mag());
+    let (count, brightest, faintest) = mags.fold(
         (0, f64::INFINITY, f64::NEG_INFINITY),
         |(n, low, high), mag| (n + 1, low.min(mag), high.max(mag)),
     );
@@ -122,7 +122,8 @@ fn summary(points: &[Point]) -> String {
     }
 }
 
-/// Why no light arrives, and at how many instants: `3 behind the Earth, 1 in the Earth's shadow`.
+/// Reasons without light, with the number of instants: `3 behind the Earth, 1 in the Earth's
+/// shadow`.
 fn causes(points: &[Point]) -> String {
     let mut counts = BTreeMap::new();
     for point in points.iter().filter(|point| !point.reason().is_empty()) {
@@ -132,8 +133,8 @@ fn causes(points: &[Point]) -> String {
     counts.collect::<Vec<_>>().join(", ")
 }
 
-/// What helps where an ephemeris ends after these points: its instants begin and end half an
-/// exposure within it.
+/// The remedy if an ephemeris ends after these points. An instant needs half an exposure on both
+/// sides.
 fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
     if !matches!(
         error,
@@ -151,7 +152,7 @@ fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
     }
 }
 
-/// The instants: those of the scene's sequence, where the arguments do not say otherwise.
+/// The instants; by default those of the scene's sequence.
 fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     let sequence = config.sequence.as_ref();
     let [from, to] = args.interval.ends(sequence, scene)?;
@@ -182,7 +183,7 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     if length_s < 0.0 {
         bail!("{ends}: the end lies before the start; give --from and --to in their order");
     }
-    // The last instant counts, whatever a division rounds to.
+    // The last instant counts in spite of rounding in the division.
     let points = (length_s / step_s * (1.0 + 1e-12)).floor() + 1.0;
     if points > MAX_POINTS {
         let step = named("--step", args.step.is_some(), step_s.to_string());
@@ -198,7 +199,7 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     })
 }
 
-/// The object that goes by this name.
+/// The object with this name.
 pub(super) fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Result<usize> {
     if objects.is_empty() {
         bail!("{scene}: has no objects: name their files in [objects] files or population");

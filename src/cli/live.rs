@@ -12,14 +12,14 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// Metrics server and granted real-time settings, for as long as this value lives.
+/// Metrics server and granted real-time settings, until this value is dropped.
 pub struct Help {
-    /// The figures of each camera, and their server.
+    /// The metrics of each camera, and their server.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
     pub granted: Granted,
 }
 
-/// Serves the figures of all cameras, and applies the real-time settings. Called before links are
+/// Serves the metrics of all cameras, and applies the real-time settings. Call it before links are
 /// opened, because their threads inherit the settings.
 pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let run = &config.run;
@@ -85,7 +85,7 @@ impl Help {
         Some(metrics.address().to_string())
     }
 
-    /// Publishes the figures of a camera's `server`; 0 is the first.
+    /// Publishes the metrics of a camera's `server`; 0 is the first.
     pub fn serve(&self, camera: usize, server: &mut Server) {
         let places = self.metrics.as_ref().map(|(places, _)| places);
         if let Some(place) = places.and_then(|places| places.get(camera)) {

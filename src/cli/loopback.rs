@@ -1,4 +1,4 @@
-//! `skyloop loopback`: the emulator and the mock flight computer against each other.
+//! `skyloop loopback`: the emulator against the mock flight computer.
 
 use super::budget::Budget;
 use super::common::{Force, Orbits, PANICKED, Records, levels, mission, progress};
@@ -66,10 +66,10 @@ pub struct Args {
     budget: Budget,
 }
 
-/// Frames that may wait to be written; then the emulator waits.
+/// Frames waiting for the writer; beyond, the emulator waits.
 const WRITE_QUEUE: usize = 8;
 
-/// Without a frame for this long, a line that a fault has stopped for good is given up.
+/// Time without a frame after which a link that a fault has stopped counts as failed.
 const STOPPED: Duration = Duration::from_secs(5);
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -133,7 +133,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         return unwritten.map_or(Ok(()), Err);
     };
     (suite.table, suite.seconds) = (table, started.elapsed().as_secs_f64());
-    // An incomplete recording fails the run, in the JUnit file too.
+    // An incomplete recording fails the run, also in the JUnit file.
     let cut_short = both(cut_short, unwritten);
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     cut_short.map_or(Ok(()), Err)?;
@@ -186,7 +186,7 @@ fn conclude(
     Ok(verdicts)
 }
 
-/// The scene as the options change it.
+/// The scene, changed by the options.
 fn scene_with_frames(args: &Args) -> anyhow::Result<Config> {
     let (scene, output) = (args.scene.as_deref(), args.output.as_deref());
     let mut config = configure(scene, &args.records, &args.orbits, output)?;
@@ -199,7 +199,7 @@ fn scene_with_frames(args: &Args) -> anyhow::Result<Config> {
 struct Flown {
     report: Result<Report, RunError>,
     stats: RunStats,
-    /// The fault that stopped the line for good.
+    /// The fault that stopped the link permanently.
     stopped: Option<Stop>,
 }
 
@@ -213,29 +213,28 @@ fn exchange(
     bar: &ProgressBar,
 ) -> anyhow::Result<Flown> {
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (shots, to_write) = sync_channel::<ExposedFrame>(WRITE_QUEUE);
+    let (exposed_frames, to_write) = sync_channel::<ExposedFrame>(WRITE_QUEUE);
     let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
-            // The flight computer closes the link when it has its frames, and reports every other
-            // end.
+            // The flight computer closes the link after its frames, and reports any other end.
             let ended = server.run(&stop, None, |exposed| {
-                // A writer that has failed has dropped its end; its error is reported below.
-                let _ = shots.send(exposed.clone());
+                // A failed writer has dropped its end; its error is reported below.
+                let _ = exposed_frames.send(exposed.clone());
             });
-            drop(shots);
+            drop(exposed_frames);
             over.store(true, Ordering::Relaxed);
             (server.stats().clone(), ended)
         });
         let writing = scope.spawn(|| write(writer, to_write));
-        let mut moved = Instant::now();
+        let mut last_event = Instant::now();
         let report = flight_computer.run(|event| {
             if matches!(event, Event::Frame { .. } | Event::Progress) {
-                moved = Instant::now();
+                last_event = Instant::now();
             }
             show(&event, bar);
-            if moved.elapsed() > STOPPED {
-                stopped = instruments.stopped(moved, needs);
+            if last_event.elapsed() > STOPPED {
+                stopped = instruments.stopped(last_event, needs);
             }
             let ends = interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed);
             if ends || stopped.is_some() {
@@ -259,7 +258,7 @@ fn exchange(
     })
 }
 
-/// Shows an event of the flight computer beside the progress bar.
+/// Shows an event of the flight computer with the progress bar.
 fn show(event: &Event<'_>, bar: &ProgressBar) {
     match event {
         Event::Frame { .. } => bar.inc(1),
@@ -272,7 +271,7 @@ fn show(event: &Event<'_>, bar: &ProgressBar) {
     }
 }
 
-/// The error of a line that a fault has stopped for good.
+/// The error of a link that a fault has stopped permanently.
 fn stopped_by(stop: &Stop, link: &str) -> Error {
     let s = STOPPED.as_secs();
     let Stop { fault, packets, .. } = stop;
@@ -304,7 +303,7 @@ fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The report of a run that injected faults may have ended, and the error that says so; any other
+/// The report of a run that injected faults may have ended, and an error about them; any other
 /// error is returned.
 fn blamed(
     error: RunError,
@@ -327,8 +326,8 @@ fn blamed(
     Ok((report, Some(why)))
 }
 
-fn write(mut writer: Writer, shots: Receiver<ExposedFrame>) -> Result<(), OutputError> {
-    for exposed in shots {
+fn write(mut writer: Writer, frames: Receiver<ExposedFrame>) -> Result<(), OutputError> {
+    for exposed in frames {
         writer.write_frame(
             &exposed.camera,
             &exposed.label,
@@ -369,7 +368,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_emulator_that_faults_silence_is_not_said_to_be_missing() {
+    fn injected_silence_is_not_reported_as_a_missing_emulator() {
         let silent = || RunError::NoAnswer {
             link: "udp://A".into(),
             hint: "",

@@ -131,7 +131,7 @@ pub fn start_log(verbose: bool) {
     } else {
         LevelFilter::WARN
     };
-    // Names in a message come from outside.
+    // Names in a message are external input.
     let fields = debug_fn(|writer, field, value| {
         let text = format!("{value:?}");
         let text = printable_line(&text);

@@ -1,4 +1,4 @@
-//! `skyloop passes`: which objects cross the camera's field, when, and how bright.
+//! `skyloop passes`: objects that cross the camera's field, with times and magnitudes.
 
 use super::common::{
     Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
@@ -66,8 +66,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let search = search(&args, &config, &name)?;
     let flight = vehicle(&args, &mut config, &search, &name)?;
     args.records.settle(&config)?;
-    if let Some(wanted) = &args.object {
-        let index = find(&config.objects, wanted, &name)?;
+    if let Some(selected) = &args.object {
+        let index = find(&config.objects, selected, &name)?;
         config.objects = vec![config.objects.swap_remove(index)];
     }
     let population = config.take_population();
@@ -126,7 +126,7 @@ fn print(args: &Args, searched: &Searched, rows: &[Row]) -> anyhow::Result<()> {
         say(json(searched, rows))?;
     } else if args.csv {
         write_out(csv(rows))?;
-        // Standard output has rows alone.
+        // Standard output has only rows.
         let _ = writeln!(std::io::stderr(), "{line}");
     } else if rows.is_empty() {
         say(format_args!("{line}\n"))?;
@@ -206,7 +206,7 @@ fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
     })
 }
 
-/// Where the vehicle is and points: as the options say, else as the scene does.
+/// Position and pointing of the vehicle: from the options, else from the scene.
 fn vehicle(
     args: &Args,
     config: &mut Config,
@@ -236,8 +236,8 @@ fn vehicle(
     }
     if let Observer::Object(object) = &observer {
         warn_of_observer(object, [search.from, search.to]);
-        if let Some(wanted) = &args.object {
-            let index = find(&config.objects, wanted, scene)?;
+        if let Some(selected) = &args.object {
+            let index = find(&config.objects, selected, scene)?;
             not_itself(object, &config.objects[index])?;
         }
     }

@@ -1,5 +1,4 @@
-//! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and
-//! what it saves.
+//! `skyloop plan`: effects that a frame simulates or skips, with reasons, errors and times.
 
 use super::common::{Records, mission, progress, say_json, scene, scene_name, warn_of_old};
 use super::pointing::Pointing;
@@ -33,7 +32,7 @@ pub struct Args {
     frame: u32,
     #[command(flatten)]
     pointing: Pointing,
-    /// Render the frame, and print measured errors and times beside the declared ones (takes
+    /// Render the frame, and print measured errors and times next to the declared ones (takes
     /// seconds, or minutes for slow frames)
     #[arg(long)]
     measure: bool,
@@ -46,7 +45,7 @@ pub struct Args {
 
 #[derive(Serialize)]
 struct Report {
-    /// File, or what the built-in scene is called.
+    /// File, or the name of the built-in scene.
     scene: String,
     camera: String,
     frame: u32,
@@ -66,14 +65,14 @@ struct Tolerances {
 struct Line {
     #[serde(flatten)]
     verdict: EffectLabel,
-    /// Whether its errors are rms, of what it draws.
+    /// Whether its errors are rms, of a random effect.
     rms: bool,
-    /// Whether they are px, which decide.
+    /// Whether errors in px decide.
     #[serde(skip)]
     by_px: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     measured_error_e: Option<f64>,
-    /// Of those that are judged by px.
+    /// For effects with errors in px.
     #[serde(skip_serializing_if = "Option::is_none")]
     measured_error_px: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -166,7 +165,7 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
 }
 
 impl Line {
-    /// The declared error and the measured one, both in the unit that decides.
+    /// The declared and the measured error, in the unit that decides.
     fn errors(&self) -> (String, Option<String>) {
         let rms = if self.rms { " rms" } else { "" };
         let e = |e: f64| format!("{} e-{rms}", three_digits(e));

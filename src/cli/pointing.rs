@@ -1,4 +1,4 @@
-//! Where a camera is and looks, as options of `render`, `plan` and `passes`.
+//! Position and pointing of a camera, as options of `render`, `plan` and `passes`.
 
 use super::numbers::Numbers;
 use anyhow::{Context, anyhow};
@@ -29,8 +29,8 @@ pub struct Place {
 }
 
 impl Place {
-    /// The observer, if one is given; what its file is refused is added to `findings`. Errors about
-    /// `--state` are in the units that it is given in.
+    /// The observer, if one is given; refused records of its file are added to `findings`. Errors
+    /// about `--state` have its units.
     pub fn observer(&self, findings: &mut orbits::Findings) -> anyhow::Result<Option<Observer>> {
         if let Some(selector) = &self.orbit {
             let object = orbits::one(&Folder::current(), selector, findings).context("--orbit")?;
@@ -82,7 +82,7 @@ pub struct Pointing {
 }
 
 impl Pointing {
-    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`;
+    /// One exposure with this pointing from `epoch` on, for the camera and the objects of `config`;
     /// `None` without any of the options.
     pub fn sequence(&self, epoch: Epoch, config: &Config) -> anyhow::Result<Option<Sequence>> {
         let look_at = self.target(config)?;
@@ -120,7 +120,7 @@ impl Pointing {
 
     fn target(&self, config: &Config) -> anyhow::Result<Option<LookAt>> {
         let Some(text) = &self.look_at else {
-            // Clap does not require an option that another one excludes.
+            // `requires` of clap has no effect if another option excludes the required one.
             if self.up.is_some() || self.roll.is_some() {
                 return Err(anyhow!(
                     "--up and --roll are rules of --look-at: give that, or leave them out"

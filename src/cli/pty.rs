@@ -1,4 +1,4 @@
-//! `skyloop pty`: two pseudo-terminals joined by a line, for tests that have no serial ports.
+//! `skyloop pty`: two pseudo-terminals joined by a line, for tests without serial ports.
 
 use anyhow::Context;
 use clap::Args as ClapArgs;
@@ -22,7 +22,7 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
-    // Before the names are made, so that whatever ends it removes them.
+    // Before the names exist, so that every end of the program removes them.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let pair = Pair::open([&args.a, &args.b], args.baud)?;
     say(format_args!(

@@ -1,4 +1,4 @@
-//! `--ready-file`: says for scripts that all links listen, and where.
+//! `--ready-file`: reports to scripts that all links listen, with their addresses.
 
 use anyhow::{Context, anyhow, bail};
 use serde::Serialize;
@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 #[derive(Serialize)]
 pub struct Ready<'a> {
     pub pid: u32,
-    /// Where the first camera listens: addresses with the ports and names that the system gave.
+    /// Addresses of the first camera, with the ports and names from the system.
     pub links: Vec<String>,
     /// Further cameras.
     #[serde(rename = "heads")]
     pub cameras: Vec<Head<'a>>,
-    /// Where figures are served.
+    /// Address of the metrics server.
     pub metrics: Option<String>,
 }
 
@@ -28,15 +28,15 @@ pub struct Head<'a> {
 /// The file, which is removed at the end of the run.
 pub struct ReadyFile {
     file: PathBuf,
-    /// Where its text is until it is published.
+    /// Temporary file with its text, until it is published.
     part: Option<PathBuf>,
 }
 
-/// How a ready file is recognised; one that a killed run has left is replaced.
+/// The mark of a ready file; one left by a killed run is replaced.
 const MARK: Mark = &["{", "\"pid\"", "\"links\""];
 
-/// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a
-/// file that skyloop did not write.
+/// Refuses a folder that does not exist, a file that is not regular, an input, and without `force`
+/// a file that skyloop did not write.
 pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
     let shown = path_text(file);
     let folder = file
@@ -58,7 +58,7 @@ pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
 }
 
 impl ReadyFile {
-    /// Writes the text under another name: a reader never sees a part of it.
+    /// Writes the text under another name: readers never see a partial file.
     pub fn prepare(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
         let mut name = file.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}", ready.pid));
@@ -91,7 +91,7 @@ impl ReadyFile {
 impl Drop for ReadyFile {
     fn drop(&mut self) {
         if let Some(part) = &self.part {
-            // The error that has left it there is reported.
+            // The error that left it is reported.
             let _ = std::fs::remove_file(part);
         } else if let Err(error) = std::fs::remove_file(&self.file) {
             let shown = path_text(&self.file);

@@ -1,4 +1,4 @@
-//! `skyloop render`: frames and labels into a folder, without a flight computer.
+//! `skyloop render`: frames and labels in a folder, without a flight computer.
 
 use super::budget::Budget;
 use super::common::{Force, Orbits, Records, mission, progress};
@@ -125,14 +125,14 @@ fn configure(args: &Args) -> anyhow::Result<Config> {
 }
 
 fn from_flags(args: &Args) -> anyhow::Result<Config> {
-    let here = Folder::current();
+    let folder = Folder::current();
     let mut config = Config::defaults()?;
-    config.camera = Camera::load(&args.camera, &here)?;
+    config.camera = Camera::load(&args.camera, &folder)?;
     let mut findings = orbits::Findings::default();
     config.observer = args.place.observer(&mut findings)?;
     let mut pool = orbits::Pool::default();
     for file in &args.rso {
-        pool.read(&here, file, 0, &mut findings)?;
+        pool.read(&folder, file, 0, &mut findings)?;
     }
     config.objects.extend(pool.unite(&mut findings).objects);
     if let Some(epoch) = args.epoch {

@@ -1,4 +1,4 @@
-//! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
+//! `skyloop replay`: runs the inputs of a recording again, and compares the packets.
 
 use super::common::{Orbits, Records, levels};
 use super::session::{Session, configure};
@@ -32,12 +32,12 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
     /// Fail if one step, such as a frame, takes longer than this
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "600", allow_negative_numbers = true)]
+    #[arg(long = "patience", alias = "timeout", value_name = "SECONDS", value_parser = seconds, default_value = "600", allow_negative_numbers = true)]
     timeout: Duration,
 }
 
-/// An emulator that has nothing to do for this long does not come where the recorded one was. It
-/// gives a frame up that finds no room after 2 s.
+/// An emulator idle for this long does not reach the recorded state. It gives a frame up after 2 s
+/// without room.
 const SILENCE: Duration = Duration::from_secs(10);
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -46,7 +46,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
     duration.ok_or_else(|| "seconds, above 0".to_string())
 }
 
-/// Runs the command; `verbose`: lists the frames.
+/// Runs the command; `verbose` lists the frames.
 pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let recording = load(&args.file, &NATIVE)?;
     let file = args.config.as_deref().or(args.scene.as_deref());
@@ -95,7 +95,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is replayed, in a line.
+/// The replayed recording, in a line.
 ///
 /// Errors: nothing was received or sent in the recording.
 fn has_both_directions(args: &Args, recording: &Recording, gaps: &str) -> anyhow::Result<String> {
@@ -121,7 +121,7 @@ fn has_both_directions(args: &Args, recording: &Recording, gaps: &str) -> anyhow
     ))
 }
 
-/// Warns of files and settings that are not those of the recording; what may be behind a
+/// Warns of files and settings that differ from the recording; returns a hint at the cause of a
 /// difference.
 fn compare_origins(args: &Args, recording: &Recording, settings: Vec<(String, String)>) -> String {
     let inputs = inputs().into_iter();
@@ -143,7 +143,7 @@ fn compare_origins(args: &Args, recording: &Recording, settings: Vec<(String, St
 
 /// Runs the server until the replay is over.
 ///
-/// Errors: it was interrupted, takes longer than `--patience` for a step, or has panicked.
+/// Errors: it was interrupted, exceeded the timeout of a step, or has panicked.
 fn wait(
     args: &Args,
     mut server: Server,
@@ -151,7 +151,7 @@ fn wait(
     interrupted: &AtomicBool,
     hint: &str,
 ) -> anyhow::Result<()> {
-    // Not scoped: a frame that takes too long cannot be stopped, only left alone.
+    // Not scoped: a frame that takes too long cannot be stopped, so its thread is abandoned.
     let serving = std::thread::spawn({
         let replay = replay.clone();
         move || server.run(replay.over(), None, |_| {})
@@ -201,7 +201,7 @@ fn list(progress: &Progress) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What may be behind a difference: what is not as it was, where the recording says so.
+/// Possible causes of a difference, if the recording has its origin.
 fn hint(args: &Args, differences: Option<&[String]>) -> String {
     match (differences, &args.config, &args.scene) {
         (Some([]), ..) => "files and settings are those of the recording: has the recording itself been changed, or was it made by \
@@ -219,7 +219,7 @@ fn whole_of(progress: &Progress) -> usize {
     progress.frames.iter().filter(|frame| frame.whole).count()
 }
 
-/// What a recording made on the bus cannot show.
+/// Frames that a recording made on the bus cannot compare.
 fn gaps(recording: &Recording) -> String {
     let mut text = String::new();
     if recording.torn > 0 {

@@ -139,8 +139,8 @@ fn open_links(
     let options = live::link_options(&config.run, Some(instruments.bus()));
     let first = instruments.around(link::open_all(urls, &options).context(key)?)?;
     let further = config.cameras.iter().map(|head| {
-        let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
-        link::open_further(&head.links, &options).with_context(beside)
+        let context = || format!("head {} beside {}", head.name, urls.join(" and "));
+        link::open_further(&head.links, &options).with_context(context)
     });
     let further: Vec<_> = further.collect::<Result<_, _>>()?;
     let mut links: Vec<_> = std::iter::once(first).chain(further).collect();
@@ -204,7 +204,7 @@ fn ready_file(
     ReadyFile::prepare(file, &ready).map(Some)
 }
 
-/// How the run ended, with the figures of each camera.
+/// The end of the run, with the statistics of each camera.
 struct Served {
     ended: Ended,
     cut: Option<Cut>,
@@ -258,11 +258,11 @@ fn serve(
         (served, cameras, limits.join().ok().flatten())
     });
     let of_cameras = cameras.into_iter().map(|head| {
-        let (served, figures) = head.unwrap_or((Ended::Panicked, Default::default()));
+        let (served, stats) = head.unwrap_or((Ended::Panicked, Default::default()));
         if served == Ended::Panicked {
             ended = Ended::Panicked;
         }
-        figures
+        stats
     });
     let cameras = of_cameras.collect();
     let gone = server.gone().unwrap_or("of the run").to_string();
@@ -296,15 +296,15 @@ enum Cut {
     TimedOut,
 }
 
-/// Stops the run when `--wait-for-client` or `--timeout`, counted from `begin`, is over. Further
-/// cameras end with the run.
+/// Stops the run when `--wait-for-client` or `--timeout`, counted from `begin`, has elapsed.
+/// Further cameras end with the run.
 fn limit(
     args: &Args,
     begin: Instant,
     [seen, ended]: [&AtomicBool; 2],
     stop: &AtomicBool,
 ) -> Option<Cut> {
-    const LOOK: Duration = Duration::from_millis(20);
+    const INTERVAL: Duration = Duration::from_millis(20);
     let is_over = |s: Option<f64>| s.is_some_and(|s| begin.elapsed().as_secs_f64() >= s);
     while !ended.load(Ordering::Relaxed) {
         let cut = if is_over(args.wait_for_client) && !seen.load(Ordering::Relaxed) {
@@ -319,7 +319,7 @@ fn limit(
             ended.store(true, Ordering::Relaxed);
             return cut;
         }
-        std::thread::park_timeout(LOOK);
+        std::thread::park_timeout(INTERVAL);
     }
     None
 }
@@ -332,12 +332,12 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()>
             "no client has come within {} s (--wait-for-client): check that it sends to the address above",
             seconds(args.wait_for_client)
         ),
-        (cut, Some(wanted)) if args.timeout.is_some() && sent < wanted => {
-            let (s, wanted) = (seconds(args.timeout), counted(wanted as usize, "frame"));
+        (cut, Some(requested)) if args.timeout.is_some() && sent < requested => {
+            let (s, frames) = (seconds(args.timeout), counted(requested as usize, "frame"));
             match cut {
-                Some(_) => bail!("stopped after {s} s (--timeout) with {sent} of {wanted} sent"),
+                Some(_) => bail!("stopped after {s} s (--timeout) with {sent} of {frames} sent"),
                 None => bail!(
-                    "{sent} of {wanted} sent within {s} s (--timeout): `frames withheld` above says why"
+                    "{sent} of {frames} sent within {s} s (--timeout): `frames withheld` above says why"
                 ),
             }
         }
@@ -347,19 +347,19 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()>
 
 /// Warns of rates of further cameras whose frames follow packets.
 fn warn_of_rates(config: &Config) {
-    let asks = asks(&config.run).filter(|_| config.run.clock == Clock::Stepped);
+    let request = frame_request(&config.run).filter(|_| config.run.clock == Clock::Stepped);
     for head in config.cameras.iter().filter(|head| head.has_own_rate) {
-        let Some(asks) = asks else { return };
+        let Some(request) = request else { return };
         let _of = live::of_head(&head.name).entered();
         tracing::warn!(
-            "rate_hz = {}: no meaning by the stepped clock, where each {asks} gives its frame; leave it out, or set run.clock",
+            "rate_hz = {}: no meaning by the stepped clock, where each {request} gives its frame; leave it out, or set run.clock",
             head.camera.rate_hz
         );
     }
 }
 
 /// The packet that requests each frame; none if frames follow the camera's rate.
-fn asks(run: &Run) -> Option<&'static str> {
+fn frame_request(run: &Run) -> Option<&'static str> {
     match (run.clock, run.trigger) {
         (_, Trigger::Packet) => Some("Trigger"),
         (Clock::Stepped, Trigger::Own) => Some("attitude"),
@@ -367,10 +367,10 @@ fn asks(run: &Run) -> Option<&'static str> {
     }
 }
 
-/// When frames come, as text.
+/// The pace of frames as text.
 fn pace(run: &Run, rate_hz: f64) -> String {
-    if let Some(asks) = asks(run) {
-        return format!("a frame for each {asks}");
+    if let Some(request) = frame_request(run) {
+        return format!("a frame for each {request}");
     }
     let frames = if rate_hz == 1.0 { "frame" } else { "frames" };
     let clock = match run.clock {

@@ -1,5 +1,5 @@
-//! Builds what `run`, `loopback`, `soak` and `replay` serve: configuration, emulator, cameras at
-//! links.
+//! Builds configuration, emulator, and cameras on their links for `run`, `loopback`, `soak` and
+//! `replay`.
 
 use super::budget::{Budget, FRAMES, around};
 use super::common::{Orbits, Records, scene, with_level};
@@ -34,10 +34,10 @@ pub fn configure(
     Ok(config)
 }
 
-/// An emulator and its configuration, to be put at links.
+/// An emulator and its configuration, before it is connected to links.
 pub struct Session {
     pub config: Config,
-    /// Number of configured objects, which the emulator has now.
+    /// Number of configured objects, which are now in the emulator.
     pub objects: usize,
     pub emulator: Emulator,
 }
@@ -73,20 +73,20 @@ impl Session {
         })
     }
 
-    /// The settings beside the files, for recordings.
+    /// The settings in addition to the files, for recordings.
     pub fn settings(&self) -> Vec<(String, String)> {
         instruments::settings(self.config.run.output, &self.emulator)
     }
 
-    /// Puts the emulator at its links with the stepped clock.
+    /// Connects the emulator to its links, with the stepped clock.
     pub fn stepped(self, links: Links) -> (Config, Server) {
         let output = self.config.run.output;
         let server = Server::new(self.emulator, links, output, Clock::Stepped, &NATIVE);
         (self.config, server)
     }
 
-    /// Puts each camera at its links, with the clock of the run file. If the vehicle is known at
-    /// the start (`warm_up`), each camera renders a frame of it beforehand.
+    /// Connects each camera to its links, with the clock of the run file. If the vehicle is known
+    /// at the start (`warm_up`), each camera renders a frame of it beforehand.
     pub fn live(
         self,
         links: Vec<Links>,

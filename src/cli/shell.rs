@@ -1,4 +1,5 @@
-//! `skyloop completions` and `skyloop man`: what a shell and `man` make of the command line.
+//! `skyloop completions` and `skyloop man`: completion scripts and manual pages of the command
+//! line.
 
 use super::common::Force;
 use clap::Args as ClapArgs;
@@ -26,7 +27,7 @@ pub struct Manual {
     force: Force,
 }
 
-/// How a page of skyloop is recognised.
+/// The mark of a manual page.
 const MARK: Mark = &["", ".TH skyloop"];
 
 pub fn completions(args: Completions, mut command: clap::Command) -> anyhow::Result<()> {

@@ -1,4 +1,4 @@
-//! `skyloop camera check`: whether a camera file is valid, and what the camera can see.
+//! `skyloop camera check`: validity of a camera file, and the camera's sensitivity.
 
 use clap::Args as ClapArgs;
 use serde::Serialize;
@@ -26,7 +26,7 @@ struct Report {
     warnings: Vec<String>,
 }
 
-/// Stars in a frame below which a star tracker cannot find its attitude.
+/// Minimum number of stars in a frame for attitude determination.
 const FEW_STARS: f64 = 4.0;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -51,7 +51,7 @@ pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::
     }
 }
 
-/// What is unusual for a star tracker.
+/// Warnings about values that are unusual for a star tracker.
 fn doubts(found: &Sensitivity) -> Vec<String> {
     let mut doubts = Vec::new();
     match (found.limiting_mag, found.stars_per_frame) {

@@ -1,4 +1,4 @@
-//! `skyloop camera`: what is done with camera files. A subcommand is a file here and a line in
+//! `skyloop camera`: commands for camera files. A subcommand is a file here and a line in
 //! [`Command`].
 
 mod check;

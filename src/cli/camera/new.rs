@@ -1,4 +1,4 @@
-//! `skyloop camera new`: a camera file from the six figures of a data sheet.
+//! `skyloop camera new`: a camera file from the six values of a data sheet.
 
 use super::check::report;
 use crate::cli::common::{Force, is_stdout};
@@ -39,53 +39,53 @@ pub struct Args {
     force: Force,
 }
 
-/// A figure of a data sheet.
+/// A value of a data sheet.
 struct Question {
     option: &'static str,
-    asks: &'static str,
+    prompt: &'static str,
     default: &'static str,
-    /// Reads an answer; the error says what is allowed.
+    /// Parses an answer; the error names the permitted values.
     read: fn(&str) -> Result<Answer, String>,
 }
 
-/// One or two numbers, and whether the last is in the other of two units: deg for mm, a ratio for
+/// One or two numbers, and whether the value is in the alternative unit: deg or a ratio instead of
 /// mm.
 type Answer = ([f64; 2], bool);
 
 const QUESTIONS: [Question; 6] = [
     Question {
         option: "--size",
-        asks: "Sensor, columns x rows (px)",
+        prompt: "Sensor, columns x rows (px)",
         default: "1280x1024",
         read: size,
     },
     Question {
         option: "--pixel",
-        asks: "Pixel pitch (um)",
+        prompt: "Pixel pitch (um)",
         default: "4.8",
         read: |text| number(text, 0.3, 1e3, "um"),
     },
     Question {
         option: "--focal",
-        asks: "Focal length (mm), or field of view along the rows, such as 20deg",
+        prompt: "Focal length (mm), or field of view along the rows, such as 20deg",
         default: "16",
         read: focal,
     },
     Question {
         option: "--aperture",
-        asks: "Aperture: diameter (mm), or focal ratio, such as f/1.4",
+        prompt: "Aperture: diameter (mm), or focal ratio, such as f/1.4",
         default: "f/1.4",
         read: aperture,
     },
     Question {
         option: "--exposure",
-        asks: "Exposure time (s)",
+        prompt: "Exposure time (s)",
         default: "0.1",
         read: |text| number(text, 1e-6, 1e4, "s"),
     },
     Question {
         option: "--full-well",
-        asks: "Full well (e-)",
+        prompt: "Full well (e-)",
         default: "10000",
         read: |text| number(text, 100.0, 1e9, "e-"),
     },
@@ -94,8 +94,8 @@ const QUESTIONS: [Question; 6] = [
 pub fn run(args: Args) -> anyhow::Result<()> {
     let shown = path_text(&args.file);
     let to_stdout = is_stdout(&args.file);
-    // People edit camera files: an earlier one is replaced by force only. It is opened before
-    // questions are asked.
+    // Users edit camera files, so an existing one is replaced by force only. It is opened before
+    // the prompts.
     let output = (!to_stdout).then(|| OutputFile::open(&args.file, NO_MARK, args.force.force));
     let output = output.transpose().with_context(|| shown.clone())?;
     let given = [
@@ -107,7 +107,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         args.full_well,
     ];
     let answers = if stdin().is_terminal() {
-        ask(&given, &mut stdin().lock(), &mut stderr())?
+        prompt_for(&given, &mut stdin().lock(), &mut stderr())?
     } else {
         all_given(&given)?
     };
@@ -131,8 +131,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Reads the options, and asks for what they do not say.
-fn ask(
+/// Parses the options, and prompts for the missing ones.
+fn prompt_for(
     given: &[Option<String>; 6],
     input: &mut impl BufRead,
     output: &mut impl Write,
@@ -145,7 +145,7 @@ fn ask(
             continue;
         }
         loop {
-            write!(output, "{} [{}]: ", question.asks, question.default)?;
+            write!(output, "{} [{}]: ", question.prompt, question.default)?;
             output.flush()?;
             let mut line = String::new();
             if input.read_line(&mut line)? == 0 {
@@ -170,7 +170,7 @@ fn ask(
     Ok(answers)
 }
 
-/// Reads the options; the error names all that are missing or wrong.
+/// Parses the options; the error lists all missing and wrong ones.
 fn all_given(given: &[Option<String>; 6]) -> anyhow::Result<Vec<Answer>> {
     let missing: Vec<&str> = QUESTIONS
         .iter()
@@ -192,7 +192,7 @@ fn all_given(given: &[Option<String>; 6]) -> anyhow::Result<Vec<Answer>> {
         .map_err(anyhow::Error::msg)
 }
 
-/// Errors: all options that are wrong, a line each.
+/// Errors: all wrong options, one per line.
 fn check(given: &[Option<String>; 6]) -> anyhow::Result<()> {
     let wrong: Vec<String> = wrong(given).collect();
     if wrong.is_empty() {
@@ -201,13 +201,13 @@ fn check(given: &[Option<String>; 6]) -> anyhow::Result<()> {
     bail!(lines(wrong.into_iter()));
 }
 
-/// What is wrong with the options that are given.
+/// Errors of the given options.
 fn wrong(given: &[Option<String>; 6]) -> impl Iterator<Item = String> {
     let given = QUESTIONS.iter().zip(given);
     given.filter_map(|(question, given)| read(question, given.as_ref()?).err())
 }
 
-/// One fault alone, several a line each.
+/// A single fault as it is, several with one line each.
 fn lines(faults: impl Iterator<Item = String>) -> String {
     let faults: Vec<String> = faults.collect();
     match &faults[..] {
@@ -222,13 +222,13 @@ fn read(question: &Question, text: &str) -> Result<Answer, String> {
 }
 
 /// A number without a unit.
-fn number(text: &str, least: f64, most: f64, unit: &str) -> Result<Answer, String> {
+fn number(text: &str, min: f64, max: f64, unit: &str) -> Result<Answer, String> {
     let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
     match value {
-        Some(value) if (least..=most).contains(&value) => Ok(([value, 0.0], false)),
-        Some(_) => Err(format!("must be {least} to {most} {unit}")),
+        Some(value) if (min..=max).contains(&value) => Ok(([value, 0.0], false)),
+        Some(_) => Err(format!("must be {min} to {max} {unit}")),
         None => Err(format!(
-            "must be a number in {unit}, {least} to {most}, without a unit"
+            "must be a number in {unit}, {min} to {max}, without a unit"
         )),
     }
 }
@@ -270,7 +270,7 @@ fn file_text(name: &str, answers: &[Answer]) -> String {
     let of = |question: usize| (at(question).0[0], at(question).1);
     let (pixel_um, (focal, is_field), (aperture, is_ratio)) = (of(1).0, of(2), of(3));
     let (exposure_s, full_well_e) = (of(4).0, of(5).0);
-    // A pinhole's field w of n pixels p: f = n p / (2 tan(w/2)).
+    // Field w of a pinhole with n pixels of pitch p: f = n p / (2 tan(w/2)).
     let focal_mm = if is_field {
         width * pixel_um * 1e-3 / (2.0 * (focal.to_radians() / 2.0).tan())
     } else {
@@ -281,7 +281,7 @@ fn file_text(name: &str, answers: &[Answer]) -> String {
     } else {
         aperture
     };
-    // Full wells at the converter's end, above an offset of 32 of 4095.
+    // Full well at full scale, with an offset of 32 of 4095.
     let gain = full_well_e / 4063.0;
     let rate_hz = (1.0 / exposure_s).min(5.0);
     format!(
@@ -318,18 +318,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn questions_are_repeated_until_the_answer_can_be_used() {
+    fn questions_are_repeated_until_the_answer_is_valid() {
         let given = [None, None, None, Some("12".to_string()), None, None];
-        let mut said = Vec::new();
+        let mut prompts = Vec::new();
         let typed = "huge\n640 x 480\n\n-3\n20deg\nnan\n0.2\n50000\n";
-        let answers = ask(&given, &mut typed.as_bytes(), &mut said).unwrap();
-        let said = String::from_utf8(said).unwrap();
+        let answers = prompt_for(&given, &mut typed.as_bytes(), &mut prompts).unwrap();
+        let prompts = String::from_utf8(prompts).unwrap();
         for words in [
             "columns x rows in px, 1 to 8192",
             "\"-3\": must be 0.5 to 1000000 mm; or a field",
             "\"nan\": must be a number in s",
         ] {
-            assert!(said.contains(words), "{words}: {said}");
+            assert!(prompts.contains(words), "{words}: {prompts}");
         }
         let (camera, notices) =
             Camera::parse_noticed("new.toml", &file_text("new \"one\"", &answers)).unwrap();
@@ -343,7 +343,7 @@ mod tests {
             camera.optics.focal_px
         );
         assert_eq!((camera.optics.aperture_m, camera.exposure_s), (0.012, 0.2));
-        let ended = ask(&given, &mut "".as_bytes(), &mut Vec::new());
+        let ended = prompt_for(&given, &mut "".as_bytes(), &mut Vec::new());
         assert!(ended.unwrap_err().to_string().contains("--size"));
         let wrong =
             ["0x4", "5.5um", "1e9", "f/0", "0.1 s", "-1"].map(|text| Some(text.to_string()));

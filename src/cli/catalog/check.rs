@@ -1,4 +1,4 @@
-//! `skyloop catalog check`: what files of orbits hold, and what of it cannot be used.
+//! `skyloop catalog check`: contents of orbit files, and their unusable records.
 
 use super::source::{Source, shown, sources};
 use crate::cli::common::say_json;
@@ -29,19 +29,19 @@ pub struct Args {
     json: bool,
 }
 
-/// Objects that a line names at most; JSON has all.
+/// Most objects that a line names; JSON has all.
 const NAMED: usize = 5;
 
 #[derive(Serialize, Default)]
 struct Report {
     objects: usize,
     records: usize,
-    /// Names that several objects have which have nothing else, and of how many.
+    /// Names shared by several objects that have no other identity, and their number.
     shared_names: BTreeMap<String, usize>,
     rejected: usize,
     /// Files without orbits.
     unusable: usize,
-    /// What folders hold beside files of orbits.
+    /// Other files in the folders.
     passed_over: Vec<String>,
     files: Vec<FileReport>,
 }
@@ -49,39 +49,39 @@ struct Report {
 #[derive(Serialize, Default)]
 struct FileReport {
     file: String,
-    /// None where it is no file of orbits.
+    /// None if it is not an orbit file.
     format: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
     /// Element sets, and objects with an ephemeris.
     records: usize,
     objects: usize,
-    /// Epochs of the first and last element set; without any, what ephemerides cover.
+    /// Epochs of the first and last element set; without sets, the coverage of ephemerides.
     first_epoch: Option<String>,
     last_epoch: Option<String>,
-    /// Whether these are of element sets.
+    /// Whether these belong to element sets.
     #[serde(skip)]
     has_sets: bool,
-    /// What ephemerides cover, where the file has any.
+    /// Coverage of ephemerides, if the file has any.
     #[serde(skip_serializing_if = "Option::is_none")]
     covers: Option<[String; 2]>,
     beyond_99999: usize,
-    /// What was assumed of records and ephemerides, a line for each kind.
+    /// Assumptions about records and ephemerides, one line for each kind.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     assumed: Vec<String>,
-    /// Objects with several sets, and how many.
+    /// Objects with several sets, and the number of sets.
     several_sets: BTreeMap<String, usize>,
-    /// Sets that have no state at their own epoch.
+    /// Sets without a state at their own epoch.
     stateless: Vec<Stateless>,
     rejected: Vec<Refusal>,
 }
 
-/// A set that SGP4 gives no state for at its own epoch.
+/// A set for which SGP4 has no state at its own epoch.
 #[derive(Serialize)]
 struct Stateless {
     line: usize,
     norad: u32,
-    /// That of the reference implementation.
+    /// Error code of the reference implementation.
     code: u8,
     reason: String,
 }
@@ -110,7 +110,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         all.push(objects);
         report.files.push(file);
     }
-    // Refuse what a scene refuses.
+    // Refuse the same records as a scene.
     let United {
         objects, refused, ..
     } = unite(all);
@@ -173,7 +173,7 @@ impl Report {
     }
 }
 
-/// What there is to report of a file, and its objects.
+/// The report of a file, and its objects.
 fn of_source(source: Source) -> (FileReport, orbit::Source) {
     let file = shown(&source.file);
     match source.contents {
@@ -245,7 +245,7 @@ fn range(intervals: impl Iterator<Item = (Epoch, Epoch)>) -> Option<(Epoch, Epoc
 }
 
 impl FileReport {
-    /// Adds the number of different objects, and how many element sets each has.
+    /// Adds the number of different objects, and the number of element sets of each.
     fn with_objects(mut self, objects: &[Object]) -> Self {
         let mut sets: Vec<(String, usize)> = Vec::new();
         for (object, place) in objects.iter().zip(places(objects.iter())) {
@@ -259,7 +259,7 @@ impl FileReport {
             }
         }
         self.objects = sets.len();
-        // Those with neither number nor name may be of any object.
+        // Placeholders without number and name may denote different objects.
         sets.retain(|(id, count)| *count > 1 && !is_placeholder(id));
         self.several_sets = sets.into_iter().collect();
         self
@@ -325,7 +325,7 @@ impl FileReport {
     }
 }
 
-/// The first of them, and whether there are more.
+/// The first names, and a mark if there are more.
 fn some(names: impl Iterator<Item = String>) -> String {
     let mut names: Vec<String> = names.take(NAMED + 1).collect();
     if names.len() > NAMED {

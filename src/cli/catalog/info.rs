@@ -1,4 +1,4 @@
-//! `skyloop catalog info`: the objects of files by kind of orbit, or one of them.
+//! `skyloop catalog info`: the objects of files by kind of orbit, or one object.
 
 use super::source::{readable, shown, sources};
 use crate::cli::common::{Records, say_json};
@@ -28,18 +28,18 @@ pub struct Args {
     records: Records,
 }
 
-/// Objects that are listed beside the counts; JSON has all.
+/// Most objects listed in addition to the counts; JSON has all.
 const LISTED: usize = 40;
 
 #[derive(Serialize)]
 struct Line {
     id: String,
     names: Vec<String>,
-    /// LEO, MEO, GEO, HEO or beyond GEO; none of an ephemeris.
+    /// LEO, MEO, GEO, HEO or beyond GEO; none for an ephemeris.
     regime: Option<String>,
     deep: Option<bool>,
     sets: usize,
-    /// Of its last set, as all that follows; of an ephemeris the first instant that it covers.
+    /// Epoch of the last set, as are all following values; for an ephemeris its first instant.
     epoch: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     until: Option<String>,
@@ -79,7 +79,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The objects of all files; sets of one object are joined.
+/// The objects of all files; sets of one object are merged.
 fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
     let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! `skyloop catalog`: what is done with files of orbits. A subcommand is a file here and a line in
+//! `skyloop catalog`: commands for orbit files. A subcommand is a file here and a line in
 //! [`Command`].
 
 mod check;
@@ -20,7 +20,7 @@ pub enum Command {
     Synth(synth::Args),
 }
 
-/// Refuses `bytes` of a file that would be too long to be read again, and says what to do instead.
+/// Refuses `bytes` of a file that would be too long to read again, with a remedy.
 fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<()> {
     const GIB: f64 = (1 << 30) as f64;
     if bytes > LARGEST_FILE as f64 {
@@ -46,12 +46,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_could_not_be_read_again_is_not_written() {
+    fn files_too_long_to_read_are_not_written() {
         // X-Val: docs/how-to/install.md: files of up to 2 GiB are read.
-        let most = 2.0 * 1024.0 * 1024.0 * 1024.0;
+        let max = 2.0 * 1024.0 * 1024.0 * 1024.0;
         let fits = |bytes| super::fits("9 objects", Format::OmmXml, bytes, "write .csv");
-        assert!(fits(most).is_ok());
-        let error = fits(1.3 * most).unwrap_err().to_string();
+        assert!(fits(max).is_ok());
+        let error = fits(1.3 * max).unwrap_err().to_string();
         for word in [
             "9 objects would take 2.6 GiB as omm-xml",
             "at most 2 GiB",

@@ -1,20 +1,20 @@
-//! The files that the subcommands are given.
+//! The files of the command line.
 
 use anyhow::Context;
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Contents, LoadError, files, load_contents};
 use std::path::{Path, PathBuf};
 
-/// A file, and what it holds or why it holds nothing.
+/// A file, and its contents or the reason why it has none.
 pub struct Source {
     pub file: PathBuf,
-    /// Whether the command line names it itself, not a folder that it is in.
+    /// Whether the command line names the file itself, not its folder.
     pub named: bool,
     pub contents: Result<Contents, LoadError>,
 }
 
-/// Every file that is named, and those of folders in order of name, each read when its turn comes.
-/// What else folders hold is added to `passed_over`.
+/// Every named file, and the files of folders in order of name; each is read when the iterator
+/// reaches it. Other files in folders are added to `passed_over`.
 pub fn sources(
     paths: &[PathBuf],
     passed_over: &mut Vec<String>,
@@ -34,7 +34,7 @@ pub fn sources(
 }
 
 impl Source {
-    /// Whether it is no file of orbits, in a folder of others.
+    /// Whether it is not an orbit file, within a folder.
     pub fn is_foreign(&self) -> bool {
         let error = self.contents.as_ref().err();
         !self.named && error.is_some_and(LoadError::is_foreign)
@@ -48,8 +48,8 @@ impl Source {
     }
 }
 
-/// Adds the records that were refused to `rejected`, files that hold nothing too, and those that
-/// are none of orbits to `passed_over`.
+/// The contents of an orbit file. Adds refused records and files without contents to `rejected`,
+/// and other files to `passed_over`.
 ///
 /// Errors: the file is named and cannot be opened.
 pub fn readable(

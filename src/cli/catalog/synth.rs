@@ -1,4 +1,4 @@
-//! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
+//! `skyloop catalog synth`: a synthetic population with the mix of the real one, for scale tests.
 
 use crate::cli::common::Force;
 use anyhow::{Context, bail};
@@ -43,15 +43,15 @@ pub struct Args {
 
 /// The population file in a folder.
 const POPULATION: &str = "population.toml";
-/// How it is recognised.
+/// Its mark.
 const MARK: Mark = &["# A made-up population:"];
-/// The greatest catalogue number that TLE can hold: `Z9999`.
+/// The greatest catalogue number of a TLE: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
-/// Years of which all of a TLE's epochs are, a day before among them.
+/// Years whose epochs, and the day before, fit in a TLE.
 const TLE_YEARS: std::ops::RangeInclusive<i32> = 1958..=2056;
-/// Where size classes end, m.
+/// Upper limits of size classes, m.
 const SIZES_M: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
-/// The ends of names of files, and what such a file holds.
+/// File extensions and their formats.
 const ENDS: [(&str, Format); 6] = [
     ("tle", Format::Tle),
     ("3le", Format::ThreeLine),
@@ -61,7 +61,7 @@ const ENDS: [(&str, Format); 6] = [
     ("csv", Format::OmmCsv),
 ];
 
-/// Objects whose records tell how long those of others are.
+/// Number of objects for the estimate of a file's size.
 const FEW: usize = 1000;
 
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -110,8 +110,8 @@ impl Target<'_> {
     }
 }
 
-/// Refuses a file that would be too long to be read again; the first objects of a population are
-/// those of any smaller one.
+/// Refuses a file that would be too long to read again. The first objects of a population are those
+/// of any smaller one.
 fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let few = population(FEW.min(args.objects as usize), args.seed, args.epoch);
     let records: Vec<Record> = few.iter().map(Synthetic::record).collect();
@@ -119,7 +119,7 @@ fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let expected = bytes as f64 / few.len() as f64 * f64::from(args.objects);
     let all = counted(args.objects as usize, "object");
     let what = format!("--out {}: {all}", path_text(file));
-    // Names and numbers of the last are longer than those of the first.
+    // Names and numbers of the last objects are longer than those of the first.
     super::fits(&what, format, expected * 1.02, "write a folder, or .csv")
 }
 
@@ -138,8 +138,8 @@ fn class_file(to_m: f64, end: &str) -> String {
 
 /// The files of an older population in a folder.
 ///
-/// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder
-/// would take for a part of the population; without `force`: skyloop did not make them.
+/// Errors: the folder cannot be listed, or has other content, which a scene with this folder would
+/// read as a part of the population; without `force`: skyloop did not write the files.
 fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     let mut own = vec![POPULATION.to_string()];
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "3le")));
@@ -199,7 +199,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow
         let name = class_file(to_m, end);
         let records: Vec<Record> = of.iter().map(|one| one.record()).collect();
         elements(&folder.join(&name), &records, format, epoch, false)?;
-        // Light goes with the square of the diameter.
+        // Light is proportional to the square of the diameter.
         let squares: f64 = of.iter().map(|one| one.diameter_m * one.diameter_m).sum();
         let diameter_m = (squares / of.len() as f64).sqrt();
         let _ = write!(
@@ -217,7 +217,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow
     ))
 }
 
-/// Writes one file of elements; none of them may be lost.
+/// Writes one file of elements; fails if any cannot be written.
 fn elements(
     file: &Path,
     records: &[Record],

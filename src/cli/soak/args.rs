@@ -54,7 +54,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// The files that are read or written, by the names of their options.
+    /// Input and output files, by the names of their options.
     pub fn files(&self) -> Vec<(&'static str, &Path)> {
         let outputs = [("--junit", &self.junit), ("--json", &self.json)];
         let outputs = outputs

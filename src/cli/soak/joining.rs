@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// How long a last packet may take after the deadline, or at the end after its departure.
-const PARTING: Duration = Duration::from_secs(1);
-/// Maximum time that a departure waits for its arrival, or an arrival for its departure.
+/// Time for the last packet after the deadline, or at the end after its departure.
+const GRACE: Duration = Duration::from_secs(1);
+/// Maximum time between the departure and the arrival of a frame.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// A frame that came whole: its camera, its number, and when.
+/// A frame that arrived whole: its camera, its number, and the time.
 pub type Arrival = (usize, u32, Instant);
 
 /// Times at the clients, from each frame's trigger to the arrival of its last packet, and the
@@ -21,22 +21,22 @@ pub type Arrival = (usize, u32, Instant);
 #[derive(Default)]
 pub struct Joining {
     /// Departures without arrival, and arrivals without departure, by camera and number.
-    way: BTreeMap<(usize, u32), (Left, Instant)>,
-    came: BTreeMap<(usize, u32), Instant>,
+    in_flight: BTreeMap<(usize, u32), (Left, Instant)>,
+    early_arrivals: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
     begin: Option<Instant>,
-    /// Exposures without a frame that were booked, by camera.
+    /// Recorded exposures without a frame, by camera.
     missed: BTreeMap<usize, u32>,
-    /// The last frame of each that has left, and its deadline.
+    /// The last sent frame of each camera, and its deadline.
     last: BTreeMap<usize, (u32, Option<Instant>)>,
-    /// When the first came.
+    /// Time of the first arrival.
     pub first: Option<Instant>,
-    /// What was held meanwhile.
+    /// Memory during the run.
     pub memory: Memory,
 }
 
 impl Joining {
-    /// Of `cameras`, for so long.
+    /// For a run of `cameras` with this length.
     pub fn new(cameras: Vec<Camera>, length: Duration) -> Joining {
         Joining {
             cameras,
@@ -48,19 +48,19 @@ impl Joining {
     /// Joins until all senders have ended.
     pub fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) {
         let begin = *self.begin.get_or_insert_with(Instant::now);
-        for (camera, told) in left {
-            let frame = told.times.frame;
-            self.without_frame(camera, told.missed, frame, "before it");
-            self.last.insert(camera, (frame, told.deadline));
-            self.left(camera, told, Instant::now());
+        for (camera, departure) in left {
+            let frame = departure.times.frame;
+            self.without_frame(camera, departure.missed, frame, "before it");
+            self.last.insert(camera, (frame, departure.deadline));
+            self.left(camera, departure, Instant::now());
             arrivals
                 .try_iter()
                 .for_each(|arrival| self.arrived(arrival));
-            self.give_up(Instant::now());
+            self.drop_overdue(Instant::now());
             self.memory.see(begin.elapsed());
         }
-        let over = Instant::now() + PARTING;
-        while !self.way.is_empty() {
+        let over = Instant::now() + GRACE;
+        while !self.in_flight.is_empty() {
             let rest = over.saturating_duration_since(Instant::now());
             let Ok(arrival) = arrivals.recv_timeout(rest) else {
                 break;
@@ -69,44 +69,44 @@ impl Joining {
         }
     }
 
-    fn left(&mut self, camera: usize, told: Left, now: Instant) {
-        let key = (camera, told.times.frame);
-        match self.came.remove(&key) {
-            Some(at) => self.book(camera, &told, at),
-            // It never will.
-            None if !told.times.whole => self.add(camera, &told.times),
+    fn left(&mut self, camera: usize, departure: Left, now: Instant) {
+        let key = (camera, departure.times.frame);
+        match self.early_arrivals.remove(&key) {
+            Some(at) => self.record(camera, &departure, at),
+            // It will never arrive whole.
+            None if !departure.times.whole => self.add(camera, &departure.times),
             None => {
-                self.way.insert(key, (told, now));
+                self.in_flight.insert(key, (departure, now));
             }
         }
     }
 
     fn arrived(&mut self, (camera, frame, at): Arrival) {
         self.first.get_or_insert(at);
-        match self.way.remove(&(camera, frame)) {
-            Some((told, _)) => self.book(camera, &told, at),
+        match self.in_flight.remove(&(camera, frame)) {
+            Some((departure, _)) => self.record(camera, &departure, at),
             None => {
-                self.came.insert((camera, frame), at);
+                self.early_arrivals.insert((camera, frame), at);
             }
         }
     }
 
-    /// Books overdue frames, so that memory stays bounded.
-    fn give_up(&mut self, now: Instant) {
-        self.lose(|told, left| {
+    /// Records overdue frames as lost, so that memory stays bounded.
+    fn drop_overdue(&mut self, now: Instant) {
+        self.lose(|departure, left| {
             let latest = left + LONGEST;
-            let due = told.deadline.map_or(latest, |due| due.min(latest));
-            due + PARTING < now
+            let due = departure.deadline.map_or(latest, |due| due.min(latest));
+            due + GRACE < now
         });
-        // The client has it, and no departure was reported.
-        self.came.retain(|_, at| *at + LONGEST > now);
+        // The client has these frames, but no departure was reported.
+        self.early_arrivals.retain(|_, at| *at + LONGEST > now);
     }
 
-    /// Books the departed frames that `is_lost` selects.
+    /// Records the frames in flight that `is_lost` selects.
     fn lose(&mut self, is_lost: impl Fn(&Left, Instant) -> bool) {
         let cameras = &mut self.cameras;
-        self.way.retain(|(camera, frame), (told, left)| {
-            let is_lost = is_lost(told, *left);
+        self.in_flight.retain(|(camera, frame), (departure, left)| {
+            let is_lost = is_lost(departure, *left);
             if let Some(camera) = cameras.get_mut(*camera).filter(|_| is_lost) {
                 camera.latencies.add(&FrameTimes::incomplete(*frame));
             }
@@ -114,19 +114,19 @@ impl Joining {
         });
     }
 
-    /// Books the exposures that a camera has skipped until now.
+    /// Records the exposures that a camera has skipped until now.
     fn without_frame(&mut self, camera: usize, missed: u32, frame: u32, side: &'static str) {
-        let booked = self.missed.entry(camera).or_default();
-        let count = missed.saturating_sub(std::mem::replace(booked, missed));
+        let recorded = self.missed.entry(camera).or_default();
+        let count = missed.saturating_sub(std::mem::replace(recorded, missed));
         if let Some(camera) = self.cameras.get_mut(camera) {
             camera.latencies.add_without_frame(count, frame, side);
         }
     }
 
-    fn book(&mut self, camera: usize, told: &Left, at: Instant) {
-        let times = told.times.ended(told.trigger, told.deadline, at);
+    fn record(&mut self, camera: usize, departure: &Left, at: Instant) {
+        let times = (departure.times).ended(departure.trigger, departure.deadline, at);
         self.add(camera, &times);
-        if let (Some(begin), Some(exposure)) = (self.begin, told.exposure)
+        if let (Some(begin), Some(exposure)) = (self.begin, departure.exposure)
             && let Some(camera) = self.cameras.get_mut(camera)
         {
             let since = at.saturating_duration_since(begin);
@@ -140,12 +140,12 @@ impl Joining {
         }
     }
 
-    /// Books the rest. A frame that never arrived counts, unless it had just left and still had
-    /// time when the clients `ended`. `missed`: exposures without a frame of each camera, and its
-    /// period.
+    /// Records the remaining frames. A frame that never arrived counts, unless it was sent
+    /// within the grace time and was not due when the clients `ended`. `missed`: exposures without
+    /// a frame of each camera, and its period.
     pub fn end(mut self, ended: Instant, missed: &[(u32, Duration)]) -> Vec<Camera> {
-        self.lose(|told, left| {
-            left + PARTING < ended || told.deadline.is_some_and(|due| due < ended)
+        self.lose(|departure, left| {
+            left + GRACE < ended || departure.deadline.is_some_and(|due| due < ended)
         });
         for (camera, (missed, period)) in missed.iter().enumerate() {
             let (last, deadline) = self.last.get(&camera).copied().unwrap_or_default();
@@ -153,9 +153,9 @@ impl Joining {
                 let since = ended.saturating_duration_since(deadline);
                 (since.as_secs_f64() / period.as_secs_f64()) as u32
             });
-            let booked = self.missed.get(&camera).copied().unwrap_or_default();
-            let after = missed.saturating_sub(booked).min(due);
-            self.without_frame(camera, booked + after, last, "after it");
+            let recorded = self.missed.get(&camera).copied().unwrap_or_default();
+            let after = missed.saturating_sub(recorded).min(due);
+            self.without_frame(camera, recorded + after, last, "after it");
         }
         self.cameras
     }
@@ -180,9 +180,9 @@ mod tests {
         }
     }
 
-    /// Memory stays bounded if packets are lost or departures are not reported.
+    /// Memory is bounded if packets are lost or departures are not reported.
     #[test]
-    fn what_never_comes_counts_and_is_not_kept() {
+    fn missing_arrivals_count_and_memory_is_bounded() {
         const MS: Duration = Duration::from_millis(1);
         let begin = Instant::now();
         let camera = Camera {
@@ -195,49 +195,50 @@ mod tests {
             joining.left(0, left(frame, trigger, trigger + 100 * MS), trigger);
             match frame % 4 {
                 0 => joining.arrived((0, frame, trigger + 5 * MS)),
-                // Of another emulator's count.
+                // A frame of another emulator.
                 1 => joining.arrived((0, u32::MAX - frame, trigger)),
                 _ => {}
             }
-            joining.give_up(trigger + 100 * MS);
+            joining.drop_overdue(trigger + 100 * MS);
             // X-Val: three in four of the 11 that are due within a second; one in four of 600 a
             // minute.
-            assert!(joining.way.len() <= 10, "{}", joining.way.len());
-            assert!(joining.came.len() <= 151, "{}", joining.came.len());
+            let (in_flight, early) = (joining.in_flight.len(), joining.early_arrivals.len());
+            assert!(in_flight <= 10 && early <= 151, "{in_flight} {early}");
         }
         let end = begin + 100 * MS * 10_000;
-        let cameras = joining.end(end + PARTING, &[(0, PERIOD)]);
+        let cameras = joining.end(end + GRACE, &[(0, PERIOD)]);
         let latencies = &cameras[0].latencies;
-        // X-Val: one in four came, in time.
+        // X-Val: one in four arrived, in time.
         assert_eq!((latencies.frames, latencies.missed), (10_000, 7_500));
         assert_eq!(latencies.incomplete, 7_500);
     }
 
-    /// Lost frames count, however late their deadlines are.
+    /// Lost frames count, even if their deadlines have not passed.
     #[test]
-    fn what_is_lost_counts_in_time_or_not() {
+    fn lost_frames_count_before_their_deadlines() {
         let (begin, hour) = (Instant::now(), Duration::from_secs(3600));
         let at = |s: u32| begin + Duration::from_secs(s.into());
         let mut joining = Joining::new(vec![Camera::default()], hour);
-        // Told as lost; lost on its way; on its way at the end.
+        // Reported as lost; lost in flight; in flight at the end.
         for (frame, s, whole) in [(0, 0, false), (1, 0, true), (2, 90, true), (3, 99, true)] {
-            let mut told = left(frame, at(s), at(s) + hour);
-            told.times.whole = whole;
-            joining.left(0, told, at(s));
+            let mut departure = left(frame, at(s), at(s) + hour);
+            departure.times.whole = whole;
+            joining.left(0, departure, at(s));
         }
         let incomplete = |joining: &Joining| joining.cameras[0].latencies.incomplete;
-        joining.give_up(at(60));
+        joining.drop_overdue(at(60));
         assert_eq!(incomplete(&joining), 1);
-        joining.give_up(at(70));
+        joining.drop_overdue(at(70));
         assert_eq!(incomplete(&joining), 2);
         let cameras = joining.end(at(100), &[(0, PERIOD)]);
-        // X-Val: PARTING, which the last one was still within.
+        // X-Val: the last one was still within GRACE.
         assert_eq!(cameras[0].latencies.frames, 3);
         assert_eq!(cameras[0].latencies.missed, 3);
     }
-    /// An exposure that ended as the run did had no time for its frame.
+
+    /// An exposure that ended with the run had no time for its frame.
     #[test]
-    fn exposures_without_a_frame_count_when_their_deadlines_have_passed() {
+    fn exposures_without_a_frame_count_after_their_deadlines() {
         let begin = Instant::now();
         let counted = |ended: Duration| {
             let mut joining = Joining::new(vec![Camera::default()], Duration::from_secs(60));

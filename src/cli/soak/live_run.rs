@@ -195,7 +195,7 @@ impl LiveRun<'_> {
     }
 }
 
-/// Lets each server report the frames that have left.
+/// Makes each server report the frames that have left.
 fn observe(servers: &mut [Server]) -> Receiver<(usize, Left)> {
     let (sender, left) = channel();
     for (camera, server) in servers.iter_mut().enumerate() {
@@ -223,7 +223,7 @@ fn clients(ports: Vec<ClientEnd>, mission: Mission) -> Vec<FlightComputer> {
 }
 
 impl Flown {
-    /// How long it lasted.
+    /// Duration of the run.
     pub fn minutes(&self) -> f64 {
         self.ended.duration_since(self.begin).as_secs_f64() / 60.0
     }
@@ -262,7 +262,7 @@ impl Flown {
         rows
     }
 
-    /// What was measured, of a command that `started` then.
+    /// The measurements, for a command that started at `started`.
     pub fn measured(self, config: &Config, started: Instant, stopped: Option<String>) -> Measured {
         let cameras = config.cameras.iter().map(|head| head.camera.rate_hz);
         let rates = once(config.camera.rate_hz).chain(cameras);

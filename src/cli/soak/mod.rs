@@ -1,5 +1,5 @@
-//! `skyloop soak`: minutes of a live run against clients of its own, and verdicts about deadlines
-//! and latencies.
+//! `skyloop soak`: minutes of a live run against own clients, and verdicts about deadlines and
+//! latencies.
 
 mod args;
 mod joining;
@@ -46,7 +46,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     check(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    // A run that ends without a verdict has not passed.
+    // A run that ends without a verdict has failed.
     outputs.begin(args)?;
     let mission = mission(&config, file)?;
     let first = flight::vehicle(&mission, 0)?;
@@ -102,7 +102,7 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
             "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
         );
     }
-    // A soak has other links, but refuses what `run` refuses.
+    // A soak uses other links, but refuses the same ones as `run`.
     live::check_links(config, &args.config)?;
     if args.link == "can" && !config.cameras.is_empty() {
         bail!(
@@ -120,8 +120,8 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The mission by the wall clock, without an end. Of a list of attitudes it flies the first, with
-/// its rates.
+/// The mission with the wall clock, without an end. A list of attitudes becomes its first attitude,
+/// with its rates.
 fn endless(mission: Mission, rate_hz: f64) -> anyhow::Result<Mission> {
     let (start, orbit) = (mission.start, mission.orbit.as_ref());
     let profile = match &mission.profile {
@@ -143,7 +143,7 @@ fn endless(mission: Mission, rate_hz: f64) -> anyhow::Result<Mission> {
     })
 }
 
-/// Minutes to two decimals, of less than a tenth to four.
+/// Minutes to two decimals; below 0.1 to four.
 fn short(minutes: f64) -> String {
     if minutes < 0.1 {
         format!("{minutes:.4}")

@@ -12,7 +12,7 @@ pub struct Outputs {
     json: Option<VerdictFile>,
 }
 
-/// How the JSON file of a soak is recognised.
+/// The mark of the JSON file of a soak.
 const JSON_MARK: Mark = &["{", "\"passed\": ", "\"verdicts\": ["];
 
 impl Outputs {
@@ -27,13 +27,13 @@ impl Outputs {
         })
     }
 
-    /// Makes them those of a run that has not come to its end.
+    /// Writes the contents for a run that has not ended.
     pub fn begin(&mut self, args: &Args) -> anyhow::Result<()> {
         let [junit, json] = failed(args, UNFINISHED);
         self.each([junit, json], VerdictFile::begin)
     }
 
-    /// Makes them those of a run that failed without verdicts.
+    /// Writes the contents for a run that failed without verdicts.
     pub fn fail(&mut self, args: &Args, error: &str) -> anyhow::Result<()> {
         self.each(failed(args, error), VerdictFile::fail)
     }
