@@ -1,4 +1,4 @@
-//! skyloop: a hardware-in-the-loop star-tracker emulator. Attitude goes in, labelled frames come out.
+//! skyloop: a hardware-in-the-loop star-tracker emulator. Input: attitude. Output: labelled frames.
 //!
 //! # A frame
 //!
@@ -10,17 +10,17 @@
 //! let epoch = parse_utc("2026-06-01T12:00:00Z")?;
 //! let q = [-0.070834, -0.644137, 0.733522, -0.204975]; // x, y, z, w: ICRF to body
 //! let state = VehicleState::new(1, epoch, q, [0.0; 3], None)?;
-//! let shot = emulator.shoot(&state, 0)?;
-//! println!("{} stars in {} pixels", shot.label.objects.len(), shot.frame.digits.len());
-//! # assert!(!shot.label.objects.is_empty());
-//! # assert_eq!(shot.frame.digits.len(), 256 * 256);
+//! let exposed = emulator.expose(&state, 0)?;
+//! println!("{} stars in {} pixels", exposed.label.objects.len(), exposed.frame.dn.len());
+//! # assert!(!exposed.label.objects.is_empty());
+//! # assert_eq!(exposed.frame.dn.len(), 256 * 256);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # A client on a link
 //!
-//! A server and a flight computer on the two ends of a memory link. Any other link works likewise:
-//! `udp://127.0.0.1:4810`, a serial port or a CAN bus.
+//! A server and a flight computer on the two ends of a memory link. Other links work
+//! likewise: `udp://127.0.0.1:4810`, a serial port or a CAN bus.
 //!
 //! ```
 //! use skyloop::{Config, Emulator, Server, client, flight, link};
@@ -39,7 +39,8 @@
 //! let stop = AtomicBool::new(false);
 //! let report = std::thread::scope(|scope| {
 //!     scope.spawn(|| server.run(&stop, None, |_| {}));
-//!     let report = client::flight_computer::FlightComputer::new(port, mission).run(|_| Continue(()));
+//!     let mut client = client::flight_computer::FlightComputer::new(port, mission);
+//!     let report = client.run(|_| Continue(()));
 //!     stop.store(true, Ordering::Relaxed);
 //!     report
 //! })?;
@@ -48,9 +49,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # Where to find what
+//! # Structure
 //!
-//! Data flows in one direction; each value is made in one place and read afterwards:
+//! Data flows in one direction; each value is made in one place and then only read:
 //!
 //! ```text
 //! bytes -> Command -> VehicleState -> View -> Scene -> Plan -> Frame + Label -> Reply -> bytes
@@ -64,7 +65,7 @@
 //! | [`link`] | UDP, serial lines, CAN; faults; capture |
 //! | [`config`] | scene and run files; [`flight`]: their missions |
 //! | `skyloop-live` | [`serve`]: commands in, frames out by their deadlines; [`timing`], [`metrics`], [`soak`] |
-//! | `skyloop` | [`output`]: files; [`measure`]: what accuracy costs in time; [`passes`]: who crosses the field |
+//! | `skyloop` | [`output`]: files; [`measure`]: times and errors of settings; [`passes`]: passes through the field |
 //! | [`protocols`] | the wire format, `no_std` |
 //! | [`client`] | a mock flight computer: the other end of the link |
 

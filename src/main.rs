@@ -1,4 +1,4 @@
-//! The front door: reads the command line, runs the command, prints an error once.
+//! The program: parses the command line, runs the command, prints an error once.
 
 mod cli;
 
