@@ -134,28 +134,9 @@ impl RawDetector {
         let width = limit("width_px", f64::from(self.width_px))? as usize;
         let height = limit("height_px", f64::from(self.height_px))? as usize;
 
-        let reference = limit("dark_reference_c", self.dark_reference_c)?;
-        let temperature = self.temperature_c.unwrap_or(reference);
-        let temperature = limit("temperature_c", temperature)?;
-        let doubling = limit("dark_doubling_k", self.dark_doubling_k)?;
-        let warmth = Detector::dark_growth(temperature - reference, doubling);
-        let dark_e_s = limit("dark_e_s", self.dark_e_s)? * warmth;
-        let hot_e_s = limit("hot_e_s", self.hot_e_s.unwrap_or(0.0))? * warmth;
-        if dark_e_s + hot_e_s > 1e9 {
-            let allowed = format!(
-                "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
-                dark_e_s + hot_e_s
-            );
-            let error = check.refuse("detector.temperature_c", temperature, allowed);
-            return Err(error.needs(&[
-                "detector.dark_e_s",
-                "detector.hot_e_s",
-                "detector.dark_reference_c",
-                "detector.dark_doubling_k",
-            ]));
-        }
-        let listed = |key: &str, pixels: Vec<Fixed<u32, 2>>| {
-            let pixels = Fixed::all(pixels);
+        let [dark_e_s, hot_e_s] = self.dark_currents(check)?;
+        let listed = |key: &str, pixels: &[Fixed<u32, 2>]| {
+            let pixels = Fixed::all(pixels.to_vec());
             let off = |[x, y]: &[u32; 2]| *x as usize >= width || *y as usize >= height;
             match pixels.iter().position(off) {
                 None => Ok(pixels),
@@ -167,8 +148,6 @@ impl RawDetector {
                 }
             }
         };
-        let hot_fraction = self.hot_fraction.unwrap_or(0.0);
-        let any_stuck = self.stuck_fraction.is_some() || self.stuck_px.is_some();
         let stats = PatternStats {
             serial,
             width,
@@ -176,12 +155,12 @@ impl RawDetector {
             prnu: limit("prnu", self.prnu)?,
             dark_e_s,
             dark_nonuniformity: limit("dark_nonuniformity", self.dark_nonuniformity)?,
-            hot_fraction: limit("hot_fraction", hot_fraction)?,
+            hot_fraction: limit("hot_fraction", self.hot_fraction.unwrap_or(0.0))?,
             hot_e_s,
             dead_fraction: limit("dead_fraction", self.dead_fraction)?,
-            dead_px: listed("dead_px", self.dead_px)?,
+            dead_px: listed("dead_px", &self.dead_px)?,
             stuck_fraction: limit("stuck_fraction", self.stuck_fraction.unwrap_or(0.0))?,
-            stuck_px: listed("stuck_px", self.stuck_px.unwrap_or_default())?,
+            stuck_px: listed("stuck_px", self.stuck_px.as_deref().unwrap_or_default())?,
         };
         let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
         let detector = Detector {
@@ -201,6 +180,40 @@ impl RawDetector {
             stuck_dn: dn("stuck_dn", stuck_dn, full_scale)?.round() as u16,
             pattern: Arc::new(Pattern::new(&stats)),
         };
+        self.check_keys(full_scale, bits, check)?;
+        self.warn(&detector, full_scale, check);
+        Ok(detector)
+    }
+
+    /// Dark current of a pixel, and mean excess of a hot pixel, at the detector's temperature,
+    /// e-/s.
+    fn dark_currents(&self, check: &Check) -> Result<[f64; 2], ConfigError> {
+        let limit = |key: &str, value| check.limit(LIMITS, &format!("detector.{key}"), value);
+        let reference = limit("dark_reference_c", self.dark_reference_c)?;
+        let temperature = self.temperature_c.unwrap_or(reference);
+        let temperature = limit("temperature_c", temperature)?;
+        let doubling = limit("dark_doubling_k", self.dark_doubling_k)?;
+        let growth = Detector::dark_growth(temperature - reference, doubling);
+        let dark_e_s = limit("dark_e_s", self.dark_e_s)? * growth;
+        let hot_e_s = limit("hot_e_s", self.hot_e_s.unwrap_or(0.0))? * growth;
+        if dark_e_s + hot_e_s > 1e9 {
+            let allowed = format!(
+                "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
+                dark_e_s + hot_e_s
+            );
+            let error = check.refuse("detector.temperature_c", temperature, allowed);
+            return Err(error.needs(&[
+                "detector.dark_e_s",
+                "detector.hot_e_s",
+                "detector.dark_reference_c",
+                "detector.dark_doubling_k",
+            ]));
+        }
+        Ok([dark_e_s, hot_e_s])
+    }
+
+    /// Refuses contradicting keys, and keys without the ones they need.
+    fn check_keys(&self, full_scale: f64, bits: u8, check: &Check) -> Result<(), ConfigError> {
         if self.offset_dn >= full_scale {
             let allowed = format!(
                 "below {full_scale}, the largest number of {bits} bits: none is left for charge"
@@ -217,14 +230,15 @@ impl RawDetector {
             let error = check.explain(&format!("detector.{key}"), reason);
             Err(error.needs(needs))
         };
-        if hot_fraction > 0.0 && self.hot_e_s.is_none() {
+        let any_stuck = self.stuck_fraction.is_some() || self.stuck_px.is_some();
+        if self.hot_fraction.unwrap_or(0.0) > 0.0 && self.hot_e_s.is_none() {
             return alone(
                 "hot_fraction",
                 "needs detector.hot_e_s, by how much those are hotter, e-/s",
                 &["detector.hot_e_s"],
             );
         }
-        if hot_e_s > 0.0 && self.hot_fraction.is_none() {
+        if self.hot_e_s.unwrap_or(0.0) > 0.0 && self.hot_fraction.is_none() {
             return alone(
                 "hot_e_s",
                 "needs detector.hot_fraction, the share of such pixels",
@@ -237,6 +251,10 @@ impl RawDetector {
             let needs = &["detector.stuck_fraction", "detector.stuck_px"];
             return alone("stuck_dn", reason, needs);
         }
+        Ok(())
+    }
+
+    fn warn(&self, detector: &Detector, full_scale: f64, check: &Check) {
         if let Some(warning) = detector
             .converter_clips_first()
             .filter(|_| !self.adc_clips_first)
@@ -255,7 +273,6 @@ impl RawDetector {
                 100.0 * filled
             ));
         }
-        Ok(detector)
     }
 }
 
