@@ -8,7 +8,7 @@ use std::sync::Arc;
 pub enum Blooming {
     /// It is lost, as with anti-blooming drains.
     None,
-    /// It spills up and down its column.
+    /// It overflows to neighbours in its column.
     Column,
 }
 
@@ -83,8 +83,8 @@ impl Detector {
         let reach = self.converter_reach_e();
         (self.response_e(self.full_well_e) > reach).then(|| {
             format!(
-                "above the converter's reach of {reach:.0} e- ((2^adc_bits - 1 - offset_dn) gain_e_per_dn): digits clip before \
-                 pixels fill; adc_clips_first = true says that it is meant"
+                "above the converter's reach of {reach:.0} e- ((2^adc_bits - 1 - offset_dn) gain_e_per_dn): DN clip before \
+                 pixels fill; if that is intended, set adc_clips_first = true"
             )
         })
     }
@@ -119,6 +119,12 @@ impl Detector {
                 let (x, y) = (low + t * width, low + t * height);
                 [[x, low], [x, low + height], [low, y], [low + width, y]]
             })
+    }
+
+    /// The outer corners of the corner pixels, px.
+    pub(super) fn corners(&self) -> [[f64; 2]; 4] {
+        let [w, h] = self.sides().map(|pixels| pixels - 0.5);
+        [[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]
     }
 
     /// Columns and rows.

@@ -55,14 +55,9 @@ impl Camera {
     pub fn scale_and_corner_px(&self) -> (f64, f64) {
         const STEP_PX: f64 = 0.1;
         let optics = &self.optics;
-        let centre = optics.principal_px;
-        let (w, h) = (
-            self.detector.width as f64 - 0.5,
-            self.detector.height as f64 - 0.5,
-        );
         let (mut scale, mut furthest) = (0.0f64, 0.0f64);
-        for position in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
-            let from = [position[0] - centre[0], position[1] - centre[1]];
+        for position in std::iter::once(optics.principal_px).chain(self.detector.corners()) {
+            let from = optics.offset(position);
             let distance = libm::hypot(from[0], from[1]);
             furthest = furthest.max(distance);
             // Along the radius and across it.
@@ -99,20 +94,11 @@ impl Camera {
     }
 
     fn pinhole_cone_rad(&self, margin_px: f64) -> f64 {
-        let (w, h) = (
-            self.detector.width as f64 - 0.5,
-            self.detector.height as f64 - 0.5,
-        );
-        [[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]
-            .into_iter()
-            .map(|[x, y]| {
-                let (dx, dy) = (
-                    x - self.optics.principal_px[0],
-                    y - self.optics.principal_px[1],
-                );
-                libm::atan((libm::hypot(dx, dy) + margin_px) / self.optics.focal_px)
-            })
-            .fold(0.0, f64::max)
+        let angles = self.detector.corners().map(|corner| {
+            let [dx, dy] = self.optics.offset(corner);
+            libm::atan((libm::hypot(dx, dy) + margin_px) / self.optics.focal_px)
+        });
+        angles.into_iter().fold(0.0, f64::max)
     }
 
     fn distorted_cone_rad(&self, margin_px: f64) -> f64 {
