@@ -89,12 +89,23 @@ impl Camera {
     /// The same, but returns warnings about valid yet unlikely values, one line each, instead of
     /// logging them.
     pub fn load_noticed(name: &str, folder: &Folder) -> Result<(Camera, Vec<String>), ConfigError> {
-        load(name, folder)
+        let embedded = CAMERAS.contains(&name);
+        // A camera file names other files relative to its own folder.
+        let (found, own_folder) = match folder {
+            _ if embedded => {
+                let embedded = Folder::Embedded("cameras");
+                (embedded.read(&format!("{name}.toml")), embedded)
+            }
+            Folder::Disk(path) => (folder.read(name), Folder::of(&path.join(name))),
+            Folder::Embedded(_) => (folder.read(name), folder.clone()),
+        };
+        let (file, text) = found.map_err(|error| name_the_cameras(error, name))?;
+        parse(&file, &text, &own_folder)
     }
 
     /// The JSON Schema of camera files.
     pub fn schema() -> schemars::Schema {
-        schema()
+        schema_of::<RawCamera>("skyloop camera file", LIMITS)
     }
 
     /// Reads the text of a camera file called `file`, which names no other files, with its
@@ -102,27 +113,6 @@ impl Camera {
     pub fn parse_noticed(file: &str, text: &str) -> Result<(Camera, Vec<String>), ConfigError> {
         parse(file, text, &Folder::current())
     }
-}
-
-/// The JSON Schema of camera files.
-fn schema() -> schemars::Schema {
-    schema_of::<RawCamera>("skyloop camera file", LIMITS)
-}
-
-/// See [`Camera::load_noticed`].
-fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
-    let embedded = CAMERAS.contains(&name);
-    // A camera file names other files relative to its own folder.
-    let (found, own_folder) = match folder {
-        _ if embedded => {
-            let embedded = Folder::Embedded("cameras");
-            (embedded.read(&format!("{name}.toml")), embedded)
-        }
-        Folder::Disk(path) => (folder.read(name), Folder::of(&path.join(name))),
-        Folder::Embedded(_) => (folder.read(name), folder.clone()),
-    };
-    let (file, text) = found.map_err(|error| name_the_cameras(error, name))?;
-    parse(&file, &text, &own_folder)
 }
 
 /// The camera of a text; `file` is its name in messages, `folder` resolves the files that it names.

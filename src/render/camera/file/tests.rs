@@ -74,7 +74,7 @@ fn the_schema_has_the_loaders_limits() {
     ]
     .map(file);
     agree(
-        &schema(),
+        &Camera::schema(),
         LIMITS,
         &bases.each_ref().map(String::as_str),
         load,
@@ -302,7 +302,12 @@ fn schema_and_loader_agree_on_combined_keys() {
         ("[detector]", "[[detector]]", false),
     ] {
         assert!(base.contains(from), "{from}");
-        both(&schema(), &base.replacen(from, to, 1), load, is_valid);
+        both(
+            &Camera::schema(),
+            &base.replacen(from, to, 1),
+            load,
+            is_valid,
+        );
     }
     for name in CAMERAS {
         let (_, text) = Folder::Embedded("cameras")
@@ -313,6 +318,6 @@ fn schema_and_loader_agree_on_combined_keys() {
                 .err()
                 .map(|e| e.to_string())
         };
-        both(&schema(), &text, load, true);
+        both(&Camera::schema(), &text, load, true);
     }
 }
