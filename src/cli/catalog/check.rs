@@ -1,6 +1,6 @@
 //! `skyloop catalog check`: contents of orbit files, and their unusable records.
 
-use super::source::{Source, shown, sources};
+use super::source::{Source, sources};
 use crate::cli::common::say_json;
 use anyhow::bail;
 use clap::Args as ClapArgs;
@@ -10,7 +10,8 @@ use skyloop::effect::counted;
 use skyloop::load::orbits::{of_one_name, passed_over, shared_names};
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{
-    self, Contents, Object, Orbit, Record, Rejected, United, is_placeholder, places, unite,
+    self, Contents, Object, Orbit, Record, Rejected, United, is_placeholder, path_text, places,
+    unite,
 };
 use skyloop_firmware_sim::console::say;
 use std::collections::{BTreeMap, BTreeSet};
@@ -103,7 +104,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     for source in sources(&args.files, &mut report.passed_over)? {
         missing += usize::from(source.is_missing());
         if source.is_foreign() {
-            report.passed_over.push(shown(&source.file));
+            report.passed_over.push(path_text(&source.file));
             continue;
         }
         let (file, objects) = of_source(source);
@@ -175,7 +176,7 @@ impl Report {
 
 /// The report of a file, and its objects.
 fn of_source(source: Source) -> (FileReport, orbit::Source) {
-    let file = shown(&source.file);
+    let file = path_text(&source.file);
     match source.contents {
         Ok(mut contents) => {
             let rejected = std::mem::take(&mut contents.rejected);

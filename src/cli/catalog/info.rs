@@ -1,6 +1,6 @@
 //! `skyloop catalog info`: the objects of files by kind of orbit, or one object.
 
-use super::source::{readable, shown, sources};
+use super::source::{readable, sources};
 use crate::cli::common::{Records, say_json};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
@@ -9,7 +9,7 @@ use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{Loaded, Object, Orbit, Regime, United, unite};
+use skyloop::orbit::{Loaded, Object, Orbit, Regime, United, path_text, unite};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -85,7 +85,7 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut all = Vec::new();
     let mut foreign = Vec::new();
     for source in sources(&args.files, &mut foreign)? {
-        let file = shown(&source.file);
+        let file = path_text(&source.file);
         let Some(contents) = readable(source, &mut rejected, &mut foreign)? else {
             continue;
         };

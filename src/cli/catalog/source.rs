@@ -3,7 +3,7 @@
 use anyhow::Context;
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Contents, LoadError, files, load_contents};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A file, and its contents or the reason why it has none.
 pub struct Source {
@@ -24,7 +24,7 @@ pub fn sources(
         let listing = files(path).with_context(|| path_text(path))?;
         let named = !path.is_dir();
         all.extend(listing.files.into_iter().map(|file| (file, named)));
-        passed_over.extend(listing.others.iter().map(|other| shown(other)));
+        passed_over.extend(listing.others.iter().map(|other| path_text(other)));
     }
     Ok(all.into_iter().map(|(file, named)| Source {
         contents: load_contents(&file),
@@ -65,12 +65,8 @@ pub fn readable(
             return Ok(Some(contents));
         }
         Err(error) if missing => return Err(error.into()),
-        Err(_) if foreign => passed_over.push(shown(&source.file)),
+        Err(_) if foreign => passed_over.push(path_text(&source.file)),
         Err(error) => rejected.push(error.to_string()),
     }
     Ok(None)
-}
-
-pub fn shown(file: &Path) -> String {
-    path_text(file)
 }
