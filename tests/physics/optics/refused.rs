@@ -40,7 +40,7 @@ optics.psf | kind = "gaussian"; sigma_px = 110.0 | optics.psf.sigma_px = 110: mu
 optics.psf | kind = "gaussian"; sigma = 1.0 | optics.psf.sigma: unknown key `sigma`: did you mean `sigma_px`?
 optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be 0.01 to 100 px, not "1"
 optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value
-optics.projection |  | optics.projection: says nothing: name its model
+optics.projection |  | optics.projection: is empty: name its model
 optics.projection | model = "mercator" | optics.projection.model = "mercator" | brown-conrady
 optics.projection | k = [0.1] | optics.projection.k: goes with optics.projection.model
 optics.projection | p = [0.1, 0.2] | optics.projection.p: goes with optics.projection.model
@@ -58,7 +58,7 @@ optics.projection | model = "brown-conrady"; k = [0.1]; strength = -1.0 | optics
 optics.projection | model = "brown-conrady"; k = [-1.0]; strength = 100.0 | optics.projection.k = [-1.0] | fold
 optics.projection | model = "brown-conrady"; k = [0.0]; p = [0.0, 10.0] | optics.projection.p = [0.0, 10.0] | fold
 optics.projection | model = "fisheye"; k = [-100.0] | optics.projection.k = [-100.0] | fold
-optics.vignetting |  | optics.vignetting: says nothing: set cos4 = true
+optics.vignetting |  | optics.vignetting: is empty: set cos4 = true
 optics.vignetting | cos4 = 1 | optics.vignetting.cos4: must be true or false, not 1
 optics.vignetting | table = [[0.0, 1.0], [200.0, 0.1]] | optics.vignetting.table[1][0] = 200: must be 0 to 180 deg
 optics.vignetting | table = [[0.0, 1.0], [5.0, 1.1]] | optics.vignetting.table[1][1] = 1.1 | 0 to 1
@@ -66,7 +66,7 @@ optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: mu
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
 optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4: given beside optics.vignetting.table
-optics.stray |  | optics.stray: says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
+optics.stray |  | optics.stray: is empty: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
 optics.stray | pst = [] | optics.stray.pst = [] | at least one [angle, transmittance]
 optics.stray | pst = [[10.0, 0.0]] | optics.stray.pst[0][1] = 0: must be 0.000000000001 to 1
 optics.stray | pst = [[10.0, 1e-3], [20.0, 1.5]] | optics.stray.pst[1][1] = 1.5

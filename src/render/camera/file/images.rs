@@ -111,7 +111,7 @@ fn read(
         )));
     }
     Image::new(&rows).map_err(|flaw| match flaw {
-        Flaw::Ragged => wrong("no samples: rows of numbers are wanted, a line a row".to_string()),
+        Flaw::Ragged => wrong("no samples: give rows of numbers, one row per line".to_string()),
         Flaw::Sample(value) => {
             let has_it = |row: &Vec<f64>| row.iter().any(|s| s.total_cmp(&value).is_eq());
             let line = rows.iter().position(has_it).map_or(0, |i| lines[i]);

@@ -76,7 +76,7 @@ impl RawProjection {
     pub fn not_empty(self, check: &Check) -> Result<Self, ConfigError> {
         match (&self.model, &self.k, &self.p, self.strength) {
             (None, None, None, None) => {
-                let reason = "says nothing: name its model, or leave it out for a pinhole's";
+                let reason = "is empty: name its model, or leave it out for a pinhole's";
                 Err(check
                     .explain("optics.projection", reason)
                     .needs(&["optics.projection"]))

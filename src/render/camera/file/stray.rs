@@ -46,7 +46,7 @@ impl RawStray {
             return Ok(Stray::new(&[], default_deg.to_radians()));
         };
         if raw.pst.is_none() && raw.sun_exclusion_deg.is_none() {
-            let reason = "says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg, or leave it out";
+            let reason = "is empty: set pst = [[angle, transmittance], ...] or sun_exclusion_deg, or leave it out";
             return Err(check.explain("optics.stray", reason));
         }
         let mut table = Vec::new();

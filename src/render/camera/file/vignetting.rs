@@ -32,7 +32,7 @@ impl RawVignetting {
 
     pub fn validate(self, check: &Check) -> Result<Vignetting, ConfigError> {
         if self.cos4.is_none() && self.table.is_none() {
-            let reason = "says nothing: set cos4 = true or table = [[angle, transmission], ...], or leave it out";
+            let reason = "is empty: set cos4 = true or table = [[angle, transmission], ...], or leave it out";
             return Err(check.explain("optics.vignetting", reason));
         }
         let key = "optics.vignetting.table";
