@@ -101,7 +101,7 @@ impl Records {
         let mut lines: Vec<String> = rejected.iter().take(NAMED).cloned().collect();
         if let Some(others @ 1..) = rejected.len().checked_sub(NAMED) {
             lines.push(format!(
-                "{others} more; skyloop catalog check FILE names them all"
+                "{others} more; skyloop catalog check FILE lists all"
             ));
         }
         if self.strict && !rejected.is_empty() {

@@ -59,7 +59,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         );
     }
     let Some(Observer::Object(observer)) = observer else {
-        bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
+        bail!("{name}: no observer: set one with [observer] orbit = \"FILE:NAME\"");
     };
     may_replace_light_curve(&args.out, args.force.force)?;
     let population = config.take_population();
@@ -117,7 +117,7 @@ fn summary(points: &[Point]) -> String {
             format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}")
         }
         _ => format!(
-            "light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}; at others none: {causes}"
+            "light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}; no light at the others: {causes}"
         ),
     }
 }
@@ -161,11 +161,11 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
         .or(sequence.map(|s| s.period_s))
         .ok_or_else(|| Interval::missing(scene, "--step S"))?;
     if !(1e-6..=1e6).contains(&step_s) {
-        bail!("--step {step_s}: a number of seconds from 1e-6 to 1e6 is wanted");
+        bail!("--step {step_s}: must be a number of seconds from 1e-6 to 1e6");
     }
     let exposure_s = args.exposure.unwrap_or(config.camera.exposure_s);
     if !(0.0..=1e4).contains(&exposure_s) {
-        bail!("--exposure {exposure_s}: a number of seconds from 0 to 10000 is wanted");
+        bail!("--exposure {exposure_s}: must be a number of seconds from 0 to 10000");
     }
     let length_s = (to - from).to_seconds();
     let named = |option: &str, given: bool, value: String| {

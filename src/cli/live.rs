@@ -14,7 +14,6 @@ use std::time::Duration;
 
 /// Metrics server and granted real-time settings, until this value is dropped.
 pub struct Help {
-    /// The metrics of each camera, and their server.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
     pub granted: Granted,
 }
@@ -97,7 +96,7 @@ impl Help {
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some((_, metrics)) = &self.metrics {
-            writeln!(f, "figures at http://{}/metrics", metrics.address())?;
+            writeln!(f, "metrics at http://{}/metrics", metrics.address())?;
         }
         if !self.granted.grants.is_empty() {
             writeln!(f, "{}", self.granted)?;

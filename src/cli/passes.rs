@@ -119,7 +119,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     print(&args, &searched, &rows)
 }
 
-/// Prints the passes in the format of the options.
 fn print(args: &Args, searched: &Searched, rows: &[Row]) -> anyhow::Result<()> {
     let line = searched.line(rows.len());
     if args.json {
@@ -136,7 +135,6 @@ fn print(args: &Args, searched: &Searched, rows: &[Row]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Warns of times that were not searched.
 fn warn_of_gaps(not_searched: &[[String; 2]]) {
     if not_searched.is_empty() {
         return;
@@ -151,7 +149,6 @@ fn warn_of_gaps(not_searched: &[[String; 2]]) {
     tracing::warn!("not searched, since the pointing has no direction: {times}{more}");
 }
 
-/// Warns of objects without a state, with the reasons.
 fn warn_of_unknown<'a>(reasons: impl ExactSizeIterator<Item = &'a String>, all_unknown: bool) {
     if all_unknown {
         tracing::warn!(
@@ -195,7 +192,7 @@ fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
     }
     if !(1e-3..=10.0).contains(&args.shortest) {
         bail!(
-            "--shortest {}: a number of seconds from 0.001 to 10 is wanted",
+            "--shortest {}: must be a number of seconds from 0.001 to 10",
             args.shortest
         );
     }
@@ -228,7 +225,7 @@ fn vehicle(
     };
     let Some(observer) = observer else {
         bail!(
-            "{scene}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\", or give --orbit or --state"
+            "{scene}: no observer: set one with [observer] orbit = \"FILE:NAME\", or give --orbit or --state"
         );
     };
     if let Some(sequence) = args.pointing.sequence(search.from, config)? {

@@ -192,8 +192,8 @@ impl Report {
         } = self.tolerances;
         let mut text = format!(
             "frame {frame} of {scene}, {}, middle {}\n\
-             skipped: what moves images by no more than {skip_px} px, or, where it moves none, changes no pixel by more than {skip_e} e-\n\
-             nor brings more electrons in all; light all over the field also where all of it is lost in noise (snr {skip_snr})\n",
+             skipped: effects that move images by at most {skip_px} px, or, if they move none, change no pixel by more than {skip_e} e-\n\
+             and add no more electrons in total; light of the whole field also if all of it is below the noise (snr {skip_snr})\n",
             self.camera, self.epoch_mid
         );
         let measured = self

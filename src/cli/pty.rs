@@ -26,7 +26,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let pair = Pair::open([&args.a, &args.b], args.baud)?;
     say(format_args!(
-        "{} <-> {} at {} baud, {} octets/s each way; Ctrl-C removes both\n",
+        "{} <-> {} at {} baud, {} bytes/s in each direction; Ctrl-C removes both\n",
         path_text(&args.a),
         path_text(&args.b),
         args.baud,

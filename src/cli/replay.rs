@@ -136,7 +136,7 @@ fn compare_origins(args: &Args, recording: &Recording, settings: Vec<(String, St
     }
     let hint = hint(args, differences.as_deref());
     if recording.on_the_bus {
-        return hint + " A log of CAN frames has no place for its inputs: compare them yourself";
+        return hint + " A log of CAN frames does not list its inputs: compare them yourself";
     }
     hint
 }
@@ -173,7 +173,7 @@ fn wait(
         }
         if replay.still() > args.timeout {
             bail!(
-                "{}: after {} that came back the same, the emulator works on what comes next for more than {} s (--patience); {hint}",
+                "{}: after {} that came back the same, the next step of the emulator takes more than {} s (--patience); {hint}",
                 path_text(&args.file),
                 same(),
                 args.timeout.as_secs_f64()

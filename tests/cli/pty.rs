@@ -37,7 +37,10 @@ fn a_pair_carries_octets_both_ways_until_ctrl_c() {
     let begin = format!("{} <-> {} at ", names[0], names[1]);
     let words = format!("pty {} {} --baud 921600", names[0], names[1]);
     let process = Process::printing(&here, &words, &begin);
-    assert_eq!(process.address, "921600 baud, 92160 octets/s each way");
+    assert_eq!(
+        process.address,
+        "921600 baud, 92160 bytes/s in each direction"
+    );
     for _ in 0..2 {
         let mut ends = names.each_ref().map(|name| {
             let mut port = open_port(name, 921_600);

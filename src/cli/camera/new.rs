@@ -39,7 +39,6 @@ pub struct Args {
     force: Force,
 }
 
-/// A value of a data sheet.
 struct Question {
     option: &'static str,
     prompt: &'static str,
@@ -118,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let text = file_text(&name, &answers);
     let (camera, notices) = Camera::parse_noticed(&shown, &text)
-        .context("these figures make no camera; nothing is written")?;
+        .context("no valid camera from these values; nothing is written")?;
     let report = report(&camera, notices, false)?;
     let Some(mut output) = output else {
         eprint!("{}", printable(&report));
@@ -180,7 +179,7 @@ fn all_given(given: &[Option<String>; 6]) -> anyhow::Result<Vec<Answer>> {
         .collect();
     if !missing.is_empty() {
         let missing = missing.join(", ");
-        let missing = format!("standard input is no terminal to ask at: give {missing}");
+        let missing = format!("standard input is no terminal for questions: give {missing}");
         bail!(lines(std::iter::once(missing).chain(wrong(given))));
     }
     check(given)?;
@@ -201,7 +200,6 @@ fn check(given: &[Option<String>; 6]) -> anyhow::Result<()> {
     bail!(lines(wrong.into_iter()));
 }
 
-/// Errors of the given options.
 fn wrong(given: &[Option<String>; 6]) -> impl Iterator<Item = String> {
     let given = QUESTIONS.iter().zip(given);
     given.filter_map(|(question, given)| read(question, given.as_ref()?).err())
@@ -263,7 +261,6 @@ fn aperture(text: &str) -> Result<Answer, String> {
     aperture.map_err(|why| why + "; or a focal ratio, such as f/1.4")
 }
 
-/// The file of these answers, in the order of the questions.
 fn file_text(name: &str, answers: &[Answer]) -> String {
     let at = |question: usize| answers.get(question).copied().unwrap_or_default();
     let [width, height] = at(0).0;
