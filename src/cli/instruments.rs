@@ -109,7 +109,6 @@ pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
 }
 
 impl Choice {
-    /// The options that name output files.
     fn outputs(&self) -> Vec<(&'static str, &Path)> {
         let files = [
             ("--fault-log", &self.fault_log),

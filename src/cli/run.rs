@@ -117,7 +117,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     error.map_or(Ok(()), Err)
 }
 
-/// Checks and opens the output files.
 fn outputs(args: &Args, urls: &[String]) -> anyhow::Result<Instruments> {
     let ready_file = args.ready_file.as_deref();
     let config = ("--config", args.config.as_path());
@@ -151,7 +150,6 @@ fn open_links(
     Ok((links, seen))
 }
 
-/// Prints the cameras, their pace and their addresses.
 fn introduce(
     config: &Config,
     objects: usize,
@@ -215,7 +213,6 @@ struct Served {
     cameras: Vec<(RunStats, Counters)>,
 }
 
-/// Serves all cameras until the run ends.
 fn serve(
     args: &Args,
     config: &Config,
@@ -367,7 +364,6 @@ fn frame_request(run: &Run) -> Option<&'static str> {
     }
 }
 
-/// The pace of frames as text.
 fn pace(run: &Run, rate_hz: f64) -> String {
     if let Some(request) = frame_request(run) {
         return format!("a frame for each {request}");

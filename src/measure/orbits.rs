@@ -52,7 +52,7 @@ pub struct Report {
     pub rows: Vec<Row>,
     /// The whole step.
     pub step: Step,
-    /// By number of objects.
+    /// Times by number of objects.
     pub scale: Vec<Scale>,
 }
 

@@ -106,7 +106,6 @@ impl Row {
         }
     }
 
-    /// The limit as text, if there is one.
     fn limit(&self) -> Option<String> {
         let least = self.least.map(|least| format!(">= {least}"));
         least.or(self.most.map(|most| format!("<= {most}")))
@@ -147,12 +146,10 @@ impl fmt::Display for Row {
     }
 }
 
-/// The mark after a limit.
 pub(super) fn mark(is_met: bool) -> &'static str {
     if is_met { "" } else { "  NOT kept" }
 }
 
-/// Runs `work` on this number of threads.
 pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     match ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool.install(work),
@@ -166,7 +163,6 @@ pub(super) fn pools() -> Option<[ThreadPool; 2]> {
     Some([pool(2).ok()?, pool(1).ok()?])
 }
 
-/// Time of `work`, ns.
 pub(super) fn ns(work: impl FnOnce()) -> f64 {
     let started = Instant::now();
     work();
@@ -193,7 +189,6 @@ pub(super) fn row(
     row_of(work, against, least, times.collect())
 }
 
-/// The row from the times of both in each round.
 fn row_of(
     work: String,
     against: &'static str,
@@ -280,7 +275,7 @@ mod tests {
 
     #[test]
     fn both_works_run_and_are_timed_in_every_round() {
-        // What is done is counted, and what it takes is slept.
+        // Each work counts its calls and sleeps for its time.
         let (mut ours, mut theirs) = (0, 0);
         let sleep = |ms| std::thread::sleep(std::time::Duration::from_millis(ms));
         let row = row(

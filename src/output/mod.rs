@@ -126,7 +126,6 @@ impl Writer {
         written
     }
 
-    /// Writes the files of a frame, in the order of their names.
     fn write_files(
         &self,
         camera: &Camera,

@@ -29,7 +29,6 @@ pub const RINGED: usize = 60;
 /// Space around an object's track in its ring, px of the panel.
 const ROOM: f64 = 7.0;
 
-/// A ring and its name.
 struct Mark {
     centre: [f64; 2],
     radius: f64,

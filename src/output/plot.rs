@@ -137,7 +137,6 @@ fn time_ticks(start: Epoch, span_s: f64) -> (Vec<f64>, usize) {
     (ticks.collect(), decimals)
 }
 
-/// Seconds of UTC since midnight.
 fn utc_seconds_of_day(epoch: Epoch) -> f64 {
     const SECOND_NS: i128 = 1_000_000_000;
     let ns = utc_duration(epoch).total_nanoseconds();

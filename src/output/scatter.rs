@@ -139,7 +139,6 @@ impl Dot {
     }
 }
 
-/// Draws the line through the best dots.
 fn draw_front<X, Y>(chart: &mut Chart<'_, '_, X, Y>, dots: &[Dot]) -> Drawn
 where
     X: Ranged<ValueType = f64>,

@@ -33,9 +33,9 @@ const WHITE_PART: f64 = 0.999;
 /// Scale of a frame's digital numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Levels {
-    /// Of a pixel without light: offset and dark charge, DN.
+    /// DN of a pixel without light: offset and dark charge.
     pub dark_dn: f64,
-    /// Of a full pixel, DN.
+    /// DN of a full pixel.
     pub full_dn: f64,
     /// Electrons a digital number.
     pub gain_e_per_dn: f64,

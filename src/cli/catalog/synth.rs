@@ -41,7 +41,6 @@ pub struct Args {
     force: Force,
 }
 
-/// The population file in a folder.
 const POPULATION: &str = "population.toml";
 /// Its mark.
 const MARK: Mark = &["# A made-up population:"];

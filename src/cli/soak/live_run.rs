@@ -158,7 +158,6 @@ impl LiveRun<'_> {
         joining
     }
 
-    /// Serves a camera; none if it has panicked.
     fn serve(&self, mut server: Server) -> Option<Server> {
         if server.run(&self.stop, None, |_| {}) == Ended::Panicked {
             self.over.store(true, Ordering::Relaxed);

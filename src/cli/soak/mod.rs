@@ -37,7 +37,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     done
 }
 
-/// Runs emulator and clients, and writes the verdicts.
 fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let started = Instant::now();
     let file = Some(args.config.as_path());

@@ -13,7 +13,7 @@ pub struct Tolerance {
     pub name: &'static str,
     /// The unit of its value.
     pub unit: &'static str,
-    /// What it bounds.
+    /// Description of the bounded error.
     pub bounds: &'static str,
     /// The greatest error for a value, in that unit or as stated in `bounds`; 0 for methods that
     /// change nothing.

@@ -189,7 +189,6 @@ impl<'a> Pixels<'a> {
         self.floor + self.scene.simulated.only_with(EffectId::ShotNoise, e)
     }
 
-    /// Number of pixels that the label lists.
     fn count(&self, found: &Found) -> usize {
         match found {
             Found::Particle { index, .. } => self.scene.events[*index].pixels.len(),

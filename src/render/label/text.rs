@@ -15,7 +15,6 @@ macro_rules! key {
 }
 
 impl ObjectLabel {
-    /// Appends the object to a text.
     pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
         let mut object = Members(text);
         object.any("{\"kind\":", self.kind)?;
@@ -177,7 +176,6 @@ fn digits(number: u64) -> u64 {
     tens | ((pairs - tens * 10) << 8)
 }
 
-/// Those digits as text.
 fn text_of(digits: u64) -> [u8; 8] {
     (digits | 0x3030_3030_3030_3030).to_le_bytes()
 }

@@ -146,12 +146,10 @@ impl Observer {
         self.seen(-self.position_m, self.velocity_m_s, corrections)
     }
 
-    /// Light time from a position (GCRF, m), s.
     fn light_time_s(&self, from_m: &Vector3<f64>) -> f64 {
         (from_m - self.position_m).norm() / LIGHT_M_S
     }
 
-    /// `line`, aberrated by `velocity_m_s`.
     fn seen(
         &self,
         line: Vector3<f64>,

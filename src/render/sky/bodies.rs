@@ -111,7 +111,6 @@ pub(super) struct Aberration {
 }
 
 impl Aberration {
-    /// For a velocity.
     pub(super) fn by(velocity_m_s: Vector3<f64>) -> Aberration {
         let beta = velocity_m_s / LIGHT_M_S;
         Aberration {
@@ -120,7 +119,6 @@ impl Aberration {
         }
     }
 
-    /// [`aberrate`].
     pub(super) fn of(&self, u: Vector3<f64>) -> Vector3<f64> {
         let Aberration {
             beta,

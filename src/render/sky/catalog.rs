@@ -144,7 +144,6 @@ impl Catalog {
     }
 }
 
-/// Names by principal HR.
 fn read_names() -> HashMap<u16, Vec<String>> {
     let rows: Vec<(u16, u16, &str)> = NAMES.lines().filter_map(name_row).collect();
     let mut names: HashMap<u16, Vec<String>> = HashMap::new();

@@ -29,7 +29,6 @@ pub const OWN_VEHICLE_M: f64 = 1.0;
 const WANDER: f64 = 7e-4;
 /// Radius of a sphere inside the Earth, km: the polar radius.
 const EARTH_KM: f64 = 6356.7;
-/// Speed of light, km/s.
 const LIGHT_KM_S: f64 = LIGHT_M_S * 1e-3;
 /// Rounding error of a distance, km.
 const ROUNDING_KM: f64 = 1e-3;

@@ -95,7 +95,6 @@ impl Objects {
         self.all.iter().map(of).sum::<usize>() + looks + look_of
     }
 
-    /// The known appearance of an object.
     fn look_at(&self, index: usize) -> Option<&Look> {
         let look = self.look_of.get(index)?;
         self.looks.get(*look as usize)

@@ -291,7 +291,6 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }
     }
 
-    /// The light of the time from `from` to `to`.
     fn panel(&self, [from, to]: [f64; 2], lit: Lit, samples: &mut Vec<Sample>) {
         let weight = (to - from) / (self.spec.rows.exposure * GAUSS.len() as f64);
         let places = GAUSS.map(|g| (self.position)(from + (to - from) * g));

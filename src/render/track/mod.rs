@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn panels_stay_within_the_step_at_any_speed() {
-        // It is 30 times as fast at its end as at its start.
+        // The image is 30 times as fast at the end as at the start.
         let fast = |t: f64| Some([1.0 + 250.0 * (t + 14.5 * t * t) / 15.5, 100.0]);
         let track = sample(fast, 2).unwrap();
         let longest = track

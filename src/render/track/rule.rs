@@ -26,7 +26,6 @@ const MAX_SPACED: f64 = 1e6;
 /// Most points of a Gauss rule; beyond, equally spaced points are cheaper.
 const MAX: usize = 11;
 
-/// A Gauss rule on 0..1.
 struct Gauss {
     points: Vec<(f64, f64)>,
     /// Its error is below this times the length^(2 n + 1), in standard deviations.

@@ -111,7 +111,6 @@ impl Limb {
         Some(limb)
     }
 
-    /// The tables of a kind of line, computed on first use.
     fn kind(&self, kind: usize) -> &Kind {
         self.kinds[kind].get_or_init(|| {
             let lines = self.lines(kind);
@@ -301,7 +300,6 @@ impl Limb {
         line.steps(POINTS).map(segment).collect()
     }
 
-    /// The lines of a kind that have rows.
     fn lines(&self, kind: usize) -> Vec<f64> {
         match kind {
             0 => GROUND_ROWS.to_vec(),

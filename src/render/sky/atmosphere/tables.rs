@@ -69,7 +69,6 @@ impl<const N: usize> Cubics<N> {
         sum
     }
 
-    /// The cubic of an interval.
     fn between(&self, i: usize, value: impl Fn(f64) -> [f64; N]) -> [[f64; N]; 4] {
         let last = self.powers.len();
         let position = |k: usize| *self.values[k].get_or_init(|| value(k as f64 / last as f64));
