@@ -39,7 +39,7 @@
 //! let stop = AtomicBool::new(false);
 //! let report = std::thread::scope(|scope| {
 //!     scope.spawn(|| server.run(&stop, None, |_| {}));
-//!     let mut client = client::flight_computer::FlightComputer::new(port, mission);
+//!     let client = client::flight_computer::FlightComputer::new(port, mission);
 //!     let report = client.run(|_| Continue(()));
 //!     stop.store(true, Ordering::Relaxed);
 //!     report
