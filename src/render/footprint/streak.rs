@@ -8,6 +8,13 @@ use crate::kernels::{self, BESIDE, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
 use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
+use std::cell::Cell;
+
+thread_local! {
+    /// Buffers for streaks, reused: a frame has a thousand short ones, for which the allocator took
+    /// a thirtieth of its time.
+    static ROOM: Cell<Room> = Cell::default();
+}
 
 /// Pixels that are copied together.
 const LANES: usize = 8;
@@ -15,7 +22,17 @@ const LANES: usize = 8;
 /// precision errs by up to 3e-8.
 const LITTLE: f64 = 3e-7;
 
+/// Buffers for a streak.
+#[derive(Default)]
+struct Room {
+    dots: Vec<Dot>,
+    rows: Rows,
+    /// The sheet's light in single precision, which most streaks have.
+    light: Vec<f32>,
+}
+
 /// Rows of a sheet, the first of which is a row of the plane.
+#[derive(Default)]
 struct Rows {
     first: i32,
     /// Ranges of lit columns, from the row before the first on; empty if the first is the greater.
@@ -38,6 +55,23 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Option<Footprint> {
+        let mut room = ROOM.take();
+        let footprint = room.streak(limit, track, camera, fidelity, light, level);
+        ROOM.set(room);
+        footprint
+    }
+}
+
+impl Room {
+    fn streak(
+        &mut self,
+        limit: &WorkLimit,
+        track: &Track,
+        camera: &Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+        level: Option<Level>,
+    ) -> Option<Footprint> {
         let (single, double) = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
         // Not a number: none.
@@ -51,7 +85,12 @@ impl Footprint {
             low.map(|x| x - 0.5 - radius),
             high.map(|x| x - 0.5 + radius),
         ];
-        let mut dots = Vec::with_capacity(track.samples.len());
+        let Room {
+            dots,
+            rows,
+            light: laid,
+        } = self;
+        dots.clear();
         for Sample {
             at,
             weight,
@@ -74,17 +113,19 @@ impl Footprint {
         if limit.is_over() {
             return Some(Footprint::default());
         }
-        let Some(rows) = Rows::of(&dots, &circle, level) else {
+        if rows.reach(dots, &circle, level).is_none() {
             return Some(Footprint::default());
-        };
+        }
         let sides = [camera.detector.width as i32, camera.detector.height as i32];
         let footprint = if fidelity.bound(light.electrons) < LITTLE {
-            let light =
-                rows.laid(|sheet| kernels::lay_dots_finely(level, double, &circle, &dots, sheet));
+            let mut light = Vec::new();
+            let mut sheet = rows.sheet(&mut light);
+            kernels::lay_dots_finely(level, double, &circle, dots, &mut sheet);
             rows.cut(&light, sides)
         } else {
-            let light = rows.laid(|sheet| kernels::lay_dots(level, single, &circle, &dots, sheet));
-            rows.cut(&light, sides)
+            let mut sheet = rows.sheet(laid);
+            kernels::lay_dots(level, single, &circle, dots, &mut sheet);
+            rows.cut(laid, sides)
         };
         limit.spend(footprint.shares.len() as f64 * HELD_NS);
         Some(Footprint {
@@ -99,14 +140,21 @@ impl Footprint {
 }
 
 impl Rows {
-    /// The rows that the dots' circles touch, with room for each dot's tiles; none without dots.
-    fn of(dots: &[Dot], circle: &Circle, level: Option<Level>) -> Option<Rows> {
+    /// Takes the rows that the dots' circles touch, with room for each dot's tiles; none without
+    /// dots.
+    fn reach(&mut self, dots: &[Dot], circle: &Circle, level: Option<Level>) -> Option<()> {
         let tops = dots.iter().map(|dot| dot.first[1]);
         let (first, last) = (tops.clone().min()?, tops.max()?);
         let span = first.abs_diff(last) as usize;
         let count = span + circle.side.next_multiple_of(ROWS);
         // One more on each side, so that every row has neighbours.
-        let (mut low, mut past) = (vec![i32::MAX; count + 2], vec![i32::MIN; count + 2]);
+        let Rows {
+            low, past, origins, ..
+        } = self;
+        low.clear();
+        low.resize(count + 2, i32::MAX);
+        past.clear();
+        past.resize(count + 2, i32::MIN);
         let mut ends = Ends {
             first_row: first,
             low: &mut low[1..=count],
@@ -121,32 +169,28 @@ impl Rows {
         let mut pixels = 0;
         // Rows of which none is reached have no tile either.
         let near = low.windows(3).zip(past.windows(3)).take(span + circle.side);
-        let origins = near.map(|(low, past)| {
+        origins.clear();
+        origins.extend(near.map(|(low, past)| {
             let from = low[0].min(low[1]).min(low[2]).saturating_sub(before);
             let to = past[0].max(past[1]).max(past[2]).saturating_add(wide);
             let origin = pixels - from;
             pixels += to.saturating_sub(from).max(0);
             origin
-        });
-        let origins = origins.collect();
-        Some(Rows {
-            first,
-            low,
-            past,
-            origins,
-            pixels: pixels as usize + LANES,
-        })
+        }));
+        self.first = first;
+        self.pixels = pixels as usize + LANES;
+        Some(())
     }
 
-    /// The light that `lay` adds to a sheet of these rows.
-    fn laid<T: Real>(&self, lay: impl FnOnce(&mut Sheet<'_, T>)) -> Vec<T> {
-        let mut light = vec![T::default(); self.pixels];
-        lay(&mut Sheet {
+    /// A dark sheet of these rows, its pixels in `light`.
+    fn sheet<'a, T: Real>(&'a self, light: &'a mut Vec<T>) -> Sheet<'a, T> {
+        light.clear();
+        light.resize(self.pixels, T::default());
+        Sheet {
             first_row: self.first,
             origins: &self.origins,
-            light: &mut light,
-        });
-        light
+            light,
+        }
     }
 
     /// The light of the lit pixels on a detector of those columns and rows.
