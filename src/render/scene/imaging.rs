@@ -134,17 +134,19 @@ impl Imaging<'_> {
         let Collected { light, centre } = Collected::of(&track, &view.camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
         track.scale(1.0 / light.max(f64::MIN_POSITIVE));
+        let footprint = Footprint::of(
+            &view.limit,
+            &track,
+            &view.camera,
+            fidelity,
+            &shine,
+            view.level,
+        );
+        track.recycle();
         Point {
             light,
             centre,
-            footprint: Footprint::of(
-                &view.limit,
-                &track,
-                &view.camera,
-                fidelity,
-                &shine,
-                view.level,
-            ),
+            footprint,
         }
     }
 

@@ -19,6 +19,12 @@ pub use track_spec::{Even, TrackSpec, Window};
 
 use crate::fidelity::Fidelity;
 use adaptive_sampling::{DEPTH, MIN_SIGMA_PX, Sampler, length};
+use std::cell::Cell;
+
+thread_local! {
+    /// The samples of an earlier track, reused: the allocator is slow on blocks of some kB.
+    static SAMPLES: Cell<Vec<Sample>> = const { Cell::new(Vec::new()) };
+}
 
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +62,15 @@ impl Track {
     pub fn scale(&mut self, factor: f64) {
         let samples = self.samples.iter_mut();
         samples.for_each(|sample| sample.weight *= factor);
+    }
+
+    /// Stores its samples for a later track.
+    pub fn recycle(mut self) {
+        // One point has little.
+        if self.samples.len() > 1 {
+            self.samples.clear();
+            SAMPLES.set(self.samples);
+        }
     }
 
     /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as
@@ -114,7 +129,7 @@ impl Track {
             let error = fidelity.streak_error(sampler.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
         });
-        let mut samples = Vec::new();
+        let mut samples = SAMPLES.take();
         match knots[..] {
             // The two halves of a short track are one panel if it is nearly straight; the same
             // where a piece needs no panels.
