@@ -16,12 +16,12 @@ pub struct Address {
     options: Vec<(String, String)>,
 }
 
-/// Why an address opens nothing.
+/// Error when an address cannot be opened.
 #[derive(Debug)]
 pub enum OpenError<E> {
-    /// The address is wrong, for this reason.
+    /// The address is wrong; holds the reason.
     Wrong(String),
-    /// The system refuses.
+    /// The system refuses it.
     Failed(E),
 }
 
@@ -32,7 +32,7 @@ impl<E> From<String> for OpenError<E> {
 }
 
 impl<E> OpenError<E> {
-    /// The error, where `wrong` adds the address and an example to a reason.
+    /// Converts into the caller's error; `wrong` adds the address and an example to the reason.
     pub fn into_error(self, wrong: impl FnOnce(String) -> E) -> E {
         match self {
             Self::Wrong(reason) => wrong(reason),
@@ -45,7 +45,8 @@ impl Address {
     /// Splits `scheme://target?options`.
     ///
     /// # Errors
-    /// The reason, as for all functions here; the caller adds the address and an example.
+    /// The reason; the caller adds the address and an example. This holds for all functions of this
+    /// type.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (scheme, rest) = text.split_once("://").ok_or("no scheme")?;
         let (target, options) = rest.split_once('?').unwrap_or((rest, ""));
@@ -124,7 +125,7 @@ impl Address {
         self.value(key).map(parse).transpose()
     }
 
-    /// What the link carries, by option `roles`; all where it is not given.
+    /// Roles of the link, from option `roles`; all roles without it.
     pub fn roles(&self) -> Result<Roles, String> {
         self.value("roles").map_or(Ok(Roles::ALL), Roles::parse)
     }
@@ -135,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_has_a_scheme_a_target_and_options() {
+    fn addresses_split_into_scheme_target_and_options() {
         let address =
             Address::parse("serial:///dev/ttyUSB0?baud=9600&load=0.5&roles=truth").unwrap();
         let parts = (&address.scheme[..], &address.target[..]);

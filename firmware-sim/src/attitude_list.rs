@@ -13,12 +13,12 @@ use crate::text::{parse_quaternion, quaternion};
 /// Attitudes at increasing epochs, in one or more segments.
 #[derive(Clone, Debug)]
 pub struct AttitudeList {
-    /// In the order of the file; where two hold an epoch, the first counts.
+    /// In file order. If two segments cover an epoch, the first one is used.
     segments: Vec<Segment>,
     comments: Vec<String>,
 }
 
-/// Attitudes between which there may be a slerp, two at least.
+/// At least two attitudes, interpolated by slerp.
 #[derive(Clone, Debug)]
 struct Segment {
     first: Epoch,
@@ -26,7 +26,7 @@ struct Segment {
     attitudes: Vec<(Epoch, UnitQuaternion<f64>)>,
 }
 
-/// Why a list of attitudes is refused.
+/// Errors of a list of attitudes.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum ListError {
@@ -55,14 +55,14 @@ pub enum ListError {
     NotIncreasing { name: String, epoch: Epoch },
 }
 
-/// There is no attitude at an epoch: the list does not cover it.
+/// The list does not cover an epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
-    "no attitude at {}: the list covers {} to {}; give attitudes on both sides of every frame, or ask for fewer frames",
+    "no attitude at {}: the list covers {} to {}; give attitudes on both sides of every frame, or choose fewer frames",
     utc_text(*epoch), utc_text(*first), utc_text(*last)
 )]
 pub struct OutsideList {
-    /// The epoch asked for.
+    /// Requested epoch.
     pub epoch: Epoch,
     /// First epoch of the list.
     pub first: Epoch,
@@ -100,7 +100,8 @@ impl AttitudeList {
         })
     }
 
-    /// Reads a CCSDS AEM, or lines of `UTC x y z w` (blanks or commas between; `#` starts a comment).
+    /// Reads a CCSDS AEM, or lines of `UTC x y z w` (separated by blanks or commas; `#` starts a
+    /// comment).
     ///
     /// # Errors
     /// [`ListError`] with file and line.
@@ -145,7 +146,7 @@ impl AttitudeList {
         })
     }
 
-    /// What of the file is not used, or was assumed: a line each.
+    /// One line for each part of the file that is ignored or assumed.
     #[must_use]
     pub fn comments(&self) -> &[String] {
         &self.comments
@@ -165,7 +166,7 @@ impl AttitudeList {
 }
 
 impl Segment {
-    /// The segment of a message; the error is a line and what is wrong there.
+    /// Converts a segment of a message. The error has the line and the reason.
     fn of(segment: &AttitudeSegment) -> Result<Self, (usize, String)> {
         let unit = segment.attitudes.iter().map(|timed| {
             let attitude = quaternion(timed.q_icrf_to_body);
@@ -187,9 +188,9 @@ impl Segment {
         })
     }
 
-    /// Attitude and rates at an epoch that it holds.
+    /// Attitude and rates at an epoch within the segment.
     fn at(&self, epoch: Epoch) -> Pointing {
-        // The pair whose end is the first entry after the epoch; the last entry belongs to the last pair.
+        // Index of the first entry after the epoch. The last epoch belongs to the last pair.
         let after = self.attitudes.partition_point(|(at, _)| *at <= epoch);
         let after = after.clamp(1, self.attitudes.len() - 1);
         let ((t0, q0), (t1, q1)) = (self.attitudes[after - 1], self.attitudes[after]);

@@ -1,19 +1,18 @@
-//! The sky level and its noise, measured tile by tile from the pixels alone.
+//! Background level and noise, measured in tiles from the pixels alone.
 //!
-//! In each tile: median and median absolute deviation, which stars do not move, then the mean and standard deviation
-//! of what lies within three sigma, which know fractions of a DN. The level is bilinear between the tiles' centres, and
-//! goes on as steeply from the outermost centres to the frame's edge.
+//! Each tile takes the median and the median absolute deviation, which stars do not change. Then it
+//! takes mean and standard deviation of the values within three sigma, for fractions of a DN. The
+//! level is bilinear between tile centres and extrapolated linearly to the frame's edge.
 
 use crate::image::Image;
 
-/// Side of a tile, px, about: some hundred times the area of a star.
+/// Approximate side of a tile, px: some hundred times the area of a star.
 const TILE: usize = 32;
-/// Median absolute deviation to standard deviation, for a normal distribution.
+/// Standard deviation over median absolute deviation of a normal distribution.
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard deviation of the rounding to whole DN: 1/sqrt(12).
 const QUANTISATION_DN: f64 = 0.288_675;
 
-/// Level and noise of the background of one frame.
 #[derive(Debug)]
 pub(crate) struct Background {
     width: usize,
@@ -25,7 +24,7 @@ pub(crate) struct Background {
 }
 
 impl Background {
-    /// Measures the background of an image that is not empty.
+    /// Measures a non-empty image.
     pub(crate) fn measure(image: &Image<'_>) -> Self {
         let (columns, rows) = ((image.width / TILE).max(1), (image.height / TILE).max(1));
         let bounds = |index: usize, count: usize, end: usize| {
@@ -67,15 +66,15 @@ impl Background {
             let (top, bottom) = (a + (b - a) * u, c + (d - c) * u);
             top + (bottom - top) * v
         };
-        // The noise is not carried on beyond the centres: it must not fall below 0.
+        // Noise is not extrapolated: it must not become negative.
         let [within_u, within_v] = [u, v].map(|at| at.clamp(0.0, 1.0));
         let sigma = mix(corners.map(|(_, sigma)| sigma), within_u, within_v);
         (mix(corners.map(|(level, _)| level), u, v), sigma)
     }
 }
 
-/// The two tiles to interpolate between at a coordinate, and where it lies between their centres: 0 at the first, 1 at
-/// the second, beyond that near the frame's edge.
+/// The two tiles to interpolate between, and the position between their centres: 0 at the first, 1
+/// at the second, outside 0..1 near the frame's edge.
 fn neighbours(coordinate: usize, end: usize, count: usize) -> (usize, usize, f32) {
     if count < 2 {
         return (0, 0, 0.0);
@@ -89,7 +88,7 @@ fn neighbours(coordinate: usize, end: usize, count: usize) -> (usize, usize, f32
 fn clipped_moments(values: &mut [u16]) -> (f64, f64) {
     let median = median(values);
     let mut deviations: Vec<u16> = values.iter().map(|value| value.abs_diff(median)).collect();
-    // Where more than half of the pixels are equal the deviation is 0: one half DN then stands for it.
+    // If more than half of the pixels are equal, the deviation is 0: half a DN replaces it.
     let sigma = (SIGMA_PER_MAD * f64::from(self::median(&mut deviations))).max(0.5);
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for value in values.iter() {
@@ -100,7 +99,7 @@ fn clipped_moments(values: &mut [u16]) -> (f64, f64) {
             squares += d * d;
         }
     }
-    // The median itself is always within: count is never 0.
+    // The median is always within the limit, so count is at least 1.
     let mean = sum / count;
     let variance = (squares / count - mean * mean).max(0.0);
     let sigma = variance.sqrt().max(QUANTISATION_DN);

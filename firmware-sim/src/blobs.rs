@@ -1,29 +1,28 @@
-//! Blobs: 8-connected pixels above the threshold, parted where two stars have run together.
+//! Blobs: 8-connected pixels above the threshold, split where stars merge.
 
 use crate::signal::Signal;
 
-/// Noise of the smoothed image in units of a pixel's: the square root of the sum of the squared weights, 6/16.
+/// Noise of the smoothed image over the noise of a pixel: root of the sum of squared weights, 6/16.
 const SMOOTHED_NOISE: f32 = 0.375;
-/// More connected pixels than any star has: stray light or a damaged frame.
+/// Larger blobs are stray light or a damaged frame, not stars.
 const MAX_PIXELS: usize = 50_000;
-/// Most stars that one blob is parted into.
+/// Maximum number of stars in one blob.
 const MAX_PEAKS: usize = 32;
 
-/// Pixels that belong together.
 pub(crate) struct Blob {
-    /// Its number, from 1.
+    /// From 1.
     id: u32,
     pub(crate) pixels: Vec<usize>,
 }
 
 pub(crate) struct Blobs {
     pub(crate) list: Vec<Blob>,
-    /// Per pixel the number of its blob, 0 for none.
+    /// Blob id of each pixel, 0 for none.
     owner: Vec<u32>,
 }
 
 impl Blobs {
-    /// Finds the pixels whose smoothed light is more than `threshold` times its noise.
+    /// Finds pixels whose smoothed signal exceeds `threshold` times its noise.
     pub(crate) fn find(signal: &Signal, threshold: f32) -> Self {
         let smoothed = signal.smoothed();
         let above =
@@ -50,20 +49,19 @@ impl Blobs {
                 }
             }
             if connected.len() <= MAX_PIXELS {
-                blobs.part(signal, &smoothed, connected);
+                blobs.split(signal, &smoothed, connected);
             }
         }
         blobs
     }
 
-    /// Whether a pixel belongs to this blob or to none.
     pub(crate) fn is_free_for(&self, index: usize, blob: &Blob) -> bool {
         let owner = self.owner[index];
         owner == 0 || owner == blob.id
     }
 
-    /// Adds connected pixels as one blob for each peak, every pixel to the nearest.
-    fn part(&mut self, signal: &Signal, smoothed: &[f32], connected: Vec<usize>) {
+    /// Splits connected pixels into one blob for each peak. Each pixel joins the nearest peak.
+    fn split(&mut self, signal: &Signal, smoothed: &[f32], connected: Vec<usize>) {
         let peaks = peaks(signal, smoothed, &connected);
         if peaks.len() < 2 {
             return self.add(connected);
@@ -95,8 +93,8 @@ fn squared_distance(signal: &Signal, a: usize, b: usize) -> usize {
     dx * dx + dy * dy
 }
 
-/// The distinct peaks of connected pixels, highest first: between a peak and every higher one the light falls to less
-/// than three quarters of the lower, and by more than the noise explains.
+/// Distinct peaks of connected pixels, highest first. Between a peak and every higher one, the
+/// signal falls below three quarters of the lower peak, and by more than the noise.
 fn peaks(signal: &Signal, smoothed: &[f32], connected: &[usize]) -> Vec<usize> {
     const VALLEY: f32 = 0.75;
     const SIGNIFICANT: f32 = 4.0;

@@ -1,46 +1,53 @@
-//! Datagrams that leave together: one call of the system for as many as follow each other to the same address.
+//! Sends consecutive datagrams to one address in one system call.
 //!
-//! Linux cuts one buffer into datagrams of equal length (`UDP_SEGMENT`, udp(7)); elsewhere, and where the way does not allow it, each has a call
-//! of its own. What arrives is the same.
+//! Linux splits one buffer into datagrams of equal length (`UDP_SEGMENT`, udp(7)). Elsewhere, and
+//! on paths without support, each datagram takes its own call. Receivers see no difference.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-/// Sends datagrams, and knows whether the system cuts buffers.
+/// Sender of datagrams; remembers whether the system splits buffers.
 #[derive(Debug)]
 pub struct Burst {
-    cuts: bool,
+    splits_buffers: bool,
 }
 
 impl Default for Burst {
     fn default() -> Self {
-        Self { cuts: true }
+        Self {
+            splits_buffers: true,
+        }
     }
 }
 
-/// Datagrams that one buffer is cut into at most, and octets that it has at most (udp(7), and what an IPv4 datagram holds).
+/// Limits of one buffer: datagrams (udp(7)), and bytes (below the length of an IPv4 datagram).
 const MAX: usize = 64;
 const BYTES: usize = 65_000;
 
 impl Burst {
-    /// Sends the first of `packets` to one address, as many as one call takes; how many those were.
+    /// Sends the first datagrams of `packets`, as many as one call takes. Returns their number.
     ///
     /// # Errors
-    /// The system's, for the first of them: none was sent.
+    /// The system's error for the first datagram; none was sent.
     pub fn send<P: AsRef<[u8]>>(
         &mut self,
         socket: &UdpSocket,
         packets: &[P],
         to: SocketAddr,
     ) -> io::Result<usize> {
-        let count = if self.cuts { together(packets) } else { 1 };
+        let count = if self.splits_buffers {
+            batch_len(packets)
+        } else {
+            1
+        };
         if count > 1 {
             let length = packets.first().map_or(0, |first| first.as_ref().len());
-            match system::send_cut(socket, packets.get(..count).unwrap_or_default(), length, to) {
+            match system::send_split(socket, packets.get(..count).unwrap_or_default(), length, to) {
                 Ok(()) => return Ok(count),
-                Err(error) if passes(error.kind()) => return Err(error),
-                // An old system, a device that cannot, or a way that takes no datagrams of this length whole. What else stands against it will pass.
-                Err(error) => self.cuts = !system::never_cuts(&error),
+                Err(error) if is_temporary(error.kind()) => return Err(error),
+                // An old system, a device without support, or a path MTU below this length. Other
+                // errors are temporary.
+                Err(error) => self.splits_buffers = !system::never_splits(&error),
             }
         }
         let Some(first) = packets.first() else {
@@ -50,22 +57,24 @@ impl Burst {
     }
 }
 
-/// Whether the same call may succeed later. A refused connection answers an earlier datagram and is reported once.
-fn passes(kind: io::ErrorKind) -> bool {
+/// Whether the same call may succeed later. A refused connection belongs to an earlier datagram and
+/// is reported once.
+fn is_temporary(kind: io::ErrorKind) -> bool {
     matches!(
         kind,
         io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionRefused
     )
 }
 
-/// How many of `packets` one buffer may be cut into: all of the first one's length, but the last, which may be shorter.
-fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
+/// Number of leading `packets` for one buffer: all have the first one's length; the last may be
+/// shorter.
+fn batch_len<P: AsRef<[u8]>>(packets: &[P]) -> usize {
     let length = packets.first().map_or(0, |first| first.as_ref().len());
     if length == 0 {
         return 1;
     }
-    let most = MAX.min(BYTES / length);
-    let lengths = packets.iter().take(most).map(|one| one.as_ref().len());
+    let max = MAX.min(BYTES / length);
+    let lengths = packets.iter().take(max).map(|one| one.as_ref().len());
     let equal = lengths.clone().take_while(|one| *one == length).count();
     let shorter = lengths.skip(equal).take(1);
     equal + shorter.filter(|last| (1..length).contains(last)).count()
@@ -78,7 +87,7 @@ mod system {
     use std::net::{SocketAddr, UdpSocket};
     use std::os::fd::AsRawFd;
 
-    pub(super) fn send_cut<P: AsRef<[u8]>>(
+    pub(super) fn send_split<P: AsRef<[u8]>>(
         socket: &UdpSocket,
         packets: &[P],
         length: usize,
@@ -93,7 +102,7 @@ mod system {
         Ok(())
     }
 
-    pub(super) fn never_cuts(error: &io::Error) -> bool {
+    pub(super) fn never_splits(error: &io::Error) -> bool {
         use nix::errno::Errno::{EINVAL, EIO, EMSGSIZE, ENOPROTOOPT, EOPNOTSUPP};
         let never = [EINVAL, EIO, EMSGSIZE, EOPNOTSUPP, ENOPROTOOPT];
         let errno = error.raw_os_error();
@@ -105,12 +114,12 @@ mod system {
 mod system {
     use std::io;
 
-    pub(super) fn never_cuts(_: &io::Error) -> bool {
+    pub(super) fn never_splits(_: &io::Error) -> bool {
         true
     }
     use std::net::{SocketAddr, UdpSocket};
 
-    pub(super) fn send_cut<P: AsRef<[u8]>>(
+    pub(super) fn send_split<P: AsRef<[u8]>>(
         _: &UdpSocket,
         _: &[P],
         _: usize,
@@ -126,10 +135,10 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn equal_ones_go_together_and_a_shorter_last_one() {
+    fn equal_packets_and_a_shorter_last_one_share_a_call() {
         let of = |lengths: &[usize]| -> usize {
             let packets: Vec<Vec<u8>> = lengths.iter().map(|length| vec![0; *length]).collect();
-            together(&packets)
+            batch_len(&packets)
         };
         assert_eq!(of(&[100, 100, 100, 40, 100]), 4);
         assert_eq!(of(&[100, 100, 100, 140]), 3);
@@ -142,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_together_arrives_one_by_one() {
+    fn batched_datagrams_arrive_separately() {
         let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
         let timeout = Duration::from_secs(20);
         receiver.set_read_timeout(Some(timeout)).unwrap();
@@ -151,7 +160,12 @@ mod tests {
         let packets: Vec<Vec<u8>> = (0..20u8)
             .map(|n| vec![n; if n % 7 == 6 { 300 } else { 1400 }])
             .collect();
-        for mut burst in [Burst::default(), Burst { cuts: false }] {
+        for mut burst in [
+            Burst::default(),
+            Burst {
+                splits_buffers: false,
+            },
+        ] {
             let mut sent = 0;
             while sent < packets.len() {
                 sent += burst.send(&sender, &packets[sent..], to).unwrap();
@@ -165,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_system_refuses_is_told_and_nothing_else_is_lost() {
+    fn refused_datagrams_are_reported_and_lose_no_other() {
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
         let to = receiver.local_addr().unwrap();

@@ -1,4 +1,4 @@
-//! Why frames are not whole in time, as far as the flight computer can tell.
+//! Reasons for incomplete frames, as far as the flight computer can find them.
 
 use std::time::Duration;
 
@@ -9,16 +9,16 @@ use thiserror::Error;
 
 use crate::roles::Roles;
 
-/// A link as the flight computer has it.
+/// Name and roles of a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Named {
-    /// Its name, for people.
+    /// Name for messages.
     pub name: String,
-    /// What it is for here.
+    /// Roles at this end.
     pub roles: Roles,
 }
 
-/// Why no frame is whole in time.
+/// Reason for an incomplete frame.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum Cause {
@@ -33,7 +33,7 @@ pub enum Cause {
     )]
     Silent { link: Named },
     #[error(
-        "asked for {what}, but no link brings pixels: here {}; give one the role pixels, and the emulator's end of it too",
+        "{what} are requested, but no link carries pixels: here {}; give one the role pixels, and the emulator's end of it too",
         roles_of(links)
     )]
     NoPixels {
@@ -41,12 +41,12 @@ pub enum Cause {
         links: Vec<Named>,
     },
     #[error(
-        "a frame of {bytes} octets takes {:.1} s on this line and is waited for {} s: {}",
+        "a frame of {bytes} bytes takes {:.1} s on this line, and the time-out is {} s: {}",
         takes.as_secs_f64(), timeout.as_secs_f64(),
         if *all_pixels {
             "choose --output windows or labels, or a longer --timeout"
         } else {
-            "ask for fewer --windows and --objects, or choose a longer --timeout"
+            "choose fewer --windows and --objects, or a longer --timeout"
         }
     )]
     Slow {
@@ -73,13 +73,13 @@ fn remedy(what: Roles, on: &Named, off: &Named) -> String {
 }
 
 impl Cause {
-    /// Of a frame that the line, by `airtime`, cannot carry within `timeout`.
+    /// Cause of a frame that the line, by `airtime`, cannot carry within `timeout`.
     pub(crate) fn slow(
         header: &FrameHeader,
         airtime: impl Fn(usize) -> Duration,
         timeout: Duration,
     ) -> Option<Self> {
-        let bytes = octets(header);
+        let bytes = frame_bytes(header);
         let takes = airtime(bytes);
         (takes > timeout).then_some(Self::Slow {
             bytes,
@@ -93,19 +93,19 @@ impl Cause {
     }
 }
 
-/// Octets of a frame's packets, without the few fields before the data of each.
-fn octets(header: &FrameHeader) -> usize {
-    /// Column and row of a window.
-    const PLACE: usize = 4;
+/// Bytes of a frame's packets, without the short header fields of each packet.
+fn frame_bytes(header: &FrameHeader) -> usize {
+    /// Column and row of a window, bytes.
+    const POSITION: usize = 4;
     let size = usize::from(header.window_size);
     let blocks = header.blocks as usize;
     let pixels = match header.pixel_level {
         PixelLevel::None => 0,
         PixelLevel::Windows => {
-            usize::from(header.windows) * (PLACE + packed_length(header.packing, size * size))
+            usize::from(header.windows) * (POSITION + packed_length(header.packing, size * size))
         }
         PixelLevel::Frame => packed_length(header.packing, header.pixels() as usize),
-        // The last block may hold little.
+        // The last block may be short.
         PixelLevel::Compressed => blocks.saturating_sub(1) * COMPRESSED_DATA,
     };
     let packets = header.packets() as usize;
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn links_with_other_roles_are_named_with_the_remedy() {
+    fn messages_name_both_links_and_a_remedy() {
         let pixels = Roles::parse("pixels").unwrap();
         let cause = |off: &str| {
             let (on, off) = (named("udp://A", "labels"), named("/dev/B", off));

@@ -1,4 +1,4 @@
-//! The options of `skyloop-fc`: here those about what of each frame is sent.
+//! Options of `skyloop-fc`; this file has the options for the content of frames.
 
 mod closed;
 mod faults;
@@ -17,7 +17,7 @@ use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::output::{MAX_POSITIONS, MAX_WINDOW};
 use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
 
-/// What of each frame the emulator is asked to send.
+/// Requested content of frames.
 #[derive(Clone, Debug, Args)]
 pub struct OutputArgs {
     /// Content of frames to request [default: the emulator's]
@@ -51,8 +51,8 @@ enum Level {
 }
 
 impl OutputArgs {
-    /// What to ask for, and where windows lie.
-    pub fn wanted(&self) -> Result<(Option<Output>, Option<Positions>)> {
+    /// The requested output, and the window positions.
+    pub fn requested(&self) -> Result<(Option<Output>, Option<Positions>)> {
         let Some(level) = self.output else {
             return Ok((None, None));
         };
@@ -89,7 +89,7 @@ impl OutputArgs {
             windows: self.windows.unwrap_or(usual.windows),
             objects: self.objects.unwrap_or(usual.objects),
         };
-        // Without positions: the brightest stars, even where another client has left some.
+        // Without positions: the brightest stars, even if another client has set positions.
         let positions = match (windows, self.positions) {
             (true, None) => Positions::new(&[]),
             (_, positions) => positions,
@@ -116,7 +116,7 @@ fn parse_positions(text: &str) -> Result<Positions> {
 
 /// Reads `AFTER:S`, both in seconds.
 pub fn parse_pause(text: &str) -> Result<Pause> {
-    /// As long as anybody would wait.
+    /// Long enough for any run.
     const MAX_S: f64 = 1e6;
     let time = |text: &str| {
         let seconds: f64 = text.trim().parse().ok()?;

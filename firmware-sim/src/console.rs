@@ -1,7 +1,7 @@
-//! What both programs do at a terminal: print, tell an error in one line, end at Ctrl-C.
+//! Terminal functions of both programs: print, report an error in one line, stop at Ctrl-C.
 //!
-//! Names come from files, from the wire and from paths. None of them may move the cursor, change colours or turn the order
-//! of letters: text is printed through [`printable`].
+//! Names come from files, packets and paths. They must not move the cursor, change colours or
+//! reverse the order of letters, so text is printed through [`printable`].
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -15,15 +15,15 @@ use signal_hook::flag;
 
 pub use skyloop_orbit::{printable, printable_line};
 
-/// Prints text for people to standard output, as [`printable`]. That somebody has closed it is no error.
+/// Prints text to standard output through [`printable`]. A closed pipe is no error.
 ///
 /// # Errors
-/// What else the system says.
+/// The system's error.
 pub fn say(text: impl Display) -> io::Result<()> {
     write_out(printable(&text.to_string()))
 }
 
-/// Prints data for programs to standard output, unchanged but where that is a terminal; else as [`say`].
+/// Prints data to standard output: unchanged to a file or pipe, as [`say`] to a terminal.
 pub fn write_out(text: impl Display) -> io::Result<()> {
     let mut out = io::stdout().lock();
     let text = text.to_string();
@@ -41,7 +41,7 @@ pub fn write_out(text: impl Display) -> io::Result<()> {
     }
 }
 
-/// An error and its causes; a cause that the text before it already tells is left out.
+/// An error and its causes, without causes that the text already contains.
 #[must_use]
 pub fn in_one_line(error: &(dyn Error + 'static)) -> String {
     let mut line = error.to_string();
@@ -56,7 +56,7 @@ pub fn in_one_line(error: &(dyn Error + 'static)) -> String {
     line
 }
 
-/// Ends the program where its command line cannot be read, or asks for help.
+/// Ends the program after a wrong command line or a request for help.
 pub fn refuse(error: &clap::Error) -> ! {
     if !error.use_stderr() {
         error.exit();
@@ -65,23 +65,24 @@ pub fn refuse(error: &clap::Error) -> ! {
     std::process::exit(error.exit_code());
 }
 
-/// A flag that Ctrl-C, SIGTERM and SIGHUP (the terminal was closed) set; a second signal ends the process at once. `nohup` ignores SIGHUP, and
-/// it stays ignored.
+/// A flag set by Ctrl-C, SIGTERM and SIGHUP (closed terminal). A second signal ends the process at
+/// once. SIGHUP stays ignored under `nohup`.
 ///
 /// # Errors
-/// The system refuses to watch for them.
+/// The system refuses the signal handlers.
 pub fn stop_at_ctrl_c() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
     for signal in [SIGINT, SIGTERM].into_iter().chain(hang_up) {
-        // In this order: the first one finds the flag not set yet.
+        // Order matters: at the first signal, this handler still reads an unset flag.
         flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
     Ok(stop)
 }
 
-/// Whether the process was started with this signal ignored, as `nohup` does it (Linux: proc_pid_status(5), SigIgn: bit 0 is signal 1).
+/// Whether the process started with this signal ignored, as by `nohup` (Linux: proc_pid_status(5),
+/// SigIgn: bit 0 is signal 1).
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

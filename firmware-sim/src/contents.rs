@@ -1,4 +1,4 @@
-//! What the frames of a run brought.
+//! Statistics of the frames' content.
 
 use std::fmt;
 
@@ -11,20 +11,20 @@ use crate::received::ReceivedFrame;
 /// Sums over frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Contents {
-    /// Windows.
+    /// Number of windows.
     pub windows: u64,
-    /// Objects as numbers.
+    /// Labelled objects in numeric form.
     pub objects: u64,
-    /// Pixels that came compressed.
+    /// Number of pixels received compressed.
     pub compressed_pixels: u64,
-    /// Octets of their code.
+    /// Bytes of compressed pixels.
     pub compressed_bytes: u64,
-    /// Octets that they would have taken packed.
+    /// Bytes of the same pixels in packed form.
     pub packed_bytes: u64,
 }
 
 impl Contents {
-    /// Adds a frame whose detections are fixed.
+    /// Adds a frame with its detections.
     pub fn add(&mut self, frame: &ReceivedFrame, detections: &Detections) {
         let header = &frame.header;
         self.windows += frame.windows().len() as u64;
@@ -41,7 +41,7 @@ impl Contents {
 }
 
 impl fmt::Display for Contents {
-    /// Nothing, or each kind that came with a semicolon before it.
+    /// Empty, or each kind of content after a semicolon.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.windows > 0 {
             write!(f, "; {} windows", self.windows)?;

@@ -1,69 +1,74 @@
-//! Datagrams as they come, and how many the system threw away before them: its buffer had no room.
+//! Received datagrams, with the number that the system dropped before them for lack of buffer
+//! space.
 //!
-//! Linux tells that with a datagram (`SO_RXQ_OVFL`, socket(7)); elsewhere such losses show in the sequence counts alone.
+//! Linux reports the drops with a datagram (`SO_RXQ_OVFL`, socket(7)). Elsewhere they show in the
+//! sequence counts alone.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-/// A socket's receiving side.
+/// Receiving side of a socket.
 #[derive(Debug)]
 pub struct Datagrams {
     socket: UdpSocket,
-    /// What the system had thrown away by the last datagram, modulo 2^32.
+    /// Dropped datagrams at the last report, modulo 2^32.
     lost: u32,
 }
 
-/// What came, besides its octets.
+/// Properties of a received datagram.
 #[derive(Clone, Copy, Debug)]
 pub struct Datagram {
-    /// Octets, as many as there was room for.
+    /// Bytes in the buffer.
     pub length: usize,
-    /// Octets of each datagram among them, where several came joined; the last may be shorter.
+    /// Length of each joined datagram, bytes; the last one may be shorter.
     pub each: usize,
-    /// Who sent it.
+    /// Address of the sender.
     pub from: SocketAddr,
-    /// Datagrams lost between the one before and this.
+    /// Datagrams dropped since the previous one.
     pub lost: u32,
 }
 
 impl Datagrams {
-    /// Of this socket, from now on.
+    /// Counts the drops of a socket from now on.
     ///
     /// # Errors
-    /// The system cannot copy the handle, or does not count.
+    /// The system cannot copy the handle, or cannot count.
     pub fn of(socket: &UdpSocket) -> io::Result<Self> {
         let socket = socket.try_clone()?;
         system::count_losses(&socket)?;
         Ok(Self { socket, lost: 0 })
     }
 
-    /// A socket at the same address for the datagrams of `peer` alone, and its receiving side: the system sorts them before they wait, so that a flood
-    /// of others takes no room from them. It also reports when nobody listens at `peer` any more ([`io::ErrorKind::ConnectionRefused`]).
-    /// Datagrams of `peer` that have come before stay where they are.
+    /// A second socket at the same address for the datagrams of `peer` alone, with its receiving
+    /// side. The kernel sorts datagrams on arrival, so a flood from other addresses takes no buffer
+    /// space from `peer`. The socket also reports a closed port at `peer`
+    /// ([`io::ErrorKind::ConnectionRefused`]). Earlier datagrams of `peer` stay in the first
+    /// socket.
     ///
     /// # Errors
-    /// The system's; [`io::ErrorKind::Unsupported`] but on Linux.
+    /// The system's error; [`io::ErrorKind::Unsupported`] except on Linux.
     pub fn split_off(&self, peer: SocketAddr) -> io::Result<(UdpSocket, Self)> {
         let socket = system::split_off(&self.socket, peer)?;
         let datagrams = Self::of(&socket)?;
         Ok((socket, datagrams))
     }
 
-    /// Asks for room for so many octets that wait to be read; how many there is room for, as far as the system tells.
-    pub fn make_room(&self, bytes: usize) -> Option<usize> {
-        system::make_room(&self.socket, bytes)
+    /// Requests a receive buffer of this size. Returns the size granted, if the system reports it.
+    pub fn request_buffer(&self, bytes: usize) -> Option<usize> {
+        system::request_buffer(&self.socket, bytes)
     }
 
-    /// Asks for datagrams that one call sent together in one piece, if the system can (`UDP_GRO`, udp(7)): to receive them one by one takes
-    /// longer than all else that is done with them. Of joined ones that found no room it may count one alone.
+    /// Requests datagrams of one send call as one buffer, if the system can (`UDP_GRO`, udp(7)).
+    /// Receiving them one by one takes longer than all other work on them. For dropped joined
+    /// datagrams the system may count only one.
     pub fn join(&self) {
         system::join(&self.socket);
     }
 
-    /// The next one, as the socket waits: it may block, or have a time-out.
+    /// Receives the next datagram; blocks according to the socket's mode.
     pub fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Datagram> {
         let (length, from, lost, each) = system::receive(&self.socket, buffer)?;
-        // A socket that has lost nothing yet does not say so.
+        // The counter is absent until the first drop.
         let lost = lost.unwrap_or(self.lost);
         let since = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
         Ok(Datagram {
@@ -89,19 +94,20 @@ mod system {
         Ok(setsockopt(socket, sockopt::RxqOvfl, &1)?)
     }
 
-    pub(super) fn make_room(socket: &UdpSocket, bytes: usize) -> Option<usize> {
-        // What is more than the system allows is cut to that.
+    pub(super) fn request_buffer(socket: &UdpSocket, bytes: usize) -> Option<usize> {
+        // The system limits a larger value to its maximum.
         let _ = setsockopt(socket, sockopt::RcvBuf, &bytes);
         getsockopt(socket, sockopt::RcvBuf).ok()
     }
 
     pub(super) fn join(socket: &UdpSocket) {
-        // An old system gives them one by one.
+        // Old systems do not join datagrams.
         let _ = setsockopt(socket, sockopt::UdpGroSegment, &true);
     }
 
-    /// Two sockets have one address while both allow it (`SO_REUSEADDR`, socket(7)): for this moment alone, so that no other program gets it.
-    /// Of both the connected one gets the datagrams of its peer.
+    /// Two sockets share an address while both allow it (`SO_REUSEADDR`, socket(7)). Both allow it
+    /// only during this call, so that no other program gets the address. The connected socket gets
+    /// its peer's datagrams.
     pub(super) fn split_off(socket: &UdpSocket, peer: SocketAddr) -> io::Result<UdpSocket> {
         let local = socket.local_addr()?;
         let family = match local {
@@ -121,7 +127,8 @@ mod system {
         Ok(own)
     }
 
-    /// Bytes, sender, datagrams lost so far, bytes of each joined one: the last two as far as the system tells.
+    /// Bytes, sender, dropped datagrams so far, length of each joined datagram; the last two are
+    /// optional.
     pub(super) fn receive(
         socket: &UdpSocket,
         buffer: &mut [u8],
@@ -159,7 +166,7 @@ mod system {
         Ok(())
     }
 
-    pub(super) fn make_room(_: &UdpSocket, _: usize) -> Option<usize> {
+    pub(super) fn request_buffer(_: &UdpSocket, _: usize) -> Option<usize> {
         None
     }
 
@@ -184,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_found_no_room_is_counted_once() {
+    fn dropped_datagrams_are_counted_once() {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_nonblocking(true).unwrap();
         let mut datagrams = Datagrams::of(&socket).unwrap();
@@ -192,7 +199,7 @@ mod tests {
         let to = socket.local_addr().unwrap();
         let mut buffer = [0; 2000];
         for round in 0..2 {
-            // More than any default buffer holds: each takes some 2 KiB of it.
+            // More than any default buffer: each datagram takes some 2 KiB.
             let sent = 20_000;
             for number in 0..sent {
                 let packet = [number as u8; 1400];
@@ -204,17 +211,17 @@ mod tests {
                 assert_eq!(datagram.from, sender.local_addr().unwrap());
                 (taken, lost) = (taken + 1, lost + datagram.lost);
             }
-            assert!(taken < sent, "{taken} found room");
-            // The next one tells of those lost after the last that found room.
+            assert!(taken < sent, "{taken} of {sent} fitted");
+            // The next datagram reports the drops after the last one received.
             sender.send_to(b"next", to).unwrap();
             let next = datagrams.receive(&mut buffer).unwrap();
-            let told = (next.length, lost + next.lost);
-            assert_eq!(told, (4, sent - taken), "{round}");
+            let report = (next.length, lost + next.lost);
+            assert_eq!(report, (4, sent - taken), "{round}");
         }
     }
 
     #[test]
-    fn a_peer_has_a_socket_of_its_own_and_others_do_not_reach_it() {
+    fn split_sockets_receive_only_their_peer() {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.set_nonblocking(true).unwrap();
         let mut all = Datagrams::of(&socket).unwrap();
@@ -229,7 +236,7 @@ mod tests {
             }
         }
         let mut buffer = [0; 2000];
-        // What came before the split stays; of the flood behind it most found no room.
+        // Earlier datagrams stay in the first socket; most of the flood after them was dropped.
         let first = all.receive(&mut buffer).unwrap();
         assert_eq!((first.from, first.length), (peer.local_addr().unwrap(), 6));
         let mut came = 0;
@@ -239,9 +246,9 @@ mod tests {
             came += 1;
         }
         assert_eq!(came, 30);
-        // Nobody else gets the address.
+        // No other socket gets the address.
         assert!(UdpSocket::bind(to).is_err());
-        // An answer comes from where the peer has sent to; when the peer has gone that is reported.
+        // Replies come from the address that the peer sent to; a closed peer is reported.
         own_socket.send(b"answer").unwrap();
         assert_eq!(peer.recv_from(&mut buffer).unwrap().1, to);
         drop(peer);
@@ -251,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_together_comes_joined_or_one_by_one() {
+    fn batched_datagrams_arrive_joined_or_separately() {
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let packet = |n| vec![n; if n == 29 { 300 } else { 1400 }];
         let packets: Vec<Vec<u8>> = (0..30).map(packet).collect();

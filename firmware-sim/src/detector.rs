@@ -1,30 +1,32 @@
-//! The star detector: threshold, connected pixels, moment centroid. It knows pixels, gain, offset and full scale only.
+//! The star detector: threshold, connected pixels, moment centroid. Its input is pixels, gain,
+//! offset and full scale.
 //!
 //! 1. Background and noise by tiles (`background.rs`).
-//! 2. The difference is smoothed by the binomial kernel [1 2 1]/4 along both axes (close to the PSF, so faint stars
-//!    gain most) and compared with `threshold` times its noise; 8-connected pixels above it are one blob, unless they
-//!    have distinct peaks (`blobs.rs`).
-//! 3. A plain moment over thresholded pixels leans towards pixel centres and is noisy over more of them. So the
-//!    moment is weighted by a Gaussian window of the blob's own size that moves with the centroid until it rests.
+//! 2. The signal is smoothed by the binomial kernel [1 2 1]/4 along both axes (close to the PSF, so
+//!    faint stars gain most) and compared with `threshold` times its noise. 8-connected pixels
+//!    above it form one blob, unless they have distinct peaks (`blobs.rs`).
+//! 3. A plain moment over thresholded pixels is biased towards pixel centres, and noisy over more
+//!    pixels. So the moment is weighted by a Gaussian window of the blob's size, which moves with
+//!    the centroid until it converges.
 
 use crate::blobs::{Blob, Blobs};
 use crate::image::Image;
 use crate::signal::Signal;
 
-/// How to detect.
+/// Detector settings.
 #[derive(Clone, Copy, Debug)]
 pub struct DetectorSettings {
     /// Threshold of the smoothed image in units of its noise.
     pub threshold: f32,
-    /// Detections kept, brightest first.
-    pub most: usize,
+    /// Maximum number of detections; the brightest are used.
+    pub max_detections: usize,
 }
 
 impl Default for DetectorSettings {
     fn default() -> Self {
         Self {
             threshold: 5.0,
-            most: 10_000,
+            max_detections: 10_000,
         }
     }
 }
@@ -48,8 +50,8 @@ pub struct Detection {
     pub saturated: bool,
 }
 
-/// The detections of one frame. They come from [`detect`] and [`detect_windows`] only and do not change: holding them proves that the frame's
-/// labels played no part.
+/// The detections of one frame. They come only from [`detect`] and [`detect_windows`] and do not
+/// change: their existence proves that labels had no influence.
 #[derive(Debug)]
 pub struct Detections {
     frame: u32,
@@ -59,18 +61,18 @@ pub struct Detections {
 impl Detections {
     fn new(frame: u32, mut list: Vec<Detection>, settings: &DetectorSettings) -> Self {
         list.sort_by(|a, b| b.flux_e.total_cmp(&a.flux_e));
-        list.truncate(settings.most);
+        list.truncate(settings.max_detections);
         Self { frame, list }
     }
 
-    /// Of a frame that nobody looks at.
+    /// No detections, for a frame that is not analysed.
     #[must_use]
     pub fn none(frame: u32) -> Self {
         let list = Vec::new();
         Self { frame, list }
     }
 
-    /// The frame they belong to.
+    /// Number of the frame.
     #[must_use]
     pub fn frame(&self) -> u32 {
         self.frame
@@ -83,7 +85,7 @@ impl Detections {
     }
 }
 
-/// Finds the blobs of light in an image. An image whose pixels do not fill it has none.
+/// Finds the blobs of light in an image. An image with a wrong number of pixels has none.
 #[must_use]
 pub fn detect(image: &Image<'_>, settings: &DetectorSettings) -> Detections {
     let mut list = Vec::new();
@@ -96,15 +98,15 @@ pub fn detect(image: &Image<'_>, settings: &DetectorSettings) -> Detections {
     Detections::new(image.frame, list, settings)
 }
 
-/// Finds the blobs of light in windows of a frame, each with column and row of its first pixel. Their edges count as
-/// the frame's. What lies in several windows is told once.
+/// Finds the blobs of light in windows of a frame; each window has column and row of its first
+/// pixel. Window edges count as frame edges. A blob in several windows is listed once.
 #[must_use]
 pub fn detect_windows<'a>(
     frame: u32,
     windows: impl Iterator<Item = ([u16; 2], Image<'a>)>,
     settings: &DetectorSettings,
 ) -> Detections {
-    /// Closer than this two detections are the same light, px.
+    /// Detections closer than this are the same blob, px.
     const SAME_PX: f64 = 1.0;
     let mut list: Vec<Detection> = Vec::new();
     for ([column, row], image) in windows {
@@ -125,7 +127,8 @@ pub fn detect_windows<'a>(
 }
 
 impl Signal {
-    /// The pixels of a blob grown by two, without those of other blobs, and whether the frame cuts it.
+    /// The pixels of a blob grown by two, without pixels of other blobs, and whether the frame cuts
+    /// it.
     fn grown(&self, blob: &Blob, blobs: &Blobs) -> (Vec<usize>, bool) {
         const GROWTH: usize = 2;
         let around = blob.pixels.iter();
@@ -165,10 +168,12 @@ impl Signal {
         })
     }
 
-    /// The point where the window-weighted first moment of the light vanishes, and the signal to noise there.
+    /// The point where the window-weighted first moment of the light vanishes, and the signal to
+    /// noise there.
     ///
-    /// `c <- c + 2 sum(w s (r - c)) / sum(w s)`: with a window of the star's own size the product of the two has half
-    /// the variance of each, and the step 2 lands at once (the "windowed" centroid of Bertin's `SExtractor`).
+    /// `c <- c + 2 sum(w s (r - c)) / sum(w s)`. With a window of the star's size, the product of
+    /// both has half the variance of each, so the factor 2 converges in one step (the "windowed"
+    /// centroid of Bertin's `SExtractor`).
     fn windowed_centroid(
         &self,
         start: &Moments,
@@ -177,9 +182,9 @@ impl Signal {
         blobs: &Blobs,
     ) -> (f64, f64, f64) {
         const STEPS: usize = 20;
-        const RESTS_PX: f64 = 1e-4;
-        /// A centroid that leaves its blob's moment by more follows something else.
-        const LEASH_PX: f64 = 1.5;
+        const CONVERGED_PX: f64 = 1e-4;
+        /// Maximum distance from the blob's moment; a larger one means another source.
+        const MAX_SHIFT_PX: f64 = 1.5;
         let (mut x, mut y, mut snr) = (start.x, start.y, 0.0);
         for _ in 0..STEPS {
             let (mut sum, mut sum_x, mut sum_y, mut variance) = (0.0, 0.0, 0.0, 0.0);
@@ -201,12 +206,12 @@ impl Signal {
             }
             snr = sum / variance.sqrt();
             let (step_x, step_y) = (2.0 * sum_x / sum, 2.0 * sum_y / sum);
-            if libm::hypot(x + step_x - start.x, y + step_y - start.y) > LEASH_PX {
+            if libm::hypot(x + step_x - start.x, y + step_y - start.y) > MAX_SHIFT_PX {
                 return (start.x, start.y, snr);
             }
             x += step_x;
             y += step_y;
-            if libm::hypot(step_x, step_y) < RESTS_PX {
+            if libm::hypot(step_x, step_y) < CONVERGED_PX {
                 break;
             }
         }
@@ -214,7 +219,7 @@ impl Signal {
     }
 }
 
-/// Centre and covariance of the positive light of some pixels, px and px^2.
+/// Centre and covariance of the positive signal of some pixels, px and px^2.
 struct Moments {
     x: f64,
     y: f64,
@@ -225,13 +230,13 @@ struct Moments {
 
 impl Moments {
     fn of(samples: impl Iterator<Item = (f64, f64, f64)> + Clone) -> Option<Self> {
-        let lit = samples.filter(|(_, _, e)| *e > 0.0);
-        let sum: f64 = lit.clone().map(|(_, _, e)| e).sum();
+        let positive = samples.filter(|(_, _, e)| *e > 0.0);
+        let sum: f64 = positive.clone().map(|(_, _, e)| e).sum();
         if sum <= 0.0 {
             return None;
         }
         let mean = |f: &dyn Fn(f64, f64) -> f64| {
-            lit.clone().map(|(x, y, e)| e * f(x, y)).sum::<f64>() / sum
+            positive.clone().map(|(x, y, e)| e * f(x, y)).sum::<f64>() / sum
         };
         let (x, y) = (mean(&|x, _| x), mean(&|_, y| y));
         Some(Self {
@@ -247,20 +252,21 @@ impl Moments {
 /// A Gaussian window, `exp(-d' C^-1 d / 2)`.
 struct Window {
     inverse: [f64; 3],
-    /// Half side of the square of pixels that matter, px.
+    /// Half side of the evaluated square, px.
     reach: isize,
 }
 
 impl Window {
-    /// As large as the blob, and somewhat larger: the pixels above the threshold lack the wings.
+    /// Somewhat larger than the blob, because the pixels above the threshold lack the wings.
     ///
-    /// Against background noise the best window is as wide as the star; a star whose own shot noise rules (`shot`, the
-    /// fraction of the variance in its brightest pixel) is best weighted evenly. The wider window also samples better.
+    /// Against background noise the best window is as wide as the star. A star dominated by shot
+    /// noise (`shot`: its fraction of the variance in the brightest pixel) is best weighted evenly.
+    /// The wider window also samples better.
     fn of_blob(blob: &Moments, shot: f64) -> Self {
         /// Variance added, px^2: for the wings, and for bright stars.
         const WINGS: f64 = 0.3;
         const BRIGHT: f64 = 0.9;
-        /// Four sigma of the window, but no window is wider than this: a streak is cut rather than searched for ever.
+        /// Limit of the half side, which is four sigma otherwise: it bounds the time for streaks.
         const MAX_REACH: f64 = 60.0;
         let wider = WINGS + BRIGHT * shot;
         let (xx, xy, yy) = (blob.xx + wider, blob.xy, blob.yy + wider);

@@ -1,4 +1,4 @@
-//! The figure of the Earth: the WGS84 ellipsoid about its true pole of date.
+//! The WGS84 ellipsoid about the Earth's true pole of date.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -13,31 +13,30 @@ pub(crate) const POLE_M: f64 = EQUATOR_M * (1.0 - FLATTENING);
 /// Square of its eccentricity.
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
-/// The ellipsoid at one epoch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Earth {
-    /// Its axis, unit vector, GCRF.
+    /// Unit vector of the axis, GCRF.
     pub pole: Vector3<f64>,
 }
 
 impl Earth {
-    /// The Earth at `epoch`.
     pub fn at(epoch: Epoch) -> Self {
         // TEME's z axis is the true pole.
         let pole = teme_to_gcrf(epoch).column(2).into_owned();
         Self { pole }
     }
 
-    /// Height of a point (GCRF, m) above the ellipsoid, m, negative below, and the ellipsoid's normal there, unit vector.
+    /// Height of a point (GCRF, m) above the ellipsoid, m, and the ellipsoid's normal there, unit
+    /// vector.
     ///
-    /// By Bowring's iteration, which gains some three digits a step this near the Earth.
+    /// Bowring's iteration, which gains some three digits per step near the Earth.
     pub fn above(&self, position_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
         const STEPS: usize = 5;
         let z = position_m.dot(&self.pole);
         let across = position_m - self.pole * z;
         let rho = across.norm();
         let outward = across.try_normalize(0.0).unwrap_or_default();
-        // The parametric latitude u, from that of a point on the ellipsoid on.
+        // The parametric latitude u, starting with that of a point on the ellipsoid.
         let mut u = libm::atan2(z * EQUATOR_M, rho * POLE_M);
         let mut latitude = u;
         for _ in 0..STEPS {
@@ -61,7 +60,7 @@ mod tests {
     use skyloop_orbit::time::parse_utc;
 
     #[test]
-    fn heights_are_those_that_points_were_made_with() {
+    fn geodetic_heights_are_recovered() {
         let earth = Earth { pole: Vector3::z() };
         for degrees in [-90.0, -37.0, 0.0, 1e-3, 45.0, 89.9_f64] {
             for height_m in [-10e3, 0.0, 80e3, 570e3, 36e6] {
@@ -84,9 +83,9 @@ mod tests {
     }
 
     #[test]
-    fn the_pole_precesses() {
+    fn the_pole_includes_precession() {
         let earth = Earth::at(parse_utc("2019-06-15T23:35:50").unwrap());
-        // X-Val: 20.04 arcsec a year since 2000 towards RA 0, and nutation of 9 arcsec at most.
+        // X-Val: 20.04 arcsec a year since 2000 towards RA 0, and nutation of up to 9 arcsec.
         let arcsec = earth.pole.x.to_degrees() * 3600.0;
         assert!((arcsec - 19.46 * 20.04).abs() < 10.0, "{arcsec}");
     }

@@ -1,4 +1,4 @@
-//! What a run tells its caller as it goes.
+//! Events of a run for its caller.
 
 use std::fmt;
 use std::time::Duration;
@@ -10,19 +10,19 @@ use crate::received::ReceivedFrame;
 use crate::report::NackRecord;
 use crate::score::Score;
 
-/// Why a frame is lost.
+/// Reason for a lost frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// It was not whole in time.
+    /// It was incomplete at the time-out.
     TimedOut {
-        /// What had come of it, if its header had.
+        /// Received parts, if the header arrived.
         progress: Option<Progress>,
-        /// Why, if that can be told.
+        /// Cause, if it is known.
         cause: Option<Cause>,
     },
-    /// It came damaged.
+    /// It arrived damaged.
     Damaged(AssemblyError),
-    /// Its number was passed over (wall clock): the emulator gave it up, or all its packets were lost.
+    /// Its number was skipped (wall clock): the emulator dropped it, or all its packets were lost.
     Skipped,
 }
 
@@ -58,16 +58,17 @@ impl fmt::Display for Loss {
     }
 }
 
-/// What happens during a run.
+/// Event of a run.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A whole frame, detected and scored.
+    /// A complete frame, detected and scored.
     Frame {
-        /// Header and what pixels were sent.
+        /// Header and received pixels.
         frame: &'a ReceivedFrame,
-        /// What was found in the pixels.
+        /// Detections in the pixels.
         detections: &'a Detections,
-        /// The label text, if text was sent and is text; objects open by [`ReceivedFrame::objects`].
+        /// The label text, if it was sent and is valid; [`ReceivedFrame::objects`] gives numeric
+        /// objects.
         labels: Option<&'a str>,
         /// Detections against labels, if the labels can be read.
         score: Option<&'a Score>,
@@ -76,17 +77,17 @@ pub enum Event<'a> {
     },
     /// A frame is lost.
     Lost {
-        /// Sequence number of the (stepped: its, wall clock: the latest) attitude.
+        /// Sequence number of the frame's attitude (stepped) or of the latest one (wall clock).
         sequence: u32,
-        /// Why.
+        /// Reason.
         loss: Loss,
     },
     /// The emulator refused a packet.
     Nack(&'a NackRecord),
-    /// Something else went wrong, in words.
+    /// Another problem, as text.
     Problem(String),
-    /// An occasion to break the run off: this or [`Event::Progress`] comes at least five times a second.
+    /// Opportunity to stop the run; this or [`Event::Progress`] comes at least five times a second.
     Tick,
-    /// In lock-step: packets of frames have arrived since the last.
+    /// Stepped mode: frame packets have arrived since the last event.
     Progress,
 }

@@ -1,5 +1,5 @@
-//! The conversation with the emulator: commands numbered and sent, replies decoded, counted and put together, credit
-//! granted as frame packets arrive.
+//! Packet exchange with the emulator: commands are numbered and sent; replies are decoded, counted
+//! and reassembled; credit is granted as frame packets arrive.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -20,36 +20,31 @@ use crate::report::{NackRecord, Report};
 use crate::roles::Roles;
 use crate::time;
 
-/// Longest wait for a packet in one piece.
+/// Longest single wait for a packet.
 pub(crate) const TICK: Duration = Duration::from_millis(200);
 
-/// What one packet brought.
 pub(crate) enum Incoming {
-    /// The last missing piece of a frame.
     Frame(Box<ReceivedFrame>),
     Ack(Ack),
     Nack(NackRecord),
-    /// A packet came damaged at the emulator: it is lost, and may be sent again.
+    /// The emulator received a damaged packet; it may be sent again.
     Damaged(NackRecord),
-    /// Settings and counters.
     Status(Box<Status>),
-    /// A frame, or a packet of it, is of no use.
+    /// A frame, or a packet of it, is unusable.
     Useless(AssemblyError),
-    /// A piece of a frame, or a packet that is not ours.
+    /// Part of a frame, or an undecodable packet.
     Other,
 }
 
-/// What became of a command.
 pub(crate) enum Answer {
     Done,
     Refused(NackRecord),
     Silence,
-    /// The caller broke it off.
     Stopped,
 }
 
-/// Waits between the copies of a command, which may be lost like its answer. The last copy leaves late, when an emulator
-/// may have released a client that died.
+/// Waits between copies of a command, because command and reply may be lost. The last copy is late,
+/// when the emulator may have released a dead client.
 fn waits(timeout: Duration) -> [Duration; 5] {
     const SIXTEENTHS: [u32; 5] = [1, 2, 4, 5, 4];
     SIXTEENTHS.map(|share| timeout * share / 16)
@@ -67,7 +62,7 @@ pub(crate) struct Exchange {
     /// Arrival time of the last packet of any kind.
     pub(crate) last_packet: Option<Instant>,
     header: Option<FrameHeader>,
-    /// Parts of frames that the headers since the Reset have announced.
+    /// Parts of frames announced by headers since the Reset.
     pub(crate) announced: Roles,
 }
 
@@ -87,8 +82,8 @@ impl Exchange {
         }
     }
 
-    /// Resets the emulator and opens a new exchange; commands `before` precede each Reset, their answers are ignored.
-    /// `tick` is called at least five times a second and may break it off.
+    /// Resets the emulator and opens a new exchange. Commands `before` precede each Reset; their
+    /// replies are ignored. `tick` is called at least five times a second and may stop it.
     pub(crate) fn open(
         &mut self,
         before: &[Command],
@@ -96,8 +91,8 @@ impl Exchange {
         tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
         let waits = waits(timeout);
-        let answer = self.ask_after(before, &Command::Reset, &waits, tick)?;
-        // An emulator that does not reset is there all the same.
+        let answer = self.request_after(before, &Command::Reset, &waits, tick)?;
+        // An emulator that refuses the Reset is present too.
         if matches!(answer, Answer::Done | Answer::Refused(_)) {
             self.pacing = Pacing::new(self.port.window());
             self.assembler = Assembler::new(Limits::default());
@@ -107,25 +102,25 @@ impl Exchange {
         Ok(answer)
     }
 
-    /// Repeats a command until it is answered, for `timeout` at most; `tick` as in [`Exchange::open`].
-    pub(crate) fn ask(
+    /// Repeats a command until its reply, at most for `timeout`; `tick` as in [`Exchange::open`].
+    pub(crate) fn request(
         &mut self,
         command: &Command,
         timeout: Duration,
         tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        self.ask_after(&[], command, &waits(timeout), tick)
+        self.request_after(&[], command, &waits(timeout), tick)
     }
 
-    /// Sends `before` and the command once per entry of `waits`, and waits that long for the answer.
-    pub(crate) fn ask_after(
+    /// Sends `before` and the command once per entry of `waits`, and waits that long for the reply.
+    pub(crate) fn request_after(
         &mut self,
         before: &[Command],
         command: &Command,
         waits: &[Duration],
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        /// A command damaged on the way is sent again at once, but not for ever.
+        /// Limit of immediate copies after damage in transit.
         const MAX_DAMAGED: usize = 16;
         let mut requested = Vec::new();
         let mut damaged = Vec::new();
@@ -161,17 +156,17 @@ impl Exchange {
                 }
             }
         }
-        // If every copy was damaged, or the emulator has another layout, its Nack says more than silence.
+        // If every copy was damaged, or the emulator has another packet layout, return its Nack.
         Ok(damaged.pop().map_or(Answer::Silence, Answer::Refused))
     }
 
-    /// Sends a command that is about the present moment; gives its sequence count.
+    /// Sends a command with the current time. Returns its sequence count.
     pub(crate) fn command(&mut self, command: &Command) -> Result<u16, PortError> {
         let now = Epoch::now().ok().and_then(time::to_wire);
         self.send(command, now.unwrap_or_default())
     }
 
-    /// Sends a command; gives its sequence count.
+    /// Sends a command. Returns its sequence count.
     pub(crate) fn send(&mut self, command: &Command, time: WireTime) -> Result<u16, PortError> {
         let mut buffer = [0; MAX_PACKET];
         let count = self.counts.next(command.apid());
@@ -180,13 +175,13 @@ impl Exchange {
         Ok(count)
     }
 
-    /// Grants what the window allows. Repeating a grant does no harm, and repairs a lost one.
+    /// Grants the window's credit. A repeated grant is harmless, and repairs a lost one.
     pub(crate) fn grant(&mut self) -> Result<(), PortError> {
         let packets = self.pacing.renew();
         self.command(&Command::Credit { packets }).map(drop)
     }
 
-    /// Waits for one packet and books it; `None` if none came. Asks for missing packets meanwhile.
+    /// Waits for one packet and processes it. Requests missing packets meanwhile.
     pub(crate) fn receive(&mut self, timeout: Duration) -> Result<Option<Incoming>, PortError> {
         let mut now = Instant::now();
         let deadline = now + timeout;
@@ -195,18 +190,18 @@ impl Exchange {
             let wait = if self.assembler.is_idle() {
                 left
             } else {
-                self.look(now)?;
+                self.request_missing(now)?;
                 left.min(self.recovery.pause())
             };
             match self.port.recv(wait)? {
-                Some(packet) => return self.book(&packet).map(Some),
+                Some(packet) => return self.process(&packet).map(Some),
                 None if wait == left => return Ok(None),
                 None => now = Instant::now(),
             }
         }
     }
 
-    fn book(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
+    fn process(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
         self.bytes += packet.len() as u64;
         let now = Instant::now();
         self.last_packet = Some(now);
@@ -235,7 +230,7 @@ impl Exchange {
                     reason: nack.reason,
                     detail: nack.detail.to_owned(),
                 };
-                // A request that is lost on the way is made again, as long as packets are missing.
+                // A request damaged in transit is repeated while packets are missing.
                 if matches!(nack.reason, Reason::BadCrc | Reason::BadLength) {
                     self.recovery.damaged += 1;
                     return Ok(Incoming::Damaged(record));
@@ -243,9 +238,9 @@ impl Exchange {
                 if nack.apid == apid::COMMAND
                     && let Some(frame) = self.recovery.refusal(nack.sequence_count)
                 {
-                    // One that is busy may have them later.
+                    // A busy emulator may have the packets later.
                     if nack.reason != Reason::Busy {
-                        self.assembler.forsake(frame);
+                        self.assembler.stop_requests(frame);
                     }
                     if nack.reason == Reason::NotSupported {
                         self.recovery.stop();
@@ -255,7 +250,7 @@ impl Exchange {
                 Incoming::Nack(record)
             }
             Reply::Status(status) => {
-                self.recovery.accounted();
+                self.recovery.status_received();
                 if self.pacing.rebase(status.packets_sent) {
                     self.grant()?;
                 }
@@ -269,13 +264,14 @@ impl Exchange {
         })
     }
 
-    /// Asks for what is missing, if it is time. In silence a grant may be what was lost, or a whole window.
-    fn look(&mut self, now: Instant) -> Result<(), PortError> {
+    /// Requests missing packets when due. After silence the cause may be a lost grant, or a lost
+    /// window.
+    fn request_missing(&mut self, now: Instant) -> Result<(), PortError> {
         let Some(demand) = self.recovery.demand(now) else {
             return Ok(());
         };
-        if self.recovery.knocks() {
-            // The Status follows what the grant sets free.
+        if self.recovery.poll_is_due() {
+            // The Status follows the packets that the grant releases.
             self.grant()?;
             self.command(&Command::Ping)?;
         }
@@ -283,7 +279,7 @@ impl Exchange {
             frame,
             first,
             count,
-        } in self.assembler.ask(now, &demand)
+        } in self.assembler.missing_runs(now, &demand)
         {
             let request = Command::Resend {
                 frame,
@@ -296,13 +292,13 @@ impl Exchange {
         Ok(())
     }
 
-    /// Asks for the emulator's account, by which lost credit is mended.
+    /// Requests the emulator's counters, which reveal lost credit.
     pub(crate) fn query(&mut self) -> Result<(), PortError> {
         self.command(&Command::Ping)?;
         self.grant()
     }
 
-    /// After a frame did not come: forgets what came of it, and asks for a `Status`, which tells what was lost.
+    /// After a frame time-out: drops its parts, and requests a `Status` with the counters.
     pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {
         let progress = self.assembler.abandon();
         self.pacing.forget();
@@ -310,13 +306,13 @@ impl Exchange {
         Ok(progress)
     }
 
-    /// Why the line cannot carry the latest frame within `timeout`.
+    /// The cause, if the line cannot carry the latest frame within `timeout`.
     pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
         let header = self.header.as_ref()?;
         Cause::slow(header, |bytes| self.port.airtime(bytes), timeout)
     }
 
-    pub(crate) fn account(&self, report: &mut Report) {
+    pub(crate) fn add_counts(&self, report: &mut Report) {
         report.undecodable += self.undecodable;
         report.bytes += self.bytes;
         report.dropped += self.port.dropped();

@@ -1,4 +1,4 @@
-//! One frame out of what several links bring of it: pixels from one, labels from another.
+//! Joins the parts of one frame from several links: pixels from one, labels from another.
 
 use std::collections::VecDeque;
 
@@ -8,28 +8,26 @@ use crate::reassembly::{AssemblyError, Progress};
 use crate::received::ReceivedFrame;
 use crate::roles::Roles;
 
-/// Frames of which one part waits for the other.
+/// Maximum number of incomplete frames.
 const WAITING: usize = 4;
-/// Joined frames remembered, so that a part that comes again is known.
+/// Number of joined frames remembered, to recognize duplicates.
 const REMEMBERED: usize = 16;
 
 #[derive(Debug)]
 pub(crate) struct Joiner {
-    /// What some link brings.
     wanted: Roles,
     waiting: VecDeque<Half>,
     done: VecDeque<(u32, WireTime)>,
-    /// Frames and parts of frames that had come over another link.
+    /// Frames and parts received before over another link.
     pub(crate) duplicates: u64,
-    /// Frames of which only one part came, or parts that contradict each other.
+    /// Frames with one part only, and contradictory parts.
     pub(crate) incomplete: u64,
 }
 
-/// A frame that lacks a part.
+/// A frame with a missing part.
 #[derive(Debug)]
 struct Half {
     frame: ReceivedFrame,
-    /// What of it is in.
     has: Roles,
 }
 
@@ -44,7 +42,8 @@ impl Joiner {
         }
     }
 
-    /// Takes what one link, which brings `brought`, has whole; gives the frame that it completes.
+    /// Adds the parts of a frame from a link that carries `brought`. Returns the frame once it is
+    /// complete.
     pub(crate) fn join(
         &mut self,
         frame: ReceivedFrame,
@@ -52,7 +51,7 @@ impl Joiner {
     ) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let key = (frame.header.frame, frame.mid_exposure);
         if !brought.and(self.wanted).bring_frames() {
-            // Neither pixels nor labels were asked for on this link.
+            // Neither pixels nor labels were requested on this link.
             return Ok(None);
         }
         if self.done.contains(&key) {
@@ -60,7 +59,7 @@ impl Joiner {
             return Ok(None);
         }
         let known = self.waiting.iter().position(|half| half.key() == key);
-        let half = match known.and_then(|place| self.waiting.remove(place)) {
+        let half = match known.and_then(|index| self.waiting.remove(index)) {
             None => Half {
                 frame,
                 has: brought,
@@ -98,11 +97,11 @@ impl Joiner {
                 number: 0,
             });
         }
-        let notices = brought.without(half.has);
+        let new_parts = brought.without(half.has);
         let has = half.has.with(brought);
-        let frame = if notices.pixels {
+        let frame = if new_parts.pixels {
             frame.with_labels_of(half.frame)
-        } else if notices.labels {
+        } else if new_parts.labels {
             half.frame.with_labels_of(frame)
         } else {
             self.duplicates += 1;
@@ -116,7 +115,7 @@ impl Joiner {
         self.waiting.iter().any(same)
     }
 
-    /// Whether this frame waits for what a link brings.
+    /// Whether this frame is held and lacks a part that the link carries.
     pub(crate) fn lacks(&self, frame: u32, brings: Roles) -> bool {
         let waits = |half: &Half| {
             half.frame.header.frame == frame && brings.without(half.has).bring_frames()
@@ -124,13 +123,13 @@ impl Joiner {
         self.waiting.iter().any(waits)
     }
 
-    /// Whether a part of a frame of this attitude waits.
+    /// Whether a part of a frame of this attitude is held.
     pub(crate) fn has_begun(&self, attitude: u32) -> bool {
         let shows = |half: &Half| half.frame.header.attitude_sequence == attitude;
         self.waiting.iter().any(shows)
     }
 
-    /// Gives up what waits, and says what there was of it.
+    /// Drops incomplete frames. Returns their progress.
     pub(crate) fn abandon(&mut self) -> Vec<Progress> {
         self.incomplete += self.waiting.len() as u64;
         self.waiting.drain(..).map(|half| half.progress()).collect()
@@ -142,7 +141,7 @@ impl Half {
         (self.frame.header.frame, self.frame.mid_exposure)
     }
 
-    /// What a part announces has come; of the other part nothing is known.
+    /// A held part is complete; nothing is known about the other one.
     fn progress(&self) -> Progress {
         let header = &self.frame.header;
         Progress {

@@ -1,29 +1,29 @@
-//! Verdicts of a run as JUnit XML: one test suite, a case for each verdict.
+//! JUnit XML of a run: one test suite with a case for each verdict.
 //!
-//! Written by hand: a crate that writes it would bring five others for one page of text.
+//! Hand-written: a crate for it would add five others for one page of text.
 
 use skyloop_orbit::steers;
 
-/// What a JUnit file says of a run beside its verdicts.
+/// Header data of a JUnit file.
 #[derive(Debug, Clone, Default)]
 pub struct Suite {
-    /// The name of the suite: the command.
+    /// Name of the suite: the command.
     pub name: &'static str,
-    /// The class of its cases, with dots between its parts.
+    /// Class of its cases, dot-separated.
     pub classname: String,
-    /// Duration of the run, s; in the file 0 if it is negative or NaN.
+    /// Duration of the run, s; 0 is written for negative values and NaN.
     pub seconds: f64,
-    /// Names and values of properties of each case.
+    /// Properties of each case: name and value.
     pub properties: Vec<(String, String)>,
-    /// The table of the run.
+    /// Result table of the run.
     pub table: String,
 }
 
 impl Suite {
-    /// The document; a case is a name, whether it passed, and what was found.
+    /// The document. A case has a name, whether it passed, and its result.
     pub(crate) fn xml(&self, cases: &[(String, bool, &str)]) -> String {
         let failures = cases.iter().filter(|(_, passed, _)| !passed).count();
-        // A century is longer than any run; NaN is not above 0.
+        // Limited to a century; NaN is not above 0.
         let seconds = Some(self.seconds).filter(|seconds| *seconds > 0.0);
         let seconds = seconds.map_or(0.0, |seconds| seconds.min(3.2e9));
         let time = format!("time=\"{seconds:.3}\"");
@@ -53,12 +53,12 @@ impl Suite {
     }
 }
 
-/// Text between tags, where ends of lines and tabs stay what they are.
+/// Escapes text between tags; line ends and tabs stay.
 fn between(text: &str) -> String {
     escaped(text).replace("&#10;", "\n").replace("&#9;", "\t")
 }
 
-/// Text in an attribute; what XML cannot hold becomes `\u{1b}`.
+/// Escapes text for an attribute; characters that are illegal in XML become `\u{1b}`.
 fn escaped(text: &str) -> String {
     let escape = |character: char| match character {
         '&' => "&amp;".into(),
@@ -66,9 +66,9 @@ fn escaped(text: &str) -> String {
         '>' => "&gt;".into(),
         '"' => "&quot;".into(),
         '\'' => "&apos;".into(),
-        // A reader makes spaces of them in an attribute, and of \r an end of line anywhere.
+        // XML readers turn these into spaces in attributes, and \r into a line end anywhere.
         '\t' | '\n' | '\r' => format!("&#{};", u32::from(character)),
-        // X-Val: XML 1.0, production 2 (Char). A terminal that shows the file obeys some of them.
+        // X-Val: XML 1.0, production 2 (Char). Terminal control characters are escaped too.
         '\u{20}'..='\u{FFFD}' | '\u{10000}'.. if steers(character) => {
             format!("&#{};", u32::from(character))
         }
@@ -99,7 +99,7 @@ a	table
 "#;
 
     #[test]
-    fn a_suite_has_its_cases_and_counts_its_failures() {
+    fn suites_contain_cases_and_count_failures() {
         let mut suite = Suite {
             name: "soak of <leo>",
             classname: "skyloop.soak".into(),
@@ -121,14 +121,15 @@ a	table
     }
 
     #[test]
-    fn any_text_comes_back_or_is_told() {
+    fn any_text_is_restored_or_shown_as_code() {
         let named = ["&lt;<", "&gt;>", "&quot;\"", "&apos;'", "&amp;&"];
         let edges = [
             0x200E, 0x202E, 0x2066, 0xD7FF, 0xE000, 0xFFFD, 0xFFFE, 0xFFFF,
         ];
         for code in (0..0x300).chain(edges).chain([0x10000, 0x10FFFF]) {
             let character = char::from_u32(code).unwrap();
-            // X-Val: XML 1.0, section 2.2: tab, line feed, carriage return, and from space on all but 0xFFFE and 0xFFFF.
+            // X-Val: XML 1.0, section 2.2: tab, line feed, carriage return, and from space on all
+            // but 0xFFFE and 0xFFFF.
             let is_legal = [9, 10, 13].contains(&code) || code >= 32 && code | 1 != 0xFFFF;
             let text = escaped(&character.to_string());
             let is_raw = text == character.to_string();
@@ -138,8 +139,8 @@ a	table
             for (entity, of) in named.map(|named| named.split_at(named.len() - 1)) {
                 plain = plain.replace(entity, of);
             }
-            let told = format!("\\u{{{code:x}}}");
-            assert_eq!(plain == told, !is_legal, "{code:x}");
+            let code_text = format!("\\u{{{code:x}}}");
+            assert_eq!(plain == code_text, !is_legal, "{code:x}");
             assert!(!is_legal || plain == character.to_string(), "{code:x}");
         }
     }

@@ -1,23 +1,24 @@
-//! The other end of skyloop's cable: a mock flight computer.
+//! A mock flight computer for skyloop's emulator.
 //!
-//! It knows what a flight computer knows: an orbit, an attitude profile, and what comes back on the wire. One frame goes
-//! through the modules in this order:
+//! Its inputs are an orbit, an attitude profile, and the packets received. One frame passes the
+//! modules in this order:
 //!
 //! ```text
 //! profile + orbit -> Attitude -> port ... port -> reassembly -> detector -> score
 //! ```
 //!
-//! In a closed loop ([`control`]) the attitudes are those of a body that drifts, and is steered by the detections:
+//! In a closed loop ([`control`]) a simulated body drifts and is steered by the detections:
 //!
 //! ```text
 //! body -> Attitude -> port ... port -> reassembly -> detector -> estimator -> law -> body
 //! ```
 //!
-//! The labels come on the same wire as the pixels, but stay sealed in [`received::ReceivedFrame`] until the detections
-//! of that frame are fixed: [`received::ReceivedFrame::labels`] asks for them.
+//! Labels arrive on the same wire as pixels, but stay sealed in [`received::ReceivedFrame`] until
+//! the detections of that frame are fixed; [`received::ReceivedFrame::labels`] opens them.
 //!
-//! [`flight_computer`] runs the loop and counts; the binary `skyloop-fc` is its command line. Conventions are those of
-//! the wire: quaternions Hamilton, `[x, y, z, w]`, ICRF to body; pixel (0, 0) is the centre of the first pixel.
+//! [`flight_computer`] runs the mission; the binary `skyloop-fc` is its command line. Conventions
+//! are those of the wire: Hamilton quaternions `[x, y, z, w]`, ICRF to body; pixel (0, 0) is the
+//! centre of the first pixel.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

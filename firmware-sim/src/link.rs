@@ -1,4 +1,4 @@
-//! A link by its address.
+//! Opens a link by its address.
 
 use crate::address::{Address, OpenError};
 use crate::can::port::{CAN, SLCAN};
@@ -7,17 +7,17 @@ use crate::roles::Roles;
 use crate::serial::SERIAL;
 use crate::udp::UDP;
 
-/// Every kind of link that an address can name.
+/// All schemes of addresses.
 pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
-/// An open link, and what it carries.
 type WithRoles = (Box<dyn Port + Send>, Roles);
 
-/// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has; option `roles` of any of them says
-/// what for.
+/// Opens a link of any scheme in [`SCHEMES`], such as `udp://HOST:PORT` or
+/// `serial://PATH[?baud=N]`, with the roles of its option `roles`.
 ///
 /// # Errors
-/// [`PortError::Address`] if the text names no link, [`PortError::Io`] if it cannot be opened.
+/// [`PortError::Address`] if the text is no address, [`PortError::Io`] if the link cannot be
+/// opened.
 pub fn open(link: &str) -> Result<WithRoles, PortError> {
     let name = link.split("://").next();
     let scheme = SCHEMES.iter().find(|scheme| Some(scheme.name) == name);
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn links_that_are_none_are_refused_with_an_example() {
+    fn wrong_addresses_are_refused_with_an_example() {
         for row in [
             "udp://127.0.0.1 => no IP address and port",
             "udp://localhost:5 => no IP address and port",

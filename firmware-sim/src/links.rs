@@ -1,4 +1,4 @@
-//! All links of a run, each with its roles and its own exchange, as if they were one.
+//! All links of a run, with their roles and exchanges, used as one.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -14,24 +14,23 @@ use crate::received::ReceivedFrame;
 use crate::report::Report;
 use crate::roles::Roles;
 
-/// How long to listen to one of several links at a time.
+/// Wait per link when there are several.
 const SLICE: Duration = Duration::from_millis(1);
 
 pub(crate) struct Links {
     ends: Vec<End>,
     joiner: Joiner,
-    /// What was asked for.
     output: Option<Output>,
-    /// Which link to listen to first.
+    /// Index of the next link to poll.
     turn: usize,
-    /// The link that was asked last.
-    requested: usize,
+    /// Index of the link of the last request.
+    last_request: usize,
 }
 
 struct End {
     exchange: Exchange,
     roles: Roles,
-    /// What comes of a frame: the roles, without what the output leaves out.
+    /// Parts of frames on this link: the roles, without parts that the output excludes.
     brings: Roles,
 }
 
@@ -45,7 +44,7 @@ impl End {
 }
 
 impl Links {
-    /// Links with their roles, on which frames bring `output`, if that is known.
+    /// Links with their roles; `output` is the requested content, if any.
     pub(crate) fn new(ports: Vec<(Box<dyn Port + Send>, Roles)>, output: Option<Output>) -> Self {
         let requested = output.map_or(Roles::ALL, |o| Roles::brought(o.pixels, o.labels));
         let requested = Roles {
@@ -63,7 +62,7 @@ impl Links {
             ends,
             output,
             turn: 0,
-            requested: 0,
+            last_request: 0,
         }
     }
 
@@ -71,15 +70,16 @@ impl Links {
         self.ends.iter().any(|end| has(&end.roles))
     }
 
-    /// The link that attitudes leave on: the first with that role.
+    /// The link for attitudes: the first with the role truth.
     fn truth(&mut self) -> Result<&mut Exchange, PortError> {
         let mut ends = self.ends.iter_mut();
         let truth = ends.find(|end| end.roles.truth);
         truth.map(|end| &mut end.exchange).ok_or(PortError::Closed)
     }
 
-    /// Opens an exchange on each link; stops at the first that does not answer. Those of `faults` that end one go before: what
-    /// an earlier client has left may let nothing else through.
+    /// Opens an exchange on each link; stops at the first without a reply. Commands that end a
+    /// fault in `faults` come first, because a fault left by an earlier client may block everything
+    /// else.
     pub(crate) fn open(
         &mut self,
         faults: &[Fault],
@@ -89,7 +89,7 @@ impl Links {
         let ending = faults.iter().filter(|fault| fault.value == 0.0);
         let ending: Vec<Command> = ending.map(|fault| Command::Fault(*fault)).collect();
         for (at, end) in self.ends.iter_mut().enumerate() {
-            self.requested = at;
+            self.last_request = at;
             let answer = end.exchange.open(&ending, timeout, &mut tick)?;
             if matches!(answer, Answer::Silence | Answer::Stopped) {
                 return Ok(answer);
@@ -98,7 +98,7 @@ impl Links {
         Ok(Answer::Done)
     }
 
-    /// Says on each link that brings frames what of them is wanted there; stops at the first that refuses.
+    /// Sends the output to each link with pixels or labels; stops at the first refusal.
     pub(crate) fn set(
         &mut self,
         output: Option<Output>,
@@ -108,7 +108,7 @@ impl Links {
     ) -> Result<Answer, PortError> {
         let ends = self.ends.iter_mut().enumerate();
         for (at, end) in ends.filter(|(_, end)| end.roles.bring_frames()) {
-            self.requested = at;
+            self.last_request = at;
             let output = output.map(|mut output| {
                 if !end.roles.pixels {
                     output.pixels = PixelLevel::None;
@@ -120,7 +120,7 @@ impl Links {
             });
             let positions = positions.map(Command::Positions);
             for command in output.into_iter().chain(positions) {
-                match end.exchange.ask(&command, timeout, &mut tick)? {
+                match end.exchange.request(&command, timeout, &mut tick)? {
                     Answer::Done => {}
                     other => return Ok(other),
                 }
@@ -129,63 +129,65 @@ impl Links {
         Ok(Answer::Done)
     }
 
-    /// Begins a fault on each link; stops at the first that refuses.
-    pub(crate) fn begin_fault(
+    /// Starts a fault on each link; stops at the first refusal.
+    pub(crate) fn start_fault(
         &mut self,
         fault: Fault,
         timeout: Duration,
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        /// Nothing passes, perhaps not even the answer; sent again, the fault would begin anew. A refusal comes sooner.
+        /// Wait for a fault that blocks the link: its reply may be blocked too, and a repeated
+        /// command would restart it. A refusal comes sooner.
         const ONCE: Duration = Duration::from_millis(300);
         let command = Command::Fault(fault);
-        let stops = fault.kind.is_switch() && fault.value > 0.0;
+        let blocks = fault.kind.is_switch() && fault.value > 0.0;
         for (at, end) in self.ends.iter_mut().enumerate() {
-            self.requested = at;
+            self.last_request = at;
             let exchange = &mut end.exchange;
-            let answer = if stops {
-                exchange.ask_after(&[], &command, &[ONCE], &mut tick)?
+            let answer = if blocks {
+                exchange.request_after(&[], &command, &[ONCE], &mut tick)?
             } else {
-                exchange.ask(&command, timeout, &mut tick)?
+                exchange.request(&command, timeout, &mut tick)?
             };
             match answer {
                 Answer::Done => {}
-                Answer::Silence if stops => {}
+                Answer::Silence if blocks => {}
                 other => return Ok(other),
             }
         }
         Ok(Answer::Done)
     }
 
-    pub(crate) fn take_back(&mut self, frame: ReceivedFrame) {
-        // What takes room is the pixels.
+    pub(crate) fn recycle(&mut self, frame: ReceivedFrame) {
+        // Only the pixels are large.
         if let Some(end) = self.ends.iter_mut().find(|end| end.brings.pixels) {
-            end.exchange.assembler.take_back(frame);
+            end.exchange.assembler.recycle(frame);
         }
     }
 
-    /// Sends a command that is about the present moment, by the link of the truth; gives its sequence count.
+    /// Sends a command with the current time on the truth link. Returns its sequence count.
     pub(crate) fn command(&mut self, command: &Command) -> Result<u16, PortError> {
         self.truth()?.command(command)
     }
 
-    /// Sends a command by the link of the truth; gives its sequence count.
+    /// Sends a command on the truth link. Returns its sequence count.
     pub(crate) fn send(&mut self, command: &Command, time: WireTime) -> Result<u16, PortError> {
         self.truth()?.send(command, time)
     }
 
-    /// Frees the emulator's side of all links. A link that has gone is free already.
+    /// Frees the emulator's side of all links. A lost link is free already.
     pub(crate) fn release(&mut self) {
         for end in &mut self.ends {
             let _ = end.exchange.command(&Command::Reset);
         }
     }
 
-    /// What the link that was asked last is called, and whether its system has said that nobody listens there.
+    /// Name of the link of the last request, and whether the system has reported a closed port
+    /// there.
     pub(crate) fn unanswered(&self) -> (String, bool) {
-        let requested = self.ends.get(self.requested).map(|end| &end.exchange);
+        let requested = self.ends.get(self.last_request).map(|end| &end.exchange);
         requested.map_or_else(Default::default, |requested| {
-            (requested.port.name().into(), requested.port.is_unheard())
+            (requested.port.name().into(), requested.port.is_refused())
         })
     }
 
@@ -198,7 +200,6 @@ impl Links {
         names.join(", ")
     }
 
-    /// Why nothing passes on a link whose line has gone, if there is one.
     pub(crate) fn gone(&self) -> Option<PortError> {
         self.ends.iter().find_map(|end| end.exchange.port.gone())
     }
@@ -224,18 +225,18 @@ impl Links {
         ends.try_for_each(|end| act(&mut end.exchange))
     }
 
-    /// Waits for one packet on any link and books it; `None` if none came.
+    /// Waits for one packet on any link and processes it.
     pub(crate) fn receive(&mut self, timeout: Duration) -> Result<Option<Incoming>, PortError> {
         if let [end] = &mut self.ends[..] {
             let incoming = end.exchange.receive(timeout)?;
-            return Ok(incoming.map(|incoming| self.heard_on(0, incoming)));
+            return Ok(incoming.map(|incoming| self.process(0, incoming)));
         }
         let deadline = Instant::now() + timeout;
         let count = self.ends.len();
         loop {
             self.turn = (self.turn + 1) % count.max(1);
             let left = deadline.saturating_duration_since(Instant::now());
-            // All of them first, then the one whose turn it is for a moment.
+            // Poll all links, then wait briefly on one.
             let waits = std::iter::repeat_n(Duration::ZERO, count).chain([left.min(SLICE)]);
             for (step, wait) in waits.enumerate() {
                 let at = (self.turn + step) % count.max(1);
@@ -243,7 +244,7 @@ impl Links {
                     return Err(PortError::Closed);
                 };
                 if let Some(incoming) = end.exchange.receive(wait)? {
-                    return Ok(Some(self.heard_on(at, incoming)));
+                    return Ok(Some(self.process(at, incoming)));
                 }
             }
             if left.is_zero() {
@@ -252,8 +253,8 @@ impl Links {
         }
     }
 
-    /// What a packet of one link means for the run.
-    fn heard_on(&mut self, at: usize, incoming: Incoming) -> Incoming {
+    /// Joins parts of frames; drops replies of links without the role truth.
+    fn process(&mut self, at: usize, incoming: Incoming) -> Incoming {
         let Some(end) = self.ends.get(at) else {
             return incoming;
         };
@@ -263,15 +264,15 @@ impl Links {
                 match self.joiner.join(*frame, end.brings) {
                     Ok(Some(frame)) => {
                         for end in &mut self.ends {
-                            end.exchange.assembler.dismiss(number);
+                            end.exchange.assembler.forget(number);
                         }
                         Incoming::Frame(Box::new(frame))
                     }
                     Ok(None) => {
-                        // Of its other part not even the header may have come.
+                        // Not even the header of the other part may have arrived.
                         for end in &mut self.ends {
                             if self.joiner.lacks(number, end.brings) {
-                                end.exchange.assembler.look_out_for(number);
+                                end.exchange.assembler.expect_header(number);
                             }
                         }
                         Incoming::Other
@@ -279,25 +280,26 @@ impl Links {
                     Err(error) => Incoming::Useless(error),
                 }
             }
-            // The account of the run is that of the truth's link.
+            // Replies and counters of the run are those of the truth link.
             Incoming::Ack(_) | Incoming::Status(_) if !end.roles.truth => Incoming::Other,
             other => other,
         }
     }
 
-    /// Asks for missing packets of frames that show this attitude only; without one, of all.
-    pub(crate) fn want(&mut self, attitude: Option<u32>) {
+    /// Limits requests for missing packets to frames of this attitude; none: all frames.
+    pub(crate) fn set_attitude(&mut self, attitude: Option<u32>) {
         for end in &mut self.ends {
             end.exchange.recovery.attitude = attitude;
         }
     }
 
-    pub(crate) fn heard(&self) -> Option<Instant> {
-        let heard = self.ends.iter().map(|end| end.exchange.recovery.heard());
-        heard.max().flatten()
+    pub(crate) fn last_frame_packet(&self) -> Option<Instant> {
+        let packets = self.ends.iter();
+        let packets = packets.map(|end| end.exchange.recovery.last_packet());
+        packets.max().flatten()
     }
 
-    /// The usual time between frame packets on the slowest link.
+    /// Mean time between frame packets on the slowest link.
     pub(crate) fn spacing(&self) -> Duration {
         let spacings = self.ends.iter().map(|end| end.exchange.recovery.spacing());
         spacings.max().unwrap_or_default()
@@ -309,7 +311,7 @@ impl Links {
             || ends.any(|end| end.exchange.assembler.has_begun(attitude))
     }
 
-    /// Whether some of this frame has come, and not all.
+    /// Whether this frame has arrived in part.
     pub(crate) fn is_in_flight(&self, frame: u32) -> bool {
         let mut ends = self.ends.iter();
         self.joiner.has(frame) || ends.any(|end| end.exchange.assembler.is_in_flight(frame))
@@ -323,8 +325,8 @@ impl Links {
         Ok(progress)
     }
 
-    /// Whether a link brings what is awaited on another, or one brings nothing while others do: their roles are not
-    /// those of the emulator's links.
+    /// A mismatch of roles: a link brings a part expected on another, or one link brings nothing
+    /// while others do.
     pub(crate) fn misplaced(&self) -> Option<Cause> {
         let mut missing = Roles::ALL;
         for end in &self.ends {
@@ -347,7 +349,7 @@ impl Links {
         silent.map(|end| Cause::Silent { link: end.named() })
     }
 
-    /// What is asked for in vain: pixels, where neither these links' roles nor the emulator's bring any.
+    /// Pixels were requested, but no link has the role for them at both ends.
     pub(crate) fn without_pixels(&self, frames: u32) -> Option<Cause> {
         let what = match self.output?.pixels {
             PixelLevel::None => return None,
@@ -356,7 +358,7 @@ impl Links {
             PixelLevel::Compressed => "compressed frames",
         };
         let come = self.ends.iter().any(|end| end.exchange.announced.pixels);
-        // Before the first frame only the roles here are known.
+        // Before the first frame only the roles at this end are known.
         let known = frames > 0 || !self.any(|roles| roles.pixels);
         (known && !come).then(|| Cause::NoPixels {
             what,
@@ -364,15 +366,15 @@ impl Links {
         })
     }
 
-    /// Whether a line does not carry its share of a frame in this time.
+    /// The cause, if a line cannot carry its share of a frame in this time.
     pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
         let mut ends = self.ends.iter();
         ends.find_map(|end| end.exchange.slow(timeout))
     }
 
-    pub(crate) fn account(&self, report: &mut Report) {
+    pub(crate) fn add_counts(&self, report: &mut Report) {
         for end in &self.ends {
-            end.exchange.account(report);
+            end.exchange.add_counts(report);
         }
         report.recovery.duplicates += self.joiner.duplicates;
         report.assembly.incomplete += self.joiner.incomplete;

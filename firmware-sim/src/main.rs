@@ -95,7 +95,6 @@ struct Args {
     force: bool,
 }
 
-/// Refusals that are printed one by one.
 const PRINTED_REFUSALS: u32 = 5;
 
 fn main() -> ExitCode {
@@ -122,7 +121,7 @@ fn run(args: Args) -> Result<()> {
         ..Suite::default()
     };
     let mut junit = args.limits.open(args.force).map_err(anyhow::Error::msg)?;
-    let done = fly(&args, &mut suite, junit.as_mut());
+    let done = run_mission(&args, &mut suite, junit.as_mut());
     if let (Err(error), Some(junit)) = (&done, &mut junit) {
         let verdicts = args.limits.not_run(&in_one_line(error.as_ref()));
         let written = junit.fail(&suite.document(&verdicts));
@@ -131,13 +130,13 @@ fn run(args: Args) -> Result<()> {
     done
 }
 
-/// Flies the mission, and writes the verdicts on it.
-fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> Result<()> {
+/// Runs the mission and writes its verdicts.
+fn run_mission(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> Result<()> {
     let started = Instant::now();
     if let Some(seconds) = args.ut1_utc {
         set_ut1_utc(seconds).map_err(|why| anyhow!("--ut1-utc {why}"))?;
     }
-    // What begins now is under way while the emulator is waited for.
+    // With --wall, the mission starts now, before the links are open.
     let zero = args.epoch.is_none().then_some(started);
     let mission = mission(args)?;
     let closed = args.closed.settings(args.wall, &mission)?;
@@ -161,9 +160,9 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> R
         Err(RunError::CutShort { report, source }) => (*report, Some(source)),
         Err(error) => return Err(error.into()),
     };
-    let held = report.control.as_ref();
-    let off = held.and_then(|control| args.closed.broken(control));
-    let mut verdicts = args.limits.judge(&report);
+    let control = report.control.as_ref();
+    let off = control.and_then(|control| args.closed.broken(control));
+    let mut verdicts = args.limits.assess(&report);
     verdicts.extend(off.map(|off| Verdict::new("pointing", false, off)));
     if let Some(error) = &cut_short {
         verdicts.push(Verdict::new("run", false, error.to_string()));
@@ -178,11 +177,10 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> R
     if let Some(error) = cut_short {
         return Err((*error).into());
     }
-    came_whole(&report, &stop)?;
+    check_complete(&report, &stop)?;
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
-/// Runs the flight computer and prints what happens.
 fn report_events(
     flight_computer: FlightComputer,
     listens: bool,
@@ -198,7 +196,7 @@ fn report_events(
             }
             _ => print_event(&event, listens),
         };
-        // What cannot be printed now fails again with the report.
+        // If printing fails now, it fails again with the report.
         if printed.is_err() || stop.load(atomic::Ordering::Relaxed) {
             return ControlFlow::Break(());
         }
@@ -206,20 +204,19 @@ fn report_events(
     })
 }
 
-/// Errors: not all frames came whole.
-fn came_whole(report: &Report, stop: &AtomicBool) -> Result<()> {
-    let (came, requested) = (report.frames, report.requested);
+fn check_complete(report: &Report, stop: &AtomicBool) -> Result<()> {
+    let (whole, requested) = (report.frames, report.requested);
     let gone = report.gone.as_ref().map(|gone| format!(": {gone}"));
-    if came >= requested {
+    if whole >= requested {
         return Ok(());
     }
     if stop.load(atomic::Ordering::Relaxed) {
         let gone = gone.unwrap_or_default();
-        bail!("stopped after {came} of {requested} frames{gone}");
+        bail!("stopped after {whole} of {requested} frames{gone}");
     }
     let see = ": see the losses and refusals above, and the emulator's own messages";
     let why = gone.as_deref().unwrap_or(see);
-    bail!("{came} of {requested} frames came whole{why}")
+    bail!("{whole} of {requested} frames came whole{why}")
 }
 
 fn mission(args: &Args) -> Result<Mission> {
@@ -236,7 +233,7 @@ fn mission(args: &Args) -> Result<Mission> {
         (false, false) => Pace::Stepped { most_hz: args.rate },
     };
     let profile = args.profile.profile(start)?;
-    let (output, positions) = args.output.wanted()?;
+    let (output, positions) = args.output.requested()?;
     Ok(Mission {
         start,
         period_s: args.period,
@@ -250,7 +247,7 @@ fn mission(args: &Args) -> Result<Mission> {
     })
 }
 
-/// The object that `FILE[:NAME]` names.
+/// Loads the object of `FILE[:NAME]`.
 fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
     let (file, name) = file_and_name(text, |file| Path::new(file).exists());
     if Path::new(file).is_dir() {
@@ -288,7 +285,7 @@ fn print_event(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
             latency,
             ..
         } => {
-            // Of another client's attitudes it is not known.
+            // Unknown for another client's attitudes.
             let ms = latency.map(|latency| latency.as_secs_f64() * 1e3);
             let after = |what| ms.map_or(String::new(), |ms| format!(", {what}after {ms:.1} ms"));
             let (number, attitude) = (frame.header.frame, frame.header.attitude_sequence);

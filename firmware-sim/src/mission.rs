@@ -1,4 +1,4 @@
-//! What the flight computer is to do.
+//! Plan of a run of the flight computer.
 
 use std::time::Duration;
 
@@ -10,37 +10,37 @@ use skyloop_protocols::{Attitude, OrbitState, Output, Positions};
 use crate::pointing::Pointing;
 use crate::profile::{OrbitSource, Profile, ProfileError};
 
-/// What the flight computer is to do.
+/// Plan of a run.
 #[derive(Clone)]
 pub struct Mission {
     /// Time of the first attitude: in stepped mode the middle of the first exposure.
     pub start: Epoch,
     /// Step between the times of two attitudes in stepped mode, s, above 0.
     pub period_s: f64,
-    /// Frames to ask for or, by the wall clock, to wait for.
+    /// Number of frames to request (stepped mode) or to receive (wall clock).
     pub frames: u32,
-    /// Where to point.
+    /// Attitude profile.
     pub profile: Profile,
-    /// Where to be. Without it no position is sent.
+    /// Orbit. Without it no position is sent.
     pub orbit: Option<OrbitSource>,
-    /// How long to wait for a whole frame; also for the first answer.
+    /// Time-out of a complete frame and of the first reply.
     pub timeout: Duration,
-    /// What sets the pace.
+    /// Timing of the attitudes.
     pub pace: Pace,
-    /// What of each frame the emulator is asked to send; without it, what it is configured to.
+    /// Requested content of frames; none: the emulator's configuration.
     pub output: Option<Output>,
-    /// Where windows are asked for; without it, where the emulator is configured to cut them.
+    /// Requested window positions; none: the emulator's configuration.
     pub positions: Option<Positions>,
 }
 
 impl Mission {
-    /// The time of attitude number `step` in stepped mode.
+    /// Time of attitude number `step` in stepped mode.
     #[must_use]
     pub fn epoch(&self, step: u32) -> Epoch {
         self.start + seconds(f64::from(step) * self.period_s)
     }
 
-    /// The attitude message for `epoch`.
+    /// Attitude message for `epoch`.
     ///
     /// # Errors
     /// [`ProfileError`]: no attitude, or no state.
@@ -50,7 +50,7 @@ impl Mission {
         self.message(sequence, epoch, &pointing)
     }
 
-    /// The attitude message for `epoch` of a body that points so, whatever the profile says.
+    /// Attitude message for `epoch` with this pointing instead of the profile's.
     ///
     /// # Errors
     /// [`ProfileError::Orbit`]: no state.
@@ -76,19 +76,20 @@ impl Mission {
     }
 }
 
-/// What sets the pace of the attitudes.
+/// Timing of the attitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// The next attitude leaves when the last one's frame is in.
+    /// Each attitude is sent after the previous one's frame.
     Stepped {
-        /// Attitudes a second at most, Hz, above 0.
+        /// Maximum rate of attitudes, Hz, above 0.
         most_hz: Option<f64>,
     },
-    /// Attitudes leave by the wall clock, their time running on from [`Mission::start`]; frames come as they come.
+    /// Attitudes are sent by the wall clock, with time from [`Mission::start`] on; frames are
+    /// received at any time.
     Wall {
-        /// Attitudes a second, Hz, above 0.
+        /// Rate of attitudes, Hz, above 0.
         rate_hz: f64,
     },
-    /// No attitudes leave: frames come as another client has them made.
+    /// No attitudes: receives the frames of another client.
     Listen,
 }

@@ -1,22 +1,22 @@
-//! Where the spacecraft points at one instant, and how attitude and rates belong together.
+//! Attitude and rates of the body at one instant.
 //!
-//! Quaternions are Hamilton's, ICRF to body: `v_body = q v_icrf q^-1`. Rates are the angular velocity of the body
-//! against ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt with constant w,
-//! `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
+//! Quaternions are Hamilton's, ICRF to body: `v_body = q v_icrf q^-1`. Rates are the angular
+//! velocity of the body relative to ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt
+//! with constant w, `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// Attitude and turning rate at one instant.
+/// Attitude and rates at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pointing {
     /// ICRF to body.
     pub attitude: UnitQuaternion<f64>,
-    /// Angular velocity of the body against ICRF, body axes, rad/s.
+    /// Angular velocity of the body relative to ICRF, body axes, rad/s.
     pub rates_rad_s: Vector3<f64>,
 }
 
 impl Pointing {
-    /// A body that does not turn.
+    /// A body without rotation.
     #[must_use]
     pub fn at_rest(attitude: UnitQuaternion<f64>) -> Self {
         Self {
@@ -25,7 +25,7 @@ impl Pointing {
         }
     }
 
-    /// Where it points `seconds` later, at constant rates: exact.
+    /// The pointing `seconds` later, exact for constant rates.
     #[must_use]
     pub fn after(&self, seconds: f64) -> Self {
         Self {
@@ -35,12 +35,14 @@ impl Pointing {
     }
 }
 
-/// `exp(-v)`: what turning the body by the rotation vector `v` (body axes, rad) does to the ICRF-to-body quaternion.
+/// `exp(-v)`: the change of the ICRF-to-body quaternion when the body rotates by `v` (rotation
+/// vector, body axes, rad).
 pub(crate) fn turn(v: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(-v)
 }
 
-/// The constant rate (body axes, rad/s) that leads from `before` to `after` in `seconds`, the shorter way round.
+/// The constant rate (body axes, rad/s) from `before` to `after` in `seconds`, along the shorter
+/// arc.
 pub(crate) fn rate_between(
     before: &UnitQuaternion<f64>,
     after: &UnitQuaternion<f64>,

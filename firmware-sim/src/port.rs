@@ -1,4 +1,4 @@
-//! The flight computer's end of a link: whole packets out, whole packets in.
+//! The flight computer's end of a link: sends and receives whole packets.
 
 use std::io;
 use std::path::Path;
@@ -9,22 +9,22 @@ use thiserror::Error;
 
 use crate::address::{Address, OpenError};
 
-/// A link that carries packets. An implementation keeps packet boundaries; it may lose, repeat or damage packets.
-/// It gives a [`PortError`] when the link is gone.
+/// A link that carries packets. It keeps packet boundaries, and may lose, repeat or damage packets.
+/// A lost link is a [`PortError`].
 pub trait Port {
     /// Sends one packet.
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError>;
 
-    /// Waits for the next packet, `timeout` at most; `None` if none came.
+    /// Waits for the next packet, at most for `timeout`.
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError>;
 
-    /// Packets that the link dropped: damaged ones, or for want of room.
+    /// Packets dropped by the link: damaged, or without buffer space.
     fn dropped(&self) -> u64 {
         0
     }
 
     /// Transmission time of a packet; zero if the line is not the limit or its speed is unknown.
-    fn airtime(&self, _octets: usize) -> Duration {
+    fn airtime(&self, _bytes: usize) -> Duration {
         Duration::ZERO
     }
 
@@ -38,24 +38,24 @@ pub trait Port {
         "a link"
     }
 
-    /// Why the line is down, while it is reopened; packets sent meanwhile are dropped.
+    /// The error of a line that is down and being reopened; packets sent meanwhile are dropped.
     fn gone(&self) -> Option<PortError> {
         None
     }
 
     /// Sets the callback for a line that goes down or comes back; it is called from any thread.
-    fn on_notice(&mut self, _tell: Tell) {}
+    fn on_notice(&mut self, _notify: Notify) {}
 
-    /// Whether the other end's system has reported that no process listens there.
-    fn is_unheard(&self) -> bool {
+    /// Whether the other host has reported a closed port.
+    fn is_refused(&self) -> bool {
         false
     }
 }
 
 /// Callback that takes a line of text.
-pub type Tell = Box<dyn Fn(&str) + Send>;
+pub type Notify = Box<dyn Fn(&str) + Send>;
 
-/// Why a link cannot be opened or used.
+/// Errors of a link.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum PortError {
@@ -69,20 +69,20 @@ pub enum PortError {
         what: &'static str,
         source: io::Error,
     },
-    /// The line that the link runs over has gone.
+    /// The line of the link is gone.
     #[error("{link}: the line has gone ({source}): {remedy}")]
     Gone {
         link: String,
         source: io::Error,
         remedy: &'static str,
     },
-    /// It cannot be opened, for a reason that has a remedy.
+    /// The link cannot be opened; there is a remedy.
     #[error("{link}: {source}")]
     Refused { link: String, source: Refusal },
-    /// A message that does not fit a packet.
+    /// A message too long for a packet.
     #[error("cannot lay out a packet: {0}")]
     Encode(#[from] EncodeError),
-    /// The text names no link.
+    /// The text is no address of a link.
     #[error("\"{text}\" names no link: {reason}; give {examples}")]
     Address {
         text: String,
@@ -92,7 +92,7 @@ pub enum PortError {
 }
 
 impl PortError {
-    /// What the system answered when `what` was tried on `link`.
+    /// The system's error of the attempt `what` on `link`.
     pub(crate) fn io(link: &str, what: &'static str, source: io::Error) -> Self {
         Self::Io {
             link: link.into(),
@@ -102,27 +102,27 @@ impl PortError {
     }
 }
 
-/// Why a device or an interface cannot be opened, and what to do.
+/// Reason and remedy for a device or interface that cannot be opened.
 #[derive(Debug, Error)]
 #[error("cannot {action}: {source}; {remedy}")]
 pub struct Refusal {
-    /// What was tried.
+    /// Attempted action.
     pub action: &'static str,
-    /// The system's answer.
+    /// The system's error.
     pub source: io::Error,
-    /// What to do.
+    /// Remedy.
     pub remedy: String,
 }
 
 impl Refusal {
-    /// Why the serial port `path` cannot be opened.
+    /// Reason why the serial port `path` cannot be opened.
     #[must_use]
     pub fn of_serial_port(path: &str, error: serialport::Error) -> Self {
-        let place = Path::new(path);
+        let device = Path::new(path);
         let text = error.description.to_lowercase();
-        let remedy = if !place.exists() {
+        let remedy = if !device.exists() {
             "check that the device exists: its name and its cable"
-        } else if place.is_dir() || place.is_file() || text.contains("typewriter") {
+        } else if device.is_dir() || device.is_file() || text.contains("typewriter") {
             "this is no serial port: name a device such as /dev/ttyUSB0"
         } else if matches!(
             error.kind(),
@@ -142,16 +142,16 @@ impl Refusal {
     }
 }
 
-/// An open link, or why there is none.
+/// An open link, or the error.
 pub type Opened = Result<Box<dyn Port + Send>, OpenError<PortError>>;
 
-/// A kind of link that an address can name.
+/// A kind of link, as named in addresses.
 pub struct Scheme {
-    /// What its addresses begin with, before `://`.
+    /// Scheme of its addresses, before `://`.
     pub name: &'static str,
     /// An address, for messages.
     pub example: &'static str,
-    /// Options of its addresses, besides `roles`.
+    /// Options of its addresses, without `roles`.
     pub keys: &'static [&'static str],
     /// Opens the link of an address.
     pub open: fn(&Address) -> Opened,

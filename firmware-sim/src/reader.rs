@@ -1,7 +1,8 @@
-//! A thread that reads packets as they come, and the bounded queue that they wait in.
+//! A thread that reads packets into a bounded queue.
 //!
-//! It reads on while the flight computer thinks, so that neither a socket's buffer nor a UART's ever fills up; and to
-//! wait for a queue is precise to some 0.1 ms, where a socket's time-out goes by the system's ticks of up to 10 ms.
+//! It reads while the flight computer is busy, so that the buffers of sockets and UARTs do not
+//! overflow. A wait for the queue is precise to some 0.1 ms; a socket's time-out depends on system
+//! ticks of up to 10 ms.
 
 use std::io::{self, ErrorKind};
 use std::sync::Arc;
@@ -10,12 +11,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Packets that the queue holds: many credit windows.
+/// Capacity of the queue in packets: many credit windows.
 const QUEUE: usize = 1024;
-/// How long a source may wait before the thread looks whether it should end.
+/// Time-out of a source, after which the thread checks its stop flag.
 pub(crate) const READ_TIMEOUT: Duration = Duration::from_millis(20);
 
-/// The queue's end that the flight computer holds.
 #[derive(Debug)]
 pub(crate) struct Reader {
     packets: Receiver<Vec<u8>>,
@@ -29,22 +29,21 @@ struct Shared {
     dropped: AtomicU64,
 }
 
-/// The queue's end that the thread holds.
-pub(crate) struct Intake {
+pub(crate) struct PacketSink {
     queue: SyncSender<Vec<u8>>,
     shared: Arc<Shared>,
 }
 
-impl Intake {
-    /// Queues a packet; drops and counts it if the queue is full.
+impl PacketSink {
+    /// Queues a packet. With a full queue it is dropped and counted.
     pub(crate) fn take(&self, packet: &[u8]) {
-        // Once the flight computer has gone, the thread is about to be stopped.
+        // Without a flight computer the thread is about to stop.
         if let Err(TrySendError::Full(_)) = self.queue.try_send(packet.to_vec()) {
             self.lose(1);
         }
     }
 
-    /// Counts packets that came damaged, or not at all.
+    /// Counts damaged or missing packets.
     pub(crate) fn lose(&self, packets: u32) {
         let dropped = &self.shared.dropped;
         dropped.fetch_add(packets.into(), Ordering::Relaxed);
@@ -52,24 +51,24 @@ impl Intake {
 }
 
 impl Reader {
-    /// Starts the thread. `source` waits for what comes, [`READ_TIMEOUT`] at most, and gives it to the intake; its
-    /// errors end the link, but for those that pass.
+    /// Starts the thread. `source` waits at most [`READ_TIMEOUT`] and passes its packets to the
+    /// sink. Its errors end the link, except temporary ones.
     pub(crate) fn start(
         name: &str,
-        mut source: impl FnMut(&Intake) -> io::Result<()> + Send + 'static,
+        mut source: impl FnMut(&PacketSink) -> io::Result<()> + Send + 'static,
     ) -> io::Result<Reader> {
         let shared = Arc::new(Shared::default());
         let (queue, packets) = sync_channel(QUEUE);
-        let intake = Intake {
+        let sink = PacketSink {
             queue,
             shared: Arc::clone(&shared),
         };
         let thread = std::thread::Builder::new()
             .name(name.into())
             .spawn(move || {
-                while !intake.shared.stop.load(Ordering::Relaxed) {
-                    match source(&intake) {
-                        Err(error) if !is_passing(&error) => return error,
+                while !sink.shared.stop.load(Ordering::Relaxed) {
+                    match source(&sink) {
+                        Err(error) if !is_temporary(&error) => return error,
                         _ => {}
                     }
                 }
@@ -82,7 +81,6 @@ impl Reader {
         })
     }
 
-    /// The next packet; none within `timeout`.
     pub(crate) fn recv(&mut self, timeout: Duration) -> io::Result<Option<Vec<u8>>> {
         match self.packets.recv_timeout(timeout) {
             Ok(packet) => Ok(Some(packet)),
@@ -94,14 +92,14 @@ impl Reader {
         }
     }
 
-    /// Packets that came damaged, or found no room in the queue or the socket.
+    /// Packets damaged, or dropped by a full queue or socket.
     pub(crate) fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
     }
 }
 
-/// Whether reading may go on after it. A refused connection answers an earlier datagram that met nobody.
-fn is_passing(error: &io::Error) -> bool {
+/// Whether reading can go on. A refused connection belongs to an earlier datagram to a closed port.
+fn is_temporary(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::TimedOut
@@ -115,7 +113,7 @@ impl Drop for Reader {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // It ends within a read time-out; how it ended does not matter any more.
+            // It ends within a read time-out; its error no longer matters.
             let _ = thread.join();
         }
     }

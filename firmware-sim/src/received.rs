@@ -1,4 +1,4 @@
-//! A received frame: pixels open, labels sealed until the detections are fixed.
+//! A received frame: pixels are open, labels are sealed until the detections are fixed.
 
 use std::time::Instant;
 
@@ -8,15 +8,16 @@ use thiserror::Error;
 use crate::detector::{Detections, DetectorSettings, detect, detect_windows};
 use crate::image::Image;
 
-/// Which of a frame's pixels came.
+/// Pixels of a received frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Content {
     /// None.
     #[default]
     None,
-    /// Windows.
+    /// Windows only.
     Windows(Vec<Cutout>),
-    /// All, DN, row by row from pixel (0, 0): `width * height` of them, checked against the CRC-32 of its FrameEnd.
+    /// All pixels, DN, row by row from pixel (0, 0): `width * height` values with the FrameEnd's
+    /// CRC-32.
     Frame(Vec<u16>),
 }
 
@@ -33,36 +34,36 @@ pub struct Cutout {
     pub pixels: Vec<u16>,
 }
 
-/// A frame with the pixels and labels that were sent, the labels still sealed.
+/// A received frame, its labels still sealed.
 #[derive(Clone, Debug)]
 pub struct ReceivedFrame {
-    /// The header as it came.
+    /// Header.
     pub header: FrameHeader,
-    /// Its end as it came: CRC-32 of its pixels, its times.
+    /// FrameEnd: CRC-32 of the pixels, and times.
     pub end: FrameEnd,
     /// Middle of the exposure.
     pub mid_exposure: WireTime,
     /// Its pixels.
     pub content: Content,
-    /// Octets that the pixels took on the wire, packed or compressed.
+    /// Bytes of the pixels in their packets, packed or compressed.
     pub pixel_bytes: u64,
-    /// When its header arrived.
+    /// Arrival time of the header.
     pub header_at: Instant,
-    /// When the last packet with pixels arrived; of a frame without any, with labels.
+    /// Arrival time of the last packet with pixels; without pixels, of the last one with labels.
     pub last_block: Instant,
-    /// When its last packet arrived.
+    /// Arrival time of the last packet.
     pub whole_at: Instant,
-    /// Label text or object records as octets, to be read through [`ReceivedFrame::labels`] and
-    /// [`ReceivedFrame::objects`] only.
+    /// Label text or object records, read only through [`ReceivedFrame::labels`] and
+    /// [`ReceivedFrame::objects`].
     pub(crate) sealed_labels: Vec<u8>,
 }
 
-/// Why labels stay shut.
+/// Reason why labels stay sealed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum SealError {
     #[error(
-        "labels of frame {frame} asked for with detections of frame {detected}: detect in this frame first"
+        "labels of frame {frame} need its own detections, not those of frame {detected}: detect in this frame first"
     )]
     OtherFrame { frame: u32, detected: u32 },
     #[error("labels of frame {frame} are not UTF-8 at byte {byte}")]
@@ -70,7 +71,6 @@ pub enum SealError {
 }
 
 impl ReceivedFrame {
-    /// The same frame with the labels that came over another link.
     pub(crate) fn with_labels_of(mut self, other: Self) -> Self {
         self.header.label_level = other.header.label_level;
         self.header.label_parts = other.header.label_parts;
@@ -80,7 +80,7 @@ impl ReceivedFrame {
         self
     }
 
-    /// All pixels of the frame, if all were sent.
+    /// All pixels of the frame; empty unless all were sent.
     #[must_use]
     pub fn pixels(&self) -> &[u16] {
         match &self.content {
@@ -89,7 +89,7 @@ impl ReceivedFrame {
         }
     }
 
-    /// Its windows, if windows were sent.
+    /// Its windows; empty unless windows were sent.
     #[must_use]
     pub fn windows(&self) -> &[Cutout] {
         match &self.content {
@@ -98,7 +98,7 @@ impl ReceivedFrame {
         }
     }
 
-    /// What the detector may see of a whole frame; empty if not all pixels were sent.
+    /// Detector input of a whole frame; empty unless all pixels were sent.
     #[must_use]
     pub fn image(&self) -> Image<'_> {
         let (width, height) = (self.header.width.into(), self.header.height.into());
@@ -113,14 +113,14 @@ impl ReceivedFrame {
             pixels,
             gain_e_per_dn: self.header.gain_e_per_dn,
             offset_dn: self.header.offset_dn,
-            // 1 to 16 bits by the decoder.
+            // The decoder limits it to 1 to 16 bits.
             full_scale_dn: (u16::MAX)
                 .checked_shr(u32::from(16 - self.header.bits.min(16)))
                 .unwrap_or(0),
         }
     }
 
-    /// Detects stars in the pixels that came; in none, none.
+    /// Detects stars in the received pixels.
     #[must_use]
     pub fn detect(&self, settings: &DetectorSettings) -> Detections {
         if let Content::Windows(windows) = &self.content {
@@ -135,7 +135,7 @@ impl ReceivedFrame {
         }
     }
 
-    /// Whether the pixels around this place came: all within two pixels that the frame has.
+    /// Whether all pixels of the frame within two pixels of this position were received.
     #[must_use]
     pub fn shows(&self, x_px: f64, y_px: f64) -> bool {
         const AROUND: f64 = 2.0;
@@ -156,7 +156,7 @@ impl ReceivedFrame {
         }
     }
 
-    /// The label text: JSON, one line; empty if no text was sent. It opens for the fixed detections of this frame only.
+    /// Label text: JSON in one line; empty if no text was sent. Needs the detections of this frame.
     pub fn labels(&self, detections: &Detections) -> Result<&str, SealError> {
         let bytes = self.opened(detections, LabelLevel::Text)?;
         std::str::from_utf8(bytes).map_err(|error| SealError::NotText {
@@ -165,8 +165,8 @@ impl ReceivedFrame {
         })
     }
 
-    /// The brightest objects, the brightest first; none if only text was sent, or nothing. They open for the fixed
-    /// detections of this frame only.
+    /// Labelled objects, brightest first; empty if none were sent in numeric form. Needs the
+    /// detections of this frame.
     pub fn objects(&self, detections: &Detections) -> Result<Vec<ObjectRecord>, SealError> {
         let all = ObjectPart {
             frame: self.header.frame,

@@ -1,61 +1,57 @@
-//! When to ask for missing packets again. It counts time only; what is missing knows the reassembly.
+//! Timing of requests for missing packets; the reassembly finds the packets.
 //!
-//! A packet is missing when a later one has come and it has not followed soon. How soon goes by the usual time between
-//! packets, so that a slow line is not asked for what is still on its way. When nothing comes any more, the packets
-//! behind the last may be lost or may stand in a queue that rests: the emulator is asked for its Status, which takes its
-//! place behind what has been sent. They are missing when that has come and they have not.
+//! A packet is missing when it has not followed a later one soon. The wait depends on the mean
+//! packet interval, so that slow lines get no requests for packets in flight. After a silence,
+//! packets after the last one may be lost or queued. The emulator then gets a Ping; its Status is
+//! sent after the queued packets. Packets that have not arrived before it are missing.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use crate::reassembly::Demand;
 
-/// Runs asked for at once.
+/// Maximum number of runs in one request.
 const RUNS: usize = 8;
-/// How long a packet may follow a later one at least: reordered, not lost.
+/// Minimum wait for a packet after a later one: it may be reordered.
 const LATE: Duration = Duration::from_millis(30);
-/// Nothing comes any more after this long at least.
 const SILENCE: Duration = Duration::from_millis(50);
-/// The same before the usual time between packets is known.
+/// The same while the packet interval is unknown.
 const FIRST_SILENCE: Duration = Duration::from_millis(300);
-/// The silence before the next round doubles so often at most.
+/// Maximum number of doublings of the silence between rounds.
 const MAX_DOUBLINGS: u32 = 5;
-/// Requests whose refusal is known as such.
+/// Number of requests remembered to recognize their refusals.
 const REMEMBERED: usize = 64;
 
-/// The client's side of asking again on one link.
 #[derive(Debug, Default)]
 pub(crate) struct Recovery {
-    /// Frame packets that may be under way.
+    /// Credit window: maximum number of frame packets in flight.
     window: u32,
-    /// Time on the line of the longest packet.
+    /// Transmission time of the longest packet.
     airtime: Duration,
-    /// The usual time between frame packets.
+    /// Mean interval of frame packets.
     spacing: Option<Duration>,
-    heard: Option<Instant>,
-    /// When the last round of this silence began.
+    last_packet: Option<Instant>,
+    /// Start of the last round in this silence.
     round: Option<Instant>,
-    /// Rounds of this silence.
     rounds: u32,
-    /// Whether the emulator is to be asked for its Status.
-    knocks: bool,
-    /// Whether a Status has come since the round began and nothing has been asked for.
-    accounted: bool,
-    /// The last round of this silence in which it was asked for packets.
+    /// Whether to poll the emulator for its Status.
+    poll_is_due: bool,
+    /// Whether a Status has arrived in this round, before any request.
+    status_received: bool,
+    /// Last round of this silence with a request for packets.
     served: u32,
-    looked: Option<Instant>,
-    /// When gaps were last asked for although they had been before.
+    last_check: Option<Instant>,
+    /// Time of the last repeated request.
     again: Option<Instant>,
-    /// Sequence counts of the latest requests, and the frames that they were about.
+    /// Sequence counts and frames of the latest requests.
     requests: VecDeque<(u16, u32)>,
     off: bool,
-    /// The attitude whose frames are wanted; none: all.
+    /// Attitude of the requested frames; none: all frames.
     pub(crate) attitude: Option<u32>,
-    /// Requests so far.
     pub(crate) requested: u64,
-    /// Requests that were refused: too late.
+    /// Refused requests: too late.
     pub(crate) refused: u64,
-    /// Packets of ours that came damaged at the emulator.
+    /// Our packets that the emulator received damaged.
     pub(crate) damaged: u64,
 }
 
@@ -68,29 +64,29 @@ impl Recovery {
         }
     }
 
-    /// Books a frame packet; `flowing` if it follows others of its frame.
+    /// Records a frame packet; `flowing` if it follows others of its frame.
     pub(crate) fn arrived(&mut self, now: Instant, flowing: bool) {
-        if let Some(heard) = self.heard.filter(|_| flowing) {
-            let sample = now.saturating_duration_since(heard);
-            // A moving average over some eight packets.
+        if let Some(last_packet) = self.last_packet.filter(|_| flowing) {
+            let sample = now.saturating_duration_since(last_packet);
+            // Moving average over some eight packets.
             let usual = self.spacing.map(|usual| (usual * 7 + sample) / 8);
             self.spacing = Some(usual.unwrap_or(sample));
         }
-        self.heard = Some(now);
+        self.last_packet = Some(now);
         (self.rounds, self.round) = (0, None);
-        (self.knocks, self.accounted, self.served) = (false, false, 0);
+        (self.poll_is_due, self.status_received, self.served) = (false, false, 0);
     }
 
-    /// Books a Status: what the emulator had sent before it has come by now, or is lost.
-    pub(crate) fn accounted(&mut self) {
-        self.accounted = self.rounds > self.served;
+    /// Records a Status: packets sent before it have arrived or are lost.
+    pub(crate) fn status_received(&mut self) {
+        self.status_received = self.rounds > self.served;
     }
 
-    pub(crate) fn heard(&self) -> Option<Instant> {
-        self.heard
+    pub(crate) fn last_packet(&self) -> Option<Instant> {
+        self.last_packet
     }
 
-    /// The time between frame packets, on a line that is slow or that others share.
+    /// Interval of frame packets, on a slow or shared line.
     pub(crate) fn spacing(&self) -> Duration {
         self.spacing.unwrap_or_default().max(self.airtime)
     }
@@ -100,35 +96,35 @@ impl Recovery {
     }
 
     fn silence(&self) -> Duration {
-        let least = match self.spacing {
+        let min = match self.spacing {
             Some(_) => SILENCE,
             None => FIRST_SILENCE,
         };
-        least.max(3 * self.spacing()) * (1 << self.rounds.min(MAX_DOUBLINGS))
+        min.max(3 * self.spacing()) * (1 << self.rounds.min(MAX_DOUBLINGS))
     }
 
-    /// How long to wait for packets before looking again, while a frame is under way.
+    /// Time until the next check while a frame is in flight.
     pub(crate) fn pause(&self) -> Duration {
         self.late() / 3
     }
 
-    /// What to ask for now, while a frame is under way; none: it is too early to look.
+    /// Packets to request now, while a frame is in flight; none: too early to check.
     pub(crate) fn demand(&mut self, now: Instant) -> Option<Demand> {
         let since = |at: Option<Instant>| at.map(|at| now.saturating_duration_since(at));
-        if self.off || since(self.looked).is_some_and(|since| since < self.pause()) {
+        if self.off || since(self.last_check).is_some_and(|since| since < self.pause()) {
             return None;
         }
-        self.looked = Some(now);
-        let silent = std::mem::take(&mut self.accounted);
+        self.last_check = Some(now);
+        let silent = std::mem::take(&mut self.status_received);
         if silent {
             self.served = self.rounds;
         }
-        let quiet = since(self.heard.max(self.round)).unwrap_or_default();
+        let quiet = since(self.last_packet.max(self.round)).unwrap_or_default();
         if quiet >= self.silence() {
-            (self.round, self.knocks) = (Some(now), true);
+            (self.round, self.poll_is_due) = (Some(now), true);
             self.rounds += 1;
         }
-        // By then an answer would have come, behind a whole window.
+        // After this time a reply would have arrived, even behind a whole window.
         let round_trip = (self.late() + self.spacing() * self.window) * 2;
         let again = silent || since(Some(*self.again.get_or_insert(now))) >= Some(round_trip);
         if again {
@@ -144,10 +140,10 @@ impl Recovery {
         })
     }
 
-    /// Whether to grant again, which may be what was lost, and to ask for the emulator's Status: once each round of a
-    /// silence.
-    pub(crate) fn knocks(&mut self) -> bool {
-        std::mem::take(&mut self.knocks)
+    /// Whether to repeat the grant, which may be lost, and to request the emulator's Status: once
+    /// per round of a silence.
+    pub(crate) fn poll_is_due(&mut self) -> bool {
+        std::mem::take(&mut self.poll_is_due)
     }
 
     pub(crate) fn requested(&mut self, sequence_count: u16, frame: u32) {
@@ -158,7 +154,7 @@ impl Recovery {
         self.requests.push_back((sequence_count, frame));
     }
 
-    /// The frame that a refused command asked for, if it was a request.
+    /// The frame of a refused request.
     pub(crate) fn refusal(&mut self, sequence_count: u16) -> Option<u32> {
         let mut requests = self.requests.iter();
         let request = requests.find(|(count, _)| *count == sequence_count);
@@ -167,7 +163,7 @@ impl Recovery {
         Some(*frame)
     }
 
-    /// Asks no more: the emulator does not know how.
+    /// Stops requests: the emulator does not support them.
     pub(crate) fn stop(&mut self) {
         self.off = true;
     }
@@ -181,59 +177,60 @@ mod tests {
         Duration::from_millis(ms)
     }
 
-    /// Looks every millisecond from `start` on; when there is a knock.
-    fn knocks(recovery: &mut Recovery, start: Instant, most: u64) -> Vec<u64> {
-        let knocks = |at: &u64| {
+    /// Checks every millisecond from `start` on. Returns the times of polls.
+    fn polls(recovery: &mut Recovery, start: Instant, max: u64) -> Vec<u64> {
+        let polls = |at: &u64| {
             let demand = recovery.demand(start + ms(*at));
             assert!(!demand.is_some_and(|demand| demand.silent), "{at}");
-            recovery.knocks()
+            recovery.poll_is_due()
         };
-        (0..most).filter(knocks).collect()
+        (0..max).filter(polls).collect()
     }
 
     #[test]
-    fn silence_is_knocked_into_ever_more_seldom() {
+    fn polls_in_a_silence_become_rarer() {
         let start = Instant::now();
         let mut recovery = Recovery::new(64, Duration::ZERO);
         recovery.arrived(start, false);
         recovery.arrived(start + ms(1), true);
-        // 50 ms, then twice as long each; looked at every 10 ms. Without a Status nothing is asked for.
-        let rounds = knocks(&mut recovery, start + ms(1), 2000);
+        // 50 ms, then doubled each time; checked every 10 ms. Without a Status nothing is
+        // requested.
+        let rounds = polls(&mut recovery, start + ms(1), 2000);
         assert_eq!(rounds, [50, 150, 350, 750, 1550]);
         recovery.arrived(start + ms(2100), false);
         let demand = recovery.demand(start + ms(2140)).unwrap();
         assert!(!demand.silent && demand.wait == ms(30), "{demand:?}");
-        assert_eq!(knocks(&mut recovery, start + ms(2141), 100), [9]);
+        assert_eq!(polls(&mut recovery, start + ms(2141), 100), [9]);
     }
 
     #[test]
-    fn packets_behind_the_last_are_asked_for_once_for_each_status() {
+    fn packets_after_the_last_are_requested_once_per_status() {
         let start = Instant::now();
         let mut recovery = Recovery::new(64, Duration::ZERO);
         let mut at = 0;
         let mut silent = |recovery: &mut Recovery, status: bool| {
             at += 20;
             if status {
-                recovery.accounted();
+                recovery.status_received();
             }
             recovery.demand(start + ms(at)).unwrap().silent
         };
         recovery.arrived(start, false);
         recovery.arrived(start + ms(1), true);
         assert!(!silent(&mut recovery, true), "there is no silence");
-        while !recovery.knocks() {
+        while !recovery.poll_is_due() {
             assert!(!silent(&mut recovery, false));
         }
-        // Two came at once.
+        // Two Status packets at once.
         assert!(silent(&mut recovery, true) && !silent(&mut recovery, true));
-        // They come, and a late Status with them.
+        // Packets arrive with a late Status.
         recovery.arrived(start + ms(200), true);
         assert!(!silent(&mut recovery, true));
     }
 
     #[test]
-    fn a_slow_line_is_not_asked_for_what_is_on_its_way() {
-        // 1,400 octets at 9,600 baud.
+    fn slow_lines_get_no_requests_for_packets_in_flight() {
+        // 1,400 bytes at 9,600 baud.
         let airtime = ms(1458);
         let start = Instant::now();
         for (known, packets) in [(airtime, 1), (Duration::ZERO, 3)] {
@@ -242,14 +239,14 @@ mod tests {
                 recovery.arrived(start + airtime * packet, packet > 0);
             }
             let last = start + airtime * (packets - 1);
-            assert!(knocks(&mut recovery, last, 2900).is_empty());
-            assert!(recovery.demand(last + 3 * airtime).is_some() && recovery.knocks());
+            assert!(polls(&mut recovery, last, 2900).is_empty());
+            assert!(recovery.demand(last + 3 * airtime).is_some() && recovery.poll_is_due());
             assert!(recovery.demand(last + 6 * airtime).unwrap().wait >= 2 * airtime);
         }
     }
 
     #[test]
-    fn a_refused_request_is_known_and_an_emulator_without_any_is_left_alone() {
+    fn refusals_are_recognized_and_requests_can_stop() {
         let mut recovery = Recovery::new(64, Duration::ZERO);
         recovery.requested(5, 77);
         assert_eq!((recovery.refusal(5), recovery.refusal(6)), (Some(77), None));

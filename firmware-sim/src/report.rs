@@ -1,4 +1,4 @@
-//! What a run amounts to: counts, latencies, centroid residuals, refusals.
+//! Result of a run: counters, latencies, centroid residuals, refusals.
 
 use std::fmt;
 
@@ -11,10 +11,10 @@ use crate::score::Score;
 use crate::times::Times;
 use crate::timings::Timings;
 
-/// Nacks kept with their details; the count goes on.
-const NACKS_KEPT: usize = 100;
-/// Residuals kept: 16 octets each, bounded for runs without end.
-const RESIDUALS_KEPT: usize = 1 << 20;
+/// Maximum number of stored Nacks; further ones are counted only.
+const MAX_NACKS: usize = 100;
+/// Maximum number of stored residuals, 16 bytes each.
+const MAX_RESIDUALS: usize = 1 << 20;
 
 /// A refusal by the emulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,9 +23,9 @@ pub struct NackRecord {
     pub apid: u16,
     /// Sequence count of the refused packet.
     pub sequence_count: u16,
-    /// Why.
+    /// Reason.
     pub reason: Reason,
-    /// What and where, in the emulator's words.
+    /// Details as text from the emulator.
     pub detail: String,
 }
 
@@ -39,78 +39,79 @@ impl fmt::Display for NackRecord {
     }
 }
 
-/// The outcome of a run.
+/// Result of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// Frames asked for.
+    /// Requested frames.
     pub requested: u32,
-    /// Frames received whole.
+    /// Complete frames.
     pub frames: u32,
-    /// Frames that did not arrive in time, or damaged.
+    /// Frames that timed out or arrived damaged.
     pub lost: u32,
-    /// Frames that the emulator refused to take (a `Nack` to the attitude).
+    /// Frames refused by the emulator (`Nack` to the attitude).
     pub refused: u32,
-    /// Whole frames that came too late to count.
+    /// Complete frames received too late to count.
     pub late: u32,
     /// Attitude sent to last pixel block received.
     pub latencies: Times,
-    /// What the emulator says of its frames' times.
+    /// Times reported by the emulator.
     pub timings: Timings,
-    /// What the frames brought.
+    /// Statistics of the frames' content.
     pub contents: Contents,
-    /// Octets of all packets that came.
+    /// Bytes of all received packets.
     pub bytes: u64,
-    /// The scores of all frames added up.
+    /// Sums of all scores.
     pub totals: Totals,
-    /// What came of the closed loop, if one was flown.
+    /// Telemetry of the closed loop, if there was one.
     pub control: Option<ControlTelemetry>,
-    /// How many Nacks came.
+    /// Number of Nacks.
     pub nack_count: u64,
-    /// The first hundred of them.
+    /// The first hundred Nacks.
     pub nacks: Vec<NackRecord>,
-    /// Packets that were none of ours: damaged or unknown.
+    /// Undecodable packets: damaged or unknown.
     pub undecodable: u64,
-    /// Packets that the link itself dropped.
+    /// Packets dropped by the link.
     pub dropped: u64,
     /// Frame packets missing in the emulator's sequence counts.
     pub missing_packets: u64,
-    /// What was asked for again.
+    /// Counters of repeated requests.
     pub recovery: RecoveryCounts,
-    /// What the reassembly met.
+    /// Counters of the reassembly.
     pub assembly: AssemblyCounts,
-    /// What the frames did not bring although it was asked for, and why.
+    /// Requested content that the frames lack, and the reason.
     pub warning: Option<String>,
-    /// The line that had gone at the end, and what to do.
+    /// Error and remedy of a line that was gone at the end.
     pub gone: Option<String>,
-    /// The emulator's settings and counters at the end, if it answered.
+    /// Final settings and counters of the emulator, if it answered.
     pub status: Option<Status>,
 }
 
-/// What was asked for again, and what came of it.
+/// Counters of repeated requests and attitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecoveryCounts {
-    /// Requests for missing packets. What came of them: [`AssemblyCounts::recovered`].
+    /// Requests for missing packets; [`AssemblyCounts::recovered`] counts their success.
     pub requested: u64,
-    /// Attitudes sent again because nothing came of them.
+    /// Attitudes repeated without a reply.
     pub attitudes: u64,
-    /// Frames that came a second time: both copies of the attitude had arrived.
+    /// Duplicate frames: both copies of the attitude had arrived.
     pub duplicates: u64,
-    /// Requests and repeated attitudes that the emulator refused: they came too late.
+    /// Requests and repeated attitudes that the emulator refused as too late.
     pub refused: u64,
-    /// Packets that the emulator got damaged (`Nack` BadCrc or BadLength): losses, not refusals.
+    /// Packets that the emulator received damaged (`Nack` BadCrc or BadLength): losses, not
+    /// refusals.
     pub damaged: u64,
 }
 
 impl Report {
     pub(crate) fn nack(&mut self, nack: NackRecord) {
         self.nack_count += 1;
-        if self.nacks.len() < NACKS_KEPT {
+        if self.nacks.len() < MAX_NACKS {
             self.nacks.push(nack);
         }
     }
 }
 
-/// Scores of many frames added up.
+/// Sums of the scores of many frames.
 #[derive(Clone, Debug, Default)]
 pub struct Totals {
     /// Visible labelled stars.
@@ -121,13 +122,13 @@ pub struct Totals {
     pub detections: u64,
     /// Labels with a detection.
     pub matched: u64,
-    /// Bright, visible, isolated labels without one.
+    /// Bright, visible, isolated labels without a detection.
     pub missed: u64,
     /// Detections without labelled light.
     pub false_detections: u64,
-    /// Frames whose pixels were compared with labels.
+    /// Frames with pixels and labels to compare.
     pub compared: u32,
-    /// Frames whose labels could not be read.
+    /// Frames with unreadable labels.
     pub unscored: u32,
     pub(crate) residuals_px: Vec<[f64; 2]>,
 }
@@ -142,14 +143,13 @@ impl Totals {
         self.matched += score.matches.len() as u64;
         self.missed += score.missed.len() as u64;
         self.false_detections += score.false_detections as u64;
-        let room = RESIDUALS_KEPT.saturating_sub(self.residuals_px.len());
+        let room = MAX_RESIDUALS.saturating_sub(self.residuals_px.len());
         let counted = score.matches.iter().filter(|m| m.counts()).take(room);
         self.residuals_px
             .extend(counted.map(|m| [m.dx_px, m.dy_px]));
     }
 
-    /// Residuals between detections and labels, over those that count ([`crate::score::Match::counts`]); `None` if there
-    /// are none.
+    /// Residuals of the matches that count ([`crate::score::Match::counts`]); `None` without any.
     #[must_use]
     pub fn residual(&self) -> Option<Residual> {
         let count = self.residuals_px.len();
@@ -161,7 +161,7 @@ impl Totals {
         distances.sort_by(f64::total_cmp);
         Some(Residual {
             count,
-            // By nearest rank; none without any.
+            // Nearest rank; none without residuals.
             median_px: *distances.get(count.div_ceil(2).saturating_sub(1))?,
             rms_px: mean(|[x, y]| x * x + y * y).sqrt(),
             bias_px: [mean(|[x, _]| *x), mean(|[_, y]| *y)],
@@ -169,10 +169,10 @@ impl Totals {
     }
 }
 
-/// Detected minus labelled centroids: unsaturated, isolated, whole objects.
+/// Detected minus labelled centroids of unsaturated, isolated objects within the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// How many.
+    /// Number of objects.
     pub count: usize,
     /// Root mean square of the distance, px.
     pub rms_px: f64,
@@ -183,7 +183,6 @@ pub struct Residual {
 }
 
 impl fmt::Display for Report {
-    /// A short table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             frames,
@@ -191,7 +190,7 @@ impl fmt::Display for Report {
             lost,
             refused,
             late,
-            bytes: octets,
+            bytes,
             timings,
             contents,
             totals,
@@ -209,7 +208,7 @@ impl fmt::Display for Report {
                 "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
-        writeln!(f, "{timings}received         {octets} octets{contents}")?;
+        writeln!(f, "{timings}received         {bytes} octets{contents}")?;
         write!(f, "{totals}")?;
         if let Some(control) = &self.control {
             write!(f, "{control}")?;
@@ -241,7 +240,6 @@ impl fmt::Display for Report {
 }
 
 impl Report {
-    /// The lines about packets.
     fn write_packets(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let AssemblyCounts {
             duplicates,
@@ -265,10 +263,11 @@ impl Report {
             damaged,
         } = self.recovery;
         if self.recovery != RecoveryCounts::default() {
+            let again = format!("{attitudes} attitudes sent again, {duplicates} duplicate frames");
+            let failed = format!("{refused} too late, {damaged} damaged on the way there");
             writeln!(
                 f,
-                "asked again      {requested} times, {recovered} packets came; {attitudes} attitudes sent again, \
-                 {duplicates} duplicate frames; {refused} too late, {damaged} damaged on the way there"
+                "asked again      {requested} times, {recovered} packets came; {again}; {failed}"
             )?;
         }
         Ok(())

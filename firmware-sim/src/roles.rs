@@ -1,20 +1,20 @@
-//! What a link is for: `roles=truth+pixels+labels` in its address.
+//! Roles of a link: `roles=truth+pixels+labels` in its address.
 
 use skyloop_protocols::{LabelLevel, PixelLevel};
 
-/// What a link carries besides answers.
+/// Content of a link, apart from replies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
-    /// Attitudes and the camera's commands, to the emulator.
+    /// Attitudes and camera commands, to the emulator.
     pub truth: bool,
-    /// Pixels, from it.
+    /// Pixels, from the emulator.
     pub pixels: bool,
-    /// Labels, from it.
+    /// Labels, from the emulator.
     pub labels: bool,
 }
 
 impl Roles {
-    /// One link for all.
+    /// All roles on one link.
     pub const ALL: Self = Self {
         truth: true,
         pixels: true,
@@ -26,7 +26,7 @@ impl Roles {
         labels: false,
     };
 
-    /// Reads names joined by `+`: `pixels+labels`.
+    /// Parses names joined by `+`: `pixels+labels`.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
         for name in text.split('+') {
@@ -44,7 +44,7 @@ impl Roles {
         Ok(roles)
     }
 
-    /// What frames of these levels bring.
+    /// Content of frames with these levels.
     pub(crate) fn brought(pixels: PixelLevel, labels: LabelLevel) -> Self {
         Self {
             truth: false,
@@ -53,7 +53,7 @@ impl Roles {
         }
     }
 
-    /// These and the others.
+    /// Union.
     pub(crate) fn with(self, other: Self) -> Self {
         Self {
             truth: self.truth || other.truth,
@@ -62,7 +62,7 @@ impl Roles {
         }
     }
 
-    /// These that the others are not.
+    /// Difference.
     pub(crate) fn without(self, other: Self) -> Self {
         Self {
             truth: self.truth && !other.truth,
@@ -71,12 +71,12 @@ impl Roles {
         }
     }
 
-    /// Those of both.
+    /// Intersection.
     pub(crate) fn and(self, other: Self) -> Self {
         self.without(self.without(other))
     }
 
-    /// Whether anything of a frame is carried.
+    /// Whether the link carries pixels or labels.
     #[must_use]
     pub fn bring_frames(&self) -> bool {
         self.pixels || self.labels
@@ -84,7 +84,7 @@ impl Roles {
 }
 
 impl std::fmt::Display for Roles {
-    /// As an address has them: `truth+labels`.
+    /// In the form of an address: `truth+labels`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let names = [
             (self.truth, "truth"),

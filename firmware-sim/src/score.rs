@@ -1,4 +1,4 @@
-//! Detections against labels, once the detections are fixed.
+//! Compares detections with labels, once the detections are fixed.
 
 use serde::Deserialize;
 use skyloop_protocols::{LabelLevel, ObjectRecord};
@@ -7,19 +7,20 @@ use thiserror::Error;
 use crate::detector::{Detection, Detections};
 use crate::received::{Content, ReceivedFrame, SealError};
 
-/// A detection and a label farther apart than this are not the same thing, px.
+/// Maximum distance between a detection and its label, px.
 pub const MATCH_RADIUS_PX: f64 = 2.0;
-/// A label is isolated if the other labels within this distance, px, ...
+/// A label is isolated if all other labels within this distance, px, ...
 pub const ISOLATION_RADIUS_PX: f64 = 5.0;
-/// ... carry together less than this fraction of its light.
+/// ... have together less than this fraction of its electrons.
 pub const ISOLATION_LIGHT: f64 = 0.05;
-/// An isolated, visible label of at least this signal to noise should be detected.
+/// Isolated, visible labels with at least this signal to noise should be detected.
 pub const BRIGHT_SNR: f64 = 10.0;
 
-/// What the score needs of a labelled object.
+/// Fields of a labelled object for the score.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Label {
-    /// `star` or `rso`; `radiation` or `defect`, which are no light.
+    /// `star`, `rso`, `planet` or `moon`; others, such as `radiation` and `defect`, are no light
+    /// sources.
     pub kind: String,
     /// The object's identifier.
     pub id: String,
@@ -27,18 +28,18 @@ pub struct Label {
     pub x_px: f64,
     /// Centroid along rows, px.
     pub y_px: f64,
-    /// All its light, e-.
+    /// Total signal, e-.
     pub electrons: f64,
     /// Signal to noise by the label's definition.
     pub snr: f64,
-    /// The centroid is in the frame.
+    /// Whether the centroid is in the frame.
     pub in_frame: bool,
     /// In frame, lit, not occulted, snr >= 3.
     pub visible: bool,
 }
 
 impl Label {
-    /// Whether it is a source of light, which a detection should find.
+    /// Whether it is a light source, which should be detected.
     fn is_source(&self) -> bool {
         matches!(self.kind.as_str(), "star" | "rso" | "planet" | "moon")
     }
@@ -60,13 +61,13 @@ impl From<ObjectRecord> for Label {
     }
 }
 
-/// A frame's labels; fields that the score has no use for are passed over.
+/// Labels of a frame; other fields are ignored.
 #[derive(Deserialize)]
 struct Labels {
     objects: Vec<Label>,
 }
 
-/// Why a frame has no score.
+/// Error when a frame has no score.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum ScoreError {
@@ -88,39 +89,40 @@ pub struct Match {
     pub dx_px: f64,
     /// Detected minus labelled, along rows, px.
     pub dy_px: f64,
-    /// No other label disturbs it.
+    /// Without another label nearby.
     pub isolated: bool,
-    /// Its brightest pixel is near full scale.
+    /// Whether its brightest pixel is near full scale.
     pub saturated: bool,
-    /// The frame cuts its light.
+    /// Whether the frame's edge cuts it.
     pub edge: bool,
 }
 
 impl Match {
-    /// Whether it tells something about the centroid: isolated, not saturated, not cut by the frame.
+    /// Whether it counts for centroid errors: isolated, not saturated, not cut by the frame.
     #[must_use]
     pub fn counts(&self) -> bool {
         self.isolated && !self.saturated && !self.edge
     }
 }
 
-/// How a frame's detections compare with its labels.
+/// Comparison of a frame's detections with its labels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Score {
     /// Whether there were pixels and labels to compare.
     pub is_compared: bool,
-    /// Labelled stars that are visible.
+    /// Visible labelled stars.
     pub stars: usize,
-    /// Labelled RSOs that are visible.
+    /// Visible labelled RSOs.
     pub rsos: usize,
     /// Detections.
     pub detections: usize,
     /// Labels with their detections.
     pub matches: Vec<Match>,
-    /// Identifiers of visible, isolated labels of snr >= [`BRIGHT_SNR`] without a detection, where pixels came.
+    /// Identifiers of visible, isolated labels of snr >= [`BRIGHT_SNR`] without a detection, where
+    /// pixels were sent.
     pub missed: Vec<String>,
-    /// Detections without any labelled light nearby. Where the labels are the brightest objects only: those more than
-    /// twice as bright as the faintest of them.
+    /// Detections without a label nearby. If only the brightest objects are labelled, only
+    /// detections more than twice as bright as the faintest of these count.
     pub false_detections: usize,
 }
 
@@ -159,18 +161,20 @@ fn compare(
     frame: &ReceivedFrame,
     detections: &Detections,
 ) -> Score {
-    /// Where not all labels came, a detection so much brighter than the faintest of them would have one itself.
-    const CLEARLY: f64 = 2.0;
-    let (labels, spots): (Vec<Label>, Vec<Label>) = labels.into_iter().partition(Label::is_source);
+    /// With incomplete labels, a detection this much brighter than the faintest label should have
+    /// one.
+    const MIN_RATIO: f64 = 2.0;
+    let (labels, artifacts): (Vec<Label>, Vec<Label>) =
+        labels.into_iter().partition(Label::is_source);
     let faintest = labels.iter().map(|label| label.electrons);
     let faintest = faintest.min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
     let due_e = if complete {
         f64::MIN
     } else {
-        CLEARLY * faintest
+        MIN_RATIO * faintest
     };
-    // What a particle or a defect shows as is neither found nor missed nor false.
-    let (field, spots) = (Field::new(labels), Field::new(spots));
+    // Artifacts such as particle hits and defects count as neither found, missed nor false.
+    let (field, artifacts) = (Field::new(labels), Field::new(artifacts));
     let found = detections.list();
     let (mut used, mut labelled) = (vec![false; found.len()], vec![false; field.0.len()]);
     let mut matches = Vec::new();
@@ -183,8 +187,8 @@ fn compare(
     let visible = field.0.iter().filter(|label| label.visible);
     let count = |kind: &str| visible.clone().filter(|label| label.kind == kind).count();
     let is_false = |(at, used): &(&Detection, &bool)| {
-        let is_lit = |field: &Field| field.is_lit(at.x_px, at.y_px);
-        !**used && at.flux_e > due_e && !is_lit(&field) && !is_lit(&spots)
+        let has_light = |field: &Field| field.has_light(at.x_px, at.y_px);
+        !**used && at.flux_e > due_e && !has_light(&field) && !has_light(&artifacts)
     };
     let is_missed = |index: &usize| {
         let label = &field.0[*index];
@@ -203,7 +207,7 @@ fn compare(
     }
 }
 
-/// Labels by increasing x, to find neighbours.
+/// Labels sorted by x, for neighbour searches.
 struct Field(Vec<Label>);
 
 impl Field {
@@ -222,7 +226,7 @@ impl Field {
         near.filter(move |(_, d)| *d <= radius)
     }
 
-    /// Distance, detection and visible label of all pairs that are near, the nearest first.
+    /// Pairs within the match radius, nearest first: distance, detection, visible label.
     fn pairs(&self, found: &[Detection]) -> Vec<(f64, usize, usize)> {
         let mut pairs = Vec::new();
         for (detection, at) in found.iter().enumerate() {
@@ -254,7 +258,7 @@ impl Field {
         light < ISOLATION_LIGHT * label.electrons
     }
 
-    fn is_lit(&self, x: f64, y: f64) -> bool {
+    fn has_light(&self, x: f64, y: f64) -> bool {
         self.near(x, y, MATCH_RADIUS_PX)
             .any(|(label, _)| self.0[label].electrons > 0.0)
     }

@@ -1,4 +1,4 @@
-//! Packets over a serial line or a pseudo-terminal: SLIP frames.
+//! Packets as SLIP frames on a serial line or pseudo-terminal.
 
 use std::io::{self, ErrorKind};
 use std::ops::RangeInclusive;
@@ -10,14 +10,14 @@ use crate::address::Address;
 use crate::port::{Port, PortError, Refusal, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
-/// How long a write may be stuck: a line whose other end does not read is gone.
+/// Time-out of a write: a line that accepts nothing this long is gone.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What brings a device back; it is not waited for.
+/// Remedy for a lost device, which is not reopened.
 const REMEDY: &str = "check its cable, or what made the device (skyloop run on pty://, skyloop pty), and start again";
 
-/// Baud rates that a line may have. At the lowest a packet takes 1.5 s: the first must come within the 2 s after
-/// which the emulator mutes a client that grants no credit.
+/// Valid baud rates. At the lowest one a packet takes 1.5 s: the first must arrive within 2 s,
+/// before the emulator mutes a client without grants.
 const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
 
 /// `serial://PATH?baud=N`.
@@ -31,19 +31,19 @@ pub const SERIAL: Scheme = Scheme {
     },
 };
 
-/// The baud rate that an address states; `default` where it does not.
+/// The baud rate of an address, or `default`.
 ///
 /// # Errors
-/// The reason, if it is no valid baud rate.
+/// The reason, if the baud rate is invalid.
 pub fn baud_of(address: &Address, default: u32) -> Result<u32, String> {
     Ok(address.whole_in("baud", BAUD)?.unwrap_or(default))
 }
 
-/// A serial port that carries packets.
+/// A serial port as a packet port.
 pub struct SerialPort {
     link: String,
     line: Box<dyn serialport::SerialPort>,
-    /// Bit/s; none: not known.
+    /// Bit/s, if known.
     baud: Option<u32>,
     reader: Reader,
 }
@@ -61,7 +61,7 @@ impl SerialPort {
         })?)
     }
 
-    /// Takes over an open serial port.
+    /// Uses an open serial port.
     ///
     /// # Errors
     /// [`PortError::Io`] if its handle cannot be shared with the reader thread.
@@ -76,13 +76,13 @@ impl SerialPort {
         let baud = line.baud_rate().ok();
         let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
         let mut chunk = [0; 4096];
-        let reader = Reader::start("skyloop-fc serial", move |intake| {
+        let reader = Reader::start("skyloop-fc serial", move |sink| {
             let count = input.read(&mut chunk)?;
             for byte in &chunk[..count] {
                 match decoder.push(*byte) {
                     None => {}
-                    Some(Err(_)) => intake.lose(1),
-                    Some(Ok(packet)) => intake.take(packet),
+                    Some(Err(_)) => sink.lose(1),
+                    Some(Ok(packet)) => sink.take(packet),
                 }
             }
             Ok(())
@@ -96,7 +96,7 @@ impl SerialPort {
         })
     }
 
-    /// A line that is only stuck is there still.
+    /// A blocked line is not gone.
     fn failed(&self, what: &'static str, source: io::Error) -> PortError {
         if source.kind() == ErrorKind::TimedOut {
             return PortError::io(&self.link, what, source);
@@ -129,12 +129,12 @@ impl Port for SerialPort {
 
     fn airtime(&self, bytes: usize) -> Duration {
         /// CRC-32 and two ENDs.
-        const AROUND: usize = 6;
-        /// Start bit, octet, stop bit.
-        const BITS: f64 = 10.0;
+        const OVERHEAD: usize = 6;
+        /// Start bit, 8 data bits, stop bit.
+        const BITS_PER_BYTE: f64 = 10.0;
         let baud = self.baud.filter(|baud| *baud > 0).map(f64::from);
         baud.map_or(Duration::ZERO, |baud| {
-            Duration::from_secs_f64(BITS * (bytes + AROUND) as f64 / baud)
+            Duration::from_secs_f64(BITS_PER_BYTE * (bytes + OVERHEAD) as f64 / baud)
         })
     }
 
@@ -151,7 +151,7 @@ mod tests {
     use std::io::{Read, Write};
 
     #[test]
-    fn a_pseudo_terminal_carries_packets_and_garbage_is_counted() {
+    fn pseudo_terminals_carry_packets_and_noise_is_counted() {
         let (mut master, slave) = TTYPort::pair().unwrap();
         serialport::SerialPort::set_timeout(&mut master, Duration::from_secs(5)).unwrap();
         let mut port = SerialPort::over(Box::new(slave)).unwrap();
@@ -170,7 +170,8 @@ mod tests {
         master.write_all(b"line noise\xC0").unwrap();
         let mut line = Vec::new();
         slip::encode(&packet, &mut |byte| line.push(byte));
-        // More than the 20,480 octets that a pseudo-terminal swallows before it blocks: the thread must read on.
+        // More than the 20,480 bytes that a pseudo-terminal buffers: the thread must read
+        // concurrently.
         for _ in 0..200 {
             master.write_all(&line).unwrap();
         }
@@ -182,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_goes_is_named_with_the_remedy() {
+    fn lost_devices_are_reported_with_a_remedy() {
         let (master, slave) = TTYPort::pair().unwrap();
         let mut port = SerialPort::over(Box::new(slave)).unwrap();
         drop(master);

@@ -1,9 +1,8 @@
-//! Light above the background, pixel by pixel, and the walks over it that the detector makes.
+//! Signal above the background, with the pixel neighbourhoods that the detector uses.
 
 use crate::background::Background;
 use crate::image::Image;
 
-/// Electrons above the background, with the background's noise.
 pub(crate) struct Signal {
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -34,7 +33,7 @@ impl Signal {
         }
     }
 
-    /// Smoothed by [1 2 1]/4 along rows, then columns; the frame's border repeats.
+    /// Smoothed by [1 2 1]/4 along rows, then columns; edge pixels are repeated.
     pub(crate) fn smoothed(&self) -> Vec<f32> {
         let (width, height) = (self.width, self.height);
         let blend = |a: f32, b: f32, c: f32| 0.25 * a + 0.5 * b + 0.25 * c;
@@ -54,13 +53,13 @@ impl Signal {
         both
     }
 
-    /// The pixels in the frame within `reach` of a pixel, itself included.
+    /// Pixels of the frame within `reach` of a pixel, itself included.
     pub(crate) fn around(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
         let (x, y) = (index % self.width, index / self.width);
         self.block(x as isize, y as isize, reach as isize)
     }
 
-    /// The pixels in the frame of a square around (x, y).
+    /// Pixels of the frame in a square around (x, y).
     pub(crate) fn block(
         &self,
         x: isize,
@@ -82,12 +81,12 @@ impl Signal {
         (x as f64, y as f64, self.electrons[index].into())
     }
 
-    /// The pixels on the straight line from one pixel to another, both included.
+    /// Pixels on the straight line between two pixels, both included.
     pub(crate) fn between(&self, from: usize, to: usize) -> impl Iterator<Item = usize> + use<> {
         let width = self.width;
         let ((x0, y0), (x1, y1)) = ((from % width, from / width), (to % width, to / width));
         let steps = x0.abs_diff(x1).max(y0.abs_diff(y1)).max(1);
-        // Rounded to the nearest pixel; between two pixels of the frame the line stays in it.
+        // Rounded to the nearest pixel, which is always in the frame.
         let along = move |a: usize, b: usize, step: usize| {
             (a * (steps - step) + b * step + steps / 2) / steps
         };

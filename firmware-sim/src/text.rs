@@ -1,4 +1,4 @@
-//! Numbers and quaternions from text.
+//! Parses numbers and quaternions.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use skyloop_protocols::command::UNIT_TOLERANCE;
@@ -6,10 +6,10 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// Numbers from text, with commas or blanks between.
+/// Parses N numbers separated by commas or blanks.
 ///
 /// # Errors
-/// Says which item is not a finite number, or how many there are instead of N.
+/// Names the item that is no finite number, or the number of items.
 pub fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let items = text.split([' ', ',', '\t']).filter(|item| !item.is_empty());
     let numbers = items.map(|item| match item.parse::<f64>() {
@@ -21,28 +21,28 @@ pub fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers.map_err(|numbers| format!("{} numbers where {N} belong", numbers.len()))
 }
 
-/// A whole number within a range, as an option of a command line takes it.
+/// Parser of command-line options: a whole number within a range.
 pub fn whole<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone
 where
     T: FromStr + PartialOrd + Display + Clone,
 {
     move |text: &str| {
         let number = text.parse().ok().filter(|number| range.contains(number));
-        let (least, most) = (range.start(), range.end());
-        number.ok_or_else(|| format!("a whole number from {least} to {most} is wanted"))
+        let (min, max) = (range.start(), range.end());
+        number.ok_or_else(|| format!("a whole number from {min} to {max} is wanted"))
     }
 }
 
-/// A number within a range, likewise.
+/// Parser of command-line options: a number within a range.
 pub fn decimal(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text: &str| {
         let number = text.parse().ok().filter(|number| range.contains(number));
-        let (least, most) = (range.start(), range.end());
-        number.ok_or_else(|| format!("a number from {least} to {most} is wanted"))
+        let (min, max) = (range.start(), range.end());
+        number.ok_or_else(|| format!("a number from {min} to {max} is wanted"))
     }
 }
 
-/// A number of `unit` within a range, likewise.
+/// Parser of command-line options: a number of `unit` within a range.
 pub fn within(
     range: RangeInclusive<f64>,
     unit: &'static str,
@@ -57,28 +57,28 @@ pub fn within(
     }
 }
 
-/// A finite number, as an option of a command line takes it.
+/// Parser of command-line options: a finite number.
 pub fn number(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite());
     number.ok_or_else(|| "a number is wanted".to_string())
 }
 
-/// A unit quaternion from `x y z w`, normalised when its norm is within [`UNIT_TOLERANCE`] of 1.
+/// Parses a unit quaternion `x y z w`, normalized if its norm is within [`UNIT_TOLERANCE`] of 1.
 ///
 /// # Errors
-/// Says what is wrong with the numbers or the norm.
+/// Describes the wrong number or norm.
 pub fn parse_quaternion(text: &str) -> Result<UnitQuaternion<f64>, String> {
     quaternion(parse_numbers::<4>(text)?)
 }
 
-/// A unit quaternion from `[x, y, z, w]`, normalised when its norm is within [`UNIT_TOLERANCE`] of 1.
+/// A unit quaternion from `[x, y, z, w]`, normalized if its norm is within [`UNIT_TOLERANCE`] of 1.
 pub fn quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
     let q = Quaternion::new(w, x, y, z);
     let norm = q.norm();
-    match (norm - 1.0).abs() <= UNIT_TOLERANCE {
-        true => Ok(UnitQuaternion::from_quaternion(q)),
-        false => Err(format!(
-            "the quaternion's norm is {norm:.6}, not 1 within {UNIT_TOLERANCE}"
-        )),
+    if (norm - 1.0).abs() <= UNIT_TOLERANCE {
+        return Ok(UnitQuaternion::from_quaternion(q));
     }
+    Err(format!(
+        "the quaternion's norm is {norm:.6}, not 1 within {UNIT_TOLERANCE}"
+    ))
 }

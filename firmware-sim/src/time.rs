@@ -1,4 +1,4 @@
-//! Between the wire's clock and `hifitime`: CUC seconds since 1958-01-01 TAI on one side, `Epoch` on the other.
+//! Converts between wire time (CUC seconds since 1958-01-01 TAI) and `Epoch`.
 
 use hifitime::{Duration, Epoch};
 use skyloop_protocols::time::{TAI_1900_TO_1958_S, WireTime};
@@ -6,14 +6,14 @@ use skyloop_protocols::time::{TAI_1900_TO_1958_S, WireTime};
 /// From hifitime's reference (1900-01-01 TAI) to the wire's (1958-01-01 TAI), ns.
 const CCSDS_EPOCH_NS: i128 = TAI_1900_TO_1958_S as i128 * 1_000_000_000;
 
-/// The wire time of an epoch, or `None` outside 1958 to 2094, which four octets of seconds cannot hold.
+/// Wire time of an epoch; `None` outside 1958 to 2094, the range of four bytes of seconds.
 #[must_use]
 pub fn to_wire(epoch: Epoch) -> Option<WireTime> {
     let since_1958 = epoch.to_tai_duration().total_nanoseconds() - CCSDS_EPOCH_NS;
     WireTime::from_tai_nanoseconds(u64::try_from(since_1958).ok()?)
 }
 
-/// The epoch of a wire time, to the nanosecond.
+/// Epoch of a wire time, to the nanosecond.
 #[must_use]
 pub fn to_epoch(time: WireTime) -> Epoch {
     let since_1900 = i128::from(time.tai_nanoseconds()) + CCSDS_EPOCH_NS;
@@ -38,7 +38,8 @@ mod tests {
 
     #[test]
     fn the_wire_counts_from_1958() {
-        // X-Val: 1970-01-01 TAI is 4,383 days after 1958-01-01 (modified Julian days 40587 and 36204).
+        // X-Val: 1970-01-01 TAI is 4,383 days after 1958-01-01 (modified Julian days 40587 and
+        // 36204).
         let epoch = Epoch::from_gregorian_tai_at_midnight(1970, 1, 1);
         assert_eq!(
             to_wire(epoch).unwrap().tai_nanoseconds(),

@@ -1,4 +1,4 @@
-//! Durations of one kind as a logarithmic histogram: its size does not grow with the length of a run.
+//! A logarithmic histogram of durations; its size does not depend on the length of a run.
 
 use std::time::Duration;
 
@@ -6,10 +6,11 @@ use std::time::Duration;
 const FIRST_S: f64 = 1e-6;
 /// Upper edge of a bin over its lower edge.
 const STEP: f64 = 1.01;
-/// Bins up to 1000 s: ln(1e9) / ln(1.01) = 2082.7. The end bins take what lies beyond them too.
+/// Number of bins up to 1000 s: ln(1e9) / ln(1.01) = 2082.7. The end bins include everything
+/// beyond.
 const BINS: usize = 2083;
 
-/// Durations of one kind, counted in bins of 1 % from 1 microsecond to 1000 s.
+/// A histogram of durations with bins of 1 % from 1 microsecond to 1000 s.
 #[derive(Clone, Debug)]
 pub struct Times {
     bins: Box<[u64; BINS]>,
@@ -32,32 +33,32 @@ impl Default for Times {
 }
 
 impl Times {
-    /// Adds one.
+    /// Adds a duration.
     pub fn add(&mut self, time: Duration) {
-        // The cast turns what is below the first bin into 0.
-        self.bins[(place(time) as usize).min(BINS - 1)] += 1;
+        // The cast saturates at 0 for durations below the first bin.
+        self.bins[(bin_position(time) as usize).min(BINS - 1)] += 1;
         self.count += 1;
         self.sum = self.sum.saturating_add(time);
         self.min = self.min.min(time);
         self.max = self.max.max(time);
     }
 
-    /// How many there are.
+    /// Number of durations.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// All of them together; no more than a `Duration` holds.
+    /// Sum of all durations, limited to the range of `Duration`.
     #[must_use]
     pub fn sum(&self) -> Duration {
         self.sum
     }
 
-    /// How many are not longer than `bound`. It rises with the bound.
+    /// Number of durations up to `bound`, rising with the bound.
     ///
-    /// From the longest on it is all, below the shortest none; between them those that lie in the bound's own bin are taken to be in its middle, as by
-    /// [`Times::quantile`].
+    /// Exact at and beyond the shortest and the longest duration. In between, durations in the
+    /// bound's own bin count as its middle, as in [`Times::quantile`].
     #[must_use]
     pub fn within(&self, bound: Duration) -> u64 {
         if bound >= self.max {
@@ -66,16 +67,16 @@ impl Times {
         if bound < self.min {
             return 0;
         }
-        // Bins whose middle lies below; the shortest is within, the longest is not.
-        let bins = (place(bound) + 0.5).floor() as usize;
+        // Bins with a middle below the bound. The shortest duration is within, the longest is not.
+        let bins = (bin_position(bound) + 0.5).floor() as usize;
         let within: u64 = self.bins.iter().take(bins).sum();
         within.clamp(1, self.count - 1)
     }
 
-    /// The duration that a fraction (0 to 1) of them stay within, by nearest rank; `None` without any.
+    /// Quantile of a fraction (0 to 1), by nearest rank; `None` without any.
     ///
-    /// The shortest and the longest are exact; those between are the middle of their bin, which from 1 microsecond to
-    /// 1000 s is 0.5 % off at most (and half a nanosecond).
+    /// The shortest and the longest are exact; others are the middle of their bin, with an error of
+    /// up to 0.5 % from 1 microsecond to 1000 s (and half a nanosecond).
     #[must_use]
     pub fn quantile(&self, fraction: f64) -> Option<Duration> {
         if self.count == 0 {
@@ -98,8 +99,8 @@ impl Times {
     }
 }
 
-/// Where a duration lies among the bins, in bins from the lower edge of the first.
-fn place(time: Duration) -> f64 {
+/// Position of a duration on the bin axis, from the lower edge of the first bin.
+fn bin_position(time: Duration) -> f64 {
     libm::log(time.as_secs_f64() / FIRST_S) / libm::log(STEP)
 }
 
@@ -107,7 +108,7 @@ fn place(time: Duration) -> f64 {
 mod tests {
     use super::*;
 
-    /// Number, the least in s, decades: all the range; a run's usual times; three.
+    /// Number, shortest in s, decades: the whole range; typical times of a run; three times.
     const RUNS: [(u64, f64, f64); 3] = [(9999, 1e-6, 9.0), (1000, 5e-3, 1.0), (3, 0.1, 0.1)];
 
     fn of(list: &[Duration]) -> Times {
@@ -116,7 +117,7 @@ mod tests {
         times
     }
 
-    /// A sorted list of durations from `low` on, spread evenly by logarithm over `decades`, in no order of bins.
+    /// Durations from `low` on, evenly distributed by logarithm over `decades`, unsorted.
     fn spread(count: u64, low: f64, decades: f64) -> Vec<Duration> {
         let fraction = |n: u64| (n as f64 * 0.618_033_988_749_895).fract();
         let second = |n| low * 10_f64.powf(decades * fraction(n));
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_are_those_of_the_sorted_list_to_half_a_percent() {
+    fn quantiles_agree_with_the_sorted_list_to_half_a_percent() {
         for (count, low, decades) in RUNS.into_iter().chain([(1, 7.0, 0.0)]) {
             let mut sorted = spread(count, low, decades);
             let times = of(&sorted);
@@ -136,18 +137,18 @@ mod tests {
                 let (exact, found) = (sorted[rank - 1], times.quantile(fraction).unwrap());
                 let off = found.abs_diff(exact);
                 let ends = rank == 1 || rank == sorted.len();
-                let most = if ends {
+                let max = if ends {
                     Duration::ZERO
                 } else {
                     exact / 200 + Duration::from_nanos(1)
                 };
-                assert!(off <= most, "{count} {fraction}: {found:?}, not {exact:?}");
+                assert!(off <= max, "{count} {fraction}: {found:?}, not {exact:?}");
             }
         }
     }
 
     #[test]
-    fn what_lies_beyond_the_bins_is_counted_and_stays_between_the_ends() {
+    fn durations_beyond_the_bins_are_counted_within_min_and_max() {
         assert_eq!(Times::default().quantile(0.5), None);
         let (short, long) = (Duration::ZERO, Duration::MAX);
         let times = of(&[short, short, Duration::from_secs(1), long, long]);
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn how_many_are_within_a_bound_is_what_the_list_says_to_half_a_percent() {
+    fn counts_within_a_bound_agree_with_the_list_to_half_a_percent() {
         for (count, low, decades) in RUNS {
             let list = spread(count, low, decades);
             let times = of(&list);
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_the_bounds_are_exact() {
+    fn counts_at_the_extremes_are_exact() {
         assert_eq!(Times::default().within(Duration::MAX), 0);
         let ms = Duration::from_millis;
         let times = of(&[ms(3), ms(5), ms(5), ms(8)]);
@@ -193,19 +194,10 @@ mod tests {
             assert_eq!(times.within(ms(bound)), count, "{bound} ms");
         }
         assert_eq!(of(&[Duration::ZERO; 2]).within(Duration::ZERO), 2);
-        // Both in one bin, whatever its middle is.
+        // Both durations are in one bin.
         for start in (1..200).map(|n| Duration::from_micros(1000 * n)) {
             let next = start + Duration::from_nanos(10);
             assert_eq!(of(&[start, next]).within(start), 1, "{start:?}");
         }
-    }
-
-    #[test]
-    fn the_sum_is_that_of_all_and_stops_at_what_can_be_told() {
-        assert_eq!(Times::default().sum(), Duration::ZERO);
-        let ms = Duration::from_millis;
-        // X-Val: by hand.
-        assert_eq!(of(&[ms(3), ms(5), ms(8)]).sum(), ms(16));
-        assert_eq!(of(&[Duration::MAX, ms(1)]).sum(), Duration::MAX);
     }
 }

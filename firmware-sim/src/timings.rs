@@ -1,4 +1,4 @@
-//! What the emulator says of its frames' times: the age of their attitudes, the time left until their deadlines.
+//! Times of frames as reported by the emulator: age of their attitude, time left to their deadline.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,17 +7,17 @@ use skyloop_protocols::Timing;
 
 use crate::times::Times;
 
-/// Times of the frames that have any; those of stepped runs have none.
+/// Times of all frames that report them; frames of stepped runs do not.
 #[derive(Clone, Debug, Default)]
 pub struct Timings {
     /// Age of the attitude at the middle of the exposure.
     ages: SignedTimes,
-    /// Time left until the deadline when the frame had left.
+    /// Time left to the deadline after the frame was sent.
     spares: SignedTimes,
 }
 
 impl Timings {
-    /// Adds those of a frame, if it has any.
+    /// Adds the times of a frame, if it reports any.
     pub fn add(&mut self, timing: &Timing) {
         if *timing != Timing::default() {
             self.ages.add(timing.attitude_age_s.into());
@@ -27,33 +27,33 @@ impl Timings {
 }
 
 impl fmt::Display for Timings {
-    /// Nothing, or a line.
+    /// Empty, or one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |times: &SignedTimes, fraction| Some(times.quantile(fraction)? * 1e3);
         let (Some(age), Some(oldest)) = (ms(&self.ages, 0.5), ms(&self.ages, 1.0)) else {
             return Ok(());
         };
-        let (Some(spare), Some(least)) = (ms(&self.spares, 0.5), ms(&self.spares, 0.0)) else {
+        let (Some(spare), Some(min)) = (ms(&self.spares, 0.5), ms(&self.spares, 0.0)) else {
             return Ok(());
         };
         writeln!(
             f,
-            "attitude age     p50 {age:.2} ms, max {oldest:.2} ms; spare time p50 {spare:.2} ms, min {least:.2} ms"
+            "attitude age     p50 {age:.2} ms, max {oldest:.2} ms; spare time p50 {spare:.2} ms, min {min:.2} ms"
         )
     }
 }
 
-/// Times of one kind that may be less than 0, counted in bins of 1 % on both sides.
+/// A histogram of signed times, with bins of 1 % on both sides.
 #[derive(Clone, Debug, Default)]
 struct SignedTimes {
-    /// Those of 0 or more.
+    /// Times of 0 or more.
     above: Times,
-    /// By how much the others lie below.
+    /// Magnitudes of negative times.
     below: Times,
 }
 
 impl SignedTimes {
-    /// Adds one, s. What is no number is none; what lies beyond all durations is the longest.
+    /// Adds a time, s. NaN is ignored; values beyond `Duration` are limited to its range.
     fn add(&mut self, time_s: f64) {
         let size = Duration::try_from_secs_f64(time_s.abs()).unwrap_or(Duration::MAX);
         if time_s >= 0.0 {
@@ -63,14 +63,16 @@ impl SignedTimes {
         }
     }
 
-    /// The time that a fraction (0 to 1) of them stay within, by nearest rank, s; `None` without any. As exact as [`Times::quantile`].
+    /// Quantile of a fraction (0 to 1), by nearest rank, s; `None` without any. As exact as
+    /// [`Times::quantile`].
     fn quantile(&self, fraction: f64) -> Option<f64> {
         let (below, above) = (self.below.count(), self.above.count());
         let count = below + above;
         let rank = ((fraction.clamp(0.0, 1.0) * count as f64).ceil() as u64).max(1);
-        // A share of a side whose rank there is the middle of a step, so that rounding does not move it.
+        // Fraction of one side, in the middle of its rank, so that rounding does not change the
+        // rank.
         let share = |rank: u64, of: u64| (rank as f64 - 0.5) / of as f64;
-        // The first of all lies furthest below.
+        // The first rank is the most negative time.
         let (side, sign, share) = if rank <= below {
             (&self.below, -1.0, share(below + 1 - rank, below))
         } else {
@@ -103,11 +105,11 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_are_those_of_the_sorted_list_to_half_a_percent() {
+    fn quantiles_agree_with_the_sorted_list_to_half_a_percent() {
         let all = [
             -3.0, -0.5, -2e-3, 0.0, 1e-3, 4e-3, 4e-3, 0.02, 0.3, 7.0, 90.0,
         ];
-        // All of both signs, one sign alone, one time.
+        // All, one sign alone, one time.
         for list in [&all[..], &all[..3], &all[4..], &all[..1], &all[3..4]] {
             let mut times = SignedTimes::default();
             list.iter().rev().for_each(|time_s| times.add(*time_s));
@@ -120,14 +122,14 @@ mod tests {
                 );
                 let off = (found - exact).abs();
                 let ends = rank == 1 || rank == list.len();
-                let most = if ends { 0.0 } else { 5e-3 * exact.abs() + 1e-9 };
-                assert!(off <= most, "{list:?} {percent} %: {found}, not {exact}");
+                let max = if ends { 0.0 } else { 5e-3 * exact.abs() + 1e-9 };
+                assert!(off <= max, "{list:?} {percent} %: {found}, not {exact}");
             }
         }
     }
 
     #[test]
-    fn none_has_no_quantile_and_the_longest_is_what_a_duration_holds() {
+    fn empty_histograms_and_infinite_times_are_handled() {
         let mut times = SignedTimes::default();
         assert_eq!(times.quantile(0.5), None);
         times.add(f64::NEG_INFINITY);

@@ -1,4 +1,4 @@
-//! Packets over UDP: one a datagram.
+//! Packets over UDP: one per datagram.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -24,20 +24,21 @@ pub const UDP: Scheme = Scheme {
     },
 };
 
-/// One packet a datagram.
+/// A UDP port: one packet per datagram.
 #[derive(Debug)]
 pub struct UdpPort {
     socket: UdpSocket,
     link: String,
     reader: Reader,
-    /// Whether a datagram was answered by "nobody listens there".
-    unheard: Arc<AtomicBool>,
-    /// Packets that there is room for while nobody reads.
+    /// Whether the other host has reported a closed port.
+    is_refused: Arc<AtomicBool>,
+    /// Number of packets that the buffers hold.
     window: u32,
 }
 
 impl UdpPort {
-    /// A socket on a free port for `emulator` only; on the loopback address if `emulator` has one.
+    /// Opens a socket on a free port for `emulator` only, on the loopback address if `emulator` has
+    /// one.
     pub fn connect(emulator: SocketAddr) -> Result<Self, PortError> {
         let link = format!("udp://{emulator}");
         let local: IpAddr = match (emulator.ip().is_loopback(), emulator.is_ipv4()) {
@@ -49,37 +50,37 @@ impl UdpPort {
         let socket = UdpSocket::bind((local, 0))
             .and_then(|socket| socket.connect(emulator).map(|()| socket))
             .map_err(|error| PortError::io(&link, "cannot open a socket", error))?;
-        let unheard = Arc::new(AtomicBool::new(false));
-        let refused = Arc::clone(&unheard);
+        let is_refused = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&is_refused);
         let mut window = MIN_WINDOW;
         let reader = socket
             .try_clone()
             .and_then(|socket| {
                 socket.set_read_timeout(Some(READ_TIMEOUT))?;
                 let mut datagrams = Datagrams::of(&socket)?;
-                window = window_of(datagrams.make_room(ROOM));
+                window = window_of(datagrams.request_buffer(RECEIVE_BUFFER));
                 datagrams.join();
-                // Room for the longest datagram or joined ones: an overlong packet is refused as
-                // such.
+                // Longer than any packet, so that overlong packets are flag as such, and joined
+                // datagrams fit.
                 let mut buffer = vec![0; 1 << 16];
                 let answering = socket;
-                Reader::start("skyloop-fc udp", move |intake| {
+                Reader::start("skyloop-fc udp", move |sink| {
                     let datagram = datagrams
                         .receive(&mut buffer)
-                        .inspect_err(|error| note_refusal(&refused, error))?;
-                    intake.lose(datagram.lost);
+                        .inspect_err(|error| note_refusal(&flag, error))?;
+                    sink.lose(datagram.lost);
                     let bytes = &buffer[..datagram.length];
-                    // One without any is a packet, too.
+                    // An empty datagram is a packet too.
                     for packet in bytes.chunks(datagram.each.max(1)) {
                         if is_challenge(packet) {
-                            // One that is lost comes again.
+                            // A lost challenge is repeated.
                             let _ = answering.send(packet);
                         } else {
-                            intake.take(packet);
+                            sink.take(packet);
                         }
                     }
                     if bytes.is_empty() {
-                        intake.take(bytes);
+                        sink.take(bytes);
                     }
                     Ok(())
                 })
@@ -89,48 +90,47 @@ impl UdpPort {
             socket,
             link,
             reader,
-            unheard,
+            is_refused,
             window,
         })
     }
 }
 
-/// Requested receive buffer, bytes; size of a datagram in it; and the window that the queue behind
-/// it holds.
-const ROOM: usize = 4 << 20;
-const TAKES: usize = 2304;
+/// Requested receive buffer, bytes; space of a datagram in it; and the largest window.
+const RECEIVE_BUFFER: usize = 4 << 20;
+const DATAGRAM_SPACE: usize = 2304;
 const MAX_WINDOW: u32 = 512;
-/// What the least buffer holds that systems give.
+/// Window for the smallest buffer that systems grant.
 const MIN_WINDOW: u32 = 64;
 
-/// Window for a receive buffer of so many bytes: three quarters of the packets that fit.
+/// Window for a receive buffer of this size: three quarters of the packets that fit.
 fn window_of(room: Option<usize>) -> u32 {
-    let fit = room.map_or(0, |bytes| bytes / TAKES * 3 / 4);
+    let fit = room.map_or(0, |bytes| bytes / DATAGRAM_SPACE * 3 / 4);
     u32::try_from(fit).map_or(MAX_WINDOW, |fit| fit.clamp(MIN_WINDOW, MAX_WINDOW))
 }
 
-/// Whether a packet is a Challenge, which is returned at once (ICD, section 5.1).
+/// Whether a packet is a Challenge, which is echoed at once (ICD, section 5.1).
 fn is_challenge(packet: &[u8]) -> bool {
     identify(packet).is_some_and(|(apid, _)| apid == apid::CHALLENGE)
 }
 
-fn note_refusal(unheard: &AtomicBool, error: &io::Error) {
+fn note_refusal(is_refused: &AtomicBool, error: &io::Error) {
     if error.kind() == ErrorKind::ConnectionRefused {
-        unheard.store(true, Ordering::Relaxed);
+        is_refused.store(true, Ordering::Relaxed);
     }
 }
 
 impl Port for UdpPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let first = self.socket.send(packet);
-        let sent = match first.inspect_err(|error| note_refusal(&self.unheard, error)) {
-            // This answers an earlier datagram that met nobody; this one has not been tried yet.
+        let sent = match first.inspect_err(|error| note_refusal(&self.is_refused, error)) {
+            // The error belongs to an earlier datagram to a closed port; this one is not sent yet.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => self.socket.send(packet),
             sent => sent,
         };
         match sent {
             Ok(_) => Ok(()),
-            // Nobody listens: a datagram lost like any other.
+            // A closed port: the datagram is lost in transit.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
             Err(error) => Err(PortError::io(&self.link, "cannot send", error)),
         }
@@ -153,8 +153,8 @@ impl Port for UdpPort {
         &self.link
     }
 
-    fn is_unheard(&self) -> bool {
-        self.unheard.load(Ordering::Relaxed)
+    fn is_refused(&self) -> bool {
+        self.is_refused.load(Ordering::Relaxed)
     }
 }
 
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn udp_carries_datagrams_both_ways_and_survives_an_absent_peer() {
+    fn udp_carries_datagrams_both_ways_and_tolerates_a_closed_peer() {
         let peer = UdpSocket::bind("127.0.0.1:0").unwrap();
         let address = peer.local_addr().unwrap();
         let mut port = UdpPort::connect(address).unwrap();
@@ -174,13 +174,13 @@ mod tests {
         peer.send_to(b"pong", client).unwrap();
         assert_eq!(port.recv(Duration::from_secs(5)).unwrap().unwrap(), b"pong");
         assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
-        assert!(!port.is_unheard());
+        assert!(!port.is_refused());
         drop(peer);
         for _ in 0..3 {
-            port.send(b"anybody?").unwrap();
+            port.send(b"ping").unwrap();
             assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
         }
-        assert!(port.is_unheard() || !cfg!(target_os = "linux"));
+        assert!(port.is_refused() || !cfg!(target_os = "linux"));
     }
 
     #[test]
@@ -194,7 +194,7 @@ mod tests {
             assert_eq!(port.recv(wait).unwrap(), None);
             begin.elapsed()
         });
-        // The shortest of many: a busy machine lengthens some. A tick is 4 or 10 ms.
+        // The shortest of many, because a busy machine lengthens some. A tick is 4 or 10 ms.
         let shortest = waits.min().unwrap();
         let in_time = (wait..3 * wait).contains(&shortest);
         assert!(

@@ -1,4 +1,4 @@
-//! Limits of a run and whether they were kept: one table and one JUnit file for all commands that judge.
+//! Limits of a run and their verdicts: one table and one JUnit file for all commands with limits.
 
 use skyloop_orbit::path_text;
 use std::path::{Path, PathBuf};
@@ -11,23 +11,24 @@ pub use crate::junit::Suite;
 use crate::report::Report;
 use crate::text::{decimal, whole};
 
-/// Whether a limit was kept.
+/// Whether a limit was met.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Of what: `deadlines`, `p99`, `memory`, `minutes`, `frames`, `centroids`, `missed`, `false`, `pointing` or `run`.
+    /// Name of the limit: `deadlines`, `p99`, `memory`, `minutes`, `frames`, `centroids`, `missed`,
+    /// `false`, `pointing` or `run`.
     pub name: &'static str,
-    /// Of which camera, where there are several.
+    /// Camera, if there are several.
     pub camera: Option<String>,
-    /// Whether it was kept.
+    /// Whether the limit was met.
     pub passed: bool,
-    /// What was found, against what; where it was not kept, the first frame that did not.
+    /// Measured value and limit; for a limit not met, the first frame that exceeds it.
     pub text: String,
-    /// That frame.
+    /// The first frame that exceeds the limit.
     pub frame: Option<u32>,
 }
 
 impl Verdict {
-    /// A verdict of the whole run.
+    /// A verdict for the whole run.
     #[must_use]
     pub fn new(name: &'static str, passed: bool, text: String) -> Self {
         Self {
@@ -40,7 +41,7 @@ impl Verdict {
     }
 }
 
-/// A line for each verdict.
+/// One line for each verdict.
 #[must_use]
 pub fn table(verdicts: &[Verdict]) -> String {
     let line = |verdict: &Verdict| {
@@ -50,7 +51,7 @@ pub fn table(verdicts: &[Verdict]) -> String {
     verdicts.iter().map(line).collect()
 }
 
-/// The limits that were not kept, in one line; `None` if all were.
+/// The limits not met, in one line; `None` if all were met.
 #[must_use]
 pub fn broken(verdicts: &[Verdict]) -> Option<String> {
     let broken = verdicts.iter().filter(|verdict| !verdict.passed);
@@ -73,12 +74,12 @@ impl Suite {
     }
 }
 
-/// What the verdict files say until the run has ended.
+/// Error in verdict files until the run has ended.
 pub const UNFINISHED: &str = "the run has not come to its end";
-/// How a JUnit file of skyloop is recognised.
+/// First bytes of a JUnit file of skyloop.
 pub const JUNIT_MARK: Mark = &["<?xml", "<testsuite name=\"skyloop"];
 
-/// The verdicts of a run that failed before anything was measured: the error, and each of these `checks`.
+/// Verdicts of a run that failed before any measurement: the error, and each of `checks`.
 #[must_use]
 pub fn not_run(checks: &[&'static str], error: &str) -> Vec<Verdict> {
     let check = |name: &&'static str| {
@@ -91,8 +92,8 @@ pub fn not_run(checks: &[&'static str], error: &str) -> Vec<Verdict> {
         .collect()
 }
 
-/// A file with the outcome of a run. Until its end it is that of a failed one: a run that never ends has not passed.
-/// Errors name the file and the remedy.
+/// A file with the verdicts of a run. Until the end of the run it states a failure, so that an
+/// aborted run has not passed. Errors name the file and a remedy.
 #[derive(Debug)]
 pub struct VerdictFile {
     path: PathBuf,
@@ -102,10 +103,11 @@ pub struct VerdictFile {
 }
 
 impl VerdictFile {
-    /// Opens the file, if one was named, and changes nothing in it.
+    /// Opens the file, if one is named, without a change to it.
     ///
     /// # Errors
-    /// It cannot be written; this process has read it; skyloop did not write it and `force` is not set: with the file and the remedy.
+    /// The file cannot be written, is an input of this run, or is not from skyloop and `force` is
+    /// not set. The error names the file and a remedy.
     pub fn open(path: Option<&Path>, mark: Mark, force: bool) -> Result<Option<Self>, String> {
         let Some(path) = path else { return Ok(None) };
         let output =
@@ -118,7 +120,8 @@ impl VerdictFile {
         }))
     }
 
-    /// Replaces the earlier contents by `text`, that of an unfinished run. A pipe gets the final text only.
+    /// Replaces the contents by `text`, the state of an unfinished run. A pipe gets the final text
+    /// only.
     pub fn begin(&mut self, text: &str) -> Result<(), String> {
         self.has_begun = true;
         match self.output.is_regular() {
@@ -134,7 +137,8 @@ impl VerdictFile {
         self.write(text)
     }
 
-    /// Writes the text of a run that failed, unless the final text is there, or the run failed before a file of another program was to be replaced.
+    /// Writes the text of a failed run, unless the final text is written, or a file of another
+    /// program is not replaced yet.
     pub fn fail(&mut self, text: &str) -> Result<(), String> {
         if self.is_final || !self.has_begun && self.output.is_foreign() {
             return Ok(());
@@ -150,7 +154,7 @@ impl VerdictFile {
 
 fn unwritten(file: &Path, error: &std::io::Error) -> String {
     let remedy = match error.kind() {
-        // It has its own.
+        // This error has its own remedy.
         std::io::ErrorKind::InvalidInput => "",
         _ => "; name another file",
     };
@@ -181,18 +185,18 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The JUnit file.
+    /// Path of the JUnit file.
     #[must_use]
     pub fn junit(&self) -> Option<&Path> {
         self.junit.as_deref()
     }
 
-    /// Opens the JUnit file, if one was named.
+    /// Opens the JUnit file, if one is named.
     pub fn open(&self, force: bool) -> Result<Option<VerdictFile>, String> {
         VerdictFile::open(self.junit(), JUNIT_MARK, force)
     }
 
-    /// The verdicts of a run that failed before anything was measured.
+    /// Verdicts of a run that failed before any measurement.
     #[must_use]
     pub fn not_run(&self, error: &str) -> Vec<Verdict> {
         let checks = [
@@ -207,32 +211,32 @@ impl Limits {
         not_run(&names, error)
     }
 
-    /// A verdict on the frames, and one for each limit. What was not measured keeps no limit.
+    /// A verdict on the frames, and one for each limit. Without a measurement a limit is not met.
     #[must_use]
-    pub fn judge(&self, report: &Report) -> Vec<Verdict> {
+    pub fn assess(&self, report: &Report) -> Vec<Verdict> {
         let (came, requested) = (report.frames, report.requested);
         let frames = format!("{came} of {requested} frames came whole");
         let mut verdicts = vec![Verdict::new("frames", came >= requested, frames)];
-        verdicts.extend(self.max_centroid_rms.map(|most| centroids(most, report)));
+        verdicts.extend(self.max_centroid_rms.map(|max| centroids(max, report)));
         let totals = &report.totals;
         let missed = ("missed", "bright labelled objects missed", totals.missed);
         let wrong = ("false", "false detections", totals.false_detections);
-        for ((name, what, count), most) in [(missed, self.max_missed), (wrong, self.max_false)] {
-            verdicts.extend(most.map(|most| {
-                let kept = count <= most;
-                let is = if kept { "within" } else { "above" };
+        for ((name, what, count), max) in [(missed, self.max_missed), (wrong, self.max_false)] {
+            verdicts.extend(max.map(|max| {
+                let passed = count <= max;
+                let is = if passed { "within" } else { "above" };
                 match unscored(report) {
                     Some(why) => Verdict::new(name, false, format!("{what}: not known: {why}")),
-                    None => Verdict::new(name, kept, format!("{what}: {count}, {is} {most}")),
+                    None => Verdict::new(name, passed, format!("{what}: {count}, {is} {max}")),
                 }
             }));
         }
-        verdicts.extend(self.max_latency_p99_ms.map(|most| p99(most, report)));
+        verdicts.extend(self.max_latency_p99_ms.map(|max| p99(max, report)));
         verdicts
     }
 }
 
-/// Why not every frame was compared with its labels.
+/// Reason why some frames were not compared with their labels.
 fn unscored(report: &Report) -> Option<String> {
     let (frames, compared) = (report.frames, report.totals.compared);
     let why = "brought both pixels and readable labels; choose another --output";
@@ -240,7 +244,7 @@ fn unscored(report: &Report) -> Option<String> {
     (!all).then(|| format!("{compared} of {frames} frames {why}"))
 }
 
-fn centroids(most_px: f64, report: &Report) -> Verdict {
+fn centroids(max_px: f64, report: &Report) -> Verdict {
     let why = || "no isolated, unsaturated object was matched".to_string();
     let residual = report.totals.residual().ok_or_else(why);
     let residual = unscored(report).map_or(residual, Err);
@@ -248,28 +252,28 @@ fn centroids(most_px: f64, report: &Report) -> Verdict {
         Err(why) => Verdict::new("centroids", false, format!("centroids: not known: {why}")),
         Ok(residual) => {
             let rms = residual.rms_px;
-            let kept = rms <= most_px;
-            let is = if kept { "within" } else { "above" };
-            let text = format!("centroids: rms {rms:.4} px, {is} {most_px} px");
-            Verdict::new("centroids", kept, text)
+            let passed = rms <= max_px;
+            let is = if passed { "within" } else { "above" };
+            let text = format!("centroids: rms {rms:.4} px, {is} {max_px} px");
+            Verdict::new("centroids", passed, text)
         }
     }
 }
 
-/// Frames that did not come whole take longer than all others.
-fn p99(most_ms: f64, report: &Report) -> Verdict {
+/// Missing frames count as the longest latencies.
+fn p99(max_ms: f64, report: &Report) -> Verdict {
     let measured = report.latencies.count();
     let lost = u64::from(report.requested.saturating_sub(report.frames));
     let part = 0.99 * (1.0 + lost as f64 / measured as f64);
     let p99 = report.latencies.quantile(part).filter(|_| part <= 1.0);
-    let kept = p99.is_some_and(|p99| p99 <= Duration::from_secs_f64(most_ms * 1e-3));
-    let is = if kept { "within" } else { "above" };
+    let passed = p99.is_some_and(|p99| p99 <= Duration::from_secs_f64(max_ms * 1e-3));
+    let is = if passed { "within" } else { "above" };
     let text = match p99.map(|p99| p99.as_secs_f64() * 1e3) {
         None if measured == 0 => "not known: no frame of an attitude of this client came".into(),
-        None => format!("above {most_ms} ms: {lost} frames did not come whole"),
-        Some(p99) => format!("{p99:.2} ms, {is} {most_ms} ms"),
+        None => format!("above {max_ms} ms: {lost} frames did not come whole"),
+        Some(p99) => format!("{p99:.2} ms, {is} {max_ms} ms"),
     };
-    Verdict::new("p99", kept, format!("latency p99: {text}"))
+    Verdict::new("p99", passed, format!("latency p99: {text}"))
 }
 
 #[cfg(test)]
@@ -287,7 +291,7 @@ mod tests {
         }
     }
 
-    /// A run of 200 frames, of which `whole` came, each after 5 ms and the last two after 20 ms.
+    /// A run of 200 frames with `whole` complete ones, each after 5 ms, the last two after 20 ms.
     fn report(whole: u32, compared: u32, missed: u64, rms_px: Option<f64>) -> Report {
         let residuals_px = rms_px.into_iter().map(|rms| [rms, 0.0]);
         let mut report = Report {
@@ -309,8 +313,9 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_kept_broken_or_not_known() {
-        // X-Val: by hand. p99 of 200 frames is the 198th, 5 ms; with one lost frame the 199th of 199, 20 ms.
+    fn limits_are_met_exceeded_or_unknown() {
+        // X-Val: by hand. p99 of 200 frames is the 198th, 5 ms; with one lost frame the 199th of
+        // 199, 20 ms.
         for (report, passed) in [
             (report(200, 200, 2, Some(0.5)), "+++++"),
             (report(200, 200, 3, Some(0.6)), "+--++"),
@@ -321,20 +326,20 @@ mod tests {
             (report(200, 200, 0, None), "+-+++"),
             (report(0, 0, 0, None), "-----"),
         ] {
-            let verdicts = limits().judge(&report);
+            let verdicts = limits().assess(&report);
             let signs = verdicts
                 .iter()
                 .map(|verdict| if verdict.passed { '+' } else { '-' });
             assert_eq!(signs.collect::<String>(), passed, "{verdicts:#?}");
             assert_eq!(broken(&verdicts).is_none(), passed == "+++++");
         }
-        let only = Limits::default().judge(&report(200, 0, 9, None));
+        let only = Limits::default().assess(&report(200, 0, 9, None));
         assert_eq!(table(&only), "kept: 200 of 200 frames came whole\n");
     }
 
     #[test]
-    fn a_suite_has_a_case_for_each_verdict() {
-        let mut verdicts = limits().judge(&report(200, 200, 3, Some(0.1)));
+    fn suites_have_a_case_for_each_verdict() {
+        let mut verdicts = limits().assess(&report(200, 200, 3, Some(0.1)));
         verdicts[1].camera = Some("left".into());
         let text = Suite::default().document(&verdicts);
         for part in [

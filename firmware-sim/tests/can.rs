@@ -1,4 +1,4 @@
-//! Packets over buses that fill up, go and come back: two ends on a bus in memory.
+//! Packets over buses that fill up, vanish and return: both ends on a bus in memory.
 
 use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
@@ -16,19 +16,17 @@ use std::time::{Duration, Instant};
 
 const LONG: Duration = Duration::from_secs(20);
 
-/// What the bus is doing, and the queues to its two ends.
 #[derive(Default)]
 struct State {
     queues: [VecDeque<CanFrame>; 2],
     down: bool,
-    /// Frames that it takes until it is full.
+    /// Frames until the bus is full.
     room: Option<usize>,
     refused: usize,
-    /// How often the system will refuse a second handle.
+    /// Number of refusals of a second handle still to come.
     no_handle: usize,
 }
 
-/// A bus in memory, from one of its ends.
 #[derive(Clone)]
 struct Memory {
     shared: Arc<(Mutex<State>, Condvar)>,
@@ -50,16 +48,18 @@ impl Memory {
         changed
     }
 
-    /// Opens it again, once it is up.
+    /// Reopens the bus once it is up.
     fn opener(&self) -> Opener {
         let bus = self.clone();
-        Box::new(move || match bus.set(|state| state.down) {
-            false => Ok(Box::new(bus.clone())),
-            true => Err(skyloop_firmware_sim::can::Refusal {
+        Box::new(move || {
+            if !bus.set(|state| state.down) {
+                return Ok(Box::new(bus.clone()));
+            }
+            Err(skyloop_firmware_sim::can::Refusal {
                 action: "open it",
                 source: ErrorKind::NetworkDown.into(),
                 remedy: "wait".into(),
-            }),
+            })
         })
     }
 }
@@ -143,7 +143,7 @@ impl Above for End {
     }
 
     fn note(&mut self, note: Note) {
-        // The test may have heard enough.
+        // The test may have ended.
         let _ = self.notes.send(note);
     }
 }
@@ -200,23 +200,21 @@ impl Rig {
         self.waker.wake();
     }
 
-    /// The client has got this packet.
-    fn comes(&mut self, byte: u8) {
+    fn receives(&mut self, byte: u8) {
         assert_eq!(self.client.recv(LONG).unwrap().unwrap(), long(byte));
     }
 
-    /// The bus goes, and its end here has noticed.
-    fn goes(&self) {
+    /// Takes the bus down, and waits until the emulator's end has noticed.
+    fn goes_down(&self) {
         self.bus.set(|state| state.down = true);
         self.note(|note| matches!(note, Note::Gone(_)));
     }
 
-    /// Waits for a note that fits.
     fn note(&self, fits: impl Fn(&Note) -> bool) {
         while !fits(&self.notes.recv_timeout(LONG).unwrap()) {}
     }
 
-    /// The emulator closes: what is queued still leaves.
+    /// Closes the emulator's end; queued packets are still sent.
     fn close(self) {
         drop(self.send);
         self.waker.wake();
@@ -230,7 +228,7 @@ fn command(command: &Command) -> Vec<u8> {
     buffer[..length].to_vec()
 }
 
-/// Not a packet, but as long as one: it travels whole.
+/// As long as a packet, without its structure; carried as one.
 fn long(byte: u8) -> Vec<u8> {
     vec![byte; MAX_PACKET]
 }
@@ -244,18 +242,19 @@ fn packets_pass_both_ways_classic_and_fd() {
             assert_eq!(rig.received.recv_timeout(LONG).unwrap(), packet, "{query}");
         }
         (2..5).for_each(|byte| rig.reply(byte));
-        (2..5).for_each(|byte| rig.comes(byte));
+        (2..5).for_each(|byte| rig.receives(byte));
         assert_eq!(rig.client.dropped(), 0);
         rig.close();
     }
 }
 
-/// Each packet ends once, sent or given up: after 1 s without flow control (ISO 15765-2, N_Bs), while others wait for its lane.
+/// Each packet ends once, sent or dropped: after 1 s without flow control (ISO 15765-2, N_Bs),
+/// while others wait for its lane.
 #[test]
-fn packets_that_nobody_lets_go_on_end_as_given_up() {
+fn packets_without_flow_control_are_dropped() {
     let mut rig = Rig::new("bitrate=1000000");
     rig.reply(1);
-    rig.comes(1);
+    rig.receives(1);
     drop(rig.client);
     for packet in 2..5 {
         rig.send.send(long(packet)).unwrap();
@@ -270,40 +269,40 @@ fn packets_that_nobody_lets_go_on_end_as_given_up() {
     rig.thread.join().unwrap();
 }
 
-/// Sends a packet over a bus of so many bit/s, of which half may be used: what it took at least, and what it took, which is no less.
+/// Sends a packet at half the load of a bus: minimum time, and measured time, which is no shorter.
 fn paced() -> [Duration; 2] {
     let query = "bitrate=100000&load=0.5";
     let rates = settings(query).rates;
     let [frame, packet] = [7, MAX_PACKET].map(|length| rates.packet_duration(length, false));
-    // The last frame has come, and does not wait until the bus is free again; the first few may go at once.
-    let least = packet.mul_f64(0.95) - frame - Duration::from_millis(1);
+    // The last frame does not wait until the bus is free; the first few may be sent at once.
+    let min = packet.mul_f64(0.95) - frame - Duration::from_millis(1);
     let mut rig = Rig::new(query);
     let begin = Instant::now();
     rig.reply(1);
-    rig.comes(1);
+    rig.receives(1);
     let took = begin.elapsed();
-    assert!(took >= least, "{took:?} {least:?}");
-    [least, took]
+    assert!(took >= min, "{took:?} {min:?}");
+    [min, took]
 }
 
 #[test]
-fn a_bus_is_used_at_no_more_than_its_rate() {
+fn buses_are_used_at_their_rate_or_below() {
     paced();
 }
 
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_a_bus_is_used_at_its_rate() {
-    // One of ten is not late by as much again.
+fn timed_buses_are_used_at_their_rate() {
+    // At least one of ten takes less than twice the time.
     let is_in_time = |_| {
-        let [least, took] = paced();
-        took < 2 * least
+        let [min, took] = paced();
+        took < 2 * min
     };
     assert!((0..10).any(is_in_time));
 }
 
 #[test]
-fn a_full_queue_is_waited_out() {
+fn full_queues_are_retried() {
     let mut rig = Rig::new("bitrate=1000000");
     rig.bus.set(|state| state.room = Some(3));
     rig.reply(1);
@@ -313,19 +312,19 @@ fn a_full_queue_is_waited_out() {
         std::thread::sleep(Duration::from_millis(1));
     }
     rig.bus.set(|state| state.room = None);
-    rig.comes(1);
+    rig.receives(1);
     assert_eq!(rig.client.dropped(), 0);
     rig.close();
 }
 
 #[test]
-fn a_bus_that_goes_is_opened_again() {
+fn lost_buses_are_reopened() {
     let mut rig = Rig::new("bitrate=1000000");
-    rig.goes();
+    rig.goes_down();
     rig.reply(1);
     rig.bus.set(|state| state.down = false);
     rig.note(|note| matches!(note, Note::Back));
-    // The client's end is back within a retry too; a packet that began before that is lost after a second.
+    // The client's end returns within one retry; a packet started before that is dropped after 1 s.
     rig.reply(2);
     let mut got = Vec::new();
     while got.last() != Some(&long(2)) {
@@ -337,7 +336,7 @@ fn a_bus_that_goes_is_opened_again() {
 }
 
 #[test]
-fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
+fn clients_report_a_lost_line_and_do_not_block() {
     let mut rig = Rig::new("bitrate=1000000");
     let (tell, notices) = channel();
     rig.client.on_notice(Box::new(move |text| {
@@ -374,8 +373,8 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
 }
 
 #[test]
-fn nothing_waits_for_a_bus_on_which_nobody_answers() {
-    // A bus with nobody at the other end: each long message waits a second for its flow control.
+fn silent_buses_do_not_block_the_client() {
+    // A bus without another node: each long message waits a second for its flow control.
     let [bus, _] = Memory::pair();
     let settings = settings("bitrate=1000000");
     let mut client = CanPort::over("can://bus", Box::new(bus), None, &settings).unwrap();
@@ -386,18 +385,18 @@ fn nothing_waits_for_a_bus_on_which_nobody_answers() {
     }
     assert!(client.dropped() >= 20, "{}", client.dropped());
     drop(client);
-    // X-Val: twenty that wait for a second each would take as long.
+    // X-Val: twenty packets with a wait of a second each would take as long.
     assert!(begin.elapsed() < LONG);
 }
 
 #[test]
-fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
+fn buses_without_a_second_handle_are_retried() {
     let mut rig = Rig::new("bitrate=1000000");
-    rig.goes();
+    rig.goes_down();
     let up = |state: &mut State| (state.down, state.no_handle) = (false, 3);
     rig.bus.set(up);
     rig.note(|note| matches!(note, Note::Back));
-    // Whichever end met the refusals: both are there in the end.
+    // Either end may get the refusals; both return in the end.
     let begin = Instant::now();
     let timeout = Duration::from_millis(100);
     rig.client.send(&command(&Command::Ping)).unwrap();
@@ -410,7 +409,7 @@ fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
 }
 
 #[test]
-fn errors_of_the_bus_are_told_and_messages_that_break_off_are_counted() {
+fn bus_errors_are_noted_and_truncated_messages_counted() {
     let rig = Rig::new("bitrate=1000000");
     let mut frame = CanFrame::new(0, false, &[0; 8]).unwrap();
     frame.error = true;
@@ -424,7 +423,7 @@ fn errors_of_the_bus_are_told_and_messages_that_break_off_are_counted() {
         rig.bus.set(|state| state.queues[0].push_back(frame));
         rig.note(|note| matches!(note, Note::Trouble(trouble) if *trouble == expected));
     }
-    // X-Val: ISO 15765-2, 9.6.3: a first frame of 20 octets (0x014), and then nothing.
+    // X-Val: ISO 15765-2, 9.6.3: a first frame of 20 bytes (0x014), and nothing else.
     let first = CanFrame::new(0x120, false, &[0x10, 20, 1, 2, 3, 4, 5, 6]).unwrap();
     rig.bus.set(|state| state.queues[0].push_back(first));
     rig.note(|note| matches!(note, Note::Incomplete(1)));

@@ -1,4 +1,4 @@
-//! `skyloop-fc` as a person runs it.
+//! `skyloop-fc` as a process.
 
 use std::net::UdpSocket;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::common::emulator::Emulator;
 use crate::common::loops::over_udp;
 
-/// Runs it with arguments that have no blanks in them.
+/// Runs the program; arguments must not contain blanks.
 pub fn skyloop_fc(arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
         .args(arguments.split_whitespace())
@@ -22,18 +22,17 @@ fn error_of(arguments: &str) -> String {
     let error = String::from_utf8(output.stderr).unwrap();
     let line = error.lines().next().unwrap_or_default();
     let half: String = line.chars().skip(line.chars().count() / 2).collect();
-    assert_eq!(line.matches(&half).count(), 1, "told twice: {line}");
+    assert_eq!(line.matches(&half).count(), 1, "repeated: {line}");
     error
 }
 
-/// A file for one test, named after it.
 fn file(name: &str, text: &str) -> String {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::write(&path, text).unwrap();
     path.display().to_string()
 }
 
-/// A circular equatorial orbit of 7000 km, a minute of it.
+/// One minute of a circular equatorial orbit of 7000 km.
 fn oem(name: &str) -> String {
     let mut text = String::from(
         "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2019-06-15T00:00:00\nORIGINATOR = TEST\nMETA_START\n\
@@ -56,7 +55,7 @@ fn oem(name: &str) -> String {
 
 #[test]
 fn a_run_over_udp_prints_its_table() {
-    // Ends when nothing has come for so long.
+    // The emulator ends after this silence.
     let (address, thread) = over_udp(Emulator::new(|_, _| {}), Duration::from_secs(10));
     let base = format!("--link udp://{address} --epoch 2019-06-15T23:35:50 --frames 3");
     let orbit = oem("run.oem");
@@ -92,11 +91,11 @@ fn a_run_over_udp_prints_its_table() {
     let attitudes = thread.join().unwrap().attitudes;
     let attitudes: Vec<_> = attitudes.iter().map(|(_, attitude)| attitude).collect();
     assert_eq!(attitudes.len(), 15);
-    // Above the equator the nadir attitude turns about -Y once an orbit.
+    // Above the equator the nadir attitude rotates about -Y once per orbit.
     let nadir = attitudes[0].rates_rad_s[1];
     assert!((nadir + 1.078e-3).abs() < 1e-6, "{nadir}");
     assert!(attitudes[0].state.is_some() && attitudes[3].state.is_none());
-    // Whatever the azimuth, a limb stare turns once an orbit.
+    // At any azimuth a limb stare rotates once per orbit.
     let limb = nalgebra::Vector3::from(attitudes[6].rates_rad_s);
     assert!((limb.norm() - 1.078e-3).abs() < 1e-5, "{limb}");
     // X-Val: 1.5 deg/s for 1 s: q = [-sin(0.75 deg), 0, 0, cos(0.75 deg)].
@@ -105,7 +104,7 @@ fn a_run_over_udp_prints_its_table() {
     assert!((scanned.rates_rad_s[0] - 1.5_f64.to_radians()).abs() < 1e-12);
 }
 
-/// A process that does not outlive its test.
+/// A process that ends with its test.
 struct Running(std::process::Child);
 
 impl Drop for Running {
@@ -117,18 +116,18 @@ impl Drop for Running {
 
 #[test]
 #[cfg(unix)]
-fn a_signal_ends_a_run_with_its_report() {
+fn signals_end_a_run_with_its_report() {
     for signal in ["-INT", "-TERM", "-HUP"] {
-        ends_with_its_report(signal);
+        assert_report_after(signal);
     }
 }
 
 #[cfg(unix)]
-fn ends_with_its_report(signal: &str) {
+fn assert_report_after(signal: &str) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let link = format!("udp://{}", socket.local_addr().unwrap());
     let mut emulator = Emulator::new(|_, _| {});
-    // Whatever started the tests may ignore it.
+    // The parent process may ignore SIGHUP.
     let child = Command::new("env")
         .args(["--default-signal=HUP", env!("CARGO_BIN_EXE_skyloop-fc")])
         .args(["--link", &link, "--epoch", "2019-06-15T23:35:50"])
@@ -140,9 +139,11 @@ fn ends_with_its_report(signal: &str) {
     let timeout = Some(Duration::from_secs(10));
     socket.set_read_timeout(timeout).unwrap();
     let mut buffer = [0; 2048];
-    // Three frames, then the signal; the second Reset ends the exchange.
+    // The signal follows three frames; the second Reset ends the exchange.
     while emulator.resets < 2 {
-        let (length, client) = socket.recv_from(&mut buffer).expect("it goes on, or ends");
+        let (length, client) = socket
+            .recv_from(&mut buffer)
+            .expect("the run continues or ends");
         let before = emulator.attitudes.len();
         for answer in emulator.answer(&buffer[..length]) {
             socket.send_to(&answer, client).unwrap();
@@ -162,7 +163,7 @@ fn ends_with_its_report(signal: &str) {
 }
 
 #[test]
-fn numbers_out_of_range_are_refused_as_usage() {
+fn numbers_out_of_range_are_usage_errors() {
     for (option, range) in [
         ("--period", "0.000001 to 1000000 s"),
         ("--rate", "0.000001 to 100000 Hz"),
@@ -175,14 +176,14 @@ fn numbers_out_of_range_are_refused_as_usage() {
             let output = skyloop_fc(&format!("{base} {option} {value}"));
             let error = String::from_utf8(output.stderr).unwrap();
             assert_eq!(output.status.code(), Some(2), "{option} {value}: {error}");
-            let told = option == "--frames" && value != "0" || error.contains(range);
-            assert!(told && error.contains(option), "{error}");
+            let stated = option == "--frames" && value != "0" || error.contains(range);
+            assert!(stated && error.contains(option), "{error}");
             assert!(error.len() < 250, "{error}");
         }
     }
 }
 
-/// Options, with `ORBIT` for an orbit, and what the error says.
+/// Options, with `ORBIT` for an orbit file, and part of the error.
 const REFUSED: [&str; 35] = [
     "--hold 0,0,0,1 => is an emulator (skyloop run) listening",
     "--hold 0,0,0,2 => norm is 2",
@@ -221,7 +222,7 @@ const REFUSED: [&str; 35] = [
     " => required",
 ];
 
-/// Options with a file's name, what it holds, and what the error says.
+/// Options with a file's name, its content, and part of the error.
 const REFUSED_FILES: [[&str; 3]; 5] = [
     [
         // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification set 00005, of the year 2000.
@@ -257,7 +258,7 @@ const AEM: &str = "CCSDS_AEM_VERS = 2.0\nMETA_START\nOBJECT_ID = A\nREF_FRAME_A 
                    TIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T23:35:50\nSTOP_TIME = 2019-06-15T23:35:59\n";
 
 #[test]
-fn errors_say_what_to_do() {
+fn errors_name_a_remedy() {
     let base = "--link udp://127.0.0.1:9 --epoch 2019-06-15T23:35:50 --timeout 0.2";
     let orbit = oem("errors.oem");
     let options = REFUSED.map(|row| {

@@ -1,6 +1,8 @@
-//! The whole flight computer against a small emulator in a thread, over memory and over UDP, on good and on bad days.
+//! The flight computer against a small emulator in a thread, over memory and UDP, with and without
+//! faults.
 
 use std::ops::ControlFlow;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::common::Field;
@@ -25,11 +27,14 @@ const LARGE: Field = Field {
     ..Field::USUAL
 };
 
-/// Runs a mission; gives the report and what happened, a word a piece.
-fn fly(port: impl Port + Send + 'static, mission: Mission) -> (Report, Vec<String>) {
-    let mut told = Vec::new();
+/// Runs a mission. Returns the report, one line for each event, and the emulator.
+fn run(
+    (port, thread): (impl Port + Send + 'static, JoinHandle<Emulator>),
+    mission: Mission,
+) -> (Report, Vec<String>, Emulator) {
+    let mut events = Vec::new();
     let report = computer(port, mission).run(|event| {
-        told.push(match event {
+        events.push(match event {
             Event::Frame {
                 frame,
                 labels,
@@ -50,16 +55,16 @@ fn fly(port: impl Port + Send + 'static, mission: Mission) -> (Report, Vec<Strin
         });
         ControlFlow::Continue(())
     });
-    (report.unwrap(), told)
+    (report.unwrap(), events, thread.join().unwrap())
 }
 
 #[test]
-fn an_orbit_that_ends_cuts_the_run_short_and_keeps_its_report() {
+fn runs_cut_short_by_the_orbit_have_a_report() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let after = |seconds| start() + hifitime::Duration::from_seconds(seconds);
     let whole = mission(5);
     let orbit = whole.orbit.clone().unwrap();
-    // Frames at 0, 0.5, 1 s; none at 1.5 s. What lies at both ends is known before.
+    // Frames at 0, 0.5, 1 s; none at 1.5 s. The run checks both ends in advance.
     let gapped = Mission {
         orbit: Some(std::sync::Arc::new(move |t| {
             if after(1.1) < t && t < after(1.9) {
@@ -69,7 +74,7 @@ fn an_orbit_that_ends_cuts_the_run_short_and_keeps_its_report() {
         })),
         ..whole
     };
-    let flown = crate::common::loops::fly(computer(port, gapped));
+    let flown = crate::common::loops::run_and_print(computer(port, gapped));
     let Err(RunError::CutShort { report, source }) = flown else {
         panic!("the run is cut short");
     };
@@ -80,13 +85,12 @@ fn an_orbit_that_ends_cuts_the_run_short_and_keeps_its_report() {
 }
 
 #[test]
-fn a_good_day() {
-    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
-    let (report, told) = fly(port, mission(6));
-    let emulator = thread.join().unwrap();
+fn undisturbed_runs_lose_nothing() {
+    let emulator = Emulator::new(|_, _| {});
+    let (report, events, emulator) = run(over_memory(emulator), mission(6));
     println!("{report}");
     let frames: Vec<String> = (0..6).map(|n| format!("frame {n}")).collect();
-    assert_eq!(told, frames);
+    assert_eq!(events, frames);
     let counts = (report.frames, report.lost, report.refused, report.late);
     assert_eq!(counts, (6, 0, 0, 0));
     assert_eq!(report.latencies.count(), 6);
@@ -99,7 +103,8 @@ fn a_good_day() {
         let expected = start() + hifitime::Duration::from_seconds(0.5 * f64::from(number));
         assert_eq!(to_epoch(header.time), expected);
         assert_eq!(attitude.sequence, number);
-        // X-Val: dR/dt = -[w x] R about +Y at 0.01 rad/s: q = [0, -sin(0.0025 n), 0, cos(0.0025 n)].
+        // X-Val: dR/dt = -[w x] R about +Y at 0.01 rad/s:
+        // q = [0, -sin(0.0025 n), 0, cos(0.0025 n)].
         let half = 0.0025 * f64::from(number);
         assert!((attitude.q_icrf_to_body[1] + half.sin()).abs() < 1e-12);
         assert!((attitude.q_icrf_to_body[3] - half.cos()).abs() < 1e-12);
@@ -109,14 +114,14 @@ fn a_good_day() {
 }
 
 #[test]
-fn a_bad_day_loses_frames_and_nothing_else() {
+fn faults_lose_frames_and_nothing_else() {
     let mut emulator = Emulator::new(|attitude, packets| match attitude {
         // A lost block, a lost header, nothing at all, one damaged bit.
         1 => drop(packets.remove(5)),
         2 => drop(packets.remove(0)),
         3 => packets.clear(),
         4 => packets[3][40] ^= 1,
-        // Everything twice and backwards, with rubbish between.
+        // Everything twice, in reverse order, with invalid packets between.
         6 => {
             packets.extend(packets.clone());
             packets.reverse();
@@ -124,7 +129,7 @@ fn a_bad_day_loses_frames_and_nothing_else() {
             packets.insert(7, vec![0xFF; 1400]);
             packets.insert(9, Vec::new());
         }
-        // A block whose pixels are not those of the header's checksum.
+        // Pixels that do not match the checksum.
         7 => {
             packets[2][100] ^= 1;
             skyloop_protocols::packet::reseal(&mut packets[2]);
@@ -133,9 +138,8 @@ fn a_bad_day_loses_frames_and_nothing_else() {
     });
     emulator.refuses = |attitude| attitude == 5;
     emulator.resends = false;
-    let (port, thread) = over_memory(emulator);
-    let (report, told) = fly(port, within(Duration::from_secs(1), 9));
-    thread.join().unwrap();
+    let mission = within(Duration::from_secs(1), 9);
+    let (report, events, _) = run(over_memory(emulator), mission);
     let expected = [
         "frame 0",
         "lost 1: ",
@@ -147,15 +151,15 @@ fn a_bad_day_loses_frames_and_nothing_else() {
         "damaged 7",
         "frame 8",
     ];
-    assert_eq!(told.len(), expected.len(), "{told:?}");
-    for (line, begins) in told.iter().zip(expected) {
-        assert!(line.starts_with(begins), "{line}, not {begins}: {told:?}");
+    assert_eq!(events.len(), expected.len(), "{events:?}");
+    for (line, begins) in events.iter().zip(expected) {
+        assert!(line.starts_with(begins), "{line}, not {begins}: {events:?}");
     }
-    assert!(told[1].contains("pixel blocks"), "{told:?}");
+    assert!(events[1].contains("pixel blocks"), "{events:?}");
     assert_eq!((report.frames, report.lost, report.refused), (3, 5, 1));
     assert_eq!(report.nack_count, 1);
     assert_eq!(report.nacks[0].reason, Reason::TimeBackwards);
-    // Attitude 4 was sent again, and its frame damaged again.
+    // Attitude 4 was repeated, and its frame damaged again.
     assert!(report.undecodable >= 4, "{report}");
     assert!(report.missing_packets > 0, "{report}");
     assert!(report.assembly.duplicates > 0, "{report}");
@@ -163,18 +167,17 @@ fn a_bad_day_loses_frames_and_nothing_else() {
 }
 
 #[test]
-fn credit_paces_frames_larger_than_the_window_and_recovers_when_a_window_is_lost() {
-    // More than a window vanishes: sent and paid for, but never seen.
+fn credit_recovers_after_the_loss_of_a_window() {
+    // More than a window is lost: sent for credit, but never received.
     let mut emulator = Emulator::new(|attitude, packets| {
         let lost = usize::from(attitude == 1) * 70;
         packets.iter_mut().take(lost).for_each(Vec::clear);
     });
     emulator.field = LARGE;
     emulator.resends = false;
-    let (port, thread) = over_memory(emulator);
-    let (report, told) = fly(port, within(Duration::from_secs(4), 4));
-    thread.join().unwrap();
-    assert_eq!((report.frames, report.lost), (3, 1), "{told:?}");
+    let mission = within(Duration::from_secs(4), 4);
+    let (report, events, _) = run(over_memory(emulator), mission);
+    assert_eq!((report.frames, report.lost), (3, 1), "{events:?}");
 }
 
 #[test]
@@ -182,34 +185,35 @@ fn udp_carries_the_loop() {
     let mut emulator = Emulator::new(|_, _| {});
     emulator.field = LARGE;
     let (address, thread) = over_udp(emulator, Duration::from_secs(3));
-    let (report, told) = fly(UdpPort::connect(address).unwrap(), mission(3));
-    thread.join().unwrap();
+    let port = UdpPort::connect(address).unwrap();
+    let (report, events, _) = run((port, thread), mission(3));
     let counts = (report.frames, report.lost, report.missing_packets);
-    assert_eq!(counts, (3, 0, 0), "{told:?}");
+    assert_eq!(counts, (3, 0, 0), "{events:?}");
 }
 
-/// Flies 8 attitudes at 20 Hz by the wall clock against an emulator of small frames; its report and what was told.
-fn by_the_wall_clock(mut emulator: Emulator) -> (Emulator, Report, Vec<String>) {
+/// Runs 8 attitudes at 20 Hz by the wall clock against an emulator of small frames. Returns its
+/// report and events.
+fn run_by_the_wall_clock(mut emulator: Emulator) -> (Report, Vec<String>, Emulator) {
     (emulator.field.width, emulator.field.height) = (64, 64);
-    let (port, thread) = over_memory(emulator);
     let mission = Mission {
         timeout: Duration::from_secs(5),
         ..by_wall(20.0, 8)
     };
-    let (report, told) = fly(port, mission);
-    (thread.join().unwrap(), report, told)
+    run(over_memory(emulator), mission)
 }
 
 #[test]
-fn by_the_wall_clock_attitudes_leave_in_order_and_skipped_frames_are_counted() {
-    let (emulator, report, told) = by_the_wall_clock(Emulator::new(|attitude, packets| {
+fn wall_clock_attitudes_keep_their_order_and_skipped_frames_are_counted() {
+    let (report, events, emulator) = run_by_the_wall_clock(Emulator::new(|attitude, packets| {
         if attitude % 4 == 2 {
             packets.clear();
         }
     }));
-    assert_eq!(report.frames + report.lost, 8, "{told:?}");
-    let skipped = told.iter().any(|line| line.contains("went on to the next"));
-    assert!(report.lost >= 1 && skipped, "{told:?}");
+    assert_eq!(report.frames + report.lost, 8, "{events:?}");
+    let skipped = events
+        .iter()
+        .any(|line| line.contains("went on to the next"));
+    assert!(report.lost >= 1 && skipped, "{events:?}");
     let left = periods(&emulator, 20.0);
     assert!((0.0..20.0).contains(&left[0]), "{left:?}");
     assert!(left.windows(2).all(|pair| pair[0] < pair[1]), "{left:?}");
@@ -217,8 +221,8 @@ fn by_the_wall_clock_attitudes_leave_in_order_and_skipped_frames_are_counted() {
 
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_attitudes_leave_at_their_rate() {
-    let (emulator, ..) = by_the_wall_clock(Emulator::new(|_, _| {}));
+fn timed_attitudes_are_sent_at_their_rate() {
+    let (.., emulator) = run_by_the_wall_clock(Emulator::new(|_, _| {}));
     let left = periods(&emulator, 20.0);
     let mut spacings: Vec<f64> = left.windows(2).map(|pair| pair[1] - pair[0]).collect();
     spacings.sort_by(f64::total_cmp);
@@ -226,7 +230,7 @@ fn timed_attitudes_leave_at_their_rate() {
 }
 
 #[test]
-fn by_the_wall_clock_the_attitudes_of_a_pause_are_passed_over() {
+fn wall_clock_attitudes_in_a_delay_are_skipped() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let mut pause = Some(Duration::from_millis(180));
     let report = computer(port, by_wall(20.0, 6)).run(|event| {
@@ -242,13 +246,13 @@ fn by_the_wall_clock_the_attitudes_of_a_pause_are_passed_over() {
     assert!(left.windows(2).any(over), "{left:?}");
 }
 
-/// When the attitudes left by their own times, in periods from the start. None left before its number of periods, and
-/// no two in the same period: neither faster than the rate, nor in a burst.
+/// Times of the attitudes, in periods from the start. No attitude is sent before its period, and no
+/// two in one period: neither above the rate nor in a burst.
 fn periods(emulator: &Emulator, rate_hz: f64) -> Vec<f64> {
     let mut left: Vec<f64> = Vec::new();
     for (header, attitude) in &emulator.attitudes {
         let at = (to_epoch(header.time) - start()).to_seconds() * rate_hz;
-        // A nanosecond lost on the wire is not early.
+        // The wire time may be rounded down by a nanosecond.
         let earliest = f64::from(attitude.sequence) - 1e-6;
         assert!(at > earliest, "{at}: {attitude:?}");
         let before = left.last().map_or(-1.0, |at| at.floor());
@@ -259,7 +263,7 @@ fn periods(emulator: &Emulator, rate_hz: f64) -> Vec<f64> {
 }
 
 #[test]
-fn errors_that_end_a_run_say_what_to_do() {
+fn errors_that_end_a_run_name_a_remedy() {
     let nowhere = Mission {
         profile: Profile::Nadir,
         orbit: None,
@@ -280,17 +284,17 @@ fn errors_that_end_a_run_say_what_to_do() {
         (decayed, "decayed"),
     ] {
         let (port, _inbound, _outbound) = ChannelPort::new();
-        let error = crate::common::loops::fly(computer(port, mission)).unwrap_err();
+        let error = crate::common::loops::run_and_print(computer(port, mission)).unwrap_err();
         assert!(error.to_string().contains(says), "{says}: {error}");
     }
     let (port, inbound, _outbound) = ChannelPort::new();
     drop(inbound);
-    let error = crate::common::loops::fly(computer(port, mission(1))).unwrap_err();
+    let error = crate::common::loops::run_and_print(computer(port, mission(1))).unwrap_err();
     assert!(matches!(error, RunError::Port(_)), "{error}");
 }
 
 #[test]
-fn a_watcher_may_break_the_run_off_while_nothing_happens() {
+fn watchers_can_stop_an_idle_run() {
     let after_a_second = || {
         let begin = Instant::now();
         move |_: Event<'_>| {
@@ -301,12 +305,12 @@ fn a_watcher_may_break_the_run_off_while_nothing_happens() {
             }
         }
     };
-    let patient = within(Duration::from_secs(3600), 3);
-    // Nobody answers the Reset.
+    let unlimited = within(Duration::from_secs(3600), 3);
+    // The Reset has no reply.
     let (port, _inbound, _outbound) = ChannelPort::new();
-    let report = computer(port, patient.clone()).run(after_a_second());
+    let report = computer(port, unlimited.clone()).run(after_a_second());
     assert_eq!(report.unwrap().frames, 0);
-    // No frame comes; an hour between two attitudes, by either clock.
+    // No frame comes; an hour between two attitudes, in both modes.
     let hourly = 1.0 / 3600.0;
     for (brings, most_hz, is_wall) in [
         (false, None, false),
@@ -325,7 +329,7 @@ fn a_watcher_may_break_the_run_off_while_nothing_happens() {
         };
         let mission = Mission {
             pace,
-            ..patient.clone()
+            ..unlimited.clone()
         };
         let report = computer(port, mission).run(after_a_second());
         assert_eq!(report.unwrap().lost, 0, "{pace:?}");
@@ -334,7 +338,7 @@ fn a_watcher_may_break_the_run_off_while_nothing_happens() {
 }
 
 #[test]
-fn faults_begin_before_the_first_attitude_and_a_refusal_ends_the_run() {
+fn faults_start_before_the_first_attitude_and_a_refusal_ends_the_run() {
     let faults = [(FaultKind::Drop, 0.05), (FaultKind::Down, 1.0)].map(|(kind, value)| Fault {
         kind,
         direction: Direction::Out,
@@ -346,9 +350,9 @@ fn faults_begin_before_the_first_attitude_and_a_refusal_ends_the_run() {
         emulator.refuses_faults = refuses;
         let (port, thread) = over_memory(emulator);
         let flown = computer(port, mission(2)).with_faults(faults.to_vec());
-        let flown = crate::common::loops::fly(flown);
+        let flown = crate::common::loops::run_and_print(flown);
         let emulator = thread.join().unwrap();
-        // It frees the emulator.
+        // The run frees the emulator.
         assert_eq!(emulator.resets, 2);
         match flown {
             Ok(report) => {

@@ -1,5 +1,5 @@
-//! Options and exit codes of `skyloop-fc` as the program at 3edfec3 had them. Like
-//! `tests/contract` of the emulator, they may not change while the code is reorganised.
+//! Options and exit codes of `skyloop-fc` at commit 3edfec3. Like `tests/contract` of the emulator,
+//! they must not change.
 
 use crate::cli::skyloop_fc;
 
@@ -31,7 +31,7 @@ const EXIT_CODES: [(i32, &str); 8] = [
 #[test]
 fn options_are_unchanged() {
     let help = String::from_utf8(skyloop_fc("--help").stdout).unwrap();
-    // An option's line begins with its names; what explains it stands behind them or below.
+    // The line of an option begins with its names; its help follows behind or below.
     let names = help.lines().flat_map(|line| {
         let names = line
             .split_whitespace()

@@ -1,14 +1,14 @@
-//! The detector against star fields whose truth is known.
+//! The detector on star fields with known positions.
 
 use crate::common::{Field, Noise, Star};
 use skyloop_firmware_sim::detector::{Detection, DetectorSettings, detect};
 
-/// The stars that were found, each with its detection; and how many detections belong to none.
+/// Stars with their detections, and the number of detections without a star.
 type Found = (Vec<(Star, Detection)>, usize);
 
-const STILL: (f64, f64) = (0.0, 0.0);
+const NO_SMEAR: (f64, f64) = (0.0, 0.0);
 
-/// Detects with noise; without any, and with steps of 1/16 e-, what is left is the method's own error.
+/// Detects with noise, or without noise in steps of 1/16 e-, for the error of the method itself.
 fn find(field: &Field, stars: &[Star], smear: (f64, f64), noise: Option<&mut Noise>) -> Found {
     let electrons = field.electrons(stars, smear);
     let Some(noise) = noise else {
@@ -54,14 +54,14 @@ fn residual(pairs: &[(Star, Detection)]) -> (f64, f64, f64) {
 }
 
 #[test]
-fn without_noise_the_centroid_is_that_of_the_light() {
+fn noiseless_centroids_are_accurate() {
     for (psf_px, limit) in [(0.6, 0.01), (0.7, 0.005), (1.0, 0.005), (1.5, 0.005)] {
         let field = Field {
             psf_px,
             ..Field::default()
         };
         let stars = field.grid(16, 6000.0, &mut Noise::new(1));
-        let (pairs, strays) = find(&field, &stars, STILL, None);
+        let (pairs, strays) = find(&field, &stars, NO_SMEAR, None);
         let (rms, ..) = residual(&pairs);
         println!("psf {psf_px}: {} stars, rms {rms:.5} px", pairs.len());
         assert_eq!((pairs.len(), strays), (stars.len(), 0));
@@ -70,7 +70,7 @@ fn without_noise_the_centroid_is_that_of_the_light() {
 }
 
 #[test]
-fn centroid_errors_stay_near_the_limit_of_the_noise() {
+fn centroid_errors_stay_near_the_noise_limit() {
     let field = Field::default();
     for (electrons, snr_near, limit) in [
         (800.0, 20.0, 0.08),
@@ -79,11 +79,11 @@ fn centroid_errors_stay_near_the_limit_of_the_noise() {
         (9000.0, 92.0, 0.02),
     ] {
         let mut noise = Noise::new(7);
-        let (mut all, mut wanted, mut strays) = (Vec::new(), 0, 0);
+        let (mut all, mut expected, mut strays) = (Vec::new(), 0, 0);
         for _ in 0..4 {
             let stars = field.grid(16, electrons, &mut noise);
-            wanted += stars.len();
-            let (pairs, stray) = find(&field, &stars, STILL, Some(&mut noise));
+            expected += stars.len();
+            let (pairs, stray) = find(&field, &stars, NO_SMEAR, Some(&mut noise));
             all.extend(pairs);
             strays += stray;
         }
@@ -95,13 +95,13 @@ fn centroid_errors_stay_near_the_limit_of_the_noise() {
         let (rms, bias_x, bias_y) = residual(&all);
         let count = all.len();
         println!(
-            "snr {snr:.1}: rms {rms:.4} px, bias {bias_x:+.4} {bias_y:+.4} px, {count}/{wanted} found, {strays} strays"
+            "snr {snr:.1}: rms {rms:.4} px, bias {bias_x:+.4} {bias_y:+.4} px, {count}/{expected} found, {strays} strays"
         );
         assert!((snr / snr_near - 1.0).abs() < 0.1, "snr {snr}");
         assert!(rms < limit, "snr {snr}: rms {rms}");
-        let most = 4.0 * rms / (count as f64).sqrt();
-        assert!(bias_x.hypot(bias_y) < most, "bias {bias_x} {bias_y}");
-        assert!(count * 1000 >= wanted * 995 && strays <= 2, "{count}");
+        let max = 4.0 * rms / (count as f64).sqrt();
+        assert!(bias_x.hypot(bias_y) < max, "bias {bias_x} {bias_y}");
+        assert!(count * 1000 >= expected * 995 && strays <= 2, "{count}");
         let mean = |of: fn(&Detection) -> f64| {
             all.iter().map(|(_, at)| of(at)).sum::<f64>() / count as f64
         };
@@ -112,12 +112,12 @@ fn centroid_errors_stay_near_the_limit_of_the_noise() {
 }
 
 #[test]
-fn a_star_of_snr_10_is_nearly_always_found() {
+fn stars_of_snr_10_are_almost_always_found() {
     let field = Field::default();
     let mut noise = Noise::new(3);
     let stars = field.grid(12, 345.0, &mut noise);
     let snr = field.snr(stars[0]);
-    let (pairs, strays) = find(&field, &stars, STILL, Some(&mut noise));
+    let (pairs, strays) = find(&field, &stars, NO_SMEAR, Some(&mut noise));
     let (found, all, rms) = (pairs.len(), stars.len(), residual(&pairs).0);
     println!("snr {snr:.1}: {found}/{all} found, rms {rms:.3} px, {strays} strays");
     assert!((9.0..11.0).contains(&snr), "{snr}");
@@ -125,18 +125,18 @@ fn a_star_of_snr_10_is_nearly_always_found() {
 }
 
 #[test]
-fn an_empty_sky_gives_hardly_a_false_detection() {
+fn empty_fields_give_almost_no_false_detections() {
     let field = Field::default();
     let mut noise = Noise::new(11);
     let strays: usize = (0..10)
-        .map(|_| find(&field, &[], STILL, Some(&mut noise)).1)
+        .map(|_| find(&field, &[], NO_SMEAR, Some(&mut noise)).1)
         .sum();
     println!("{strays} false detections in 10 frames of 65,536 pixels");
     assert!(strays <= 3, "{strays}");
 }
 
 #[test]
-fn a_smeared_star_keeps_its_centre() {
+fn smear_does_not_shift_centroids() {
     let field = Field::default();
     let mut noise = Noise::new(5);
     for smear in [(1.0, 0.0), (3.0, 2.0), (-4.0, 5.0)] {
@@ -149,7 +149,7 @@ fn a_smeared_star_keeps_its_centre() {
 }
 
 #[test]
-fn a_sloping_background_does_not_pull() {
+fn background_gradients_do_not_bias_centroids() {
     let field = Field::default();
     let mut noise = Noise::new(13);
     let stars = field.grid(16, 4000.0, &mut noise);
@@ -164,7 +164,7 @@ fn a_sloping_background_does_not_pull() {
 }
 
 #[test]
-fn two_stars_that_run_together_are_two() {
+fn merged_stars_are_split() {
     let field = Field::default();
     let mut noise = Noise::new(19);
     for distance in [4.0, 6.0, 8.0] {
@@ -175,7 +175,7 @@ fn two_stars_that_run_together_are_two() {
             star.electrons *= 0.6;
             stars.push(star);
         }
-        let (pairs, strays) = find(&field, &stars, STILL, Some(&mut noise));
+        let (pairs, strays) = find(&field, &stars, NO_SMEAR, Some(&mut noise));
         let (rms, ..) = residual(&pairs);
         assert_eq!((pairs.len(), strays), (stars.len(), 0));
         assert!(rms < 0.1, "{distance}: {rms}");
@@ -192,7 +192,7 @@ fn edges_and_saturation_are_flagged() {
         star(60.0, 60.0, 200_000.0),
         star(120.0, 80.0, 5000.0),
     ];
-    let (pairs, strays) = find(&field, &stars, STILL, Some(&mut Noise::new(17)));
+    let (pairs, strays) = find(&field, &stars, NO_SMEAR, Some(&mut Noise::new(17)));
     let flags = pairs.iter().map(|(_, at)| (at.edge, at.saturated));
     let flags: Vec<(bool, bool)> = flags.collect();
     let edge = (true, false);
@@ -201,7 +201,7 @@ fn edges_and_saturation_are_flagged() {
 }
 
 #[test]
-fn odd_images_do_no_harm() {
+fn degenerate_images_are_handled() {
     let finds = |field: &Field, pixels: &[u16]| {
         let detections = detect(&field.image(1, pixels), &DetectorSettings::default());
         !detections.list().is_empty()
@@ -218,10 +218,10 @@ fn odd_images_do_no_harm() {
         let mut noise = Noise::new(width as u64 + 1);
         let pixels: Vec<u16> = (0..width * height).map(|_| noise.bits() as u16).collect();
         finds(&field, &pixels);
-        // A buffer that does not fill the image.
+        // A buffer of the wrong size.
         assert!(!finds(&field, &vec![0; width * height + 1]));
     }
-    // Numbers that no header should hold.
+    // Values that no valid header has.
     let pixels = vec![7; 64 * 64];
     for (gain, offset) in [
         (f64::NAN, 0.0),

@@ -1,4 +1,4 @@
-//! Frames at every output level: put together again, detected, scored.
+//! Frames at every output level: reassembled, detected, scored.
 
 use std::ops::ControlFlow;
 
@@ -43,7 +43,7 @@ fn level(pixels: PixelLevel, labels: LabelLevel) -> Output {
 }
 
 #[test]
-fn every_level_makes_its_frame_in_any_order_and_with_repetitions() {
+fn every_level_is_reassembled_from_shuffled_duplicates() {
     let sent = exposed(4);
     let mut noise = Noise::new(3);
     let levels = PixelLevel::ALL.iter();
@@ -80,7 +80,7 @@ fn every_level_makes_its_frame_in_any_order_and_with_repetitions() {
 }
 
 #[test]
-fn windows_are_where_they_say_and_lie_inside() {
+fn windows_are_at_their_positions_within_the_frame() {
     let sent = exposed(0);
     let output = Output {
         window_size: 7,
@@ -89,13 +89,13 @@ fn windows_are_where_they_say_and_lie_inside() {
     let centres = [[0, 0], [50, 30], [100, 66]];
     let (frames, _) = feed(&mut Assembler::default(), &packets(0, &output, &centres));
     let windows = frames[0].windows();
-    let places: Vec<_> = windows.iter().map(|w| (w.column, w.row, w.size)).collect();
-    // Centres less half a window; the last may begin at 101 - 7, 67 - 7.
-    assert_eq!(places, [(0, 0, 7), (47, 27, 7), (94, 60, 7)]);
+    let corners: Vec<_> = windows.iter().map(|w| (w.column, w.row, w.size)).collect();
+    // Centres minus half a window; the last window begins at 101 - 7, 67 - 7 at most.
+    assert_eq!(corners, [(0, 0, 7), (47, 27, 7), (94, 60, 7)]);
     for window in windows {
         let (column, row) = (usize::from(window.column), usize::from(window.row));
-        for (index, pixel) in window.pixels.iter().enumerate() {
-            let place = (row + index / 7) * sent.field.width + column + index % 7;
+        for (offset, pixel) in window.pixels.iter().enumerate() {
+            let place = (row + offset / 7) * sent.field.width + column + offset % 7;
             assert_eq!(*pixel, sent.pixels[place]);
         }
     }
@@ -105,7 +105,7 @@ fn windows_are_where_they_say_and_lie_inside() {
 }
 
 #[test]
-fn a_star_in_two_windows_is_one_detection() {
+fn stars_in_two_windows_are_detected_once() {
     let star = exposed(0).stars[3];
     let at = [star.x.round() as u16, star.y.round() as u16];
     let output = level(PixelLevel::Windows, LabelLevel::Objects);
@@ -123,7 +123,7 @@ fn a_star_in_two_windows_is_one_detection() {
 }
 
 #[test]
-fn compressed_blocks_that_leave_a_gap_or_lie_are_noticed() {
+fn wrong_compressed_blocks_are_refused() {
     let whole = packets(0, &level(PixelLevel::Compressed, LabelLevel::None), &[]);
     assert!(whole.len() > 3, "several blocks");
     let altered = |alter: fn(&mut CompressedBlock<'_>)| {
@@ -142,25 +142,25 @@ fn compressed_blocks_that_leave_a_gap_or_lie_are_noticed() {
     let (errors, bad) = altered(|block| block.first_pixel -= 1);
     let gap = matches!(errors[..], [AssemblyError::Gap { block: 1, .. }]);
     assert!(gap && bad == 1, "{errors:?}");
-    // Beyond the frame, and fewer pixels than the code holds.
-    let lies: [fn(&mut CompressedBlock<'_>); 3] = [
+    // Beyond the frame, fewer pixels than the code holds, a wrong index.
+    let changes: [fn(&mut CompressedBlock<'_>); 3] = [
         |block| block.first_pixel = 101 * 67 - 1,
         |block| block.count -= 1,
         |block| block.index = 1_000,
     ];
-    for lie in lies {
-        let (errors, _) = altered(lie);
+    for change in changes {
+        let (errors, _) = altered(change);
         let refused = matches!(errors[..], [AssemblyError::Contradiction { .. }]);
         assert!(refused, "{errors:?}");
     }
 }
 
 #[test]
-fn parts_of_another_level_contradict_the_header() {
+fn parts_of_another_level_are_refused() {
     let windows = level(PixelLevel::Windows, LabelLevel::Objects);
     let other = packets(0, &Output::default(), &[]);
     let mut mixed = packets(0, &windows, &[]);
-    // Its end is of the same pixels.
+    // The FrameEnd of the same pixels.
     mixed.splice(1..1, other[1..other.len() - 1].iter().cloned());
     let mut assembler = Assembler::default();
     let (frames, errors) = feed(&mut assembler, &mixed);
@@ -176,7 +176,7 @@ fn parts_of_another_level_contradict_the_header() {
 }
 
 #[test]
-fn memory_for_windows_is_bounded_and_none_is_taken_without_pixels() {
+fn memory_is_bounded_at_every_pixel_level() {
     let limits = Limits {
         pixels: 1500,
         ..Limits::default()
@@ -192,8 +192,8 @@ fn memory_for_windows_is_bounded_and_none_is_taken_without_pixels() {
     }
 }
 
-/// Flies three frames at an output level; gives the report and the frames.
-fn fly(output: Output, positions: Option<Positions>) -> (Report, Vec<ReceivedFrame>, Emulator) {
+/// Runs three frames at an output level. Returns report, frames and emulator.
+fn run(output: Output, positions: Option<Positions>) -> (Report, Vec<ReceivedFrame>, Emulator) {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let mission = Mission {
         output: Some(output),
@@ -213,13 +213,13 @@ fn fly(output: Output, positions: Option<Positions>) -> (Report, Vec<ReceivedFra
 }
 
 #[test]
-fn the_flight_computer_asks_for_its_level_and_scores_what_comes() {
-    let (whole, frames, _) = fly(Output::default(), None);
+fn requested_levels_are_received_and_scored() {
+    let (whole, frames, _) = run(Output::default(), None);
     assert_eq!(whole.status.unwrap().output, Output::default());
     let pixels: Vec<Vec<u16>> = frames.iter().map(|f| f.pixels().to_vec()).collect();
 
     let compressed = level(PixelLevel::Compressed, LabelLevel::Text);
-    let (report, frames, _) = fly(compressed, None);
+    let (report, frames, _) = run(compressed, None);
     assert!(frames.iter().zip(&pixels).all(|(f, p)| f.pixels() == p));
     assert_eq!(report.totals.matched, whole.totals.matched);
     let table = report.to_string();
@@ -227,30 +227,30 @@ fn the_flight_computer_asks_for_its_level_and_scores_what_comes() {
     assert!(report.bytes < whole.bytes, "{table}");
 
     let windows = level(PixelLevel::Windows, LabelLevel::Objects);
-    let (report, frames, _) = fly(windows, None);
+    let (report, frames, _) = run(windows, None);
     let are_windows = |f: &ReceivedFrame| matches!(f.content, Content::Windows(_));
     assert!(frames.iter().all(are_windows));
     let table = report.to_string();
     assert!(table.contains("; 60 windows; 36 objects"), "{table}");
-    // Twelve objects a frame lie in twenty windows.
+    // The frame's twelve objects lie within its twenty windows.
     let totals = &report.totals;
     let counts = (totals.matched, totals.missed, totals.false_detections);
     assert_eq!(counts, (36, 0, 0), "{table}");
     assert!(totals.residual().unwrap().rms_px < 0.1, "{table}");
 
-    let (report, frames, _) = fly(level(PixelLevel::None, LabelLevel::Objects), None);
+    let (report, frames, _) = run(level(PixelLevel::None, LabelLevel::Objects), None);
     assert!(frames.iter().all(|f| f.content == Content::None));
     assert_eq!((report.frames, report.contents.objects), (3, 36));
     assert_eq!((report.totals.detections, report.totals.missed), (0, 0));
     assert!(report.latencies.count() == 3 && report.to_string().contains("; 36 objects"));
 
-    let (report, _, emulator) = fly(windows, Positions::new(&[[20, 20], [64, 48]]));
+    let (report, _, emulator) = run(windows, Positions::new(&[[20, 20], [64, 48]]));
     assert_eq!(report.contents.windows, 6);
     assert_eq!(emulator.positions, [[20, 20], [64, 48]]);
 }
 
 #[test]
-fn an_output_that_does_not_fit_ends_the_run_with_the_emulators_arithmetic() {
+fn refused_outputs_end_the_run_with_the_emulators_reason() {
     let mut emulator = Emulator::new(|_, _| {});
     emulator.refuses_output = Some("100,000 octets take 8.7 s at 115,200 baud, a period is 0.1 s");
     let (port, thread) = over_memory(emulator);
@@ -258,7 +258,7 @@ fn an_output_that_does_not_fit_ends_the_run_with_the_emulators_arithmetic() {
         output: Some(Output::default()),
         ..mission(3)
     };
-    let error = crate::common::loops::fly(computer(port, mission)).unwrap_err();
+    let error = crate::common::loops::run_and_print(computer(port, mission)).unwrap_err();
     assert!(matches!(error, RunError::Refused { .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.contains("8.7 s at 115,200 baud"), "{text}");

@@ -1,4 +1,4 @@
-//! The flight computer as a whole: its parts, its links, its command line, and flights against a small emulator.
+//! Tests of the flight computer: its parts, links, command line, and runs against a small emulator.
 
 mod can;
 mod cli;

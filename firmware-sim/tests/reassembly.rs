@@ -1,4 +1,4 @@
-//! Frames put together from packets that got lost, came twice, in another order, or lie.
+//! Reassembly of lost, repeated, reordered and wrong packets.
 
 use crate::common::wire::{Exposed, Sender, feed};
 use crate::common::{Field, Noise, Star};
@@ -11,7 +11,7 @@ use skyloop_protocols::{FrameHeader, Output, PixelBlock, Reply, WireTime};
 
 const TIME: WireTime = WireTime(7);
 
-/// A frame of odd size: its last block is short, and its pixels are random.
+/// A frame of odd size, with a short last block and random pixels.
 fn exposed(frame: u32) -> Exposed {
     let field = Field {
         width: 101,
@@ -47,7 +47,7 @@ fn assert_is_frame(frame: &ReceivedFrame, number: u32) {
 }
 
 #[test]
-fn packets_in_order_make_a_frame_and_an_emulator_that_counts_anew_is_heard() {
+fn ordered_packets_and_restarted_counters_are_reassembled() {
     let mut assembler = Assembler::default();
     let (frames, errors) = feed(&mut assembler, &packets(3));
     assert!(errors.is_empty() && frames.len() == 1);
@@ -58,7 +58,7 @@ fn packets_in_order_make_a_frame_and_an_emulator_that_counts_anew_is_heard() {
 }
 
 #[test]
-fn a_lost_packet_of_any_kind_leaves_the_frame_open_and_the_next_one_whole() {
+fn any_lost_packet_leaves_only_its_frame_incomplete() {
     let whole = packets(0);
     for lost in 0..whole.len() {
         let mut assembler = Assembler::default();
@@ -77,13 +77,13 @@ fn a_lost_packet_of_any_kind_leaves_the_frame_open_and_the_next_one_whole() {
         let (frames, errors) = feed(&mut assembler, &packets(1));
         assert!(frames.len() == 1 && errors.is_empty());
         assert_is_frame(&frames[0], 1);
-        // What was given up stays given up, even if the missing packet comes after all.
+        // A dropped frame stays dropped, even if the missing packet arrives.
         assert!(lost == 0 || feed(&mut assembler, &whole).0.is_empty());
     }
 }
 
 #[test]
-fn frames_may_interleave_and_the_oldest_gives_way() {
+fn interleaved_frames_are_reassembled_and_the_oldest_is_dropped() {
     let mut assembler = Assembler::default();
     let pairs = packets(0).into_iter().zip(packets(1));
     let mixed: Vec<Vec<u8>> = pairs.flat_map(|(a, b)| [a, b]).collect();
@@ -96,7 +96,7 @@ fn frames_may_interleave_and_the_oldest_gives_way() {
 }
 
 #[test]
-fn wrong_pixels_are_noticed() {
+fn wrong_pixels_are_refused() {
     let mut sent = exposed(0);
     let end = packets(0).pop().unwrap();
     sent.pixels[77] ^= 1;
@@ -122,7 +122,7 @@ fn memory_is_bounded() {
     let error = errors[0].to_string();
     let says = "width * height is 6767, at most 6000";
     assert!(error.contains(says), "{error}");
-    // Blocks without a header: four of them are kept at most, whatever comes.
+    // Without a header, four blocks are stored at most.
     let before = assembler.counts().refused;
     for frame in 1..21 {
         feed(&mut assembler, &packets(frame)[1..3]);
@@ -137,14 +137,14 @@ fn memory_is_bounded() {
 }
 
 #[test]
-fn packets_that_contradict_the_header_are_refused_and_do_no_harm() {
+fn contradictory_packets_are_refused_without_effect() {
     let mut assembler = Assembler::default();
     let whole = packets(0);
     feed(&mut assembler, &whole[..1]);
     let header = exposed(0).header(&Output::default(), 0);
     let mut sender = Sender::default();
-    // Beyond the frame, and shorter than its place in the frame asks for.
-    let lies = [100, 1_000_000, 0].map(|index| {
+    // Beyond the frame, and shorter than expected.
+    let wrong = [100, 1_000_000, 0].map(|index| {
         let block = PixelBlock {
             frame: 0,
             index,
@@ -157,9 +157,9 @@ fn packets_that_contradict_the_header_are_refused_and_do_no_harm() {
     });
     let other = FrameHeader { seed: 99, ..header };
     let second = sender.reply(&Reply::FrameHeader(other), TIME);
-    // The end, and another one.
+    // The right end and a wrong one.
     let ends = [whole[whole.len() - 1].clone(), sender.end(0, &[1], TIME)];
-    let (frames, errors) = feed(&mut assembler, &[&lies[..], &[second], &ends].concat());
+    let (frames, errors) = feed(&mut assembler, &[&wrong[..], &[second], &ends].concat());
     assert!(frames.is_empty());
     assert_eq!(errors.len(), 5, "{errors:?}");
     assert_eq!(assembler.counts().refused, 5);
@@ -168,7 +168,7 @@ fn packets_that_contradict_the_header_are_refused_and_do_no_harm() {
 }
 
 #[test]
-fn labels_open_for_the_detections_of_their_own_frame_only() {
+fn labels_open_only_for_detections_of_their_frame() {
     let [first, second] = [0, 1].map(|frame| {
         let (mut frames, _) = feed(&mut Assembler::default(), &packets(frame));
         frames.remove(0)
@@ -179,7 +179,7 @@ fn labels_open_for_the_detections_of_their_own_frame_only() {
     assert_eq!(second.labels(&detections), Err(refused));
 }
 
-/// A frame of stars through packets, detector and score; with `text` instead of its labels.
+/// Score of a frame of stars through packets and detector; `text` replaces its labels.
 fn scored(stars: &[Star], labelled: &[Star], text: Option<&str>) -> Result<Score, ScoreError> {
     let field = Field {
         width: 64,
@@ -196,7 +196,7 @@ fn scored(stars: &[Star], labelled: &[Star], text: Option<&str>) -> Result<Score
 }
 
 #[test]
-fn the_score_knows_matches_misses_strays_and_what_counts() {
+fn scores_count_matches_misses_and_false_detections() {
     let star = |x, y, electrons| Star { x, y, electrons };
     let lone = star(20.3, 20.4, 4000.0);
     let pair = [star(40.0, 40.0, 4000.0), star(44.0, 40.0, 3000.0)];
@@ -223,20 +223,21 @@ fn the_score_knows_matches_misses_strays_and_what_counts() {
         assert_eq!((why, m.counts()), (expected, counts), "{m:?}");
         assert!(m.dx_px.hypot(m.dy_px) < 0.3, "{m:?}");
     }
-    // One detection takes one label, the nearest; a neighbour with a fortieth of the light disturbs nothing.
-    let (star, beside) = (star(30.0, 30.0, 4000.0), star(31.2, 30.0, 100.0));
-    let score = scored(&[star], &[beside, star], None).unwrap();
+    // A detection matches only the nearest label; a neighbour with a fortieth of its signal leaves
+    // it isolated.
+    let (star, neighbour) = (star(30.0, 30.0, 4000.0), star(31.2, 30.0, 100.0));
+    let score = scored(&[star], &[neighbour, star], None).unwrap();
     assert_eq!((score.matches.len(), score.false_detections), (1, 0));
     assert_eq!(score.matches[0].label.id, "HIP 1");
     assert!(score.matches[0].isolated);
 }
 
 #[test]
-fn labels_that_cannot_be_read_are_an_error_with_the_place() {
+fn unreadable_labels_are_an_error_with_line_and_column() {
     let fieldless = "{\"objects\":[{\"kind\":\"star\"}]}";
     for text in ["", "{", fieldless, "{\"objects\":7}"] {
         let error = scored(&[], &[], Some(text)).unwrap_err().to_string();
-        let told = error.contains("labels of frame 0") && error.contains("column");
-        assert!(told, "{text:?}: {error}");
+        let located = error.contains("labels of frame 0") && error.contains("column");
+        assert!(located, "{text:?}: {error}");
     }
 }

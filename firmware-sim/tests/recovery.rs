@@ -1,6 +1,7 @@
-//! Packets lost and reordered on the way: asked for again until every frame is whole.
+//! Recovery of lost and reordered packets: requested again until every frame is complete.
 
 use std::ops::ControlFlow;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::common::emulator::Emulator;
@@ -16,8 +17,12 @@ use skyloop_firmware_sim::udp::UdpPort;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{LabelLevel, Output, PixelLevel, apid};
 
-fn fly(port: impl Port + Send + 'static, mission: Mission) -> Report {
-    crate::common::loops::fly(computer(port, mission)).unwrap()
+fn run(
+    (port, thread): (impl Port + Send + 'static, JoinHandle<Emulator>),
+    mission: Mission,
+) -> (Report, Emulator) {
+    let report = crate::common::loops::run_and_print(computer(port, mission));
+    (report.unwrap(), thread.join().unwrap())
 }
 
 const SMALL: Field = Field {
@@ -26,8 +31,8 @@ const SMALL: Field = Field {
     ..Field::USUAL
 };
 
-/// Flies over a link that loses and swaps packets.
-fn lossy_flight(output: Output, frames: u32, field: Field, seed: u64) -> (Report, Emulator) {
+/// Runs over a link that loses and swaps packets.
+fn lossy_run(output: Output, frames: u32, field: Field, seed: u64) -> (Report, Emulator) {
     let mut emulator = Emulator::new(|_, _| {});
     emulator.field = field;
     let (port, thread) = over_memory(emulator);
@@ -35,13 +40,13 @@ fn lossy_flight(output: Output, frames: u32, field: Field, seed: u64) -> (Report
         output: Some(output),
         ..mission(frames)
     };
-    let report = fly(Lossy::new(port, seed, [0.05, 0.05, 0.0]), mission);
-    (report, thread.join().unwrap())
+    let port = Lossy::new(port, seed, [0.05, 0.05, 0.0]);
+    run((port, thread), mission)
 }
 
 #[test]
-fn every_frame_comes_whole_at_every_level() {
-    // Of the largest some 140 blocks and the labels; the window is 64.
+fn every_frame_is_complete_at_every_level() {
+    // The largest frame has some 140 blocks and the labels; the window is 64.
     let large = Field {
         width: 512,
         height: 256,
@@ -59,7 +64,7 @@ fn every_frame_comes_whole_at_every_level() {
             labels,
             ..Output::default()
         };
-        let (report, emulator) = lossy_flight(output, frames, field, seed);
+        let (report, emulator) = lossy_run(output, frames, field, seed);
         assert_eq!((report.frames, report.lost), (frames, 0), "{output:?}");
         let (recovered, resent) = (report.assembly.recovered, emulator.resent as u64);
         let fits = match frames {
@@ -72,40 +77,37 @@ fn every_frame_comes_whole_at_every_level() {
 }
 
 #[test]
-fn every_packet_of_a_frame_can_be_lost_alone() {
-    // The header, a block, the end, the first block, the last label part: each of them once.
+fn any_single_lost_packet_is_recovered() {
+    // Header, a block, end, first block, last label part: each lost in one frame.
     let emulator = Emulator::new(|attitude, packets| {
         let end = packets.len() - 1;
-        if let Some(place) = [0, 3, end, 1, end - 1].get(attitude as usize) {
-            packets.remove(*place);
+        if let Some(index) = [0, 3, end, 1, end - 1].get(attitude as usize) {
+            packets.remove(*index);
         }
     });
-    let (port, thread) = over_memory(emulator);
     let begin = Instant::now();
-    let report = fly(port, mission(6));
+    let (report, emulator) = run(over_memory(emulator), mission(6));
     assert_eq!((report.frames, report.lost), (6, 0));
-    // On a busy machine some are asked for in vain.
+    // On a busy machine some requests are superfluous.
     assert!(report.assembly.recovered >= 5);
-    assert!((5..40).contains(&thread.join().unwrap().resent));
+    assert!((5..40).contains(&emulator.resent));
     assert!(begin.elapsed() < mission(6).timeout, "before the time-out");
 }
 
 #[test]
-fn an_attitude_of_which_nothing_comes_is_sent_again_as_it_was() {
-    // The frame of the first copy vanishes, or comes with the second's: a duplicate then, and no harm.
-    for swallowed in [true, false] {
+fn attitudes_without_a_reply_are_repeated_unchanged() {
+    // The frame of the first copy is lost, or arrives with the second's as a duplicate.
+    for dropped in [true, false] {
         let mut emulator = Emulator::new(|_, _| {});
         let first: fn(usize, u32) -> bool = |copy, attitude| attitude == 3 && copy == 0;
-        if swallowed {
-            emulator.swallows = first
+        if dropped {
+            emulator.drops = first;
         } else {
-            emulator.delays = first
+            emulator.delays = first;
         }
-        let (port, thread) = over_memory(emulator);
-        let report = fly(port, mission(6));
-        let attitudes = thread.join().unwrap().attitudes;
+        let (report, Emulator { attitudes, .. }) = run(over_memory(emulator), mission(6));
         assert_eq!((report.frames, report.lost, report.late), (6, 0, 0));
-        assert!(swallowed || report.recovery.duplicates >= 1);
+        assert!(dropped || report.recovery.duplicates >= 1);
         assert_eq!(report.recovery.attitudes as usize, attitudes.len() - 6);
         let mut copies = attitudes.iter().filter(|(_, copy)| copy.sequence == 3);
         let (first, again) = (copies.next().unwrap(), copies.next().unwrap());
@@ -115,41 +117,39 @@ fn an_attitude_of_which_nothing_comes_is_sent_again_as_it_was() {
 }
 
 #[test]
-fn an_emulator_without_resend_is_asked_once() {
+fn emulators_without_resend_get_one_request() {
     let mut emulator = Emulator::new(|attitude, packets| {
         if attitude < 3 {
             packets.remove(2);
         }
     });
     emulator.resends = false;
-    let (port, thread) = over_memory(emulator);
-    let report = fly(port, within(Duration::from_secs(1), 4));
-    thread.join().unwrap();
+    let (report, _) = run(over_memory(emulator), within(Duration::from_secs(1), 4));
     assert_eq!((report.frames, report.lost), (1, 3));
     assert!((1..4).contains(&report.recovery.requested), "{report}");
-    assert_eq!(report.nack_count, 0, "a request too late is no refusal");
+    assert_eq!(report.nack_count, 0, "a late request counts as no refusal");
 }
 
 #[test]
-fn by_the_wall_clock_frames_are_mended_while_others_come() {
+fn wall_clock_frames_are_recovered_while_others_arrive() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
-    let report = fly(Lossy::new(port, 4, [0.03, 0.05, 0.0]), by_wall(10.0, 40));
-    thread.join().unwrap();
-    // An attitude or a whole frame that is lost is not made up for.
+    let port = Lossy::new(port, 4, [0.03, 0.05, 0.0]);
+    let (report, _) = run((port, thread), by_wall(10.0, 40));
+    // Lost attitudes and entirely lost frames are not recovered.
     assert!(report.frames >= 34, "{report}");
     assert!(report.assembly.recovered > 10, "{report}");
 }
 
 #[test]
-fn udp_with_packets_cut_short_both_ways() {
+fn truncated_udp_packets_are_recovered_both_ways() {
     for seed in 70..73 {
         let mut emulator = Emulator::new(|_, _| {});
         emulator.expects_damage = true;
         let (address, thread) = over_udp(emulator, Duration::from_secs(3));
         let port = UdpPort::connect(address).unwrap();
         let seed = Noise::new(seed).bits();
-        let report = fly(Lossy::new(port, seed, [0.0, 0.0, 0.1]), mission(40));
-        let emulator = thread.join().unwrap();
+        let port = Lossy::new(port, seed, [0.0, 0.0, 0.1]);
+        let (report, emulator) = run((port, thread), mission(40));
         assert_eq!((report.frames, report.lost, report.refused), (40, 0, 0));
         let damaged = report.recovery.damaged;
         assert!(damaged > 0 && damaged <= emulator.damaged, "{report}");
@@ -157,17 +157,17 @@ fn udp_with_packets_cut_short_both_ways() {
     }
 }
 
-/// A line of 9600 baud; it may harm every attitude on its way out.
+/// A line of 9600 baud, or one that damages every attitude sent.
 struct Line<P> {
     port: P,
-    spoils: bool,
+    damages: bool,
 }
 
 impl<P: Port> Port for Line<P> {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let mut packet = packet.to_vec();
         let is_attitude = identify(&packet).is_some_and(|(apid, _)| apid == apid::ATTITUDE);
-        if is_attitude && self.spoils {
+        if is_attitude && self.damages {
             packet[20] ^= 1;
         }
         self.port.send(&packet)
@@ -178,7 +178,7 @@ impl<P: Port> Port for Line<P> {
     }
 
     fn airtime(&self, bytes: usize) -> Duration {
-        if self.spoils {
+        if self.damages {
             Duration::ZERO
         } else {
             Duration::from_secs(bytes as u64) * 10 / 9600
@@ -187,40 +187,36 @@ impl<P: Port> Port for Line<P> {
 }
 
 #[test]
-fn an_attitude_damaged_every_time_counts_as_refused_in_the_end() {
+fn attitudes_damaged_every_time_count_as_refused() {
     let mut emulator = Emulator::new(|_, _| {});
     emulator.expects_damage = true;
     let (port, thread) = over_memory(emulator);
-    let spoils = true;
-    let report = fly(Line { port, spoils }, mission(2));
-    let emulator = thread.join().unwrap();
+    let damages = true;
+    let (report, emulator) = run((Line { port, damages }, thread), mission(2));
     assert_eq!((report.frames, report.lost, report.refused), (0, 0, 2));
     assert!((4..100).contains(&emulator.damaged), "{}", emulator.damaged);
     assert!(report.nacks[0].detail.contains("damaged"), "{report}");
 }
 
 #[test]
-fn a_rest_of_the_line_is_no_loss() {
-    // 0.5 s for a frame, and 0.4 s of rest when it has begun, has half come, is all but here.
+fn interruptions_of_the_line_are_no_loss() {
+    // 0.5 s for a frame, with an interruption of 0.4 s at its beginning, middle and end.
     for before in [10, 40, 70] {
         let mut emulator = Emulator::new(|_, _| {});
         emulator.field = Field::USUAL;
         let (port, thread) = over_memory(emulator);
-        let rest = (before, Duration::from_millis(400));
-        let report = fly(Slow::new(port, Duration::from_millis(6), rest), mission(2));
-        let emulator = thread.join().unwrap();
+        let interruption = (before, Duration::from_millis(400));
+        let port = Slow::new(port, Duration::from_millis(6), interruption);
+        let (report, emulator) = run((port, thread), mission(2));
         assert_eq!((report.frames, report.lost), (2, 0));
-        assert_eq!(
-            (emulator.resent, report.recovery.requested),
-            (0, 0),
-            "{before}"
-        );
+        let recovery = (emulator.resent, report.recovery.requested);
+        assert_eq!(recovery, (0, 0), "{before}");
         assert_eq!(report.missing_packets, 0);
     }
 }
 
 #[test]
-fn a_loss_on_a_line_too_slow_for_the_frame_says_so() {
+fn losses_on_slow_lines_name_the_cause() {
     let windows = Output {
         pixels: PixelLevel::Windows,
         labels: LabelLevel::Objects,
@@ -229,7 +225,7 @@ fn a_loss_on_a_line_too_slow_for_the_frame_says_so() {
     let longer = "choose --output windows or labels, or a longer --timeout";
     for (output, remedy) in [
         (Output::default(), longer),
-        (windows, "ask for fewer --windows and --objects"),
+        (windows, "choose fewer --windows and --objects"),
     ] {
         let mut emulator = Emulator::new(|_, packets| packets.truncate(3));
         emulator.resends = false;
@@ -239,8 +235,8 @@ fn a_loss_on_a_line_too_slow_for_the_frame_says_so() {
             ..within(Duration::from_millis(300), 1)
         };
         let mut lost = Vec::new();
-        let spoils = false;
-        let flown = computer(Line { port, spoils }, short).run(|event| {
+        let damages = false;
+        let flown = computer(Line { port, damages }, short).run(|event| {
             if let Event::Lost { loss, .. } = event {
                 lost.push(loss.to_string());
             }
@@ -248,7 +244,7 @@ fn a_loss_on_a_line_too_slow_for_the_frame_says_so() {
         });
         flown.unwrap();
         thread.join().unwrap();
-        let slow = lost[0].contains("on this line and is waited for 0.3 s");
+        let slow = lost[0].contains("on this line, and the time-out is 0.3 s");
         assert!(slow && lost[0].contains(remedy), "{lost:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! `docs/reference/command-line-fc.md` says what the options of `skyloop-fc` are. After a change:
+//! `docs/reference/command-line-fc.md` states the options of `skyloop-fc`. After a change:
 //! `SKYLOOP_WRITE_DOCS=1 cargo test --test main reference_page`.
 
 #[path = "../../tests/reference_pages/commands.rs"]

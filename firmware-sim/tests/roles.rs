@@ -1,4 +1,4 @@
-//! Several links, each with its roles: attitudes on one, pixels and labels from others.
+//! Several links with their roles: attitudes on one, pixels and labels on others.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Sender, channel};
@@ -21,7 +21,7 @@ fn roles(text: &str) -> Roles {
     Roles::parse(text).unwrap()
 }
 
-/// An emulator with several links: one small emulator each, which all see every attitude.
+/// An emulator with several links, as one small emulator each; all receive every attitude.
 fn over_memory(
     names: &[&str],
     alter: impl Fn(usize, &mut Emulator),
@@ -33,7 +33,7 @@ fn over_memory(
         let roles = roles(name);
         let (port, packets, outlet) = ChannelPort::new();
         let inlet = inlet.clone();
-        // Ends when the flight computer hangs up.
+        // Ends when the flight computer drops its port.
         spawn(move || {
             for packet in packets {
                 let _ = inlet.send((at, packet));
@@ -59,7 +59,7 @@ fn over_memory(
                 };
                 let answers = concerned.then(|| emulator.answer(&packet));
                 for answer in answers.into_iter().flatten() {
-                    // The flight computer may have gone.
+                    // The flight computer may have ended.
                     let _ = outlet.send(answer);
                 }
             }
@@ -72,11 +72,11 @@ fn over_memory(
 /// On links for truth, pixels and labels.
 const THREE: &[&str] = &["truth", "pixels", "labels"];
 
-/// What is seen of a frame: number of the attitude, pixels, label text, number of objects.
+/// Content of a frame: attitude number, pixels, label text, number of objects.
 type Seen = (u32, Vec<u16>, String, usize);
 
-/// Flies; gives the report and what is seen of each frame.
-fn fly<P: Port + Send + 'static>(links: Vec<(P, Roles)>, mission: Mission) -> (Report, Vec<Seen>) {
+/// Runs a mission. Returns the report and the content of each frame.
+fn run<P: Port + Send + 'static>(links: Vec<(P, Roles)>, mission: Mission) -> (Report, Vec<Seen>) {
     let mut seen = Vec::new();
     let report = on_links(links, mission).run(|event| {
         match event {
@@ -109,7 +109,7 @@ const WINDOWS: Output = Output {
     objects: 12,
 };
 
-fn asking(output: Output, frames: u32) -> Mission {
+fn with_output(output: Output, frames: u32) -> Mission {
     Mission {
         output: Some(output),
         ..mission(frames)
@@ -119,7 +119,7 @@ fn asking(output: Output, frames: u32) -> Mission {
 #[test]
 fn pixels_and_labels_of_a_frame_come_over_different_links() {
     let (port, thread) = crate::common::loops::over_memory(Emulator::new(|_, _| {}));
-    let (whole, expected) = fly(vec![(port, Roles::ALL)], mission(5));
+    let (whole, expected) = run(vec![(port, Roles::ALL)], mission(5));
     thread.join().unwrap();
     for names in [
         THREE,
@@ -128,7 +128,7 @@ fn pixels_and_labels_of_a_frame_come_over_different_links() {
         &["pixels+labels", "truth"],
     ] {
         let (links, thread) = over_memory(names, |_, _| {});
-        let (report, seen) = fly(links, mission(5));
+        let (report, seen) = run(links, mission(5));
         assert_eq!(seen, expected, "{names:?}");
         assert_eq!((report.frames, report.lost, report.refused), (5, 0, 0));
         assert_eq!(report.totals.matched, whole.totals.matched);
@@ -141,14 +141,14 @@ fn pixels_and_labels_of_a_frame_come_over_different_links() {
 }
 
 #[test]
-fn each_link_is_asked_for_its_share_of_the_output() {
+fn each_link_gets_its_share_of_the_output() {
     let (links, thread) = over_memory(THREE, |_, _| {});
-    let (report, seen) = fly(links, asking(WINDOWS, 3));
+    let (report, seen) = run(links, with_output(WINDOWS, 3));
     assert_eq!((report.frames, report.contents.windows), (3, 60));
     assert!(seen.iter().all(|frame| frame.3 == 12), "{seen:?}");
     assert_eq!(report.totals.matched, 36);
     let requested: Vec<Output> = thread.join().unwrap().iter().map(|e| e.output).collect();
-    // The truth's link brings no frames.
+    // The truth link carries no frames.
     let pixels = Output {
         labels: LabelLevel::None,
         ..WINDOWS
@@ -159,27 +159,27 @@ fn each_link_is_asked_for_its_share_of_the_output() {
     };
     assert_eq!(requested, [Output::default(), pixels, labels]);
 
-    // Labels alone: the link for pixels brings nothing, and is not waited for.
+    // Labels alone: the pixel link carries nothing, and frames do not wait for it.
     let (links, thread) = over_memory(&["truth+labels", "pixels"], |_, _| {});
-    let (report, _) = fly(links, asking(labels, 3));
+    let (report, _) = run(links, with_output(labels, 3));
     assert_eq!((report.frames, report.contents.objects), (3, 36));
     thread.join().unwrap();
 }
 
 #[test]
-fn frames_that_two_links_bring_count_once() {
+fn duplicate_frames_of_two_links_count_once() {
     let (links, thread) = over_memory(&["truth+pixels+labels", "pixels+labels"], |_, _| {});
-    let (report, seen) = fly(links, mission(5));
+    let (report, seen) = run(links, mission(5));
     assert_eq!((report.frames, seen.len(), report.late), (5, 5, 0));
-    // The second copy of the last frame may be on its way at the end.
+    // The duplicate of the last frame may be in flight at the end.
     assert!(report.recovery.duplicates >= 4, "{report}");
     thread.join().unwrap();
 }
 
-/// The labels of attitude 1 do not come.
+/// Drops the labels of attitude 1.
 fn without_labels(at: usize, emulator: &mut Emulator) {
     if at == 2 {
-        emulator.mischief = |attitude, packets| {
+        emulator.alter = |attitude, packets| {
             if attitude == 1 {
                 packets.clear();
             }
@@ -188,7 +188,7 @@ fn without_labels(at: usize, emulator: &mut Emulator) {
 }
 
 #[test]
-fn a_part_that_does_not_come_loses_the_frame_and_no_other() {
+fn a_missing_part_loses_only_its_frame() {
     let (links, thread) = over_memory(THREE, |at, emulator| {
         without_labels(at, emulator);
         emulator.resends = at != 2;
@@ -211,32 +211,32 @@ fn a_part_that_does_not_come_loses_the_frame_and_no_other() {
 }
 
 #[test]
-fn parts_of_different_skies_are_no_frame() {
+fn parts_with_different_pixels_are_not_joined() {
     let (links, thread) = over_memory(THREE, |at, emulator| {
         emulator.field.background_e += f64::from(u8::from(at == 2)) * 40.0;
     });
-    let (report, _) = fly(links, within(Duration::from_secs(1), 2));
+    let (report, _) = run(links, within(Duration::from_secs(1), 2));
     assert_eq!((report.frames, report.lost), (0, 2));
     assert!(report.assembly.incomplete >= 2, "{:?}", report.assembly);
     thread.join().unwrap();
 }
 
 #[test]
-fn a_part_of_which_nothing_came_is_asked_for_when_the_other_has_come() {
+fn missing_parts_are_requested_after_the_other_part() {
     let (links, thread) = over_memory(THREE, without_labels);
-    let (report, seen) = fly(links, mission(3));
+    let (report, seen) = run(links, mission(3));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost, seen.len()), (3, 0, 3));
     assert!(report.recovery.requested >= 1, "{report}");
 }
 
 #[test]
-fn every_link_mends_its_own_losses() {
+fn each_link_recovers_its_losses() {
     let (links, thread) = over_memory(THREE, |_, _| {});
     let links = (1..).zip(links);
     let links =
         links.map(|(seed, (port, roles))| (Lossy::new(port, seed, [0.05, 0.05, 0.0]), roles));
-    let (report, _) = fly(links.collect(), mission(30));
+    let (report, _) = run(links.collect(), mission(30));
     let ends = thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (30, 0));
     assert!(ends[1].resent > 0 && ends[2].resent > 0);
@@ -244,9 +244,9 @@ fn every_link_mends_its_own_losses() {
 }
 
 #[test]
-fn by_the_wall_clock_the_parts_find_each_other() {
+fn wall_clock_parts_are_joined() {
     let (links, thread) = over_memory(THREE, |_, _| {});
-    let (report, seen) = fly(links, by_wall(20.0, 10));
+    let (report, seen) = run(links, by_wall(20.0, 10));
     assert_eq!((report.frames, report.lost), (10, 0));
     let whole = |(_, pixels, text, _): &Seen| !pixels.is_empty() && !text.is_empty();
     assert!(seen.iter().all(whole));
@@ -254,15 +254,15 @@ fn by_the_wall_clock_the_parts_find_each_other() {
 }
 
 #[test]
-fn links_that_leave_a_role_out_are_refused() {
+fn links_without_a_role_are_refused() {
     for (names, part) in [
         (&["pixels", "labels"][..], "no link has the role truth"),
         (&["truth"], "no link has the role pixels or labels"),
         (&[], "no link has the role truth"),
     ] {
         let (links, thread) = over_memory(names, |_, _| {});
-        let flown = crate::common::loops::fly(on_links(links, mission(1)));
-        let error = flown.unwrap_err().to_string();
+        let result = crate::common::loops::run_and_print(on_links(links, mission(1)));
+        let error = result.unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
         assert!(error.contains("add it to the roles="), "{error}");
         thread.join().unwrap();
@@ -270,7 +270,7 @@ fn links_that_leave_a_role_out_are_refused() {
 }
 
 #[test]
-fn roles_that_differ_at_both_ends_are_named_in_the_loss() {
+fn losses_name_roles_that_differ_between_ends() {
     let apart = (["truth", "pixels+labels"], ["truth+pixels", "labels"]);
     for ((emulators, ours), output, parts) in [
         (
@@ -281,13 +281,13 @@ fn roles_that_differ_at_both_ends_are_named_in_the_loss() {
                 "give a link roles=pixels+labels and a link roles=truth, or",
             ],
         ),
-        // Where each link is told what to bring, the one that should bring the pixels brings nothing.
+        // With an explicit output for each link, the pixel link carries nothing.
         (
             apart,
             Some(Output::default()),
             ["nothing of a frame has come on a link (here roles=truth+pixels)"; 2],
         ),
-        // Frames that are whole without their pixels.
+        // Frames complete without their pixels.
         (
             (apart.1, apart.0),
             None,
@@ -301,26 +301,26 @@ fn roles_that_differ_at_both_ends_are_named_in_the_loss() {
             output,
             ..within(Duration::from_millis(500), 1)
         };
-        let mut told = Vec::new();
-        let flown = on_links(links.collect(), short).run(|event| {
+        let mut events = Vec::new();
+        let result = on_links(links.collect(), short).run(|event| {
             match event {
-                Event::Lost { loss, .. } => told.push(loss.to_string()),
-                Event::Problem(problem) => told.push(problem),
+                Event::Lost { loss, .. } => events.push(loss.to_string()),
+                Event::Problem(problem) => events.push(problem),
                 _ => {}
             }
             ControlFlow::Continue(())
         });
-        flown.unwrap();
+        result.unwrap();
         thread.join().unwrap();
         for part in parts {
-            assert!(told[0].contains(part), "{told:?}");
+            assert!(events[0].contains(part), "{events:?}");
         }
     }
 }
 
 #[test]
-fn pixels_asked_for_that_no_link_brings_are_told_in_one_line() {
-    // The roles here leave pixels out, or those of the emulator's end do, or none.
+fn requested_pixels_without_a_link_give_one_warning() {
+    // Pixels are missing in the roles of this end, of the emulator's end, or not.
     for (ours, brings, warned) in [
         ("truth+labels", true, true),
         ("truth+pixels+labels", false, true),
@@ -329,12 +329,12 @@ fn pixels_asked_for_that_no_link_brings_are_told_in_one_line() {
         let mut emulator = Emulator::new(|_, _| {});
         emulator.brings = (brings, true);
         let (port, thread) = crate::common::loops::over_memory(emulator);
-        let (report, _) = fly(vec![(port, roles(ours))], asking(WINDOWS, 2));
+        let (report, _) = run(vec![(port, roles(ours))], with_output(WINDOWS, 2));
         thread.join().unwrap();
         assert_eq!(report.frames, 2);
-        let line = "asked for windows, but no link brings pixels: here a link roles=";
+        let line = "windows are requested, but no link carries pixels: here a link roles=";
         let line = format!("{line}{ours}; ");
-        let told = report.to_string().matches(&line).count();
-        assert_eq!(told, usize::from(warned), "{report}");
+        let lines = report.to_string().matches(&line).count();
+        assert_eq!(lines, usize::from(warned), "{report}");
     }
 }

@@ -1,21 +1,23 @@
-//! Emulators that do not answer: a line left stuck by an earlier client, one that nobody listens on, one that ends.
+//! Emulators that do not answer: a line blocked by an earlier client, a silent link, an emulator
+//! that ends.
 
 use std::time::{Duration, Instant};
 
 use crate::common::emulator::Emulator;
-use crate::common::loops::{computer, fly, on_links, over_memory, within};
+use crate::common::loops::{computer, on_links, over_memory, run_and_print, within};
 use skyloop_firmware_sim::flight_computer::RunError;
 use skyloop_firmware_sim::port::{Port, PortError};
 use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::{Command, Direction, Fault, FaultKind};
 
-/// A line with a name, which may stop.
+/// A named line that may stop.
 struct Line<P> {
     port: P,
     name: &'static str,
-    /// Whether only a `Fault` passes, as through the emulator's faults; one of value 0 ends it.
+    /// Whether only `Fault` commands pass, as with the emulator's faults; one of value 0 unblocks
+    /// it.
     stuck: bool,
-    /// Nothing comes after so many packets.
+    /// Number of packets until the line goes silent.
     packets: usize,
 }
 
@@ -54,7 +56,7 @@ fn line<P: Port>(port: P, name: &'static str, stuck: bool) -> Line<P> {
 }
 
 #[test]
-fn a_line_left_stuck_is_freed_before_the_reset() {
+fn blocked_lines_are_freed_before_the_reset() {
     let off = Fault {
         kind: FaultKind::Stuck,
         direction: Direction::In,
@@ -67,9 +69,9 @@ fn a_line_left_stuck_is_freed_before_the_reset() {
             line(port, "udp://A", true),
             within(Duration::from_secs(2), 3),
         );
-        let flown = fly(computer.with_faults(faults.clone()));
+        let result = run_and_print(computer.with_faults(faults.clone()));
         thread.join().unwrap();
-        match flown {
+        match result {
             Ok(report) => assert_eq!((report.frames, report.lost, faults.len()), (3, 0, 1)),
             Err(error) => {
                 let error = error.to_string();
@@ -82,7 +84,7 @@ fn a_line_left_stuck_is_freed_before_the_reset() {
 }
 
 #[test]
-fn of_several_links_the_one_that_does_not_answer_is_named() {
+fn the_unanswered_link_is_named() {
     let mut threads = Vec::new();
     let links = [("udp://A", "truth"), ("udp://B", "pixels+labels")].map(|(name, roles)| {
         let (port, thread) = over_memory(Emulator::new(|_, _| {}));
@@ -90,8 +92,8 @@ fn of_several_links_the_one_that_does_not_answer_is_named() {
         let line = line(port, name, name == "udp://B");
         (line, Roles::parse(roles).unwrap())
     });
-    let flown = fly(on_links(links.into(), within(Duration::from_secs(2), 3)));
-    let error = flown.unwrap_err().to_string();
+    let result = run_and_print(on_links(links.into(), within(Duration::from_secs(2), 3)));
+    let error = result.unwrap_err().to_string();
     assert!(error.starts_with("udp://B: no answer"), "{error}");
     for thread in threads {
         thread.join().unwrap();
@@ -99,7 +101,7 @@ fn of_several_links_the_one_that_does_not_answer_is_named() {
 }
 
 #[test]
-fn an_emulator_that_ends_ends_the_run() {
+fn runs_end_when_the_emulator_ends() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let line = Line {
         packets: 60,
@@ -107,26 +109,28 @@ fn an_emulator_that_ends_ends_the_run() {
     };
     let begin = Instant::now();
     let mission = within(Duration::from_millis(500), 100_000);
-    let error = fly(computer(line, mission)).unwrap_err();
+    let error = run_and_print(computer(line, mission)).unwrap_err();
     thread.join().unwrap();
     let text = error.to_string();
-    let told = text.starts_with("udp://A: nothing has come for 1");
-    assert!(told, "{text}");
+    assert!(
+        text.starts_with("udp://A: nothing has come for 1"),
+        "{text}"
+    );
     assert!(begin.elapsed() < Duration::from_secs(25));
     let RunError::CutShort { report, .. } = error else {
-        panic!("it had begun: {error}");
+        panic!("it had started: {error}");
     };
     assert!(report.frames >= 2 && report.lost >= 5, "{report}");
 }
 
 #[test]
-fn an_emulator_that_answers_without_frames_is_flown_to_the_end() {
+fn runs_without_frames_continue_to_their_end() {
     let mut emulator = Emulator::new(|_, _| {});
-    emulator.swallows = |_, _| true;
+    emulator.drops = |_, _| true;
     let (port, thread) = over_memory(emulator);
-    // Longer than a silence may be.
+    // Longer than the permitted silence.
     let mission = within(Duration::from_millis(1500), 8);
-    let report = fly(computer(port, mission)).unwrap();
+    let report = run_and_print(computer(port, mission)).unwrap();
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (0, 8));
 }

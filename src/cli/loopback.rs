@@ -171,7 +171,7 @@ fn conclude(
     cut_short: Option<&Error>,
     junit: Option<&mut VerdictFile>,
 ) -> anyhow::Result<Vec<Verdict>> {
-    let mut verdicts = args.limits.judge(report);
+    let mut verdicts = args.limits.assess(report);
     verdicts.extend(cut_short.map(|error| Verdict::new("run", false, error.to_string())));
     say(format_args!(
         "{}{}wrote {}\n",

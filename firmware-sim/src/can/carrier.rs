@@ -1,7 +1,7 @@
-//! Packets on a bus: one thread reads frames, another runs the [`Node`], sends, and keeps the pace.
+//! Packets on a bus: one thread reads frames; another runs the [`Node`], sends, and paces.
 //!
-//! The reader only reads, so that the kernel's buffer never fills up while a frame waits for the
-//! bus. A bus that vanishes (interface down, adapter unplugged) is reopened until it is back.
+//! The reader does nothing else, so that the kernel's buffer does not overflow while a frame waits
+//! for the bus. A bus that vanishes (interface down, adapter unplugged) is reopened.
 
 use super::pacing::{Pace, Rates};
 use super::{CanBus, Opener, Sending, Trouble};
@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The owner of a carrier: its packets, and its book-keeping.
+/// Owner of a carrier: source and sink of its packets, and its counters.
 pub trait Above: Send + 'static {
     /// A packet to send.
     type Packet: AsRef<[u8]> + Send;
@@ -21,61 +21,59 @@ pub trait Above: Send + 'static {
     /// The next packet to send.
     fn next(&mut self) -> Next<Self::Packet>;
 
-    /// A packet has arrived; `at`: its last frame. False: packets are no longer wanted.
+    /// Handles a packet; `at` is the time of its last frame. False: stop receiving.
     fn arrived(&mut self, packet: &[u8], at: Instant) -> bool;
 
-    /// Whether packets are still wanted: if not, the carrier ends at once.
+    /// Whether the carrier should go on. If not, it ends at once.
     fn is_wanted(&self) -> bool;
 
-    /// A packet has left, or has been given up: that is an `Unsent` too.
+    /// A packet was sent or dropped. A dropped one is also noted as `Unsent`.
     fn ended(&mut self, _: Self::Packet, _is_sent: bool) {}
 
-    /// Something to book or to report.
+    /// Counts or reports an event.
     fn note(&mut self, note: Note);
 }
 
-/// Whether there is something to send.
+/// Result of [`Above::next`].
 pub enum Next<P> {
-    /// This packet.
+    /// Send this packet.
     Packet(P),
-    /// Nothing now.
+    /// No packet now.
     Nothing,
-    /// Nothing any more: what is under way leaves, and the carrier ends.
+    /// No more packets. The carrier sends what is queued and ends.
     Closed,
 }
 
-/// What happens on the bus.
+/// An event on the bus.
 #[derive(Debug)]
 pub enum Note {
-    /// A frame with so many data octets has left.
+    /// A frame with this many data bytes was sent.
     Moved(usize),
-    /// Packets that did not get through.
+    /// Number of packets not delivered.
     Unsent(u32),
-    /// Messages that began to arrive and were never whole.
+    /// Number of messages received in part.
     Incomplete(u32),
-    /// What came and was no frame, or one on our identifiers that cannot be right.
+    /// Number of invalid frames and bytes, or frames on our identifiers with invalid content.
     Garbled(u32),
-    /// Messages longer than any packet.
+    /// Number of messages longer than any packet.
     Oversize(u32),
-    /// The controller reports an error, or has left the bus, or is back.
+    /// The controller reports an error, bus-off, or a restart.
     Trouble(Trouble),
-    /// The bus has gone, and is waited for.
+    /// The bus is gone; the carrier tries to reopen it.
     Gone(io::Error),
     /// The bus is back.
     Back,
-    /// The bus has gone, and nobody can open it again: this is the end.
+    /// The bus is gone and cannot be reopened; the carrier ends.
     Ended(io::Error),
 }
 
-/// How long the reader waits before it looks whether it is still wanted.
+/// Time between the reader's checks of its stop flag.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
-/// How long the carrier sleeps at most.
+/// Longest sleep of the carrier.
 const NAP: Duration = Duration::from_millis(100);
-/// Until a full queue is tried again, at least: a few frames of a bus at 1 Mbit/s.
+/// Shortest wait before a full queue is tried again: a few frames at 1 Mbit/s.
 const FULL: Duration = Duration::from_micros(500);
-/// Between two attempts to open a bus that has gone.
 const RETRY: Duration = Duration::from_millis(200);
-/// Frames that may wait for the carrier.
 const QUEUE: usize = 1024;
 
 enum Event {
@@ -86,22 +84,22 @@ enum Event {
     Gone(io::Error),
 }
 
-/// Tells the carrier that there is something to send.
+/// Wakes the carrier when there is a packet to send.
 #[derive(Clone)]
 pub struct Waker(SyncSender<Event>);
 
 impl Waker {
-    /// Wakes it. With a full queue it is awake.
+    /// Wakes the carrier. With a full queue it is already awake.
     pub fn wake(&self) {
         let _ = self.0.try_send(Event::Wake);
     }
 }
 
-/// Starts the two threads, called `name`. The returned one ends when `above` is closed and all has
-/// left, or when packets are no longer wanted.
+/// Starts the two threads, called `name`. The returned one ends when `above` is closed and the
+/// queue is empty, or when `above` is no longer wanted.
 ///
 /// # Errors
-/// The system gives no thread or no second handle to the bus.
+/// The system gives no thread, or no second handle to the bus.
 pub fn start<A: Above>(
     name: &str,
     bus: Box<dyn CanBus>,
@@ -137,7 +135,6 @@ pub fn start<A: Above>(
     Ok((Waker(wake), thread))
 }
 
-/// The thread that reads.
 struct Reader {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<()>,
@@ -173,50 +170,47 @@ impl Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        // It ends within its time-out, or with the carrier if the queue is full.
+        // The thread ends within its time-out, or with the carrier if the queue is full.
         self.stop.store(true, Ordering::Relaxed);
     }
 }
 
-/// The thread that sends.
 struct Carrier<A: Above> {
     name: String,
-    /// None while it has gone.
+    /// None while the bus is gone.
     bus: Option<Box<dyn CanBus>>,
     reader: Option<Reader>,
     opener: Option<Opener>,
     wake: SyncSender<Event>,
     events: Receiver<Event>,
     node: Node,
-    /// What the node had counted when it was last asked.
+    /// Counts of the node at the last report.
     counts: Counts,
     pace: Pace,
     above: A,
     /// A packet whose lane is busy.
     waiting: Option<A::Packet>,
-    /// The packet of ours that is under way in each lane.
+    /// Our packet in transmission, by lane.
     in_flight: [Option<A::Packet>; 2],
-    /// Of the packets that have ended, those that did not get through.
     unsent: u32,
-    /// A frame that the bus did not take yet.
+    /// A frame that the bus has not accepted yet.
     frame: Option<CanFrame>,
-    /// When a controller that has left the bus is put back on it.
+    /// When to restart a controller that is bus-off.
     restart: Option<Instant>,
     closed: bool,
     start: Instant,
 }
 
 impl<A: Above> Carrier<A> {
-    /// Sends what may leave, then waits for events and handles them. False: the carrier ends.
+    /// Sends due frames, then waits for events and handles them. False: the carrier ends.
     fn turn(&mut self) -> bool {
         self.feed();
         let due = match self.restart().and_then(|()| self.push()) {
             Ok(due) => due,
             Err(error) => return self.recover(error),
         };
-        self.book();
-        // Packets just given up leave their lane here, so that they are not counted again at the
-        // end.
+        self.report_counts();
+        // Packets just dropped leave their lane here, so that they are not counted twice.
         self.finish();
         if self.closed && self.is_idle() || !self.above.is_wanted() {
             return false;
@@ -226,7 +220,7 @@ impl<A: Above> Carrier<A> {
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
         };
-        // Bounded, so that a flood does not keep us from sending.
+        // Bounded, so that a flood of events does not stop sending.
         for _ in 0..QUEUE {
             match event {
                 Event::Wake => {}
@@ -252,11 +246,11 @@ impl<A: Above> Carrier<A> {
         u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
     }
 
-    /// How long there is nothing to do: `due` is when the bus takes a frame that waits.
+    /// Time until the next action; `due` is when the bus accepts a waiting frame.
     fn until(&self, due: Option<Instant>) -> Duration {
         let now = Instant::now();
         let due = due.map(|due| due.saturating_duration_since(now));
-        // A frame that is due waits for the bus; the node's next timer is one more reason to wake.
+        // A due frame waits for the bus alone; otherwise the node's next timer counts.
         let node = self.node.wake_at().filter(|_| due.is_none());
         let node = node.map(|at| Duration::from_micros(at.saturating_sub(self.now_us(now))));
         let restart = self.restart.map(|at| at.saturating_duration_since(now));
@@ -271,7 +265,7 @@ impl<A: Above> Carrier<A> {
             && lanes.iter().all(|lane| self.node.is_idle(*lane))
     }
 
-    /// Gives packets to the node while its lanes take them.
+    /// Gives packets to the node while its lanes are free.
     fn feed(&mut self) {
         self.finish();
         loop {
@@ -293,7 +287,7 @@ impl<A: Above> Carrier<A> {
                 self.waiting = Some(packet);
                 return;
             }
-            // The one before was given up just now, or its lane would be busy.
+            // The previous packet was just dropped; otherwise its lane would be busy.
             if let Some(before) = self.in_flight[lane as usize].replace(packet) {
                 self.unsent = self.unsent.wrapping_add(1);
                 self.above.ended(before, false);
@@ -302,7 +296,6 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Books the packets that have left their lane.
     fn finish(&mut self) {
         for lane in [Lane::Plain, Lane::Long] {
             if !self.node.is_idle(lane) {
@@ -319,12 +312,12 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Puts frames on the bus while its pace and its queue allow it; when to go on, if one waits.
+    /// Sends frames within pace and queue. Returns when to go on, if a frame waits.
     fn push(&mut self) -> io::Result<Option<Instant>> {
         loop {
             let now = Instant::now();
             if self.frame.is_none() {
-                // Due is a frame, or the end of a timer: then there is none.
+                // Either a frame or a timer is due; for a timer, `next_frame` returns none.
                 if self.node.wake_at().is_none_or(|at| at > self.now_us(now)) {
                     return Ok(None);
                 }
@@ -371,8 +364,7 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Passes on what the node has counted since.
-    fn book(&mut self) {
+    fn report_counts(&mut self) {
         let (now, before) = (self.node.counts(), self.counts);
         self.counts = now;
         type Counted = fn(u32) -> Note;
@@ -387,9 +379,8 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Ends the reader of a bus that is gone. Its remaining frames and errors belong to that bus,
-    /// not to the next one.
-    fn dismiss_reader(&mut self) {
+    /// Ends the reader of a bus that is gone. Its remaining events do not belong to the next bus.
+    fn end_reader(&mut self) {
         let Some(reader) = self.reader.take() else {
             return;
         };
@@ -407,7 +398,8 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
+    /// Reopens a bus that is gone. The packet in transmission may survive, as the node's timers
+    /// decide.
     fn recover(&mut self, error: io::Error) -> bool {
         if self.opener.is_none() {
             self.reader = None;
@@ -415,8 +407,8 @@ impl<A: Above> Carrier<A> {
             return false;
         }
         self.above.note(Note::Gone(error));
-        self.dismiss_reader();
-        // A serial port is open once: this end of it is closed before it is opened again.
+        self.end_reader();
+        // A serial port opens once: the old handle closes first.
         (self.bus, self.restart) = (None, None);
         loop {
             std::thread::sleep(RETRY);
@@ -428,7 +420,7 @@ impl<A: Above> Carrier<A> {
             };
             let shared = bus.share();
             let reader = shared.and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
-            // Without a second handle or thread it is retried like a bus that is not there.
+            // Without a second handle or thread, retry as for a missing bus.
             if let Ok(reader) = reader {
                 (self.bus, self.reader) = (Some(bus), Some(reader));
                 self.above.note(Note::Back);

@@ -1,9 +1,8 @@
-//! CAN buses for both ends of the cable, through the kernel's SocketCAN or through a LAWICEL-style
-//! adapter on a serial line, at the rate of the bus.
+//! CAN buses for both ends of the cable: SocketCAN, or a LAWICEL-style adapter on a serial line.
 //!
-//! 1. [`CanBus`]: what a bus can do. [`socket`] and [`slcan`] are the two there are.
-//! 2. [`settings`]: what a link's address says about a bus. [`pacing`]: how fast its frames may follow each other.
-//! 3. [`carrier`]: the threads between a bus and whole packets. [`port`]: the flight computer's end of them.
+//! 1. [`CanBus`]: the interface of a bus, implemented by [`socket`] and [`slcan`].
+//! 2. [`settings`]: a bus by its address. [`pacing`]: the spacing of its frames.
+//! 3. [`carrier`]: threads between a bus and whole packets. [`port`]: the flight computer's end.
 
 pub mod carrier;
 pub mod pacing;
@@ -19,59 +18,59 @@ use skyloop_protocols::can::frame::{MAX_CLASSIC_DATA, MAX_DATA};
 use std::io;
 use std::time::Duration;
 
-/// What became of a frame that was to be sent.
+/// Result of sending a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sending {
-    /// The bus has taken it.
+    /// The bus has accepted the frame.
     Sent,
     /// The transmit queue is full: offer the same frame again later.
     Full,
 }
 
-/// A bus. Its errors mean that it is gone; errors on the bus come as frames with
+/// A bus. Errors of its methods mean that the bus is gone. Errors on the bus arrive as frames with
 /// [`CanFrame::error`].
 pub trait CanBus: Send {
-    /// Sends a frame, without waiting for long.
+    /// Sends a frame; blocks only briefly.
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending>;
 
-    /// Waits for the next frame, `timeout` at most; `None` if none came.
+    /// Waits for the next frame, at most for `timeout`.
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>>;
 
-    /// The same bus for another thread. One of the two sends, the other receives.
+    /// A second handle for another thread. One handle sends, the other receives.
     ///
     /// # Errors
     /// The system gives no second handle.
     fn share(&self) -> io::Result<Box<dyn CanBus>>;
 
-    /// Puts a controller back on the bus after [`Trouble::BusOff`], by the handle that sends.
-    /// [`Sending::Full`]: try again later. A kernel's interface restarts by itself (`restart-ms`).
+    /// Restarts a controller after [`Trouble::BusOff`], by the handle that sends.
+    /// [`Sending::Full`]: try again later. A kernel interface restarts by itself (`restart-ms`).
     fn restart(&mut self) -> io::Result<Sending> {
         Ok(Sending::Sent)
     }
 
-    /// What has come since the last call and was no frame.
+    /// Number of invalid frames since the last call.
     fn garbled(&mut self) -> u32 {
         0
     }
 }
 
-/// Opens a bus, and opens it again when it has gone.
+/// Reopens a bus.
 pub type Opener = Box<dyn FnMut() -> Result<Box<dyn CanBus>, Refusal> + Send>;
 
 /// Opens a bus by its settings.
 pub type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
-/// Opens a bus now; the opener opens it again.
+/// Opens a bus; the returned opener reopens it.
 ///
 /// # Errors
-/// There is no such bus, or it is not to be had.
+/// There is no such bus, or it cannot be opened.
 pub fn open(open: OpenBus, settings: &Settings) -> Result<(Box<dyn CanBus>, Opener), Refusal> {
     let bus = open(settings)?;
     let settings = settings.clone();
     Ok((bus, Box::new(move || open(&settings))))
 }
 
-/// What an error frame says of the bus (Linux: `can/error.h`; the class is in the identifier).
+/// Meaning of an error frame (Linux: `can/error.h`; the class is in the identifier).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trouble {
     /// The controller has left the bus: too many errors.
@@ -87,7 +86,7 @@ impl Trouble {
     const RESTARTED: u32 = 0x100;
     const PROTOCOL: u32 = 0x8;
 
-    /// The error frame that tells it.
+    /// The error frame of this kind.
     #[must_use]
     pub const fn frame(self) -> CanFrame {
         CanFrame {
@@ -106,7 +105,7 @@ impl Trouble {
         }
     }
 
-    /// What `frame` tells, if it is an error frame.
+    /// Meaning of `frame`, if it is an error frame.
     #[must_use]
     pub fn of(frame: &CanFrame) -> Option<Trouble> {
         match frame.id {

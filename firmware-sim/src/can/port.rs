@@ -3,7 +3,7 @@
 use super::carrier::{self, Above, Next, Note, Waker};
 use super::settings::{self, Settings};
 use super::{CanBus, OpenBus, Opener, slcan, socket};
-use crate::port::{Opened, Port, PortError, Scheme, Tell};
+use crate::port::{Notify, Opened, Port, PortError, Scheme};
 use skyloop_protocols::can::{Node, Side};
 use std::io::{self, ErrorKind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -30,22 +30,21 @@ pub const SLCAN: Scheme = Scheme {
     open: |address| open("slcan", slcan::settings(address)?, slcan::open),
 };
 
-/// What brings a line back.
 const REMEDY: &str =
     "check the adapter's cable, the interface (ip link), or what made the line (skyloop pty)";
-/// A line that goes and comes all the time is told of so often.
+/// Limit of notices for a line that goes and comes all the time.
 const MAX_NOTICES: u32 = 20;
-/// Packets that may wait to be sent.
+/// Packets that may wait for sending.
 const OUTBOUND: usize = 16;
-/// Packets that may wait to be read: many credit windows.
+/// Packets that may wait for reading: many credit windows.
 const INBOUND: usize = 1024;
-/// How long a packet waits for a bus that takes nothing: it is gone then.
+/// After this time a packet is dropped if the bus accepts no frames.
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long what is queued may take to leave at the end.
+/// Time to empty the queue at the end.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
-/// After this silence no client reads: nothing waits for room, or at the end, any more.
+/// After this silence the emulator is considered gone: a full queue or the end no longer blocks.
 const SILENCE: Duration = Duration::from_secs(2);
-/// The time to leave at the end in such a silence: a short command needs no answer.
+/// Time to empty the queue at the end in such a silence: a short command needs no reply.
 const SILENT_CLOSE_TIMEOUT: Duration = Duration::from_millis(100);
 
 fn open(scheme: &str, settings: Settings, open: OpenBus) -> Opened {
@@ -59,21 +58,21 @@ fn open(scheme: &str, settings: Settings, open: OpenBus) -> Opened {
     Ok(Box::new(port))
 }
 
-/// A bus that carries packets.
+/// A CAN bus as a packet port.
 pub struct CanPort {
     link: String,
-    /// None once it is closed.
+    /// None once the port is closed.
     to_bus: Option<SyncSender<Vec<u8>>>,
     from_bus: Receiver<Vec<u8>>,
     settings: Settings,
     waker: Waker,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
-    /// Whether the last packet waited in vain for a bus that takes nothing: the next ones do not.
+    /// Whether the last packet timed out. The next ones do not wait.
     stuck: bool,
-    /// When the last packet came.
-    heard: Instant,
-    /// Whether a line that has gone is waited for.
+    /// Time of the last received packet.
+    last_received: Instant,
+    /// Whether a lost line is reopened.
     opens_again: bool,
 }
 
@@ -82,16 +81,16 @@ struct Shared {
     stop: AtomicBool,
     dropped: AtomicU64,
     gone: Mutex<Option<io::Error>>,
-    tell: Mutex<Option<Tell>>,
+    tell: Mutex<Option<Notify>>,
 }
 
 impl Shared {
-    /// A thread that ends in the middle leaves what it held in order.
+    /// A poisoned lock is used: its value is valid at any time.
     fn gone(&self) -> MutexGuard<'_, Option<io::Error>> {
         self.gone.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn tell(&self) -> MutexGuard<'_, Option<Tell>> {
+    fn tell(&self) -> MutexGuard<'_, Option<Notify>> {
         self.tell.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -106,10 +105,10 @@ impl Shared {
 
 impl CanPort {
     fn is_silent(&self) -> bool {
-        self.heard.elapsed() >= SILENCE
+        self.last_received.elapsed() >= SILENCE
     }
 
-    /// Takes over an open bus; with an `opener` it survives that the bus goes.
+    /// Uses an open bus; with an `opener`, a lost bus is reopened.
     ///
     /// # Errors
     /// [`PortError::Io`] if the system gives no threads.
@@ -143,13 +142,12 @@ impl CanPort {
             shared,
             thread: Some(thread),
             stuck: false,
-            heard: Instant::now(),
+            last_received: Instant::now(),
             opens_again,
         })
     }
 }
 
-/// The carrier's end.
 struct End {
     link: String,
     outbound: Receiver<Vec<u8>>,
@@ -159,11 +157,11 @@ struct End {
 }
 
 impl End {
-    /// Books that the line has gone or is back, and tells.
+    /// Records that the line is gone or back, and prints a notice.
     fn set_gone(&mut self, error: Option<io::Error>) {
         let text = match &error {
             Some(error) => format!(
-                "warning: {}: the line has gone ({error}) and is waited for: {REMEDY}",
+                "warning: {}: the line has gone ({error}) and will be reopened: {REMEDY}",
                 self.link
             ),
             None => format!("{}: the line is back", self.link),
@@ -196,7 +194,7 @@ impl Above for End {
                 self.shared.drop_some(1);
                 true
             }
-            // What is queued to leave still does.
+            // Queued packets are still sent.
             Err(TrySendError::Disconnected(_)) => true,
         }
     }
@@ -215,7 +213,7 @@ impl Above for End {
             }
             Note::Gone(error) => self.set_gone(Some(error)),
             Note::Back => self.set_gone(None),
-            // The queue ends too, which `recv` tells.
+            // The queue ends too; `recv` reports that.
             Note::Ended(error) => *self.shared.gone() = Some(error),
             Note::Moved(_) | Note::Trouble(_) => {}
         }
@@ -232,7 +230,7 @@ impl Port for CanPort {
         let deadline = Instant::now() + SEND_TIMEOUT * timeout;
         let mut packet = packet.to_vec();
         loop {
-            // Until the line is back it is lost like any other.
+            // While the line is gone, packets are dropped.
             if self.opens_again && self.shared.is_gone() {
                 self.shared.drop_some(1);
                 return Ok(());
@@ -267,7 +265,7 @@ impl Port for CanPort {
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
         match self.from_bus.recv_timeout(timeout) {
             Ok(packet) => {
-                self.heard = Instant::now();
+                self.last_received = Instant::now();
                 Ok(Some(packet))
             }
             Err(RecvTimeoutError::Timeout) => Ok(None),
@@ -301,7 +299,7 @@ impl Port for CanPort {
         })
     }
 
-    fn on_notice(&mut self, tell: Tell) {
+    fn on_notice(&mut self, tell: Notify) {
         *self.shared.tell() = Some(tell);
     }
 }
@@ -319,7 +317,7 @@ impl Drop for CanPort {
             CLOSE_TIMEOUT
         };
         let deadline = Instant::now() + timeout;
-        // What waits for a line that has gone, or that takes nothing, does not leave any more.
+        // On a lost or stuck line, queued packets are dropped.
         while !thread.is_finished()
             && !self.stuck
             && !self.shared.is_gone()
@@ -327,7 +325,7 @@ impl Drop for CanPort {
         {
             std::thread::sleep(Duration::from_millis(1));
         }
-        // A thread that the system holds in a write ends with the process.
+        // A thread blocked in a write ends with the process.
         self.shared.stop.store(true, Ordering::Relaxed);
     }
 }

@@ -11,25 +11,23 @@ pub struct Settings {
     pub place: String,
     /// Whether frames are FD with bit rate switch.
     pub fd: bool,
-    /// How fast, and which share of the bus.
+    /// Bit rates and load.
     pub rates: Rates,
-    /// Speed of the serial line of an adapter, baud; none where no line limits the bus.
+    /// Baud rate of an adapter's serial line; none if no line limits the bus.
     pub baud: Option<u32>,
 }
 
-/// Options of a bus.
+/// Options of a CAN interface.
 pub const KEYS: &[&str] = &["bitrate", "fd", "load"];
-/// Options of a bus behind an adapter on a serial line.
+/// Options of an adapter on a serial line.
 pub const ADAPTER_KEYS: &[&str] = &["bitrate", "fd", "load", "baud"];
 
-/// Bit rates of a classic bus, or of the arbitration phase.
+/// Bit rates of a classic bus and of the arbitration phase.
 const BITRATES: std::ops::RangeInclusive<u32> = 10_000..=1_000_000;
-/// Highest bit rate of the data phase.
 const MAX_DATA_BITRATE: u32 = 8_000_000;
 
 impl Settings {
-    /// A bus at `place` with defaults: classic frames at 500 kbit/s, a tenth of the time left to
-    /// others.
+    /// A bus with defaults: classic frames at 500 kbit/s, a tenth of the time left to other nodes.
     #[must_use]
     pub fn new(place: &str) -> Settings {
         const BITRATE: u32 = 500_000;
@@ -45,10 +43,10 @@ impl Settings {
         }
     }
 
-    /// The bus that an address names.
+    /// Settings from an address.
     ///
     /// # Errors
-    /// The reason, if the address names none or an option is wrong.
+    /// The reason, if the target is missing or an option is wrong.
     pub fn of(address: &Address) -> Result<Settings, String> {
         if address.target.is_empty() {
             return Err("it names no interface or device".to_string());
@@ -58,10 +56,10 @@ impl Settings {
         Ok(settings)
     }
 
-    /// Replaces what the options of an address state.
+    /// Applies the options of an address.
     ///
     /// # Errors
-    /// The reason, if one of them is wrong.
+    /// The reason, if an option is wrong.
     pub fn apply(&mut self, address: &Address) -> Result<(), String> {
         let rates = &mut self.rates;
         if let Some(bitrate) = address.whole_in("bitrate", BITRATES)? {
@@ -86,8 +84,8 @@ impl Settings {
         Ok(())
     }
 
-    /// Time of one packet: on the bus or, if longer, on the serial line of the adapter (10 bit
-    /// times a byte, two hexadecimal digits per data byte).
+    /// Time of one packet: on the bus or, if longer, on the adapter's serial line (10 bit times a
+    /// byte, two hexadecimal digits per data byte).
     #[must_use]
     pub fn packet_duration(&self, bytes: usize) -> Duration {
         let on_bus = self.rates.packet_duration(bytes, self.fd);
@@ -101,13 +99,13 @@ impl Settings {
         } else {
             (7, 6 + 2 * 8)
         };
-        // The first segment of a packet carries one octet less.
+        // The first segment of a packet carries one byte less.
         let segments = u32::try_from((bytes + 1).div_ceil(carried)).unwrap_or(u32::MAX);
         let on_line = (Duration::from_secs(10) * line / baud.max(1)).saturating_mul(segments);
         on_bus.max(on_line)
     }
 
-    /// Its keys again, for people.
+    /// The settings in the form of an address.
     #[must_use]
     pub fn describe(&self) -> String {
         let Rates {
@@ -148,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_ones_are_refused_with_the_reason() {
+    fn wrong_settings_are_refused_with_the_reason() {
         for row in [
             " => names no interface",
             "can0?bitrate=fast => bitrate = \"fast\" must be a whole number",

@@ -1,7 +1,7 @@
 //! A bus through a LAWICEL-style adapter on a serial port or a pseudo-terminal, in ASCII lines.
 //!
-//! At the other end of a pseudo-terminal may be an adapter or another host such as this one: neither waits for answers, and
-//! commands that come from there are passed over.
+//! The other end of a pseudo-terminal may be an adapter or another host. Both are served: neither
+//! side waits for answers, and commands from the other end are ignored.
 
 use super::settings::Settings;
 use super::{CanBus, Refusal, Sending, Trouble};
@@ -17,49 +17,49 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
-/// How long a write waits for a line that does not take more now.
+/// Time-out of a write to a blocked line.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
-/// Speed of the line where none is given. Adapters on USB have none of their own.
+/// Default baud rate of the line. USB adapters ignore it.
 pub const BAUD: u32 = 115_200;
 
-/// Frames refused one after the other by which an adapter shows that it is off the bus.
+/// Consecutive refused frames after which the adapter counts as bus-off.
 const REFUSED: u32 = 64;
 
-/// An adapter, or a line to another host.
+/// A bus behind an adapter, or behind a line to another host.
 pub struct SlcanBus {
     line: Box<dyn SerialPort>,
-    /// The commands that open the adapter.
+    /// Set-up commands, encoded.
     set_up: Vec<u8>,
-    /// Bytes that the line has not taken yet: a frame under way, or the commands.
-    rest: VecDeque<u8>,
-    /// Whether `rest` is the commands.
+    /// Bytes not written yet: a frame, or the set-up commands.
+    pending: VecDeque<u8>,
+    /// Whether `pending` holds the set-up commands.
     is_set_up: bool,
     decoder: Decoder,
     received: VecDeque<CanFrame>,
     garbled: u32,
     unanswered: Arc<Unanswered>,
-    /// Frames that it has refused since it took one.
     refused: u32,
 }
 
-/// What the adapter may still answer. The thread that sends counts up, the one that receives counts down.
+/// Number of answers that the adapter may still send. The sending thread increments, the receiving
+/// thread decrements.
 #[derive(Default)]
 struct Unanswered {
     commands: AtomicU32,
     frames: AtomicU32,
 }
 
-/// Takes one off a count; false if it is 0.
-fn take_one(count: &AtomicU32) -> bool {
+/// Decrements a count; false if it is 0.
+fn decrement(count: &AtomicU32) -> bool {
     count
         .fetch_update(Relaxed, Relaxed, |count| count.checked_sub(1))
         .is_ok()
 }
 
-/// The bus behind the adapter of an address.
+/// Settings of the bus behind the adapter of an address.
 ///
 /// # Errors
-/// The reason, if the address is wrong or adapters do not have its bit rates.
+/// The reason, if the address is wrong or adapters lack its bit rates.
 pub fn settings(address: &Address) -> Result<Settings, String> {
     let mut settings = Settings::of(address)?;
     settings.baud.get_or_insert(BAUD);
@@ -88,10 +88,10 @@ pub fn commands(settings: &Settings) -> Result<Vec<Command>, String> {
     Ok(commands)
 }
 
-/// Opens the adapter that `settings` name.
+/// Opens the adapter of `settings`.
 ///
 /// # Errors
-/// There is no such device, or it is not to be had.
+/// There is no such device, or it cannot be opened.
 pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
     let line = serialport::new(&settings.place, settings.baud.unwrap_or(BAUD)).open();
     let line = line.map_err(|error| Refusal::of_serial_port(&settings.place, error))?;
@@ -101,7 +101,7 @@ pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
 /// Opens the bus behind an open serial port.
 ///
 /// # Errors
-/// The line takes nothing.
+/// The line accepts no bytes.
 pub fn over(
     mut line: Box<dyn SerialPort>,
     settings: &Settings,
@@ -113,7 +113,7 @@ pub fn over(
     };
     let commands = commands(settings)
         .map_err(|reason| failed(io::Error::new(ErrorKind::InvalidInput, reason)))?;
-    // An empty line first ends whatever the adapter has of an older one.
+    // An empty line first ends a partial line in the adapter's buffer.
     let mut set_up = vec![b'\r'];
     for command in &commands {
         encode(&Line::Command(*command), &mut |byte| set_up.push(byte));
@@ -131,7 +131,7 @@ impl SlcanBus {
         Self {
             line,
             set_up,
-            rest: VecDeque::with_capacity(MAX_LINE + 1),
+            pending: VecDeque::with_capacity(MAX_LINE + 1),
             is_set_up: false,
             decoder: Decoder::new(),
             received: VecDeque::new(),
@@ -146,30 +146,30 @@ impl SlcanBus {
             match self.decoder.push(*byte) {
                 None | Some(Ok(Line::Command(_))) => {}
                 Some(Ok(Line::Frame { frame, .. })) => self.received.push_back(frame),
-                Some(Ok(Line::Answer(answer))) => self.hear(answer),
+                Some(Ok(Line::Answer(answer))) => self.handle_answer(answer),
                 Some(Err(_)) => self.garbled += 1,
             }
         }
     }
 
-    /// A refusal of a frame: the adapter's transmit queue is full, or it has left the bus. The command to close it may be refused: it was
-    /// closed. A refusal of nothing that was sent is noise on the line.
-    fn hear(&mut self, answer: Answer) {
+    /// A refused frame means a full transmit queue or bus-off. The close command may be refused, if
+    /// the adapter is closed already. A refusal without a command or frame is noise.
+    fn handle_answer(&mut self, answer: Answer) {
         let unanswered = &self.unanswered;
         let trouble = match answer {
-            // The empty line in front is answered by some.
+            // Some adapters answer the empty line in front.
             Answer::Done => {
                 self.refused = 0;
                 return;
             }
             Answer::Sent { .. } => {
                 unanswered.commands.store(0, Relaxed);
-                take_one(&unanswered.frames);
+                decrement(&unanswered.frames);
                 self.refused = 0;
                 return;
             }
-            Answer::Refused if take_one(&unanswered.commands) => return,
-            Answer::Refused if !take_one(&unanswered.frames) => {
+            Answer::Refused if decrement(&unanswered.commands) => return,
+            Answer::Refused if !decrement(&unanswered.frames) => {
                 self.garbled += 1;
                 return;
             }
@@ -191,14 +191,14 @@ impl SlcanBus {
         self.received.push_back(trouble);
     }
 
-    /// Writes what the line has not taken yet; `Full` while some of it is left.
-    fn write_rest(&mut self) -> io::Result<Sending> {
+    /// Writes pending bytes; `Full` if some remain.
+    fn write_pending(&mut self) -> io::Result<Sending> {
         self.line.set_timeout(WRITE_TIMEOUT)?;
-        while !self.rest.is_empty() {
-            match self.line.write(self.rest.make_contiguous()) {
+        while !self.pending.is_empty() {
+            match self.line.write(self.pending.make_contiguous()) {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(length) => drop(self.rest.drain(..length)),
-                Err(error) if is_passing(&error) => return Ok(Sending::Full),
+                Ok(length) => drop(self.pending.drain(..length)),
+                Err(error) if is_temporary(&error) => return Ok(Sending::Full),
                 Err(error) => return Err(error),
             }
         }
@@ -207,7 +207,8 @@ impl SlcanBus {
     }
 }
 
-/// An error frame: transmit overflow (Linux: `can/error.h`, `CAN_ERR_CRTL` and in octet 1 `CAN_ERR_CRTL_TX_OVERFLOW`).
+/// Error frame for a transmit overflow (Linux: `can/error.h`, `CAN_ERR_CRTL`, and in byte 1
+/// `CAN_ERR_CRTL_TX_OVERFLOW`).
 fn overflow() -> CanFrame {
     let mut frame = CanFrame {
         id: 0x04,
@@ -217,7 +218,7 @@ fn overflow() -> CanFrame {
     frame
 }
 
-fn is_passing(error: &io::Error) -> bool {
+fn is_temporary(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted
@@ -226,18 +227,18 @@ fn is_passing(error: &io::Error) -> bool {
 
 impl CanBus for SlcanBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
-        if self.is_set_up && self.write_rest()? == Sending::Full {
+        if self.is_set_up && self.write_pending()? == Sending::Full {
             return Ok(Sending::Full);
         }
-        // After `Full` the same frame comes again: then this is about what is left of it.
-        if self.rest.is_empty() {
+        // After `Full` the caller repeats the frame: then `pending` holds its pending bytes.
+        if self.pending.is_empty() {
             let line = Line::Frame {
                 frame: *frame,
                 time_ms: None,
             };
-            encode(&line, &mut |byte| self.rest.push_back(byte));
+            encode(&line, &mut |byte| self.pending.push_back(byte));
         }
-        let sending = self.write_rest()?;
+        let sending = self.write_pending()?;
         if sending == Sending::Sent {
             let frames = &self.unanswered.frames;
             let _ = frames.fetch_update(Relaxed, Relaxed, |frames| frames.checked_add(1));
@@ -257,7 +258,7 @@ impl CanBus for SlcanBus {
                 self.take(&bytes[..length]);
                 Ok(self.received.pop_front())
             }
-            Err(error) if is_passing(&error) => Ok(None),
+            Err(error) if is_temporary(&error) => Ok(None),
             Err(error) => Err(error),
         }
     }
@@ -273,14 +274,14 @@ impl CanBus for SlcanBus {
 
     fn restart(&mut self) -> io::Result<Sending> {
         if !self.is_set_up {
-            self.rest = self.set_up.iter().copied().collect();
+            self.pending = self.set_up.iter().copied().collect();
             self.is_set_up = true;
-            // The empty line in front is none.
+            // The empty line in front is no command.
             let commands = self.set_up.iter().filter(|byte| **byte == b'\r').count() - 1;
             self.unanswered.commands.store(commands as u32, Relaxed);
             self.unanswered.frames.store(0, Relaxed);
         }
-        self.write_rest()
+        self.write_pending()
     }
 
     fn garbled(&mut self) -> u32 {
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_is_set_up_sends_and_receives() {
+    fn adapters_are_set_up_and_carry_frames() {
         let (mut bus, mut other) = line("bitrate=250000&fd=2000000");
         // X-Val: LAWICEL CAN232 manual: C, Sn, O, tiiildd..; Yn and biiildd.. are CANable 2.0's.
         assert_eq!(read(&mut other, 11), "\rC\rS5\rY2\rO\r");
@@ -324,8 +325,8 @@ mod tests {
         other
             .write_all(b"\x07\r\r\rz\rt123211AB\rb7FF01\r")
             .unwrap();
-        let heard = bus.recv(Duration::from_secs(5)).unwrap();
-        assert_eq!(heard, Some(frame));
+        let received = bus.recv(Duration::from_secs(5)).unwrap();
+        assert_eq!(received, Some(frame));
         assert_eq!(bus.garbled(), 1, "too many digits");
         assert_eq!(bus.recv(Duration::from_millis(5)).unwrap(), None);
         assert_eq!(bus.send(&frame).unwrap(), Sending::Sent);
@@ -342,7 +343,7 @@ mod tests {
     const SET_UP: &str = "\rC\rS5\rO\r";
 
     #[test]
-    fn an_adapter_that_leaves_the_bus_is_opened_again() {
+    fn bus_off_adapters_are_reopened() {
         // X-Val: lines of Linux's slcan driver: an acknowledgement missed, error passive, bus-off.
         let (mut bus, mut other) = line("bitrate=250000");
         assert_eq!(read(&mut other, SET_UP.len()), SET_UP);
@@ -354,22 +355,22 @@ mod tests {
         assert_eq!(bus.garbled(), 0);
     }
 
-    /// Refusals show bus-off after [`REFUSED`] in a row, each of a frame that was sent: others are noise.
+    /// Bus-off follows [`REFUSED`] consecutive refusals of sent frames; other refusals are noise.
     #[test]
     fn refusals_count_against_frames_that_were_sent() {
         let frame = CanFrame::new(0x123, false, &[]).unwrap();
-        let most = REFUSED as usize;
-        // Refusals, one frame taken, and refusals again; the first three may answer C, S and O.
+        let max = REFUSED as usize;
+        // The first three refusals may belong to C, S and O.
         let taken_after = |before, after| [&vec![7; before][..], b"z\r", &vec![7; after]].concat();
-        // Frames sent, what the adapter says, whether it shows that it is off the bus, bytes of noise.
-        for (sent, said, is_off, noise) in [
-            (0, vec![7; most + 3], false, most),
+        // Frames sent, answers of the adapter, whether bus-off is reported, bytes of noise.
+        for (sent, answers, is_off, noise) in [
+            (0, vec![7; max + 3], false, max),
             (0, vec![7; 1000], false, 997),
-            (most - 1, vec![7; most + 3], false, 1),
-            (most, vec![7; most + 3], true, 0),
-            (most, vec![7; most + 2], false, 0),
-            (2 * most, taken_after(66, 63), false, 0),
-            (2 * most, taken_after(66, 64), true, 0),
+            (max - 1, vec![7; max + 3], false, 1),
+            (max, vec![7; max + 3], true, 0),
+            (max, vec![7; max + 2], false, 0),
+            (2 * max, taken_after(66, 63), false, 0),
+            (2 * max, taken_after(66, 64), true, 0),
         ] {
             let (mut bus, mut other) = line("bitrate=250000");
             read(&mut other, SET_UP.len());
@@ -378,7 +379,9 @@ mod tests {
                 read(&mut other, "t1230\r".len());
             }
             let mut reader = bus.share().unwrap();
-            other.write_all(&[&said[..], b"t3210\r"].concat()).unwrap();
+            other
+                .write_all(&[&answers[..], b"t3210\r"].concat())
+                .unwrap();
             let mut all = Vec::new();
             let came = loop {
                 let next = reader.recv(Duration::from_secs(5)).unwrap().unwrap();
@@ -387,7 +390,7 @@ mod tests {
                     None => break next,
                 }
             };
-            let case = format!("{sent} sent, {} bytes", said.len());
+            let case = format!("{sent} sent, {} bytes", answers.len());
             assert_eq!(came.id, 0x321, "{case}");
             assert_eq!(all.contains(&Trouble::BusOff), is_off, "{case}");
             assert_eq!(reader.garbled() as usize, noise, "{case}");
@@ -407,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_nobody_reads_is_full_and_goes_on_where_it_stood() {
+    fn unread_lines_block_and_continue_without_loss() {
         let (mut bus, mut other) = line("bitrate=1000000");
         let frame = CanFrame::new(0x7FF, false, &[0x55; 8]).unwrap();
         let mut sent = 0;

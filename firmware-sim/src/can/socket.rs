@@ -3,7 +3,7 @@
 #[cfg(target_os = "linux")]
 pub use linux::open;
 
-/// There is none here.
+/// Unsupported on this system.
 ///
 /// # Errors
 /// Always.
@@ -25,8 +25,8 @@ fn exists(interface: &str) -> bool {
         .exists()
 }
 
-/// Whether an interface carries FD frames, 72 octets to the kernel; the longest classic one has 16. One that is not there
-/// does.
+/// Whether an interface carries FD frames: the kernel's FD frame has 72 bytes, a classic one 16.
+/// True for unknown interfaces.
 #[must_use]
 pub fn carries_fd(interface: &str) -> bool {
     let mtu = std::fs::read_to_string(format!("/sys/class/net/{interface}/mtu"));
@@ -49,21 +49,21 @@ mod linux {
     use std::sync::Arc;
     use std::time::Duration;
 
-    /// Octets that may wait in the socket, as far as the system allows: some 1,000 FD frames a socket buffer's doubled
-    /// share.
+    /// Requested receive buffer, bytes: some 1,000 FD frames, as the kernel counts twice their
+    /// size.
     const RECEIVE_BUFFER: usize = 1 << 20;
 
     struct SocketBus {
         socket: Arc<CanFdSocket>,
     }
 
-    /// Opens the interface that `settings` name.
+    /// Opens the interface of `settings`.
     ///
     /// # Errors
     /// The kernel has no CAN, no such interface, or it is down or carries no FD frames.
     pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
         let name = &settings.place;
-        // Interface 0 stands for all of them: this asks only whether the kernel has CAN.
+        // Interface 0 means all interfaces: this only tests whether the kernel supports CAN.
         if let Err(error) = CanFdSocket::open_iface(0)
             && matches!(errno(&error), Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT)
         {
@@ -99,9 +99,9 @@ mod linux {
         socket.set_error_filter_accept_all().map_err(refuse)?;
         socket.set_nonblocking(true).map_err(refuse)?;
         let raw = socket.as_raw_socket();
-        // Less than asked for is what the system allows, and no error.
+        // The system may grant less; that is no error.
         let _ = raw.set_recv_buffer_size(RECEIVE_BUFFER);
-        // The state of an interface that is down waits as the socket's error.
+        // A down interface reports its state as the socket's pending error.
         if let Some(error) = raw.take_error().map_err(refuse)? {
             return Err(refuse(error));
         }
@@ -157,7 +157,7 @@ mod linux {
         Errno::from_raw(error.raw_os_error().unwrap_or_default())
     }
 
-    /// Our frame as the kernel's; none if it is not one that a bus could carry.
+    /// Converts to the kernel's type; none for frames that no bus carries.
     fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
         let payload = frame.data.get(..frame.len.into())?;
         if frame.error {
@@ -212,7 +212,7 @@ mod linux {
         use super::*;
 
         #[test]
-        fn frames_pass_the_kernel_types_and_back() {
+        fn frames_convert_to_kernel_types_and_back() {
             let plain = CanFrame::new(0x123, false, &[1, 2, 3]).unwrap();
             let extended = CanFrame {
                 id: 0x12345,
@@ -227,7 +227,7 @@ mod linux {
             let bytes: [u8; 64] = std::array::from_fn(|n| n as u8);
             let fd = CanFrame::new(0x7FF, true, &bytes).unwrap();
             let slow = CanFrame { brs: false, ..fd };
-            // X-Val: linux/can/error.h, CAN_ERR_BUSOFF; an error frame always has 8 octets.
+            // X-Val: linux/can/error.h, CAN_ERR_BUSOFF; an error frame always has 8 bytes.
             let bus_off = CanFrame {
                 id: 0x40,
                 error: true,
@@ -240,14 +240,17 @@ mod linux {
         }
 
         #[test]
-        fn what_cannot_be_opened_is_named_with_its_remedy() {
+        fn open_errors_name_the_interface_and_a_remedy() {
             let error = open(&Settings::new("nosuchcan0"))
                 .err()
                 .unwrap()
                 .to_string();
-            // With CAN in the kernel the interface is missing, without it all of CAN is.
-            let mends = ["ip link add dev nosuchcan0 type vcan", "use slcan"];
-            assert!(mends.iter().any(|mend| error.contains(mend)), "{error}");
+            // Without CAN in the kernel the remedy is another one.
+            let remedies = ["ip link add dev nosuchcan0 type vcan", "use slcan"];
+            assert!(
+                remedies.iter().any(|remedy| error.contains(remedy)),
+                "{error}"
+            );
         }
     }
 }

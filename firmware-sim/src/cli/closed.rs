@@ -1,4 +1,4 @@
-//! The options of `skyloop-fc` about the closed loop.
+//! Options of the closed loop.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -9,12 +9,12 @@ use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::{parse_numbers, within};
 use skyloop_protocols::PixelLevel;
 
-/// Fastest drift about each axis, deg/s: a fifth of what is steered.
+/// Fastest drift about each axis, deg/s: a fifth of the fastest steering rate.
 const MAX_DRIFT_DEG_S: f64 = 0.1;
-/// Drift of a body that nothing is said about, deg/s.
-const USUAL_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
+/// Default drift, deg/s.
+const DEFAULT_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
 
-/// Whether and how the loop is closed.
+/// Closed-loop options.
 #[derive(Clone, Debug, Args)]
 pub struct LoopArgs {
     /// Closed loop: hold the attitude against a drift by the detected stars; uses the wall clock
@@ -34,7 +34,7 @@ pub struct LoopArgs {
 }
 
 impl LoopArgs {
-    /// The loop that is asked for, if one is.
+    /// Settings of the closed loop, if it is requested.
     pub fn settings(&self, wall: bool, mission: &Mission) -> Result<Option<ControlSettings>> {
         if !self.closed {
             for (given, option) in [
@@ -67,23 +67,21 @@ impl LoopArgs {
                 "--loop needs --focal-px: the camera's focal length over the pitch of its pixels, as 530.8 for fai-nir (13.8 mm over 26 um)"
             );
         };
-        let usual = || Vector3::from(USUAL_DRIFT_DEG_S).map(f64::to_radians);
+        let usual = || Vector3::from(DEFAULT_DRIFT_DEG_S).map(f64::to_radians);
         Ok(Some(ControlSettings {
             focal_px,
             drift_rad_s: self.drift.unwrap_or_else(usual),
         }))
     }
-}
 
-impl LoopArgs {
-    /// Why the loop has not held what `--max-error` asks for.
+    /// The message if the error exceeds `--max-error`.
     #[must_use]
     pub fn broken(&self, control: &ControlTelemetry) -> Option<String> {
-        let most = self.max_error?;
+        let max = self.max_error?;
         match control.rms_rad().map(|rms| rms.to_degrees() * 3600.0) {
-            None => Some(format!("--max-error {most}: the loop was never closed")),
-            Some(rms) => (rms > most).then(|| {
-                format!("--max-error {most}: the pointing error was {rms:.2} arcsec rms over the last half")
+            None => Some(format!("--max-error {max}: the loop was never closed")),
+            Some(rms) => (rms > max).then(|| {
+                format!("--max-error {max}: the pointing error was {rms:.2} arcsec rms over the last half")
             }),
         }
     }
@@ -104,16 +102,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_loop_that_was_never_closed_has_held_nothing() {
+    fn never_closed_loops_exceed_any_limit() {
         let args = |max_error| LoopArgs {
             closed: true,
             focal_px: None,
             drift: None,
             max_error,
         };
-        let account = ControlTelemetry::default();
-        let broken = args(Some(10.0)).broken(&account).unwrap();
+        let telemetry = ControlTelemetry::default();
+        let broken = args(Some(10.0)).broken(&telemetry).unwrap();
         assert!(broken.contains("never closed"), "{broken}");
-        assert_eq!(args(None).broken(&account), None);
+        assert_eq!(args(None).broken(&telemetry), None);
     }
 }

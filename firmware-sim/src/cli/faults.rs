@@ -1,4 +1,4 @@
-//! Faults as the command line of `skyloop-fc` names them.
+//! Faults on the command line of `skyloop-fc`.
 
 use anyhow::{Result, anyhow, bail};
 use skyloop_protocols::{Direction, Fault, FaultKind};
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn others_are_refused() {
+    fn wrong_faults_are_refused() {
         for (text, says) in [
             ("drop", "KIND:in|out:VALUE"),
             ("drop:in:0.1:1:2", "KIND:in|out:VALUE"),

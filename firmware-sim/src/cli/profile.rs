@@ -1,4 +1,4 @@
-//! The options of `skyloop-fc` about where it points.
+//! Pointing options of `skyloop-fc`.
 
 use skyloop_orbit::path_text;
 use std::path::PathBuf;
@@ -13,18 +13,19 @@ use skyloop_firmware_sim::profile::{LimbStare, Profile, Scan};
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::{LARGEST_TABLE, read_text_within};
 
-/// Heights that a limb stare may have, km.
+/// Range of limb heights, km.
 const HEIGHTS_KM: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
-/// Widest scan to either side, deg.
+/// Widest half width of a scan, deg.
 const WIDEST_DEG: f64 = 180.0;
 /// Fastest scan, deg/s.
 const FASTEST_DEG_S: f64 = 360.0;
 
-/// Where to point, or that another does: one of them.
+/// Attitude profile: exactly one option is required.
 #[derive(Clone, Debug, Args)]
 #[group(id = "profile", required = true, multiple = false)]
 pub struct ProfileArgs {
-    /// Attitudes to slerp between: a file of lines "UTC x y z w" (ICRF to body, scalar last), or a CCSDS AEM
+    /// Attitudes to slerp between: a file of lines "UTC x y z w" (ICRF to body, scalar last), or a
+    /// CCSDS AEM
     #[arg(long, value_name = "FILE")]
     attitudes: Option<PathBuf>,
     /// One attitude for all frames
@@ -64,7 +65,7 @@ pub struct ProfileArgs {
 #[derive(Clone, Debug)]
 struct Slew(UnitQuaternion<f64>, Vector3<f64>);
 
-/// A scan that has no start yet.
+/// A scan without its start epoch.
 #[derive(Clone, Debug)]
 struct ScanText {
     attitude: UnitQuaternion<f64>,
@@ -74,16 +75,16 @@ struct ScanText {
 }
 
 impl ProfileArgs {
-    /// Whether another client points.
+    /// Whether another client sends the attitudes.
     #[must_use]
     pub fn listens(&self) -> bool {
         self.listen
     }
 
-    /// The profile of a mission that begins at `start`.
+    /// The profile of a mission that starts at `start`.
     ///
     /// # Errors
-    /// A file that cannot be read or is no list of attitudes.
+    /// The file cannot be read, or is no list of attitudes.
     pub fn profile(&self, start: Epoch) -> Result<Profile> {
         if let Some(path) = &self.attitudes {
             let name = path_text(path);
@@ -142,10 +143,10 @@ fn parse_scan(text: &str) -> Result<ScanText, String> {
     let [x, y, z, w, half_width_deg, rate_deg_s] = parse_numbers::<6>(numbers).map_err(|why| {
         format!("{why}: give x,y,z,w,DEG,RATE and then, if it is not y, the axis x or z")
     })?;
-    let positive = |value: f64, most: f64, what: &str, unit: &str| match value {
-        value if value > 0.0 && value <= most => Ok(value.to_radians()),
+    let positive = |value: f64, max: f64, what: &str, unit: &str| match value {
+        value if value > 0.0 && value <= max => Ok(value.to_radians()),
         value => Err(format!(
-            "{what} is {value}; it must be above 0, at most {most} {unit}"
+            "{what} is {value}; it must be above 0, at most {max} {unit}"
         )),
     };
     Ok(ScanText {
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn others_are_refused() {
+    fn wrong_scans_and_limbs_are_refused() {
         for row in [
             "0,0,0,1,10 => 5 numbers where 6 belong: give x,y,z,w,DEG",
             "0,0,0,1,10,0.5,w => \"w\" is no finite number",

@@ -1,4 +1,4 @@
-//! What came of a closed loop: the body's error, and what was thought of it.
+//! Telemetry of a closed loop: the body's error, and the error of its estimate.
 
 use std::fmt;
 use std::time::Duration;
@@ -10,33 +10,33 @@ use crate::times::Times;
 
 const ARCSEC: f64 = 648_000.0 / std::f64::consts::PI;
 
-/// The figures of a closed loop.
+/// Statistics of a closed loop.
 #[derive(Clone, Debug, Default)]
 pub struct ControlTelemetry {
-    /// The drift's size, rad/s.
+    /// Magnitude of the drift rate, rad/s.
     pub drift_rad_s: f64,
-    /// Stars of the frame that was to be held; 0 before there is one.
+    /// Number of stars in the reference frame; 0 before the first one.
     pub reference_stars: usize,
-    /// Frames that were steered by.
+    /// Frames used for steering.
     pub used: u32,
-    /// Frames in which too few of the stars were found.
+    /// Frames with too few matched stars.
     pub starless: u32,
-    /// Frames that came after a later one.
+    /// Frames received after a later one.
     pub late: u32,
-    /// From the middle of the exposure until the detections were fixed.
+    /// From the middle of the exposure to the end of the detection.
     pub latencies: Times,
-    /// When the drift began, s after the mission's start.
+    /// Start of the drift, s after the mission's start.
     begun_s: f64,
-    /// When the body's error was looked at last, s after the drift began.
+    /// Time of the last error sample, s after the start of the drift.
     flown_s: f64,
-    /// The largest error of the body, rad.
+    /// Largest error of the body, rad.
     pub worst_rad: f64,
     errors: Series,
-    /// Those of the boresight (+Z) alone.
+    /// Errors of the boresight (+Z) alone.
     across: Series,
-    /// Squares of the differences between estimated and true errors, rad^2, and how many.
+    /// Sum of squared differences between estimated and true errors, rad^2, and their number.
     differences: (f64, u32),
-    /// Sums over the frames used: stars, and residuals in px.
+    /// Sums over the frames used; residuals in px.
     stars: u64,
     residuals_px: f64,
 }
@@ -49,19 +49,18 @@ impl ControlTelemetry {
         }
     }
 
-    pub(super) fn begins(&mut self, at_s: f64, stars: usize) {
+    pub(super) fn begin(&mut self, at_s: f64, stars: usize) {
         (self.begun_s, self.reference_stars) = (at_s, stars);
     }
 
-    /// Books the body's error.
-    pub(super) fn points(&mut self, at_s: f64, error: Vector3<f64>) {
+    pub(super) fn add_error(&mut self, at_s: f64, error: Vector3<f64>) {
         self.flown_s = (at_s - self.begun_s).max(0.0);
         self.worst_rad = self.worst_rad.max(error.norm());
         self.errors.add(self.flown_s, error.norm_squared());
         self.across.add(self.flown_s, error.xy().norm_squared());
     }
 
-    /// Books a frame, with the body's error in the middle of its exposure if that is known.
+    /// Adds a frame, with the body's error in the middle of its exposure if that is known.
     pub(super) fn frame(
         &mut self,
         age: Duration,
@@ -78,26 +77,26 @@ impl ControlTelemetry {
         }
     }
 
-    /// Root mean square of the body's error over the last half of the flight, rad; `None` before the drift.
+    /// Rms of the body's error over the last half of the flight, rad; `None` before the drift.
     #[must_use]
     pub fn rms_rad(&self) -> Option<f64> {
         self.errors.rms_from(self.flown_s / 2.0)
     }
 
-    /// The same of the boresight (+Z) alone, without the turn about it, rad.
+    /// Rms error of the boresight (+Z) alone, without the roll about it, rad.
     #[must_use]
     pub fn across_rms_rad(&self) -> Option<f64> {
         self.across.rms_from(self.flown_s / 2.0)
     }
 
-    /// Root mean square of the difference between estimated and true errors, rad; `None` without any.
+    /// Rms of the difference between estimated and true errors, rad; `None` without any.
     #[must_use]
     pub fn estimate_rms_rad(&self) -> Option<f64> {
         let (sum, count) = self.differences;
         (count > 0).then(|| (sum / f64::from(count)).sqrt())
     }
 
-    /// What the drift alone would have made of the time, rad.
+    /// Error that the drift alone would have caused, rad.
     #[must_use]
     pub fn drifted_rad(&self) -> f64 {
         self.drift_rad_s * self.flown_s
@@ -144,50 +143,50 @@ impl fmt::Display for ControlTelemetry {
     }
 }
 
-/// Means of a quantity over pieces of time, at most so many, which grow with the flight.
+/// Sums of a quantity over time bins. When the bins are full, their width doubles.
 #[derive(Clone, Debug, PartialEq)]
 struct Series {
-    piece_s: f64,
-    pieces: Vec<(f64, u64)>,
+    bin_s: f64,
+    bins: Vec<(f64, u64)>,
 }
 
 impl Default for Series {
     fn default() -> Self {
         Self {
-            piece_s: 0.01,
-            pieces: Vec::new(),
+            bin_s: 0.01,
+            bins: Vec::new(),
         }
     }
 }
 
-/// Sum and number of several pieces.
-fn total(pieces: &[(f64, u64)]) -> (f64, u64) {
-    let pieces = pieces.iter();
-    pieces.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1))
+/// Sum and number over several bins.
+fn total(bins: &[(f64, u64)]) -> (f64, u64) {
+    let bins = bins.iter();
+    bins.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1))
 }
 
 impl Series {
     fn add(&mut self, at_s: f64, value: f64) {
         const MAX: usize = 4096;
-        while at_s / self.piece_s >= MAX as f64 {
-            self.piece_s *= 2.0;
-            self.pieces = self.pieces.chunks(2).map(total).collect();
+        while at_s / self.bin_s >= MAX as f64 {
+            self.bin_s *= 2.0;
+            self.bins = self.bins.chunks(2).map(total).collect();
         }
-        let piece = (at_s / self.piece_s) as usize;
-        if piece >= self.pieces.len() {
-            self.pieces.resize(piece + 1, (0.0, 0));
+        let bin = (at_s / self.bin_s) as usize;
+        if bin >= self.bins.len() {
+            self.bins.resize(bin + 1, (0.0, 0));
         }
-        if let Some((sum, count)) = self.pieces.get_mut(piece) {
+        if let Some((sum, count)) = self.bins.get_mut(bin) {
             *sum += value;
             *count += 1;
         }
     }
 
-    /// Root of the mean from a time on, or from the next piece on.
+    /// Root mean square from a time on, rounded up to a bin.
     fn rms_from(&self, from_s: f64) -> Option<f64> {
-        let first = (from_s / self.piece_s).ceil() as usize;
-        let first = first.min(self.pieces.len().saturating_sub(1));
-        let (sum, count) = total(self.pieces.get(first..)?);
+        let first = (from_s / self.bin_s).ceil() as usize;
+        let first = first.min(self.bins.len().saturating_sub(1));
+        let (sum, count) = total(self.bins.get(first..)?);
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 }
@@ -197,21 +196,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_half_is_that_of_the_whole_flight_however_long() {
+    fn rms_covers_the_last_half_of_any_flight() {
         for seconds in [1.0, 100.0, 1e5] {
-            let mut account = ControlTelemetry::new(1e-4);
-            assert!(account.to_string().contains("not begun"));
-            account.begins(5.0, 10);
+            let mut telemetry = ControlTelemetry::new(1e-4);
+            assert!(telemetry.to_string().contains("not begun"));
+            telemetry.begin(5.0, 10);
             for index in 0..2000 {
                 let at = f64::from(index) / 2000.0 * seconds;
                 let error = if index < 1000 { 3e-4 } else { 4e-5 };
-                account.points(5.0 + at, Vector3::x() * error);
+                telemetry.add_error(5.0 + at, Vector3::x() * error);
             }
-            let rms = account.rms_rad().unwrap();
+            let rms = telemetry.rms_rad().unwrap();
             assert!((rms - 4e-5).abs() < 1e-9, "{seconds}: {rms}");
-            assert_eq!(account.worst_rad, 3e-4);
-            assert!((account.drifted_rad() / seconds - 1e-4).abs() < 1e-6);
-            assert!(account.errors.pieces.len() <= 4096);
+            assert_eq!(telemetry.worst_rad, 3e-4);
+            assert!((telemetry.drifted_rad() / seconds - 1e-4).abs() < 1e-6);
+            assert!(telemetry.errors.bins.len() <= 4096);
         }
     }
 }

@@ -1,29 +1,29 @@
-//! By what the body has turned between two frames, from the centroids of both alone.
+//! Estimates the rotation of the body between two frames from their centroids.
 //!
-//! 1. The shift that most of the brightest stars agree on finds the frame, whatever else is in it.
+//! 1. The shift on which most of the brightest stars agree gives a first alignment.
 //! 2. Nearest pairs are matched, each star once.
-//! 3. Weighted least squares for three angles through the pinhole model; pairs that disagree are left out, and again.
-
+//! 3. Weighted least squares fit three angles by the pinhole model. Outliers are removed, and the
+//!    fit is repeated.
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::matching::{pairs, shift};
 use crate::detector::{Detection, Detections};
 use crate::pointing::turn;
 
-/// Fewer matched stars than this tell nothing.
+/// Smallest number of matched stars for an estimate.
 pub const MIN_STARS: usize = 4;
 
-/// What is known of a camera: boresight +Z, columns along +X, rows along +Y, no distortion.
+/// Camera model: boresight +Z, columns along +X, rows along +Y, no distortion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pinhole {
     /// Focal length over pixel pitch, px.
     pub focal_px: f64,
-    /// Where the boresight lies, px; (0, 0) is the centre of the first pixel.
+    /// Boresight in the frame, px; (0, 0) is the centre of the first pixel.
     pub centre_px: [f64; 2],
 }
 
 impl Pinhole {
-    /// A camera with its boresight in the middle of the frame of so many columns and rows.
+    /// A camera with its boresight in the middle of a frame of this size.
     #[must_use]
     pub fn centred(focal_px: f64, size: [u16; 2]) -> Self {
         let centre_px = size.map(|pixels| (f64::from(pixels) - 1.0) / 2.0);
@@ -33,16 +33,16 @@ impl Pinhole {
         }
     }
 
-    /// Towards a place in the frame, camera axes, not of unit length.
+    /// Direction of a point in the frame, camera axes, not normalized.
     #[must_use]
     pub fn direction(&self, [x_px, y_px]: [f64; 2]) -> Vector3<f64> {
         let [x, y] = self.centre_px;
         Vector3::new((x_px - x) / self.focal_px, (y_px - y) / self.focal_px, 1.0)
     }
 
-    /// Where a direction lies in the frame, px; `None` behind the camera.
+    /// Position of a direction in the frame, px; `None` behind the camera.
     #[must_use]
-    pub fn place(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
+    pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let [x, y] = self.centre_px;
         let scale = self.focal_px / direction.z;
         (direction.z > 0.0).then(|| [x + scale * direction.x, y + scale * direction.y])
@@ -59,9 +59,9 @@ pub struct Star {
 }
 
 impl Star {
-    /// The detections that the frame does not cut, brightest first; what they are called nobody knows here.
+    /// Detections not cut by the frame's edge, brightest first.
     pub(super) fn of_all(detections: &Detections) -> Vec<Self> {
-        /// More would cost time and tell little.
+        /// Further stars cost time and add little.
         const MAX: usize = 300;
         let whole = detections.list().iter().filter(|found| !found.edge);
         let star = |found: &Detection| Self {
@@ -71,29 +71,30 @@ impl Star {
         whole.map(star).take(MAX).collect()
     }
 
-    /// Square of the centroid's noise, px^2: a pixel over the signal to noise, and what the pixels' grid leaves.
+    /// Variance of the centroid, px^2: noise (1 px over the signal to noise) and pixel grid.
     fn variance(&self) -> f64 {
         const GRID_PX: f64 = 0.03;
         GRID_PX * GRID_PX + 1.0 / (self.snr * self.snr).max(1e-3)
     }
 }
 
-/// By what the body has turned, and how well that is known.
+/// Estimated rotation of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Rotation vector from the reference to the frame seen, body axes, rad.
+    /// Rotation vector from the reference to the current frame, body axes, rad.
     pub turned_rad: Vector3<f64>,
-    /// Stars that it rests on.
+    /// Number of stars used.
     pub stars: usize,
-    /// Weighted root mean square of the distance between where these are and where they should be, px.
+    /// Weighted rms distance between seen and predicted positions, px.
     pub residual_px: f64,
 }
 
-/// A star of the reference, its direction, and the star seen that it is.
+/// Direction of a reference star, the reference star, and the star matched to it.
 type Pair<'a> = (Vector3<f64>, &'a Star, &'a Star);
 
-/// By what the body has turned since `reference`, given the stars `seen` now, both brightest first. `guess` (rad) may be off by some
-/// 100 px. `None` if fewer than [`LEAST_STARS`], or than a quarter of the stars in the shorter list, agree.
+/// Rotation since `reference`, given the stars `seen` now, both brightest first. `guess` (rad) may
+/// be wrong by some 100 px. `None` if fewer than [`MIN_STARS`], or fewer than a quarter of the
+/// shorter list, agree.
 #[must_use]
 pub fn estimate(
     pinhole: &Pinhole,
@@ -101,7 +102,7 @@ pub fn estimate(
     seen: &[Star],
     guess: Vector3<f64>,
 ) -> Option<Estimate> {
-    /// How far from where it should be a star is looked for, px: first by the shift alone, then by what has come of it.
+    /// Matching radii, px: after the shift, then after each fit.
     const RADII_PX: [f64; 3] = [3.0, 1.5, 1.5];
     let directions = reference.iter();
     let directions = directions.map(|star| pinhole.direction(star.at_px));
@@ -109,65 +110,66 @@ pub fn estimate(
     let seen_px: Vec<_> = seen.iter().map(|star| star.at_px).collect();
     let expected = |turned: &UnitQuaternion<f64>| -> Vec<Option<[f64; 2]>> {
         let places = directions.iter();
-        places.map(|of| pinhole.place(&(turned * of))).collect()
+        places.map(|of| pinhole.project(&(turned * of))).collect()
     };
     let mut turned = turn(guess);
     let [dx, dy] = shift(&expected(&turned), &seen_px)?;
-    // In the middle of the frame a turn about +Y by a takes stars to -X by a.
+    // In the middle of the frame a rotation about +Y by a moves stars by a towards -X.
     let by_shift = Vector3::new(dy, -dx, 0.0) / pinhole.focal_px;
     turned = turn(by_shift) * turned;
-    let mut kept = Vec::new();
+    let mut inliers = Vec::new();
     for radius_px in RADII_PX {
         let matched = pairs(&expected(&turned), &seen_px, radius_px).into_iter();
         let matched = matched.map(|(of, to)| (directions[of], &reference[of], &seen[to]));
-        (turned, kept) = fit(pinhole, turned, matched.collect())?;
+        (turned, inliers) = fit(pinhole, turned, matched.collect())?;
     }
-    if kept.len() < MIN_STARS.max(reference.len().min(seen.len()) / 4) {
+    if inliers.len() < MIN_STARS.max(reference.len().min(seen.len()) / 4) {
         return None;
     }
     let (mut sum, mut weights) = (0.0, 0.0);
-    for pair in &kept {
+    for pair in &inliers {
         let weight = weight(pair);
-        sum += weight * miss(pinhole, &turned, pair)?.norm_squared();
+        sum += weight * residual(pinhole, &turned, pair)?.norm_squared();
         weights += weight;
     }
     Some(Estimate {
         turned_rad: -turned.scaled_axis(),
-        stars: kept.len(),
+        stars: inliers.len(),
         residual_px: (sum / weights).sqrt(),
     })
 }
 
-/// The rotation that brings the pairs together, from a near one on, and the pairs that agree with it.
+/// Fits the rotation to the pairs, starting from `turned`. Returns it with the inliers.
 fn fit<'a>(
     pinhole: &Pinhole,
     mut turned: UnitQuaternion<f64>,
     pairs: Vec<Pair<'a>>,
 ) -> Option<(UnitQuaternion<f64>, Vec<Pair<'a>>)> {
     const ROUNDS: usize = 3;
-    /// A pair that is off by more than so many medians, and by more than this, does not count in a round. Of normal errors 1 in 5,000 is.
-    /// Before the first step, too: a bright one that is false would pull far.
+    /// An outlier exceeds this number of medians (1 in 5,000 for normal errors) and
+    /// [`TOLERATED_PX`]. Outliers are removed before the first step too: a bright false star would
+    /// bias it.
     const MEDIANS: f64 = 3.5;
     const TOLERATED_PX: f64 = 0.1;
-    let mut kept = Vec::new();
+    let mut inliers = Vec::new();
     for _ in 0..ROUNDS {
         let off =
-            |pair: &Pair<'_>| miss(pinhole, &turned, pair).map_or(f64::INFINITY, |m| m.norm());
+            |pair: &Pair<'_>| residual(pinhole, &turned, pair).map_or(f64::INFINITY, |m| m.norm());
         let mut all: Vec<f64> = pairs.iter().map(off).collect();
         all.sort_by(f64::total_cmp);
         let median = all.get(all.len() / 2)?;
         let limit = (MEDIANS * median).max(TOLERATED_PX);
         let agrees = |pair: &Pair<'_>| off(pair) <= limit;
-        kept = pairs.iter().copied().filter(agrees).collect();
-        if kept.len() < MIN_STARS {
+        inliers = pairs.iter().copied().filter(agrees).collect();
+        if inliers.len() < MIN_STARS {
             return None;
         }
-        turned = turn(step(pinhole, &turned, &kept)?) * turned;
+        turned = turn(step(pinhole, &turned, &inliers)?) * turned;
     }
-    Some((turned, kept))
+    Some((turned, inliers))
 }
 
-/// One step of Gauss and Newton: the small turn that lessens the misses most, rad.
+/// One Gauss-Newton step: the small rotation that minimizes the residuals, rad.
 fn step(
     pinhole: &Pinhole,
     turned: &UnitQuaternion<f64>,
@@ -177,9 +179,9 @@ fn step(
     for pair in pairs {
         let direction = turned * pair.0;
         let (u, v) = (direction.x / direction.z, direction.y / direction.z);
-        let off = miss(pinhole, turned, pair)?;
+        let off = residual(pinhole, turned, pair)?;
         let weight = weight(pair);
-        // A turn d of the body takes a direction r to r - d x r.
+        // A rotation d of the body changes a direction r to r - d x r.
         let rows = [
             (Vector3::new(u * v, -1.0 - u * u, v), off.x),
             (Vector3::new(1.0 + v * v, -u * v, -u), off.y),
@@ -194,18 +196,18 @@ fn step(
     step.norm_squared().is_finite().then_some(step)
 }
 
-/// From where a star should be to where it is seen, px.
-fn miss(
+/// Residual: seen minus predicted position, px.
+fn residual(
     pinhole: &Pinhole,
     turned: &UnitQuaternion<f64>,
     (direction, _, seen): &Pair<'_>,
 ) -> Option<nalgebra::Vector2<f64>> {
-    let [x, y] = pinhole.place(&(turned * direction))?;
+    let [x, y] = pinhole.project(&(turned * direction))?;
     let [seen_x, seen_y] = seen.at_px;
     Some(nalgebra::Vector2::new(seen_x - x, seen_y - y))
 }
 
-/// 1 / px^2.
+/// Weight of a pair, 1 / px^2.
 fn weight((_, of, to): &Pair<'_>) -> f64 {
     1.0 / (of.variance() + to.variance())
 }
@@ -226,13 +228,13 @@ mod tests {
     }
 
     #[test]
-    fn small_rotations_come_back_to_well_below_the_centroids_noise() {
+    fn small_rotations_are_estimated_to_well_below_centroid_noise() {
         let mut noise = Noise(7);
         let sky = Sky::around(&PINHOLE, SIZE, 60, &mut noise);
         let (mut across, mut roll, mut count) = (0.0, 0.0, 0.0);
         for index in 0..40 {
             let direction = Vector3::new(noise.normal(), noise.normal(), noise.normal());
-            // From none to 30 px.
+            // From 0 to 30 px.
             let turned = direction.normalize() * (f64::from(index) * 0.75e-3);
             let reference = stars(&sky, Vector3::zeros(), &mut noise);
             let seen = stars(&sky, turned, &mut noise);
@@ -243,16 +245,17 @@ mod tests {
             count += 1.0;
             assert!(found.stars > 40, "{found:?}");
         }
-        // Each centroid is off by 0.05 px along each axis (X-Val: signal to noise of 20), a pair by 0.071. By the square root of 50 stars
-        // that is 0.010 px about X and Y each, 0.014 together; about the boresight some three times as much: the stars are a third
-        // of the focal length or less from the middle, 0.17 of it on average.
+        // A centroid has an error of 0.05 px along each axis (X-Val: signal to noise of 20), a pair
+        // of 0.071. Over the square root of 50 stars: 0.010 px about X and Y each, 0.014 together.
+        // Roll is some three times worse, because stars lie within a third of the focal length from
+        // the centre, 0.17 of it on average.
         let (across, roll) = (f64::sqrt(across / count), f64::sqrt(roll / count));
         println!("across {across:.4} px, about the boresight {roll:.4} px");
         assert!(across < 0.02 && roll < 0.08, "{across} {roll}");
     }
 
     #[test]
-    fn without_noise_it_is_exact_and_a_guess_may_be_far_off() {
+    fn noiseless_estimates_are_exact_for_distant_guesses() {
         let mut noise = Noise(3);
         let sky = Sky::around(&PINHOLE, SIZE, 60, &mut noise);
         let mut still = Noise(0);
@@ -270,13 +273,14 @@ mod tests {
     }
 
     #[test]
-    fn false_stars_do_not_disturb_it() {
+    fn false_stars_do_not_bias_the_estimate() {
         let mut noise = Noise(11);
         let sky = Sky::around(&PINHOLE, SIZE, 40, &mut noise);
         let turned = Vector3::new(2e-3, 1e-3, -1e-3);
         let mut reference = stars(&sky, Vector3::zeros(), &mut noise);
         let mut seen = stars(&sky, turned, &mut noise);
-        // Ten hot pixels that do not move, and bright; ten lights in each frame that are not in the other; some stars gone.
+        // Ten bright hot pixels at fixed positions, ten stray lights different in each frame, two
+        // stars missing.
         for index in 0..10 {
             let hot = Star {
                 at_px: [40.0 * f64::from(index) + 30.0, 170.0],
@@ -299,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_and_other_stars_are_none() {
+    fn too_few_or_different_stars_give_no_estimate() {
         let mut noise = Noise(5);
         let sky = Sky::around(&PINHOLE, SIZE, 40, &mut noise);
         let other = Sky::around(&PINHOLE, SIZE, 40, &mut noise);

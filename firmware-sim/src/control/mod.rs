@@ -1,16 +1,18 @@
-//! The closed loop: a body that drifts, and a controller that holds it by what the frames show.
+//! The closed loop: a drifting body, and a controller that corrects it from frames.
 //!
 //! ```text
 //! Detections -> estimator -> Law -> rates -> Body -> Attitude -> (emulator) -> Detections
 //! ```
 //!
-//! The body is the truth that the emulator is told. The controller knows the centroids of each frame, the time of its exposure and the
-//! focal length of its camera; it never sees a label, the body or the drift. Only the [`ControlAccount`] compares both sides.
+//! The emulator receives the true attitude of the body. The controller gets only the centroids of
+//! each frame, the time of its exposure, and the focal length of the camera. It sees no label, body
+//! state or drift; only [`ControlTelemetry`] compares both sides.
 //!
-//! The body stands still until a frame shows enough stars: that frame is what all others are compared with. Then the drift begins. The
-//! rates change only when an attitude leaves, so that each message says exactly how the body turns until the next.
+//! The body is at rest until a frame has enough stars; this is the reference frame. Then the drift
+//! starts. Rates change only when an attitude is sent, so that each message states the body's
+//! motion until the next one.
 //!
-//! The camera's axes are taken for the body's.
+//! Camera axes are taken as body axes.
 
 mod account;
 mod estimator;
@@ -29,45 +31,46 @@ pub use self::law::Law;
 use crate::detector::Detections;
 use crate::pointing::{Pointing, rate_between};
 
-/// What the loop is flown with.
+/// Settings of the closed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlSettings {
-    /// Focal length of the camera over the pitch of its pixels, px, above 0: all that is known of its optics.
+    /// Focal length over pixel pitch, px, above 0: the only known property of the optics.
     pub focal_px: f64,
-    /// What turns the body beside the steering: angular velocity, body axes, rad/s.
+    /// Disturbance: angular velocity without steering, body axes, rad/s.
     pub drift_rad_s: Vector3<f64>,
 }
 
-/// When and where a frame was exposed and taken.
+/// Times and size of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Exposed {
     /// Middle of its exposure.
     pub mid: Epoch,
-    /// Now: when its detections are fixed.
+    /// Time when its detections are fixed.
     pub taken: Epoch,
     /// Columns and rows of the whole frame.
     pub size: [u16; 2],
 }
 
-/// Body and controller, and what came of them.
+/// Body, controller and telemetry.
 #[derive(Debug)]
 pub struct Control {
     settings: ControlSettings,
     hold: UnitQuaternion<f64>,
     start: Epoch,
-    /// When the body was moved last, s after `start`.
+    /// Time of the last motion step, s after `start`.
     moved_s: f64,
     body: Pointing,
     law: Law,
-    /// The stars of the first frame that had enough.
+    /// Stars of the reference frame.
     reference: Vec<Star>,
-    /// The latest messages: s after `start`, and what they said.
-    said: VecDeque<(f64, Pointing)>,
-    account: ControlTelemetry,
+    /// Sent attitudes, with time in s after `start`.
+    sent_attitudes: VecDeque<(f64, Pointing)>,
+    /// Results so far.
+    pub telemetry: ControlTelemetry,
 }
 
 impl Control {
-    /// A body at rest that is to hold `hold` (ICRF to body) from `start` on.
+    /// A body at rest at its target attitude `hold` (ICRF to body) from `start` on.
     #[must_use]
     pub fn new(settings: ControlSettings, hold: UnitQuaternion<f64>, start: Epoch) -> Self {
         Self {
@@ -78,100 +81,90 @@ impl Control {
             body: Pointing::at_rest(hold),
             law: Law::default(),
             reference: Vec::new(),
-            said: VecDeque::new(),
-            account: ControlTelemetry::new(settings.drift_rad_s.norm()),
+            sent_attitudes: VecDeque::new(),
+            telemetry: ControlTelemetry::new(settings.drift_rad_s.norm()),
         }
     }
 
-    /// Moves the body on to `epoch`, where its rates become those that are steered now; where it points, to be sent.
+    /// Moves the body to `epoch` and updates its rates. Returns the attitude to send.
     pub fn steer(&mut self, epoch: Epoch) -> Pointing {
-        /// Messages that frames may still be under way of.
+        /// Attitudes whose frames may still arrive.
         const REMEMBERED: usize = 4096;
         let now_s = self.since_start(epoch);
         self.body = self.body.after(now_s - self.moved_s);
-        // Or rounding adds up in the norm.
+        // Stops the growth of rounding errors in the norm.
         self.body.attitude.renormalize_fast();
-        self.law.acts_every(now_s - self.moved_s);
+        self.law.set_steer_period(now_s - self.moved_s);
         self.moved_s = now_s;
         if !self.reference.is_empty() {
             self.body.rates_rad_s = self.law.rates(now_s) + self.settings.drift_rad_s;
-            self.account.points(now_s, self.error(&self.body.attitude));
+            self.telemetry
+                .add_error(now_s, self.error(&self.body.attitude));
         }
-        if self.said.len() >= REMEMBERED {
-            self.said.pop_front();
+        if self.sent_attitudes.len() >= REMEMBERED {
+            self.sent_attitudes.pop_front();
         }
-        self.said.push_back((now_s, self.body));
+        self.sent_attitudes.push_back((now_s, self.body));
         self.body
     }
 
-    /// Takes what a frame shows. The first with enough stars is the one that is to be held.
-    pub fn see(&mut self, exposed: &Exposed, detections: &Detections) {
-        self.see_stars(exposed, Star::of_all(detections));
+    /// Takes the detections of a frame. The first frame with enough stars becomes the reference.
+    pub fn take(&mut self, exposed: &Exposed, detections: &Detections) {
+        self.take_stars(exposed, Star::of_all(detections));
     }
 
-    fn see_stars(&mut self, exposed: &Exposed, stars: Vec<Star>) {
+    fn take_stars(&mut self, exposed: &Exposed, stars: Vec<Star>) {
         let [mid_s, taken_s] = [exposed.mid, exposed.taken].map(|at| self.since_start(at));
         if self.reference.is_empty() {
             if stars.len() < MIN_STARS {
-                self.account.starless += 1;
+                self.telemetry.starless += 1;
                 return;
             }
             self.reference = stars;
             self.law.begin(mid_s);
-            self.account.begins(taken_s, self.reference.len());
+            self.telemetry.begin(taken_s, self.reference.len());
             return;
         }
         let pinhole = Pinhole::centred(self.settings.focal_px, exposed.size);
         let guess = self.law.expected();
         let Some(estimate) = estimate(&pinhole, &self.reference, &stars, guess) else {
-            self.account.starless += 1;
+            self.telemetry.starless += 1;
             return;
         };
         if !self.law.measured(mid_s, taken_s, estimate.turned_rad) {
-            self.account.late += 1;
+            self.telemetry.late += 1;
             return;
         }
         let age = Duration::try_from_secs_f64(taken_s - mid_s).unwrap_or_default();
-        let truth = self.truth(mid_s);
-        self.account.frame(age, &estimate, truth);
-    }
-
-    /// What came of it so far.
-    #[must_use]
-    pub fn account(&self) -> &ControlTelemetry {
-        &self.account
-    }
-
-    /// What came of it.
-    #[must_use]
-    pub fn into_account(self) -> ControlTelemetry {
-        self.account
+        let truth = self.error_at(mid_s);
+        self.telemetry.frame(age, &estimate, truth);
     }
 
     fn since_start(&self, epoch: Epoch) -> f64 {
         (epoch - self.start).to_seconds()
     }
 
-    /// By what the body is turned from where it is to be, rad, body axes.
+    /// Rotation from the target attitude, rad, body axes.
     fn error(&self, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
         rate_between(&self.hold, attitude, 1.0)
     }
 
-    /// The same at an instant that lies behind, if that is remembered.
-    fn truth(&self, at_s: f64) -> Option<Vector3<f64>> {
-        let after = self.said.partition_point(|(said_s, _)| *said_s <= at_s);
-        let (said_s, pointing) = self.said.get(after.checked_sub(1)?)?;
-        Some(self.error(&pointing.after(at_s - said_s).attitude))
+    /// The body's error at an earlier time, if still stored.
+    fn error_at(&self, at_s: f64) -> Option<Vector3<f64>> {
+        let after = self
+            .sent_attitudes
+            .partition_point(|(sent_s, _)| *sent_s <= at_s);
+        let (sent_s, pointing) = self.sent_attitudes.get(after.checked_sub(1)?)?;
+        Some(self.error(&pointing.after(at_s - sent_s).attitude))
     }
 }
 
-/// A camera without an emulator: stars as centroids with noise, and a loop around them.
 #[cfg(test)]
 mod tests {
     use super::*;
     use hifitime::Duration;
 
-    /// Xorshift numbers; from the seed 0 none: all are 0.
+    /// Xorshift generator; with seed 0 all numbers are 0.
     pub(super) struct Noise(pub u64);
 
     impl Noise {
@@ -183,7 +176,7 @@ mod tests {
             (self.0.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11) as f64 / (1_u64 << 53) as f64
         }
 
-        /// Standard normal, by twelve of them.
+        /// Standard normal, as the sum of twelve uniform numbers.
         pub fn normal(&mut self) -> f64 {
             if self.0 == 0 {
                 return 0.0;
@@ -192,17 +185,17 @@ mod tests {
         }
     }
 
-    /// Directions in the axes of a body that is not turned.
+    /// Star directions in body axes at zero rotation.
     pub(super) struct Sky(Vec<Vector3<f64>>);
 
     impl Sky {
-        /// So many stars in a frame.
+        /// Random stars in a frame.
         pub fn around(pinhole: &Pinhole, size: [u16; 2], count: usize, noise: &mut Noise) -> Self {
-            let mut place = || size.map(|pixels| f64::from(pixels) * noise.uniform());
-            Self((0..count).map(|_| pinhole.direction(place())).collect())
+            let mut position = || size.map(|pixels| f64::from(pixels) * noise.uniform());
+            Self((0..count).map(|_| pinhole.direction(position())).collect())
         }
 
-        /// What a frame shows of it, each centroid with a noise of 0.05 px along both axes.
+        /// The stars in the frame, with centroid noise of 0.05 px along both axes.
         pub fn stars(
             &self,
             pinhole: &Pinhole,
@@ -212,7 +205,7 @@ mod tests {
         ) -> Vec<Star> {
             const SNR: f64 = 20.0;
             let stars = self.0.iter();
-            let places = stars.filter_map(|star| pinhole.place(&(turned * star)));
+            let places = stars.filter_map(|star| pinhole.project(&(turned * star)));
             let [right, bottom] = size.map(f64::from);
             let within = |[x, y]: &[f64; 2]| (0.0..right).contains(x) && (0.0..bottom).contains(y);
             let places: Vec<_> = places.filter(within).collect();
@@ -224,9 +217,10 @@ mod tests {
         }
     }
 
-    /// Holds against a drift for some time with frames every `period_s`, taken `late_s` after their middle; attitudes leave at 10 Hz.
-    fn fly(period_s: f64, late_s: f64, seconds: f64, drift_deg_s: [f64; 3]) -> Control {
-        // 41 arcsec a pixel.
+    /// Runs the loop against a drift. Frames come every `period_s` and `late_s` after their middle;
+    /// attitudes are sent at 10 Hz.
+    fn simulate(period_s: f64, late_s: f64, seconds: f64, drift_deg_s: [f64; 3]) -> Control {
+        // 41 arcsec per pixel.
         let (focal_px, size) = (5000.0, [512, 512]);
         let pinhole = Pinhole::centred(focal_px, size);
         let mut noise = Noise(99);
@@ -240,14 +234,18 @@ mod tests {
         };
         let mut control = Control::new(settings, hold, start);
         let (mut frame, mut sent) = (1_u32, 0_u32);
-        let mut said: Vec<(f64, Pointing)> = Vec::new();
+        let mut sent_attitudes: Vec<(f64, Pointing)> = Vec::new();
         for tick in 0..(seconds * 1000.0) as u32 {
             let now_s = f64::from(tick) / 1000.0;
             let mid_s = f64::from(frame) * period_s;
             if now_s >= mid_s + late_s {
-                // As an emulator that carries the message before on to the middle of the exposure.
-                let (said_s, before) = said.iter().rev().find(|(at_s, _)| *at_s <= mid_s).unwrap();
-                let on = UnitQuaternion::from_scaled_axis(-before.rates_rad_s * (mid_s - said_s));
+                // Like the emulator: extrapolate the last attitude to the middle of the exposure.
+                let (sent_s, before) = sent_attitudes
+                    .iter()
+                    .rev()
+                    .find(|(at_s, _)| *at_s <= mid_s)
+                    .unwrap();
+                let on = UnitQuaternion::from_scaled_axis(-before.rates_rad_s * (mid_s - sent_s));
                 let turned = on * before.attitude * hold.inverse();
                 let stars = sky.stars(&pinhole, size, &turned, &mut noise);
                 let exposed = Exposed {
@@ -255,11 +253,11 @@ mod tests {
                     taken: at(now_s),
                     size,
                 };
-                control.see_stars(&exposed, stars);
+                control.take_stars(&exposed, stars);
                 frame += 1;
             }
             if now_s >= f64::from(sent) * 0.1 {
-                said.push((now_s, control.steer(at(now_s))));
+                sent_attitudes.push((now_s, control.steer(at(now_s))));
                 sent += 1;
             }
         }
@@ -267,36 +265,39 @@ mod tests {
     }
 
     #[test]
-    fn a_simulated_camera_holds_a_drift_of_0_02_deg_s_to_some_arcseconds() {
+    fn a_drift_of_0_02_deg_s_is_corrected_to_some_arcseconds() {
         const ARCSEC: f64 = 648_000.0 / std::f64::consts::PI;
         for late_s in [0.02, 0.1, 0.2] {
-            let control = fly(0.1, late_s, 60.0, [0.0, 0.02, 0.0]);
-            let account = control.account();
-            println!("latency {late_s} s\n{account}");
-            let (rms, off) = (account.rms_rad(), account.estimate_rms_rad());
-            let angles = [rms.unwrap(), off.unwrap(), account.worst_rad];
+            let control = simulate(0.1, late_s, 60.0, [0.0, 0.02, 0.0]);
+            let telemetry = &control.telemetry;
+            println!("latency {late_s} s\n{telemetry}");
+            let (rms, off) = (telemetry.rms_rad(), telemetry.estimate_rms_rad());
+            let angles = [rms.unwrap(), off.unwrap(), telemetry.worst_rad];
             let [rms, off, worst] = angles.map(|angle| angle * ARCSEC);
-            // X-Val: 0.02 deg/s are 72 arcsec/s, 4300 in a minute. A centroid's 0.05 px are 2.1 arcsec: over the square root of 50 stars, and as
-            // much of the reference again, 0.6 arcsec across the boresight. Stars lie 0.04 rad from the middle on average, so that the turn
-            // about it is known 25 times worse.
-            assert!(account.drifted_rad() * ARCSEC > 4200.0);
-            let across = account.across_rms_rad().unwrap() * ARCSEC;
+            // X-Val: 0.02 deg/s are 72 arcsec/s, 4300 in a minute. A centroid's 0.05 px are 2.1
+            // arcsec; over the square root of 50 stars, with the same error in the reference: 0.6
+            // arcsec across the boresight. Stars are 0.04 rad from the middle on average, so roll
+            // is 25 times worse.
+            assert!(telemetry.drifted_rad() * ARCSEC > 4200.0);
+            let across = telemetry.across_rms_rad().unwrap() * ARCSEC;
             assert!(across < 2.0, "{across}");
             assert!(rms < 20.0 && off < 20.0, "{rms} {off}");
             assert!(worst < 72.0 * 3.0 * (late_s + 0.15) + 20.0, "{worst}");
-            assert!(account.used > 580 && account.starless == 0);
+            assert!(telemetry.used > 580 && telemetry.starless == 0);
         }
     }
 
     #[test]
-    fn a_drift_about_all_axes_and_a_slow_camera() {
-        let account = fly(1.0, 0.6, 240.0, [0.01, -0.02, 0.015]).account().clone();
-        let rms = account.rms_rad().unwrap();
-        assert!(rms < 0.01 * account.drifted_rad(), "{account}");
+    fn a_slow_camera_corrects_a_drift_about_all_axes() {
+        let telemetry = simulate(1.0, 0.6, 240.0, [0.01, -0.02, 0.015])
+            .telemetry
+            .clone();
+        let rms = telemetry.rms_rad().unwrap();
+        assert!(rms < 0.01 * telemetry.drifted_rad(), "{telemetry}");
     }
 
     #[test]
-    fn many_steps_of_the_body_are_one() {
+    fn many_motion_steps_equal_one() {
         let start = Epoch::from_gregorian_utc_at_midnight(2019, 6, 15);
         let settings = ControlSettings {
             focal_px: 1000.0,
@@ -315,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn without_stars_the_body_stands_still_and_that_is_told() {
+    fn without_stars_the_body_stays_at_rest_and_the_report_says_so() {
         let start = Epoch::from_gregorian_utc_at_midnight(2019, 6, 15);
         let settings = ControlSettings {
             focal_px: 1000.0,
@@ -331,9 +332,9 @@ mod tests {
             let pointing = control.steer(start + Duration::from_seconds(f64::from(second)));
             assert_eq!(pointing.rates_rad_s, Vector3::zeros());
             assert_eq!(pointing.attitude, UnitQuaternion::identity());
-            control.see_stars(&exposed, Vec::new());
+            control.take_stars(&exposed, Vec::new());
         }
-        let told = control.account().to_string();
-        assert!(told.contains("none of 10 frames had 4 stars"), "{told}");
+        let report = control.telemetry.to_string();
+        assert!(report.contains("none of 10 frames had 4 stars"), "{report}");
     }
 }

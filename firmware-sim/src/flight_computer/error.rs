@@ -1,4 +1,4 @@
-//! Why a run cannot go on.
+//! Errors that end a run.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::port::PortError;
 use crate::profile::ProfileError;
 use crate::report::{NackRecord, Report};
 
-/// Why a run cannot go on.
+/// Error that ends a run.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum RunError {
@@ -27,7 +27,7 @@ pub enum RunError {
     },
     #[error("no link has the role {role}: add it to the roles= of one, or give another link")]
     Role { role: &'static str },
-    #[error("the emulator refuses what is asked for: {}; change --output or what is given with it", nack.detail)]
+    #[error("the emulator refuses the requested output: {}; change --output or its options", nack.detail)]
     Refused { nack: NackRecord },
     #[error("the emulator refuses the fault: {}", nack.detail)]
     FaultRefused { nack: NackRecord },
@@ -46,7 +46,7 @@ pub enum RunError {
         silent_s: f64,
         attitudes: u32,
     },
-    /// The mission had begun: the report says what came of it.
+    /// The mission had started; the report covers it so far.
     #[error("{source}")]
     CutShort {
         report: Box<Report>,

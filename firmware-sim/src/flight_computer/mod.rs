@@ -1,6 +1,6 @@
-//! The run: attitudes out, frames in, each frame detected, scored and reported.
+//! A run: sends attitudes, receives frames, detects, scores and reports.
 //!
-//! A frame that does not come, comes damaged or is refused is counted, and the run goes on.
+//! A frame that is lost, damaged or refused is counted, and the run goes on.
 
 mod error;
 mod opening;
@@ -31,58 +31,53 @@ use crate::roles::Roles;
 use crate::score::score;
 use crate::time;
 
-/// How long to listen before a grant is sent again: it may have been lost.
+/// Interval of repeated grants, because a grant may be lost.
 const GRANT_AGAIN: Duration = TICK;
-/// What may keep an emulator that is there from answering.
+/// Hint for an emulator that does not answer.
 const IDLE: &str = "One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)";
-/// The same, where no fault is ended.
+/// The same for runs that end no fault.
 const IDLE_OR_STUCK: &str = "One that another client has left without a Reset is free when that one has been silent for its \
     idle_s (5 s); a live fault that it has left behind ends by --fault stuck:in:0 (or down, out)";
-/// How long to wait for the emulator's last Status.
 const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
-/// The same when somebody wants the run to end.
-const HURRIED_STATUS_TIMEOUT: Duration = Duration::from_millis(200);
+/// The same after a request to stop.
+const SHORT_STATUS_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// The flight computer on one end of a link.
+/// The flight computer's end of one or more links.
 pub struct FlightComputer {
     mission: Mission,
-    /// Faults that begin before the first attitude.
     faults: Vec<Fault>,
-    /// When exposures rest, by the wall clock.
     pause: Option<Pause>,
-    /// How the loop is closed, if it is.
     closed: Option<ControlSettings>,
-    /// The loop, once it runs.
     control: Option<Control>,
-    /// None: frames are taken, and not looked at.
+    /// None: frames are counted but not analysed.
     detector: Option<DetectorSettings>,
     links: Links,
     report: Report,
-    /// When the latest attitudes left.
+    /// Send times of the latest attitudes.
     sent: VecDeque<(u32, Instant)>,
-    /// Lock-step: the latest attitudes whose frames are in.
+    /// Stepped mode: the latest attitudes with received frames.
     taken: VecDeque<u32>,
-    /// Lock-step: the usual time from an attitude to the first packet of its frame.
+    /// Stepped mode: mean time from an attitude to the first packet of its frame.
     usual_answer: Option<Duration>,
-    /// Whether it has been told that whole frames leave out what comes on another link.
+    /// Whether misplaced roles have been reported.
     warned: bool,
-    /// When the first attitude left.
+    /// Send time of the first attitude.
     begin: Instant,
-    /// When it is the mission's start; none: as the first attitude leaves.
+    /// Wall-clock time of the mission's start; none: the first attitude's send time.
     zero: Option<Instant>,
-    /// Attitudes in a row during which nothing at all came.
+    /// Consecutive attitudes without any received packet.
     silent_attitudes: u32,
 }
 
 impl FlightComputer {
-    /// A flight computer on one link for all, that has not said anything yet.
+    /// A flight computer with one link for all roles.
     #[must_use]
     pub fn new(port: Box<dyn Port + Send>, mission: Mission) -> Self {
         Self::on_links(vec![(port, Roles::ALL)], mission)
     }
 
-    /// A flight computer on several links: attitudes leave on the first of role truth, pixels and labels are taken from
-    /// whichever bring them.
+    /// A flight computer with several links. Attitudes go out on the first link with the role
+    /// truth; pixels and labels come on any.
     #[must_use]
     pub fn on_links(links: Vec<(Box<dyn Port + Send>, Roles)>, mission: Mission) -> Self {
         Self {
@@ -107,13 +102,13 @@ impl FlightComputer {
         }
     }
 
-    /// Has the emulator inject these faults into each link, from before the first attitude on.
+    /// Requests these faults on each link before the first attitude.
     #[must_use]
     pub fn with_faults(self, faults: Vec<Fault>) -> Self {
         Self { faults, ..self }
     }
 
-    /// Receives frames without looking at pixels or labels: for runs that measure the emulator.
+    /// Receives frames without analysing pixels or labels: for measurements of the emulator.
     #[must_use]
     pub fn taking_only(self) -> Self {
         Self {
@@ -122,31 +117,31 @@ impl FlightComputer {
         }
     }
 
-    /// Has the emulator pause meanwhile. By the wall clock only.
+    /// Requests a pause of the emulator. Wall-clock mode only.
     #[must_use]
     pub fn with_pause(self, pause: Option<Pause>) -> Self {
         Self { pause, ..self }
     }
 
-    /// By the wall clock the mission starts at `zero`; none: when the first attitude leaves.
+    /// Sets the wall-clock time of the mission's start; none: the first attitude's send time.
     #[must_use]
     pub fn with_zero(self, zero: Option<Instant>) -> Self {
         Self { zero, ..self }
     }
 
-    /// Closes the loop: holds the mission's attitude against a drift, by the frames. By the wall
-    /// clock only.
+    /// Closes the loop: holds the mission's attitude against a drift. Wall-clock mode only.
     #[must_use]
     pub fn with_control(self, closed: Option<ControlSettings>) -> Self {
         Self { closed, ..self }
     }
 
-    /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
+    /// Opens the exchange by a Reset and runs the mission. `watch` gets all events and may stop the
+    /// run.
     ///
     /// # Errors
-    /// [`RunError`]: settings out of range, no attitude or state for a frame, no answer, or a link that is gone.
-    /// [`RunError::CutShort`] once the emulator had answered. Lost and refused frames are no errors; the report
-    /// counts them.
+    /// [`RunError`]: settings out of range, no attitude or state for a frame, no reply, or a link
+    /// that is gone. [`RunError::CutShort`] after the emulator's first reply. Lost and refused
+    /// frames are counted in the report.
     pub fn run(
         mut self,
         mut watch: impl FnMut(Event<'_>) -> ControlFlow<()>,
@@ -158,14 +153,14 @@ impl FlightComputer {
         match self.links.open(&self.faults, waited, tick)? {
             Answer::Done | Answer::Refused(_) => {}
             Answer::Silence => return Err(self.no_answer()),
-            Answer::Stopped => return Ok(self.report_of_lines()),
+            Answer::Stopped => return Ok(self.final_report()),
         }
-        if self.set_output(&mut watch)?.is_break() || self.begin_faults(&mut watch)?.is_break() {
+        if self.set_output(&mut watch)?.is_break() || self.start_faults(&mut watch)?.is_break() {
             self.links.release();
-            return Ok(self.report_of_lines());
+            return Ok(self.final_report());
         }
         self.begin = Instant::now();
-        // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
+        // A stopped run has a report too, and an emulator may end after the last frame.
         let flown = match self.mission.pace {
             Pace::Stepped { most_hz } => self.run_stepped(most_hz, &mut watch),
             Pace::Wall { rate_hz } => self.run_wall(Some(rate_hz), &mut watch),
@@ -173,27 +168,27 @@ impl FlightComputer {
         };
         let timeout = match flown {
             Ok(ControlFlow::Continue(())) => STATUS_TIMEOUT,
-            _ => HURRIED_STATUS_TIMEOUT,
+            _ => SHORT_STATUS_TIMEOUT,
         };
         if self.links.gone().is_none() {
-            let _ = self.ask_status(timeout);
+            let _ = self.request_status(timeout);
         }
-        // Frees the emulator: the next client need not wait until this one counts as silent.
+        // Frees the emulator for the next client, which otherwise waits for the idle time.
         self.links.release();
-        self.links.account(&mut self.report);
+        self.links.add_counts(&mut self.report);
         match flown {
-            Ok(_) => Ok(self.report_of_lines()),
+            Ok(_) => Ok(self.final_report()),
             Err(source) => Err(RunError::CutShort {
-                report: Box::new(self.report_of_lines()),
+                report: Box::new(self.final_report()),
                 source: Box::new(source),
             }),
         }
     }
 
-    /// The report, with the line that has gone.
-    fn report_of_lines(self) -> Report {
+    /// The final report, with the state of the links.
+    fn final_report(self) -> Report {
         Report {
-            control: self.control.map(Control::into_account),
+            control: self.control.map(|control| control.telemetry),
             gone: self.links.gone().map(|gone| gone.to_string()),
             warning: self
                 .links
@@ -203,15 +198,14 @@ impl FlightComputer {
         }
     }
 
-    /// Why nobody has answered, as far as that is known.
     fn no_answer(&self) -> RunError {
         if let Some(gone) = self.links.gone() {
             return gone.into();
         }
-        let (link, unheard) = self.links.unanswered();
+        let (link, refused) = self.links.unanswered();
         let ends_some = self.faults.iter().any(|fault| fault.value == 0.0);
-        let hint = match (unheard, ends_some) {
-            (true, _) => "Nobody listens there",
+        let hint = match (refused, ends_some) {
+            (true, _) => "No process listens there",
             (false, true) => IDLE,
             (false, false) => IDLE_OR_STUCK,
         };
@@ -222,8 +216,7 @@ impl FlightComputer {
         }
     }
 
-    /// Errors known before anything is sent: settings, and the attitude at both ends of a stepped
-    /// run.
+    /// Errors before anything is sent: settings, and the attitudes at both ends of a stepped run.
     fn check(&self) -> Result<(), RunError> {
         let listens = self.mission.pace == Pace::Listen;
         for (role, has) in [
@@ -251,7 +244,6 @@ impl FlightComputer {
         Ok(())
     }
 
-    /// The loop, if it is to be closed and can be.
     fn closed_loop(&self) -> Result<Option<Control>, RunError> {
         let Some(settings) = self.closed else {
             return Ok(None);
@@ -267,16 +259,16 @@ impl FlightComputer {
         Err(RunError::Loop { remedy })
     }
 
-    /// The mission's time so many seconds after its first attitude, by the wall clock.
+    /// Mission time at this number of seconds after the first attitude, by the wall clock.
     fn by_the_clock(&self, seconds: f64) -> Epoch {
         let zero = self.zero.unwrap_or(self.begin);
         let waited_s = self.begin.saturating_duration_since(zero).as_secs_f64();
         self.mission.start + hifitime::Duration::from_seconds(waited_s + seconds)
     }
 
-    /// Sends the attitude at an epoch; gives its packet's sequence count.
+    /// Sends the attitude at an epoch. Returns its packet's sequence count.
     fn send_attitude(&mut self, sequence: u32, epoch: Epoch) -> Result<u16, RunError> {
-        /// Attitudes whose frames may still be under way.
+        /// Attitudes whose frames may still arrive.
         const REMEMBERED: usize = 1024;
         let attitude = match &mut self.control {
             Some(control) => {
@@ -297,7 +289,7 @@ impl FlightComputer {
         self.sent.back().map_or(0, |(sequence, _)| *sequence)
     }
 
-    /// Detects, then opens the labels and scores.
+    /// Detects stars, then opens the labels and scores.
     fn take(&mut self, frame: &ReceivedFrame, watch: &mut Watch<'_>) -> ControlFlow<()> {
         let sequence = frame.header.attitude_sequence;
         let mut sent = self.sent.iter().rev();
@@ -331,7 +323,7 @@ impl FlightComputer {
                 taken,
                 size: [frame.header.width, frame.header.height],
             };
-            control.see(&exposed, &detections);
+            control.take(&exposed, &detections);
         }
         let scored = score(frame, &detections);
         self.report.contents.add(frame, &detections);
@@ -359,16 +351,16 @@ impl FlightComputer {
         sequence: u32,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
-        self.hear_silence()?;
+        self.check_silence()?;
         let progress = self.links.give_up()?.pop();
         let misplaced = self.links.misplaced();
         let cause = misplaced.or_else(|| self.links.slow(self.mission.timeout));
         Ok(self.lose(sequence, Loss::TimedOut { progress, cause }, watch))
     }
 
-    /// Ends the run if nothing at all has come for many attitudes; each of them was asked after by a Ping.
-    fn hear_silence(&mut self) -> Result<(), RunError> {
-        /// Attitudes in a row, and how long at least.
+    /// Ends the run after many attitudes without any packet, although each was followed by a Ping.
+    fn check_silence(&mut self) -> Result<(), RunError> {
+        /// Consecutive attitudes, and minimum duration.
         const MAX: u32 = 5;
         const MIN: Duration = Duration::from_secs(10);
         let last = self.links.last_packet().max(Some(self.begin));
@@ -378,11 +370,11 @@ impl FlightComputer {
             return Ok(());
         }
         self.silent_attitudes += 1;
-        // A fault of this run's own may stop the line for its time.
+        // A fault of this run may stop the line for its duration.
         let faults = self.faults.iter().map(|fault| fault.seconds);
         let silent_s = silent.as_secs_f64();
-        let least_s = MIN.as_secs_f64() + faults.fold(0.0, f64::max);
-        if self.silent_attitudes < MAX || silent_s < least_s {
+        let min_s = MIN.as_secs_f64() + faults.fold(0.0, f64::max);
+        if self.silent_attitudes < MAX || silent_s < min_s {
             return Ok(());
         }
         Err(match self.links.gone() {
@@ -406,7 +398,7 @@ impl FlightComputer {
         flow
     }
 
-    /// Books what is neither awaited nor decides anything.
+    /// Records packets that decide nothing.
     fn note(&mut self, incoming: Incoming, watch: &mut Watch<'_>) -> ControlFlow<()> {
         match incoming {
             Incoming::Nack(nack) => return self.note_nack(nack, watch),
@@ -418,9 +410,9 @@ impl FlightComputer {
         ControlFlow::Continue(())
     }
 
-    /// Asks for the emulator's account at the end. An emulator that has gone already gives none.
-    fn ask_status(&mut self, timeout: Duration) -> Result<(), PortError> {
-        /// The question or its answer may be lost.
+    /// Requests the emulator's final counters. An emulator that has ended gives none.
+    fn request_status(&mut self, timeout: Duration) -> Result<(), PortError> {
+        /// Request or reply may be lost.
         const TRIES: u32 = 4;
         let mut pings = Vec::new();
         let mut answered = false;
@@ -433,7 +425,7 @@ impl FlightComputer {
                     break;
                 }
                 match self.links.receive(left)? {
-                    // The Status before this Ack answers an earlier Ping.
+                    // A Status before this Ack belongs to an earlier Ping.
                     Some(Incoming::Ack(ack)) => {
                         answered |=
                             ack.apid == apid::COMMAND && pings.contains(&ack.sequence_count);

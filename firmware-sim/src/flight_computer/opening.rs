@@ -1,4 +1,4 @@
-//! What is settled with the emulator before the first attitude leaves.
+//! Settings sent to the emulator before the first attitude.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,6 @@ use crate::event::Event;
 use crate::exchange::Answer;
 
 impl FlightComputer {
-    /// Says what of each frame is wanted, before the first.
     pub(super) fn set_output(
         &mut self,
         watch: &mut Watch<'_>,
@@ -26,8 +25,7 @@ impl FlightComputer {
         }
     }
 
-    /// Has the faults begin.
-    pub(super) fn begin_faults(
+    pub(super) fn start_faults(
         &mut self,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
@@ -35,7 +33,7 @@ impl FlightComputer {
         for fault in &self.faults {
             match self
                 .links
-                .begin_fault(*fault, waited, || watch(Event::Tick))?
+                .start_fault(*fault, waited, || watch(Event::Tick))?
             {
                 Answer::Done => {}
                 Answer::Refused(nack) => {

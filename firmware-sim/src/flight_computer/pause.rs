@@ -1,12 +1,12 @@
-//! A pause of the exposures.
+//! Pause of the exposures.
 
 use std::time::Duration;
 
-/// A time without exposures, counted from the first attitude; attitudes leave all the same.
+/// A time without exposures after the first attitude; attitudes are sent meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pause {
-    /// When it begins.
+    /// Start of the pause.
     pub after: Duration,
-    /// How long it lasts.
+    /// Duration.
     pub lasts: Duration,
 }

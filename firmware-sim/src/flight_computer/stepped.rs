@@ -1,4 +1,4 @@
-//! Lock-step: the next attitude leaves when the last one's frame is in.
+//! Stepped mode: each attitude is sent after the previous one's frame.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -22,47 +22,43 @@ impl FlightComputer {
             {
                 return Ok(ControlFlow::Break(()));
             }
-            if self.fly_to(sequence, watch)?.is_break() {
+            if self.step(sequence, watch)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Sends one attitude, again if need be, and listens until its frame is whole, refused or lost.
-    fn fly_to(
-        &mut self,
-        sequence: u32,
-        watch: &mut Watch<'_>,
-    ) -> Result<ControlFlow<()>, RunError> {
-        /// Copies of an attitude that may come damaged at the emulator, before that counts as a refusal.
+    /// Sends one attitude, repeated if necessary, until its frame is complete, refused or lost.
+    fn step(&mut self, sequence: u32, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
+        /// Damaged copies of an attitude before it counts as refused.
         const MAX_DAMAGED: u32 = 16;
         let epoch = self.mission.epoch(sequence);
         let mut copies = vec![self.send_attitude(sequence, epoch)?];
-        self.links.want(Some(sequence));
+        self.links.set_attitude(Some(sequence));
         let begin = Instant::now();
         let mut moved = begin;
-        let (mut damaged, mut seen) = (0, self.links.heard());
+        let (mut damaged, mut seen) = (0, self.links.last_frame_packet());
         loop {
             let left = self.mission.timeout.saturating_sub(begin.elapsed());
             if left.is_zero() {
                 return self.time_out(sequence, watch);
             }
-            let heard = self.links.heard();
-            let tick = if heard > seen {
+            let arrived = self.links.last_frame_packet();
+            let tick = if arrived > seen {
                 Event::Progress
             } else {
                 Event::Tick
             };
-            seen = heard;
+            seen = arrived;
             if watch(tick).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            moved = moved.max(heard.unwrap_or(begin));
-            let timeout = self.timeout(sequence) * copies.len() as u32;
+            moved = moved.max(arrived.unwrap_or(begin));
+            let timeout = self.repeat_after(sequence) * copies.len() as u32;
             let silent = moved.elapsed();
             if silent >= timeout {
-                // The emulator makes the same frame again.
+                // The emulator repeats the same frame.
                 copies.push(self.send_attitude(sequence, epoch)?);
                 self.report.recovery.attitudes += 1;
                 self.links.query()?;
@@ -81,7 +77,7 @@ impl FlightComputer {
                     if copies.len() == 1 {
                         self.answered_after(frame.header_at.saturating_duration_since(begin));
                     }
-                    self.book_taken(sequence);
+                    self.remember(sequence);
                     return Ok(self.take(&frame, watch));
                 }
                 Some(Incoming::Nack(nack))
@@ -90,7 +86,7 @@ impl FlightComputer {
                     self.report.refused += 1;
                     return Ok(self.note_nack(nack, watch));
                 }
-                // Lost like one that never arrived, only known sooner.
+                // Counts as lost in transit.
                 Some(Incoming::Damaged(nack))
                     if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
                 {
@@ -104,7 +100,7 @@ impl FlightComputer {
                     moved = Instant::now();
                     ControlFlow::Continue(())
                 }
-                // A copy of an earlier attitude, late: its frame is in.
+                // A late copy of an earlier attitude whose frame is complete.
                 Some(Incoming::Nack(nack))
                     if nack.apid == apid::ATTITUDE && nack.reason == Reason::TimeBackwards =>
                 {
@@ -128,32 +124,33 @@ impl FlightComputer {
         }
     }
 
-    /// How long an attitude may stay without any answer before it is sent again.
-    fn timeout(&self, sequence: u32) -> Duration {
-        /// Of the usual time to the first packet of a frame.
+    /// Time without a reply before an attitude is repeated.
+    fn repeat_after(&self, sequence: u32) -> Duration {
+        /// In units of the mean reply time.
         const TIMES: u32 = 4;
         const MIN: Duration = Duration::from_millis(150);
-        // Of a frame that has begun, missing packets are asked for first.
-        let most = self.mission.timeout / 4;
+        // Once a frame has begun, missing packets are requested first.
+        let max = self.mission.timeout / 4;
         match self.usual_answer {
             Some(usual) if !self.links.has_begun(sequence) => {
-                let least = MIN.max(3 * self.links.spacing());
-                (TIMES * usual).max(least).min(most)
+                let min = MIN.max(3 * self.links.spacing());
+                (TIMES * usual).max(min).min(max)
             }
-            None if !self.links.has_begun(sequence) => most / 2,
-            _ => most,
+            None if !self.links.has_begun(sequence) => max / 2,
+            _ => max,
         }
     }
 
-    /// Books the time from an attitude to the first packet of its frame: a moving average over some eight.
+    /// Updates the mean time from an attitude to the first packet of its frame, over some eight
+    /// frames.
     fn answered_after(&mut self, time: Duration) {
         let usual = self.usual_answer.map(|usual| (usual * 7 + time) / 8);
         self.usual_answer = Some(usual.unwrap_or(time));
     }
 
-    /// Remembers the attitude of a frame that is in, to know a second copy of it.
-    fn book_taken(&mut self, sequence: u32) {
-        /// More frames than are under way at once.
+    /// Remembers the attitude of a received frame, to recognize duplicates.
+    fn remember(&mut self, sequence: u32) {
+        /// More frames than are in flight at once.
         const REMEMBERED: usize = 64;
         if self.taken.len() >= REMEMBERED {
             self.taken.pop_front();

@@ -1,4 +1,4 @@
-//! By the wall clock: attitudes leave at their rate, frames come as they come.
+//! Wall-clock mode: attitudes are sent at their rate, frames are received at any time.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use crate::event::{Event, Loss};
 use crate::exchange::Incoming;
 use skyloop_protocols::{Command, WireTime};
 
-/// So many packets at most are taken, of those that wait, before an attitude that is due.
+/// Maximum number of packets taken before a due attitude.
 const TAKEN_BETWEEN: u32 = 32;
 
 impl FlightComputer {
@@ -22,44 +22,44 @@ impl FlightComputer {
         let (mut sequence, mut last_sign, mut last_grant) = (0u32, begin, begin);
         let mut frames = Numbers::default();
         let mut flow = ControlFlow::Continue(());
-        // What is told at which moment, the next first.
+        // Pause and resume commands with their times, in order.
         let pause = self.pause.into_iter();
-        let told = pause.flat_map(|Pause { after, lasts }| {
+        let commands = pause.flat_map(|Pause { after, lasts }| {
             [
                 (after, Command::Pause),
                 (after.saturating_add(lasts), Command::Resume),
             ]
         });
-        let mut told = told.peekable();
+        let mut commands = commands.peekable();
         let mut paused = false;
-        // Packets since the last attitude; none: nothing waits to be taken.
+        // Packets since the last attitude; none: the queue is empty.
         let mut taken = None;
         while flow.is_continue()
             && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
         {
             let rate_hz = rate_hz.unwrap_or(0.0);
-            // Of none the first comes never, too.
+            // Without a rate even the first attitude is never due.
             let due = if rate_hz > 0.0 {
                 Duration::try_from_secs_f64(f64::from(sequence) / rate_hz)
             } else {
                 Ok(Duration::MAX)
             };
             let due = due.unwrap_or(Duration::MAX);
-            // The clock is read once per turn, as turns come tens of thousands of times a second.
+            // The clock is read once per turn: there are tens of thousands of turns a second.
             let now = Instant::now();
             let elapsed = now.saturating_duration_since(begin);
-            // At too high a rate an attitude is always due: packets are taken all the same.
+            // At too high a rate an attitude is always due; packets must be taken nevertheless.
             let is_due = elapsed >= due && taken.is_none_or(|packets| packets >= TAKEN_BETWEEN);
             if is_due {
                 let elapsed_s = elapsed.as_secs_f64();
                 self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;
-                // After a pause the attitudes missed in it are passed over, not sent in a burst.
+                // After a pause, missed attitudes are skipped, not sent in a burst.
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);
                 taken = Some(0);
             }
-            if let Some((_, command)) = told.next_if(|(at, _)| elapsed >= *at) {
+            if let Some((_, command)) = commands.next_if(|(at, _)| elapsed >= *at) {
                 paused = command == Command::Pause;
                 self.links.send(&command, WireTime::default())?;
             }
@@ -75,21 +75,23 @@ impl FlightComputer {
                 last_grant = now;
                 self.links.grant()?;
             }
-            let wait = match is_due {
-                true => Duration::ZERO,
-                false => due
-                    .saturating_sub(elapsed)
-                    .clamp(Duration::from_micros(100), GRANT_AGAIN),
+            let wait = if is_due {
+                Duration::ZERO
+            } else {
+                let left = due.saturating_sub(elapsed);
+                left.clamp(Duration::from_micros(100), GRANT_AGAIN)
             };
-            let came = self.links.receive(wait)?;
-            taken = taken.filter(|_| came.is_some()).map(|packets| packets + 1);
-            flow = match came {
+            let incoming = self.links.receive(wait)?;
+            taken = taken
+                .filter(|_| incoming.is_some())
+                .map(|packets| packets + 1);
+            flow = match incoming {
                 None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
                     frames.arrived(frame.header.frame);
                     let flow = self.take(&frame, watch);
-                    self.links.take_back(*frame);
+                    self.links.recycle(*frame);
                     flow
                 }
                 Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
@@ -99,7 +101,7 @@ impl FlightComputer {
             };
             let links = &self.links;
             for _ in 0..frames.settle(|number| links.is_in_flight(number)) {
-                // The frame that told is taken all the same.
+                // The current frame counts, even if `watch` stops the run.
                 let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
             }
         }
@@ -107,38 +109,37 @@ impl FlightComputer {
     }
 }
 
-/// The numbers of the frames that came, and of those passed over.
+/// Detects skipped frame numbers.
 #[derive(Debug, Default)]
 struct Numbers {
     last: Option<u32>,
-    /// Passed over, not yet counted: some of them may be under way.
-    passed_over: Vec<u32>,
+    /// Skipped, not yet counted: some may be in flight.
+    skipped: Vec<u32>,
 }
 
 impl Numbers {
-    /// Books a whole frame.
     fn arrived(&mut self, number: u32) {
-        /// A larger step is another emulator's count.
+        /// A larger step means another emulator's counter.
         const MAX: u32 = 1000;
         let ahead = self.last.map_or(1, |last| number.wrapping_sub(last));
         if (1..=MAX).contains(&ahead) {
-            let skipped = (1..ahead).rev().map(|before| number.wrapping_sub(before));
-            self.passed_over.extend(skipped);
+            let numbers = (1..ahead).rev().map(|before| number.wrapping_sub(before));
+            self.skipped.extend(numbers);
         } else if ahead.wrapping_neg() <= MAX {
-            // It was passed over, and has been mended.
-            self.passed_over.retain(|passed| *passed != number);
+            // A skipped frame has been recovered.
+            self.skipped.retain(|skipped| *skipped != number);
             return;
         } else {
-            self.passed_over.clear();
+            self.skipped.clear();
         }
         self.last = Some(number);
     }
 
-    /// Gives out how many of those passed over are not under way any more.
+    /// Removes skipped frames that are no longer in flight. Returns their number.
     fn settle(&mut self, mut is_in_flight: impl FnMut(u32) -> bool) -> usize {
-        let before = self.passed_over.len();
-        self.passed_over.retain(|number| is_in_flight(*number));
-        before - self.passed_over.len()
+        let before = self.skipped.len();
+        self.skipped.retain(|number| is_in_flight(*number));
+        before - self.skipped.len()
     }
 }
 
@@ -147,27 +148,22 @@ mod tests {
     use super::Numbers;
 
     #[test]
-    fn a_frame_passed_over_is_counted_when_it_is_not_under_way() {
+    fn skipped_frames_count_once_they_are_not_in_flight() {
         let mut numbers = Numbers::default();
-        [7, 10]
-            .into_iter()
-            .for_each(|number| numbers.arrived(number));
+        let arrive = |numbers: &mut Numbers, all: &[u32]| {
+            all.iter().for_each(|number| numbers.arrived(*number));
+        };
+        arrive(&mut numbers, &[7, 10]);
         assert_eq!(numbers.settle(|number| number == 9), 1);
         numbers.arrived(9);
-        assert_eq!(numbers.settle(|_| false), 0, "9 was mended");
-        [12, 14]
-            .into_iter()
-            .for_each(|number| numbers.arrived(number));
+        assert_eq!(numbers.settle(|_| false), 0, "9 was recovered");
+        arrive(&mut numbers, &[12, 14]);
         assert_eq!(numbers.settle(|_| false), 2);
-        // Another emulator counts anew.
-        [15, 200_000, 3, 4]
-            .into_iter()
-            .for_each(|number| numbers.arrived(number));
+        // Another emulator restarts its counter.
+        arrive(&mut numbers, &[15, 200_000, 3, 4]);
         assert_eq!(numbers.settle(|_| false), 0);
         let mut numbers = Numbers::default();
-        [u32::MAX, 1]
-            .into_iter()
-            .for_each(|number| numbers.arrived(number));
+        arrive(&mut numbers, &[u32::MAX, 1]);
         assert_eq!(numbers.settle(|_| false), 1);
     }
 }

@@ -1,4 +1,4 @@
-//! A camera's boresight at a target, with a rule for the roll about it.
+//! Points the camera's boresight at a target, with a rule for the roll.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,26 +12,28 @@ use skyloop_orbit::two_body::propagate_j2;
 use super::error::{OrbitSource, OrbitSourceError, ProfileError};
 use crate::pointing::{Pointing, of_axes, rate_between};
 
-/// A direction (ICRF, any length) at an epoch, as it is seen from a state (GCRF).
+/// A direction (ICRF, any length) at an epoch, from a state (GCRF).
 pub type Direction =
     Arc<dyn Fn(Epoch, &StateVector) -> Result<Vector3<f64>, OrbitSourceError> + Send + Sync>;
 
-/// The camera's boresight (+Z) at a target that may move, and what is up in its image (-Y).
+/// Points the camera's boresight (+Z) at a moving target, with a direction for "up" in the image
+/// (-Y).
 #[derive(Clone)]
 pub struct Aim {
     /// The target.
     pub target: Direction,
-    /// What is up in the image, as far as it lies across the boresight.
+    /// Direction of "up"; only its part across the boresight counts.
     pub up: Direction,
-    /// Turns the image: the position angle of -Y from `up`, in the sense from north through east, rad.
+    /// Rotation of the image: position angle of -Y from `up`, from north through east, rad.
     pub roll_rad: f64,
-    /// The camera's mounting.
+    /// Mounting of the camera.
     pub body_to_camera: UnitQuaternion<f64>,
 }
 
 /// Below this sine of the angle between them, target and `up` count as parallel: 0.006 deg.
 const PARALLEL: f64 = 1e-4;
-/// Half the base of the numeric derivative, s. Its relative error is (rate * step)^2 / 6: 2e-5 at 1 rad/s.
+/// Half the base of the numeric derivative, s. Its relative error is (rate * step)^2 / 6: 2e-5 at 1
+/// rad/s.
 const STEP_S: f64 = 0.01;
 
 impl fmt::Debug for Aim {
@@ -44,7 +46,8 @@ impl fmt::Debug for Aim {
 }
 
 impl Aim {
-    /// Whether `up` is parallel to the boresight at `epoch`. North is up there instead (ICRF +Z), or ICRF +X where that is parallel too.
+    /// Whether `up` is parallel to the boresight at `epoch`. Then north (ICRF +Z) replaces it, or
+    /// ICRF +X if north is parallel too.
     ///
     /// # Errors
     /// [`ProfileError`]: no state, or no direction to the target.
@@ -58,7 +61,7 @@ impl Aim {
         Ok(across(&up, &target).is_none())
     }
 
-    /// Attitude and rates at `epoch`; without an orbit seen from the Earth's centre.
+    /// Attitude and rates at `epoch`; without an orbit as seen from the Earth's centre.
     pub(super) fn at(
         &self,
         epoch: Epoch,
@@ -66,24 +69,25 @@ impl Aim {
     ) -> Result<Pointing, ProfileError> {
         let state = state(epoch, orbit)?;
         let [target, up] = self.directions(epoch, &state)?;
-        // One rule for all three instants, so that the rates have no jump in them.
+        // The same rule for all three instants keeps the rates continuous.
         let substitute = [Vector3::z(), Vector3::x()]
             .into_iter()
             .find(|axis| across(axis, &target).is_some())
             .filter(|_| across(&up, &target).is_none());
         let at = |dt_s: f64| {
-            // From this state alone: an orbit's neighbouring states may come of other elements, or not be there.
-            let there = match orbit {
+            // Propagated from this state alone: other states of the orbit may use other elements,
+            // or be missing.
+            let nearby = match orbit {
                 Some(_) => propagate_j2(&state, dt_s),
                 None => state,
             };
-            let [target, up] = self.directions(epoch + seconds(dt_s), &there)?;
+            let [target, up] = self.directions(epoch + seconds(dt_s), &nearby)?;
             let up = substitute.unwrap_or(up);
             self.attitude(&target, &up)
                 .ok_or(ProfileError::NoTarget { epoch })
         };
         let now = at(0.0)?;
-        // A target's ephemeris may end here.
+        // The target's ephemeris may end at this epoch.
         let (before, after, span_s) = match (at(-STEP_S), at(STEP_S)) {
             (Ok(before), Ok(after)) => (before, after, 2.0 * STEP_S),
             (Ok(before), Err(_)) => (before, now, STEP_S),
@@ -108,7 +112,7 @@ impl Aim {
         Ok([target, (self.up)(epoch, state).map_err(failed)?])
     }
 
-    /// ICRF to body. With the boresight z, what is up across it n, and the roll r:
+    /// ICRF to body. With the boresight z, the part n of "up" across it, and the roll r:
     ///
     /// ```text
     /// -y = n cos r + (n x z) sin r,   x = z x (-y)
@@ -124,7 +128,7 @@ impl Aim {
     }
 }
 
-/// The part of `up` across the unit vector `z`, as a unit vector; `None` where they are parallel.
+/// The part of `up` across the unit vector `z`, normalized; `None` if they are parallel.
 fn across(up: &Vector3<f64>, z: &Vector3<f64>) -> Option<Vector3<f64>> {
     let up = up.try_normalize(0.0)?;
     (up - z * z.dot(&up)).try_normalize(PARALLEL)
@@ -155,11 +159,12 @@ mod tests {
     }
 
     #[test]
-    fn the_roll_rule_holds_and_parallel_directions_have_a_substitute() {
+    fn roll_follows_up_or_its_substitute() {
         let epoch = parse_utc("2026-06-01T00:00:00").unwrap();
         let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
         let none = Vector3::zeros();
-        // Target, up, roll, where -Y lies (by hand), whether the rule is degenerate. From +X with north up, east is +Y.
+        // Target, up, roll, expected -Y (by hand), whether the rule is degenerate. From +X with
+        // north up, east is +Y.
         for (target, up, roll, image_up, degenerate) in [
             (x, 2.0 * z, 0.0, z, false),
             (x, 2.0 * z, 90.0, y, false),

@@ -1,4 +1,4 @@
-//! Where the spacecraft is, and why there is no attitude at an epoch.
+//! Orbit sources, and errors of attitude profiles.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -10,13 +10,13 @@ use thiserror::Error;
 
 use crate::attitude_list::OutsideList;
 
-/// Any error that an orbit source may give.
+/// Any error of an orbit source.
 pub type OrbitSourceError = Box<dyn Error + Send + Sync>;
 
-/// Where the spacecraft is: epoch in, GCRF position and velocity out.
+/// Orbit of the spacecraft: epoch in, GCRF position and velocity out.
 pub type OrbitSource = Arc<dyn Fn(Epoch) -> Result<StateVector, OrbitSourceError> + Send + Sync>;
 
-/// Why there is no attitude at an epoch.
+/// Error when there is no attitude at an epoch.
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum ProfileError {

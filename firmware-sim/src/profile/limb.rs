@@ -1,4 +1,4 @@
-//! At a tangent point over the Earth's limb.
+//! Points at a tangent point above the Earth's limb.
 
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -8,21 +8,23 @@ use super::error::ProfileError;
 use crate::earth::{EQUATOR_M, Earth, POLE_M};
 use crate::pointing::of_axes;
 
-/// A line of sight that comes down to a height above the WGS84 ellipsoid, and no lower.
+/// A line of sight with a given minimum height above the WGS84 ellipsoid.
 ///
-/// +Z points to that tangent point, -Y ("up" in the image of a camera along +Z) away from the Earth's centre as far as it can,
-/// +X to the right of both, so that the limb lies level in the image. All three are in or across the vertical plane of the azimuth,
-/// which holds the Earth's centre; the height of the tangent point is that above the ellipsoid, not above a sphere.
+/// +Z points to the tangent point. -Y ("up" in the image of a camera along +Z) points away from the
+/// Earth's centre, +X to the right, so that the limb is horizontal in the image. +Z and -Y lie in
+/// the vertical plane of the azimuth, which contains the Earth's centre. The height of the tangent
+/// point refers to the ellipsoid, not to a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimbStare {
     /// Height of the tangent point above the ellipsoid, m.
     pub height_m: f64,
-    /// Azimuth of the line of sight, rad: from the velocity's part across the vertical, positive to the right of the flight
-    /// (clockwise as seen from above, away from the orbit's normal `r x v`).
+    /// Azimuth of the line of sight, rad: from the horizontal part of the velocity, positive to the
+    /// right of the flight (clockwise as seen from above, against the orbit's normal `r x v`).
     pub azimuth_rad: f64,
 }
 
-/// A vertical plane through the spacecraft: where it is, up, and level at the azimuth.
+/// A vertical plane through the spacecraft: its position, the vertical, and the horizontal
+/// direction at the azimuth.
 struct Plane<'a> {
     earth: &'a Earth,
     position_m: Vector3<f64>,
@@ -33,7 +35,7 @@ struct Plane<'a> {
 impl LimbStare {
     /// The line of sight from a state: unit vector, ICRF.
     ///
-    /// # Errors
+    /// Line of sight from a state: unit vector, ICRF.
     /// [`ProfileError`]: no orbital plane, or the state is below the height.
     pub fn direction(
         &self,
@@ -80,18 +82,19 @@ impl<'a> Plane<'a> {
         })
     }
 
-    /// The line of sight by its angle below level, rad.
+    /// Line of sight at an angle below the horizontal, rad.
     fn direction(&self, depression: f64) -> Vector3<f64> {
         let (sin, cos) = libm::sincos(depression);
         self.level * cos - self.up * sin
     }
 
-    /// The least height above the ellipsoid along a line of sight, m.
+    /// Minimum height above the ellipsoid along a line of sight, m.
     fn tangent_m(&self, depression: f64) -> f64 {
-        /// Each step leaves less than a hundredth, of the place; the height goes as its square.
+        /// Each step reduces the position error to less than a hundredth; the height error is its
+        /// square.
         const STEPS: usize = 6;
         let direction = self.direction(depression);
-        // There the line is level; on a sphere that is where the centre is nearest.
+        // Start at the point nearest to the centre, the tangent point of a sphere.
         let mut along = -self.position_m.dot(&direction).min(0.0);
         for _ in 0..STEPS {
             let point = self.position_m + direction * along;
@@ -101,13 +104,14 @@ impl<'a> Plane<'a> {
         self.earth.above(&(self.position_m + direction * along)).0
     }
 
-    /// How far below level the line of sight comes down to this height, rad; `None` if no line does.
+    /// Angle below the horizontal at which the line of sight has this minimum height, rad; `None`
+    /// if there is none.
     ///
-    /// By false position (the Illinois rule), between the lines that touch spheres about the Earth's centre: one that is everywhere
-    /// above the height, one that is nowhere.
+    /// False position (Illinois rule) between the lines tangent to two spheres about the Earth's
+    /// centre: one line is always above the height, the other never.
     fn depression(&self, height_m: f64) -> Option<f64> {
         const MAX: usize = 60;
-        /// 4e-13 rad from 500 km above.
+        /// Corresponds to 4e-13 rad from 500 km.
         const CLOSE_M: f64 = 1e-6;
         let radius = self.position_m.norm();
         let touching = |sphere_m: f64| libm::acos((sphere_m / radius).clamp(0.0, 1.0));
@@ -116,7 +120,7 @@ impl<'a> Plane<'a> {
             self.tangent_m(above) - height_m,
             self.tangent_m(below) - height_m,
         );
-        // Over the equator or a pole one of them is the answer.
+        // Over the equator or a pole, one of them is the result.
         for (depression, error) in [(above, too_high), (below, too_low)] {
             if error.abs() < CLOSE_M {
                 return Some(depression);
@@ -132,7 +136,7 @@ impl<'a> Plane<'a> {
             if error.abs() < CLOSE_M {
                 return Some(between);
             }
-            // An end that stays twice counts half.
+            // An end that stays twice gets half the weight.
             if error > 0.0 {
                 (above, too_high) = (between, error);
                 too_low *= if last > 0.0 { 0.5 } else { 1.0 };
@@ -166,7 +170,7 @@ mod tests {
         }
     }
 
-    /// 500 to 770 km high, over both poles.
+    /// Polar orbit, 500 to 770 km high.
     fn polar() -> OrbitSource {
         let state = StateVector {
             position_m: Vector3::new(6.88e6, 0.0, 0.0),
@@ -175,7 +179,7 @@ mod tests {
         Arc::new(move |t| Ok(propagate_j2(&state, (t - epoch()).to_seconds())))
     }
 
-    /// Height above WGS84 by the nearest of many points of the meridian's ellipse, refined; no formula in common with [`Earth`].
+    /// Height above WGS84 by a search along the meridian's ellipse, without a formula of [`Earth`].
     fn height_by_search(pole: &Vector3<f64>, point: &Vector3<f64>) -> f64 {
         let z = point.dot(pole);
         let rho = (point - pole * z).norm();
@@ -197,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn the_boresight_comes_down_to_the_height_and_no_lower_all_along_an_orbit() {
+    fn the_boresight_has_the_requested_minimum_height_along_an_orbit() {
         let orbit = polar();
         let pole = Earth::at(epoch()).pole;
         for (index, minute) in (0..100).step_by(9).enumerate() {
@@ -208,21 +212,22 @@ mod tests {
                 let pointing = Profile::LimbStare(limb).at(at, Some(&orbit)).unwrap();
                 let state = orbit(at).unwrap();
                 let line = pointing.attitude.inverse() * Vector3::z();
-                // The lowest by fine steps of 200 m around the point nearest to the centre.
+                // Minimum over steps of 200 m around the point nearest to the centre.
                 let nearest = -state.position_m.dot(&line);
                 assert!(nearest > 0.0, "ahead");
                 let lowest = (-300..=300)
                     .map(|step| state.position_m + line * (nearest + 200.0 * f64::from(step)))
                     .map(|point| height_by_search(&pole, &point))
                     .fold(f64::INFINITY, f64::min);
-                // Half a step off is 1 mm lower at most: (100 m)^2 / (2 R). The search ends within some micrometres.
+                // Half a step off changes the height by up to 1 mm: (100 m)^2 / (2 R). The search
+                // is exact to some micrometres.
                 assert!((lowest - height_m).abs() < 2e-3, "{minute} min: {lowest}");
             }
         }
     }
 
     #[test]
-    fn azimuth_counts_to_the_right_of_the_flight_and_up_in_the_image_is_away_from_the_earth() {
+    fn azimuth_is_positive_to_the_right_and_image_up_is_away_from_the_earth() {
         let orbit = polar();
         let state = orbit(epoch()).unwrap();
         let up = state.position_m.normalize();
@@ -241,9 +246,9 @@ mod tests {
     }
 
     #[test]
-    fn along_the_equator_and_over_the_pole_it_is_a_circles_tangent() {
+    fn equator_and_pole_agree_with_tangents_of_a_circle() {
         let earth = Earth { pole: Vector3::z() };
-        let look = |azimuth, position_m| {
+        let view = |azimuth, position_m| {
             let velocity_m_s = Vector3::new(0.0, 7.5e3, 0.0);
             let state = StateVector {
                 position_m,
@@ -252,25 +257,25 @@ mod tests {
             let attitude = limb(80e3, azimuth).attitude(&earth, epoch(), &state);
             attitude.unwrap().inverse() * Vector3::z()
         };
-        // X-Val: cos(depression) = (R + 80 km) / 7000 km, R the equatorial radius along the equator. Seen from over the pole, all
-        // meridians are alike.
-        let z = look(0.0, Vector3::x() * 7.0e6);
+        // X-Val: cos(depression) = (R + 80 km) / 7000 km with the equatorial radius R. From above
+        // the pole all meridians are equal.
+        let z = view(0.0, Vector3::x() * 7.0e6);
         let cos: f64 = (6_378_137.0 + 80e3) / 7.0e6;
         assert!((z - Vector3::new(-(1.0 - cos * cos).sqrt(), cos, 0.0)).norm() < 1e-12);
-        let downs = [0.0, 1.0, 4.0].map(|azimuth| look(azimuth, Vector3::z() * 7.0e6).z);
+        let downs = [0.0, 1.0, 4.0].map(|azimuth| view(azimuth, Vector3::z() * 7.0e6).z);
         let alike = downs.iter().all(|down| (down - downs[0]).abs() < 1e-11);
         assert!(alike, "{downs:?}");
     }
 
     #[test]
-    fn below_the_height_there_is_no_limb_and_the_error_says_so() {
+    fn orbits_below_the_height_are_refused() {
         let stare = |height_m, orbit| Profile::LimbStare(limb(height_m, 0.3)).at(epoch(), orbit);
         let orbit = polar();
         let error = stare(600e3, Some(&orbit)).unwrap_err().to_string();
         for part in ["600 km", "at 501.9 km", "lower height"] {
             assert!(error.contains(part), "{error}");
         }
-        // Just below the orbit it is almost level.
+        // Just below the orbit the line of sight is almost horizontal.
         let level = stare(500e3, Some(&orbit)).unwrap();
         let z = level.attitude.inverse() * Vector3::z();
         assert!(z.x.abs() < 0.03, "{z}");

@@ -1,6 +1,6 @@
-//! Attitude profiles: where the spacecraft points, and how fast it turns, at any instant.
+//! Attitude profiles: attitude and rates at any instant.
 //!
-//! Those that follow the orbit get their rates by a central difference over the orbit near the instant (`along`).
+//! Profiles that follow the orbit get their rates by a central difference over the orbit (`along`).
 
 mod aim;
 mod error;
@@ -28,23 +28,23 @@ pub fn orbit_of(object: Object) -> OrbitSource {
     Arc::new(move |epoch| Ok(object.state(epoch)?))
 }
 
-/// How the attitude goes with time.
+/// Attitude as a function of time.
 #[derive(Clone, Debug)]
 pub enum Profile {
-    /// Slerp between the two neighbours of a list.
+    /// Slerp between neighbours of a list.
     List(AttitudeList),
-    /// One attitude for ever.
+    /// A constant attitude.
     Hold(UnitQuaternion<f64>),
     /// A constant angular velocity from a start attitude.
     Slew {
-        /// When `attitude` holds.
+        /// Epoch of `attitude`.
         start: Epoch,
         /// The attitude at `start`, ICRF to body.
         attitude: UnitQuaternion<f64>,
         /// Body axes, rad/s.
         rates_rad_s: Vector3<f64>,
     },
-    /// To and fro about a body axis.
+    /// Scan about a body axis.
     Scan(Scan),
     /// +Z to the Earth's centre, +X towards the velocity. Needs an orbit.
     Nadir,
@@ -55,10 +55,11 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`], [`Profile::LimbStare`] and [`Profile::Aim`] only.
+    /// Attitude and rates at `epoch`. Only [`Profile::Nadir`], [`Profile::LimbStare`] and
+    /// [`Profile::Aim`] use `orbit`.
     ///
     /// # Errors
-    /// [`ProfileError`]: outside the list, or no orbit where one is needed.
+    /// [`ProfileError`]: outside the list, or a missing orbit.
     pub fn at(&self, epoch: Epoch, orbit: Option<&OrbitSource>) -> Result<Pointing, ProfileError> {
         match self {
             Self::List(list) => Ok(list.at(epoch)?),
@@ -93,7 +94,7 @@ impl Profile {
     }
 }
 
-/// +Z to the Earth's centre, +X perpendicular to it towards the velocity; `None` where these span no plane.
+/// +Z to the Earth's centre, +X across it towards the velocity; `None` if these are parallel.
 fn nadir(state: &StateVector) -> Option<UnitQuaternion<f64>> {
     let z = -state.position_m;
     let x = state.velocity_m_s - z * (z.dot(&state.velocity_m_s) / z.norm_squared());
@@ -101,16 +102,18 @@ fn nadir(state: &StateVector) -> Option<UnitQuaternion<f64>> {
     Some(of_axes([x, z.cross(&x), z]))
 }
 
-/// An attitude that follows from position and velocity, with its rates.
+/// Attitude from position and velocity, with its rates.
 fn along(
     orbit: &OrbitSource,
     epoch: Epoch,
     attitude: impl Fn(&StateVector) -> Result<UnitQuaternion<f64>, ProfileError>,
 ) -> Result<Pointing, ProfileError> {
-    /// Half the base of the numeric derivative, s: its error goes as the square, below 1e-7 of the orbital rate.
+    /// Half the base of the numeric derivative, s: its error is quadratic, below 1e-7 of the
+    /// orbital rate.
     const STEP_S: f64 = 0.5;
     let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
-    // From this state alone: an orbit's neighbouring states may come of other elements, or not be there.
+    // Propagated from this state alone: other states of the orbit may use other elements, or be
+    // missing.
     let at = |dt_s| attitude(&propagate_j2(&state, dt_s));
     Ok(Pointing {
         attitude: at(0.0)?,
@@ -160,7 +163,8 @@ mod tests {
     }
 
     fn list() -> AttitudeList {
-        // X-Val: the first three attitudes of the CASSIOPE scene (fitted to Table A1 of Clark et al. 2021).
+        // X-Val: the first three attitudes of the CASSIOPE scene (fitted to Table A1 of Clark et
+        // al. 2021).
         let text = "# UTC x y z w\n2019-06-15T23:35:50 -0.070834 -0.644137 0.733522 -0.204975\n\n\
                     2019-06-15T23:35:55Z,-0.071699,-0.643288,0.734777,-0.202834\n\
                     2019-06-15T23:36:00 0.071539 0.642526 -0.735767 0.201716 # the sign does not matter\n";
@@ -172,7 +176,8 @@ mod tests {
         Profile::Scan(Scan::new(epoch(), attitude, Vector3::y_axis(), half_width, rate).unwrap())
     }
 
-    /// At something that crosses the sky at 0.05 rad/s, with the velocity up and a camera mounted askew.
+    /// Target that crosses the sky at 0.05 rad/s, with the velocity as "up" and a tilted camera
+    /// mounting.
     fn aim() -> Profile {
         Profile::Aim(Aim {
             target: Arc::new(|t, _| {
@@ -210,7 +215,7 @@ mod tests {
             aim(),
             Profile::List(list()),
         ] {
-            // Of the scan 2.0 lies on its way, 1.3 in its turn-round.
+            // In the scan, 2.0 s is in its linear part, 1.3 s in its turn-round.
             for seconds in [0.5, 1.3, 2.0, 7.3] {
                 assert_rates_belong_to_the_attitude(&profile, after(seconds));
             }
@@ -218,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_passes_through_its_entries_and_turns_the_short_way() {
+    fn lists_pass_their_entries_along_the_shorter_arc() {
         let list = Profile::List(list());
         let expected = [
             "-0.070834 -0.644137 0.733522 -0.204975",
@@ -232,7 +237,7 @@ mod tests {
         }
         assert!(list.at(after(9.0), None).unwrap().rates_rad_s.norm() < 1e-2);
         assert!(list.at(after(10.0), None).is_ok());
-        // Outside the error says what it covers.
+        // Outside the list the error states its range.
         for seconds in [-0.1, 10.1] {
             let error = list.at(after(seconds), None).unwrap_err().to_string();
             let covers = error.contains("23:35:50") && error.contains("23:36:00");
@@ -241,31 +246,32 @@ mod tests {
     }
 
     #[test]
-    fn the_touchstone_points_z_where_the_conventions_say() {
+    fn the_reference_quaternion_points_z_as_documented() {
         let q = parse_quaternion("-0.070834 -0.644137 0.733522 -0.204975").unwrap();
         let z = q.inverse() * Vector3::z();
-        // X-Val: the conventions' touchstone, RA 248.112 and Dec +9.215 degrees.
+        // X-Val: reference quaternion of the conventions, RA 248.112 and Dec +9.215 degrees.
         assert!((z.y.atan2(z.x).to_degrees().rem_euclid(360.0) - 248.112).abs() < 1e-3);
         assert!((z.z.asin().to_degrees() - 9.215).abs() < 1e-3);
     }
 
     #[test]
-    fn nadir_looks_down_and_turns_once_an_orbit() {
+    fn nadir_points_down_and_turns_once_per_orbit() {
         let pointing = Profile::Nadir.at(epoch(), Some(&circular())).unwrap();
         let state = circular()(epoch()).unwrap();
         assert!((pointing.attitude * -state.position_m.normalize() - Vector3::z()).norm() < 1e-12);
         assert!((pointing.attitude * state.velocity_m_s.normalize() - Vector3::x()).norm() < 1e-12);
-        // X-Val: mean motion sqrt(mu / a^3) at 7000 km is 1.078007e-3 rad/s, about -Y (Z down, X ahead).
+        // X-Val: mean motion sqrt(mu / a^3) at 7000 km is 1.078007e-3 rad/s, about -Y (Z down, X
+        // ahead).
         assert!((pointing.rates_rad_s - Vector3::new(0.0, -1.078_007e-3, 0.0)).norm() < 1e-8);
         let without = Profile::Nadir.at(epoch(), None);
         assert!(matches!(without, Err(ProfileError::NeedsOrbit { .. })));
     }
 
     #[test]
-    fn nadir_rates_need_the_state_at_the_epoch_alone() {
+    fn nadir_rates_need_only_the_state_at_the_epoch() {
         let circular = circular();
         let inner = circular.clone();
-        let at_once: OrbitSource = Arc::new(move |t| {
+        let at_epoch: OrbitSource = Arc::new(move |t| {
             if t == epoch() {
                 inner(t)
             } else {
@@ -273,8 +279,8 @@ mod tests {
             }
         });
         let rates = |orbit| Profile::Nadir.at(epoch(), Some(orbit)).unwrap().rates_rad_s;
-        assert_eq!(rates(&at_once), rates(&circular));
-        let refused = Profile::Nadir.at(after(-1.0), Some(&at_once)).unwrap_err();
+        assert_eq!(rates(&at_epoch), rates(&circular));
+        let refused = Profile::Nadir.at(after(-1.0), Some(&at_epoch)).unwrap_err();
         assert!(refused.to_string().contains("another time"), "{refused}");
     }
 }

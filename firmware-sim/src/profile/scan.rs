@@ -1,17 +1,19 @@
-//! To and fro about a body axis.
+//! A periodic scan about a body axis.
 
 use hifitime::Epoch;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::pointing::{Pointing, turn};
 
-/// Longest time in which a scan turns round, s. A scan that passes its half width in less turns round in that time.
+/// Longest turn-round, s. A scan that covers its half width in less time turns round in that time.
 pub const TURN_ROUND_S: f64 = 0.5;
 
-/// A scan: from a start attitude to and fro about a body axis, for ever, before its start too.
+/// A scan to both sides of a start attitude about a body axis, without end, and before its start
+/// too.
 ///
-/// The angle is a triangle of time with its corners rounded off: it runs at a constant rate and turns round at each end with a
-/// constant acceleration, so that neither angle nor rate jumps. It begins in the middle, towards positive angles.
+/// The angle is a triangle wave with rounded corners. The rate is constant, with a constant
+/// acceleration at each end, so that angle and rate are continuous. It starts in the middle,
+/// towards positive angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scan {
     start: Epoch,
@@ -22,8 +24,8 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// A scan that passes `attitude` (ICRF to body) at `start`, about `axis` (body), by `half_width_rad` to either side at
-    /// `rate_rad_s`. `None` unless both are finite and above 0.
+    /// A scan through `attitude` (ICRF to body) at `start`, about `axis` (body), by
+    /// `half_width_rad` to either side at `rate_rad_s`. `None` unless both are finite and above 0.
     #[must_use]
     pub fn new(
         start: Epoch,
@@ -42,14 +44,15 @@ impl Scan {
         })
     }
 
-    /// How long it takes to turn round, s: `TURN_ROUND_S`, or the time for the half width at the scan's rate if that is shorter.
+    /// Duration of a turn-round, s: `TURN_ROUND_S`, or the time for the half width if that is
+    /// shorter.
     #[must_use]
     pub fn turn_round_s(&self) -> f64 {
         TURN_ROUND_S.min(self.half_width_rad / self.rate_rad_s)
     }
 
-    /// Time for once to and fro, s: four half widths at the scan's rate and one turn-round, since turning round takes twice as long
-    /// as the corner that it cuts.
+    /// Duration of one cycle, s: four half widths and one turn-round, because a turn-round takes
+    /// twice the time of the corner that it replaces.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         4.0 * self.half_width_rad / self.rate_rad_s + self.turn_round_s()
@@ -59,12 +62,12 @@ impl Scan {
     fn angle(&self, seconds: f64) -> (f64, f64) {
         let (rate, turning) = (self.rate_rad_s, self.turn_round_s());
         let half_period = self.period_s() / 2.0;
-        // From the middle to where it begins to turn round: half of that takes it on by rate * turning / 4.
+        // From the middle to the start of the turn-round, whose first half adds rate * turning / 4.
         let straight = self.half_width_rad / rate - turning / 4.0;
         let since = seconds + straight;
-        let way = (since / half_period).floor();
-        let into = since - way * half_period;
-        let sign = 1.0 - 2.0 * way.rem_euclid(2.0);
+        let half_cycle = (since / half_period).floor();
+        let into = since - half_cycle * half_period;
+        let sign = 1.0 - 2.0 * half_cycle.rem_euclid(2.0);
         if into < 2.0 * straight {
             return (sign * rate * (into - straight), sign * rate);
         }
@@ -103,8 +106,9 @@ mod tests {
     #[test]
     fn the_angle_is_a_triangle_with_rounded_corners() {
         let scan = scan(0.1, 0.05);
-        // X-Val: 4 * 0.1 / 0.05 + 0.5 = 8.5 s; the turn begins after 2 - 0.125 = 1.875 s and 0.09375 rad, is at its end (0.1 rad)
-        // 0.25 s later and over at 2.375 s; the middle is passed after half a period.
+        // X-Val: 4 * 0.1 / 0.05 + 0.5 = 8.5 s. The turn-round begins at 2 - 0.125 = 1.875 s and
+        // 0.09375 rad, has its extreme (0.1 rad) 0.25 s later, and ends at 2.375 s. The middle
+        // follows after half a period.
         assert_eq!((scan.turn_round_s(), scan.period_s()), (0.5, 8.5));
         for (seconds, angle, rate) in [
             (0.0, 0.0, 0.05),
@@ -126,22 +130,23 @@ mod tests {
     }
 
     #[test]
-    fn angle_and_rate_do_not_jump_and_the_rate_is_the_angles_derivative() {
-        // The second turns round in 10 ms, its half width at its rate.
+    fn angle_and_rate_are_continuous_and_consistent() {
+        // The second scan turns round in 10 ms, the time for its half width.
         for scan in [scan(0.1, 0.05), scan(0.001, 0.1), scan(3.0, 6.0)] {
             let turning = scan.turn_round_s();
-            let most = 2.0 * scan.rate_rad_s / turning;
+            let limit = 2.0 * scan.rate_rad_s / turning;
             let step = scan.period_s() / 10_007.0;
             let mut widest = 0.0_f64;
             for index in -12_000..24_000 {
                 let at = f64::from(index) * step;
                 let ((a, rate_a), (b, rate_b)) = (scan.angle(at), scan.angle(at + step));
-                // No faster than the constant acceleration.
-                assert!((rate_b - rate_a).abs() <= most * step * (1.0 + 1e-6) + 1e-12);
-                // The trapezium is exact but for corners of the acceleration within the step.
+                // Limited by the constant acceleration.
+                assert!((rate_b - rate_a).abs() <= limit * step * (1.0 + 1e-6) + 1e-12);
+                // The trapezoidal rule is exact except at jumps of the acceleration within the
+                // step.
                 let mean = (rate_a + rate_b) / 2.0;
                 let off = (b - a - mean * step).abs();
-                assert!(off <= most * step * step / 8.0 + 1e-12, "{at}");
+                assert!(off <= limit * step * step / 8.0 + 1e-12, "{at}");
                 widest = widest.max(a.abs());
             }
             let off = widest / scan.half_width_rad - 1.0;
@@ -150,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_scan_is_none() {
+    fn invalid_scans_are_none() {
         let infinite = (1.0, f64::INFINITY);
         for (half_width, rate) in [(0.0, 1.0), (1.0, 0.0), (f64::NAN, 1.0), infinite] {
             assert!(scan_of(half_width, rate).is_none());

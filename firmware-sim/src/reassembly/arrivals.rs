@@ -1,35 +1,34 @@
-//! Which of a known number of pieces have come, and which were asked for again.
+//! State of a known number of packets: missing, requested or received.
 
 use std::ops::Range;
 
 #[derive(Debug)]
 pub(super) struct Arrivals {
-    pieces: Vec<Piece>,
+    packets: Vec<State>,
     missing: usize,
-    /// One after the highest that came.
+    /// One after the highest received.
     next: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Piece {
+enum State {
     Missing,
     Requested,
-    Here,
+    Received,
 }
 
-/// How a piece came.
 pub(super) struct Arrival {
-    /// A later one came before it.
+    /// After a later packet.
     pub(super) late: bool,
-    /// It was asked for again.
+    /// After a request.
     pub(super) requested: bool,
 }
 
 impl Arrivals {
-    pub(super) fn of(pieces: usize) -> Self {
+    pub(super) fn of(packets: usize) -> Self {
         Self {
-            pieces: vec![Piece::Missing; pieces],
-            missing: pieces,
+            packets: vec![State::Missing; packets],
+            missing: packets,
             next: 0,
         }
     }
@@ -38,54 +37,56 @@ impl Arrivals {
         self.missing
     }
 
-    /// One after the highest that came.
+    /// One after the highest received.
     pub(super) fn next(&self) -> usize {
         self.next
     }
 
-    /// Whether a piece has come; `None` if there is no such piece.
-    pub(super) fn state(&self, piece: usize) -> Option<bool> {
-        self.pieces.get(piece).map(|piece| *piece == Piece::Here)
+    /// Whether a packet has been received; `None` if there is no such packet.
+    pub(super) fn state(&self, packet: usize) -> Option<bool> {
+        self.packets
+            .get(packet)
+            .map(|packet| *packet == State::Received)
     }
 
-    /// Books a piece that had not come.
-    pub(super) fn book(&mut self, piece: usize) -> Arrival {
+    /// Records a missing packet as received.
+    pub(super) fn record(&mut self, packet: usize) -> Arrival {
         let mut requested = false;
-        if let Some(state) = self.pieces.get_mut(piece) {
-            requested = *state == Piece::Requested;
-            *state = Piece::Here;
+        if let Some(state) = self.packets.get_mut(packet) {
+            requested = *state == State::Requested;
+            *state = State::Received;
             self.missing = self.missing.saturating_sub(1);
         }
-        let late = piece < self.next;
-        self.next = self.next.max(piece + 1);
+        let late = packet < self.next;
+        self.next = self.next.max(packet + 1);
         Arrival { late, requested }
     }
 
-    /// Whether a piece below `end` is missing that was not asked for.
+    /// Whether a packet below `end` is missing and not requested.
     pub(super) fn has_gap(&self, end: usize) -> bool {
-        let below = self.pieces.get(..end).unwrap_or(&self.pieces);
-        self.missing > 0 && below.contains(&Piece::Missing)
+        let below = self.packets.get(..end).unwrap_or(&self.packets);
+        self.missing > 0 && below.contains(&State::Missing)
     }
 
-    /// The runs of missing pieces below `end`, those asked for before only if `again`, and marks them as asked for.
-    /// It stops where `runs` runs or `most` pieces are full.
-    pub(super) fn ask(
+    /// Marks missing packets below `end` as requested, and returns their runs. Requested ones are
+    /// included only if `again`. Limited to `runs` runs and `max` packets.
+    pub(super) fn request(
         &mut self,
         end: usize,
         again: bool,
         runs: usize,
-        mut most: usize,
+        mut max: usize,
     ) -> Vec<Range<usize>> {
         let mut found: Vec<Range<usize>> = Vec::new();
         if self.missing == 0 {
             return found;
         }
-        for (index, piece) in self.pieces.iter_mut().enumerate().take(end) {
-            let wanted = *piece == Piece::Missing || again && *piece == Piece::Requested;
-            if !wanted {
+        for (index, packet) in self.packets.iter_mut().enumerate().take(end) {
+            let selected = *packet == State::Missing || again && *packet == State::Requested;
+            if !selected {
                 continue;
             }
-            if most == 0 {
+            if max == 0 {
                 break;
             }
             let full = found.len() == runs;
@@ -94,8 +95,8 @@ impl Arrivals {
                 _ if full => break,
                 _ => found.push(index..index + 1),
             }
-            *piece = Piece::Requested;
-            most -= 1;
+            *packet = State::Requested;
+            max -= 1;
         }
         found
     }

@@ -1,7 +1,7 @@
-//! Frame packets in, whole frames out, whatever got lost, came twice or came in another order on the way.
+//! Reassembles frames from packets that may be lost, repeated or reordered.
 //!
-//! Memory is bounded: two frames under way, each within [`Limits`], and a few early packets of a frame whose header
-//! has not come yet.
+//! Memory is bounded: two frames in flight, each within [`Limits`], and a few early packets of
+//! frames without a header.
 
 mod arrivals;
 mod early;
@@ -18,27 +18,25 @@ use self::partial::{Memory, Partial};
 pub use self::progress::{AssemblyCounts, AssemblyError, Demand, Limits, Progress, Run};
 use crate::received::{Content, ReceivedFrame};
 
-/// Frames under way at once.
-const UNDER_WAY: usize = 2;
-/// Finished or given up frames remembered, so that late repeats of their packets are known as such.
+const MAX_IN_FLIGHT: usize = 2;
+/// Completed or dropped frames remembered, to recognize late duplicates of their packets.
 const REMEMBERED: usize = 16;
 
-/// Puts frames together.
+/// Reassembles frames.
 #[derive(Debug, Default)]
 pub struct Assembler {
     limits: Limits,
     in_flight: VecDeque<Partial>,
-    /// Memory for the next frame.
     spare: Memory,
-    /// Packets whose header has not come yet.
     early: Early,
-    /// Frames that are finished or given up, with their exposure: an emulator started anew counts anew.
+    /// Completed or dropped frames with their exposure time, because a restarted emulator restarts
+    /// its counter.
     done: VecDeque<(u32, WireTime)>,
     counts: AssemblyCounts,
 }
 
 impl Assembler {
-    /// Nothing received yet.
+    /// An empty assembler.
     #[must_use]
     pub fn new(limits: Limits) -> Self {
         Self {
@@ -47,17 +45,17 @@ impl Assembler {
         }
     }
 
-    /// What went other than plainly so far.
+    /// Counters of irregular packets so far.
     #[must_use]
     pub fn counts(&self) -> AssemblyCounts {
         self.counts
     }
 
-    /// Takes one packet that came `now`, and its decoded reply; gives the frame that it completes. Replies that do not belong
-    /// to a frame change nothing.
+    /// Takes one packet received at `now`, with its decoded reply. Returns the frame that it
+    /// completes. Other replies are ignored.
     ///
     /// # Errors
-    /// [`AssemblyError`]: the packet, or the finished frame, is of no use; that is counted.
+    /// [`AssemblyError`]: the packet or the frame is unusable; it is counted.
     pub fn accept(
         &mut self,
         packet: &[u8],
@@ -87,7 +85,7 @@ impl Assembler {
             (Some(partial), _) => partial.take(reply, now, &mut self.counts),
             (None, Reply::FrameHeader(opening)) => self.open(header.time, opening, now),
             (None, _) => {
-                self.counts.refused += self.early.keep(frame, packet, self.limits.early);
+                self.counts.refused += self.early.store(frame, packet, self.limits.early);
                 Ok(())
             }
         };
@@ -95,8 +93,8 @@ impl Assembler {
         self.finish(frame)
     }
 
-    /// Takes a frame back that is not needed any more: the next is put together in its memory.
-    pub fn take_back(&mut self, frame: ReceivedFrame) {
+    /// Reuses the memory of a frame for the next one.
+    pub fn recycle(&mut self, frame: ReceivedFrame) {
         self.spare = Memory {
             pixels: match frame.content {
                 Content::Frame(pixels) => pixels,
@@ -106,46 +104,46 @@ impl Assembler {
         };
     }
 
-    /// Gives up all frames under way, and says what had come of them.
+    /// Drops all frames in flight. Returns their progress.
     pub fn abandon(&mut self) -> Vec<Progress> {
-        let mut given_up = Vec::new();
+        let mut dropped = Vec::new();
         while let Some(partial) = self.in_flight.pop_front() {
             self.counts.incomplete += 1;
             self.remember(&partial);
-            given_up.push(partial.progress());
+            dropped.push(partial.progress());
         }
         self.early.clear();
-        given_up
+        dropped
     }
 
-    /// Whether nothing is under way.
+    /// Whether no frame is in flight.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.in_flight.is_empty() && self.early.is_empty()
     }
 
-    /// Whether some of this frame has come, and not all.
+    /// Whether this frame has arrived in part.
     #[must_use]
     pub fn is_in_flight(&self, frame: u32) -> bool {
         let partial = |partial: &Partial| partial.header.frame == frame;
         self.early.has(frame) || self.in_flight.iter().any(partial)
     }
 
-    /// Whether some of a frame that may show this attitude has come, and not all.
+    /// Whether a frame, possibly of this attitude, has arrived in part.
     #[must_use]
     pub fn has_begun(&self, attitude: u32) -> bool {
         let shows = |partial: &Partial| partial.header.attitude_sequence == attitude;
         !self.early.is_empty() || self.in_flight.iter().any(shows)
     }
 
-    /// The missing packets to ask for now; they are booked as asked for.
-    pub fn ask(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
+    /// Missing packets to request now; they are recorded as requested.
+    pub fn missing_runs(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
         let header = |frame| Run {
             frame,
             first: 0,
             count: 1,
         };
-        let headers = self.early.ask(now, demand.wait, demand.again);
+        let headers = self.early.due_headers(now, demand.wait, demand.again);
         let mut runs: Vec<Run> = headers.into_iter().map(header).take(demand.runs).collect();
         for partial in &mut self.in_flight {
             let attitude = partial.header.attitude_sequence;
@@ -155,32 +153,32 @@ impl Assembler {
                 packets: demand.packets.saturating_sub(requested as usize),
                 ..*demand
             };
-            if demand.attitude.is_none_or(|wanted| wanted == attitude) {
-                runs.extend(partial.ask(now, &left));
+            if demand.attitude.is_none_or(|only| only == attitude) {
+                runs.extend(partial.missing_runs(now, &left));
             }
         }
         runs
     }
 
-    /// A frame of which another link has told: its header is missing, unless it comes soon.
-    pub fn look_out_for(&mut self, frame: u32) {
+    /// Expects the header of a frame known from another link.
+    pub fn expect_header(&mut self, frame: u32) {
         let done = self.done.iter().any(|(number, _)| *number == frame);
         if !done && !self.is_in_flight(frame) {
-            self.early.look_out_for(frame);
+            self.early.expect_header(frame);
         }
     }
 
-    /// A frame that need not come any more, if nothing of it has.
-    pub fn dismiss(&mut self, frame: u32) {
-        self.early.dismiss(frame);
+    /// Forgets an expected frame without packets.
+    pub fn forget(&mut self, frame: u32) {
+        self.early.forget(frame);
     }
 
-    /// Asks for nothing more of this frame: its packets are not to be had.
-    pub fn forsake(&mut self, frame: u32) {
+    /// Stops requests for this frame, whose packets are unavailable.
+    pub fn stop_requests(&mut self, frame: u32) {
         self.early.take(frame);
         let known = self.in_flight.iter_mut();
         for partial in known.filter(|partial| partial.header.frame == frame) {
-            partial.forsaken = true;
+            partial.unavailable = true;
         }
     }
 
@@ -216,7 +214,7 @@ impl Assembler {
                 });
             }
         }
-        if self.in_flight.len() >= UNDER_WAY
+        if self.in_flight.len() >= MAX_IN_FLIGHT
             && let Some(oldest) = self.in_flight.pop_front()
         {
             self.counts.incomplete += 1;
@@ -226,7 +224,7 @@ impl Assembler {
         let (early, requested) = self.early.take(frame);
         self.counts.recovered += u64::from(requested);
         for packet in early {
-            // Only packets that decoded are kept.
+            // Only decodable packets are stored.
             let taken = match Reply::decode(&packet) {
                 Ok((_, reply)) => partial.take(&reply, now, &mut self.counts),
                 Err(_) => Ok(()),
@@ -240,8 +238,8 @@ impl Assembler {
 
     fn finish(&mut self, frame: u32) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let whole = |partial: &Partial| partial.header.frame == frame && partial.is_whole();
-        let place = self.in_flight.iter().position(whole);
-        let Some(partial) = place.and_then(|place| self.in_flight.remove(place)) else {
+        let index = self.in_flight.iter().position(whole);
+        let Some(partial) = index.and_then(|index| self.in_flight.remove(index)) else {
             return Ok(None);
         };
         self.remember(&partial);

@@ -1,6 +1,6 @@
-//! A frame under way: its header, and what came of it so far.
+//! A partially received frame.
 //!
-//! Its packets are numbered: the header is 0, then come those with pixels, those with labels, and its end.
+//! Its packets are numbered: the header is 0, followed by pixels, labels, and the end.
 
 use std::time::Instant;
 
@@ -21,39 +21,36 @@ use crate::received::{Content, Cutout, ReceivedFrame};
 pub(super) struct Partial {
     pub(super) header: FrameHeader,
     pub(super) mid_exposure: WireTime,
-    /// All pixels of the frame, if all are sent.
     pixels: Vec<u16>,
-    /// All windows, if windows are sent.
     windows: Vec<Cutout>,
     /// First pixel and number of pixels of each compressed block.
     spans: Vec<(u32, u32)>,
-    /// Label text or object records.
     labels: Vec<u8>,
     blocks: Arrivals,
     parts: Arrivals,
-    /// What closes it.
     end: Option<FrameEnd>,
     ends: Arrivals,
-    pixel_octets: u64,
+    pixel_bytes: u64,
     header_at: Instant,
     last_block: Instant,
-    /// When the packet at hand came.
+    /// Arrival time of the current packet.
     now: Instant,
-    /// When a gap was seen that is not asked for yet, and one after the highest packet that had come then.
+    /// Time when a gap was found that is not requested yet, and one after the highest packet then
+    /// received.
     gap: Option<(Instant, usize)>,
-    /// Its packets are not to be had any more.
-    pub(super) forsaken: bool,
+    /// Its missing packets are unavailable.
+    pub(super) unavailable: bool,
 }
 
-/// Memory of an earlier frame.
+/// Reused buffers of an earlier frame.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     pub(super) pixels: Vec<u16>,
     pub(super) labels: Vec<u8>,
 }
 
-/// So many places in this memory, with whatever they hold: in a frame that is whole each has been written.
-fn places<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
+/// Resizes a reused buffer, without clearing: a complete frame overwrites all of it.
+fn resized<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
     memory.resize(count, T::default());
     memory
 }
@@ -66,7 +63,7 @@ impl AssemblyCounts {
 }
 
 impl Partial {
-    /// The header, which came `now`, has passed the decoder's checks and the limits.
+    /// A frame whose header, received at `now`, has passed the decoder's checks and the limits.
     pub(super) fn new(
         header: FrameHeader,
         mid_exposure: WireTime,
@@ -81,26 +78,25 @@ impl Partial {
             PixelLevel::Compressed => (header.pixels(), blocks, 0),
         };
         Self {
-            pixels: places(memory.pixels, whole as usize),
+            pixels: resized(memory.pixels, whole as usize),
             windows: vec![Cutout::default(); usize::from(windows)],
             spans: vec![(0, 0); spans],
-            labels: places(memory.labels, header.label_bytes as usize),
+            labels: resized(memory.labels, header.label_bytes as usize),
             blocks: Arrivals::of(blocks),
             parts: Arrivals::of(usize::from(header.label_parts)),
             end: None,
             ends: Arrivals::of(1),
-            pixel_octets: 0,
+            pixel_bytes: 0,
             header_at: now,
             last_block: now,
             now,
             gap: None,
-            forsaken: false,
+            unavailable: false,
             header,
             mid_exposure,
         }
     }
 
-    /// Takes a packet of this frame that came `now`.
     pub(super) fn take(
         &mut self,
         reply: &Reply<'_>,
@@ -138,7 +134,7 @@ impl Partial {
                 self.take_labels(LabelLevel::Objects, number, offset, part.data, counts)
             }
             Reply::FrameEnd(end) => self.take_end(end, counts),
-            // Not of a frame.
+            // No part of a frame.
             _ => Ok(()),
         }
     }
@@ -151,7 +147,7 @@ impl Partial {
         }
     }
 
-    /// Books a packet with pixels; `place` puts them where they belong, if they fit.
+    /// Records a packet with pixels; `place` stores them, if they fit.
     fn take_pixels(
         &mut self,
         what: &'static str,
@@ -164,8 +160,8 @@ impl Partial {
         match self.blocks.state(index as usize) {
             Some(true) => counts.duplicates += 1,
             Some(false) if place(self) => {
-                self.pixel_octets += data.len() as u64;
-                counts.add(&self.blocks.book(index as usize));
+                self.pixel_bytes += data.len() as u64;
+                counts.add(&self.blocks.record(index as usize));
                 self.last_block = self.now;
             }
             _ => return Err(refused),
@@ -194,11 +190,11 @@ impl Partial {
             && block.windows().all(|window| {
                 inside(window.column, header.width) && inside(window.row, header.height)
             });
-        let places = self.windows.iter_mut().skip(first);
-        for (place, window) in places.zip(block.windows()).take(usize::from(fits) * left) {
+        let cutouts = self.windows.iter_mut().skip(first);
+        for (cutout, window) in cutouts.zip(block.windows()).take(usize::from(fits) * left) {
             let mut pixels = vec![0; usize::from(size) * usize::from(size)];
             unpack(block.packing, window.data, &mut pixels);
-            *place = Cutout {
+            *cutout = Cutout {
                 column: window.column,
                 row: window.row,
                 size: size.into(),
@@ -237,9 +233,9 @@ impl Partial {
         let part = usize::from(part);
         match (self.parts.state(part), self.labels.get_mut(offset..end)) {
             (Some(true), _) => counts.duplicates += 1,
-            (Some(false), Some(place)) => {
-                place.copy_from_slice(bytes);
-                counts.add(&self.parts.book(part));
+            (Some(false), Some(target)) => {
+                target.copy_from_slice(bytes);
+                counts.add(&self.parts.record(part));
                 if self.header.blocks == 0 {
                     self.last_block = self.now;
                 }
@@ -259,21 +255,20 @@ impl Partial {
             Some(_) => counts.duplicates += 1,
             None => {
                 self.end = Some(*end);
-                counts.add(&self.ends.book(0));
+                counts.add(&self.ends.record(0));
             }
         }
         Ok(())
     }
 
-    /// The missing packets to ask for now.
-    pub(super) fn ask(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
-        if self.forsaken {
+    pub(super) fn missing_runs(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
+        if self.unavailable {
             return Vec::new();
         }
         let blocks = self.header.blocks as usize;
         let before_end = blocks + usize::from(self.header.label_parts);
         let all = before_end + 1;
-        // One after the highest packet that came, without the header.
+        // One after the highest packet received, header excluded.
         let next = match (self.parts.next(), self.ends.next()) {
             (_, 1) => all,
             (0, _) => self.blocks.next(),
@@ -282,7 +277,7 @@ impl Partial {
         let end = match self.gap {
             _ if demand.silent => all,
             _ if demand.again => next,
-            // Only what was passed over when the gap was seen: the rest may just be late.
+            // Only packets before the gap's end: later ones may just be slow.
             Some((since, end)) if now.saturating_duration_since(since) >= demand.wait => end,
             Some(_) => return Vec::new(),
             None => {
@@ -298,9 +293,9 @@ impl Partial {
             (&mut self.parts, blocks),
             (&mut self.ends, before_end),
         ] {
-            let most_runs = demand.runs.saturating_sub(runs.len());
+            let max_runs = demand.runs.saturating_sub(runs.len());
             let end = end.saturating_sub(before);
-            for run in arrivals.ask(end, demand.again, most_runs, left) {
+            for run in arrivals.request(end, demand.again, max_runs, left) {
                 left = left.saturating_sub(run.len());
                 runs.push(Run {
                     frame: self.header.frame,
@@ -312,7 +307,7 @@ impl Partial {
         runs
     }
 
-    /// Whether a packet below `next`, that was not asked for, is missing.
+    /// Whether a packet below `next` is missing and not requested.
     fn missing_below(&self, next: usize) -> bool {
         let blocks = self.header.blocks as usize;
         self.blocks.has_gap(next) || self.parts.has_gap(next.saturating_sub(blocks))
@@ -323,7 +318,7 @@ impl Partial {
     }
 
     pub(super) fn progress(&self) -> Progress {
-        // Both come from fields of these widths.
+        // Missing packets do not exceed these counts.
         let (blocks, parts) = (self.header.blocks, self.header.label_parts);
         Progress {
             frame: self.header.frame,
@@ -333,7 +328,6 @@ impl Partial {
         }
     }
 
-    /// The received frame of a partial one that is whole.
     pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
         let frame = self.header.frame;
         let end = self.end.unwrap_or_default();
@@ -341,7 +335,7 @@ impl Partial {
             PixelLevel::None => Content::None,
             PixelLevel::Windows => Content::Windows(self.windows),
             PixelLevel::Frame | PixelLevel::Compressed => {
-                // A block that begins where the frame ends stands for the end.
+                // A block at the end of the frame closes the last gap.
                 let last = (!self.spans.is_empty()).then_some((self.header.pixels(), 0));
                 let spans = self.spans.iter().copied().chain(last);
                 let mut expected = 0;
@@ -373,7 +367,7 @@ impl Partial {
             end,
             mid_exposure: self.mid_exposure,
             content,
-            pixel_bytes: self.pixel_octets,
+            pixel_bytes: self.pixel_bytes,
             header_at: self.header_at,
             last_block: self.last_block,
             whole_at: self.now,

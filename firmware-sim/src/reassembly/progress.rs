@@ -1,17 +1,17 @@
-//! What is known of frames that have not come whole: limits, counts, gaps, errors.
+//! Limits, counters, requests and errors of the reassembly.
 
 use std::time::Duration;
 
 use thiserror::Error;
 
-/// What a header may ask for.
+/// Limits of a frame header.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Most pixels of a frame.
+    /// Maximum number of pixels of a frame.
     pub pixels: usize,
-    /// Most octets of label text.
+    /// Maximum length of the label text, bytes.
     pub label_bytes: usize,
-    /// Most packets kept that came before their header.
+    /// Maximum number of stored packets without their header.
     pub early: usize,
 }
 
@@ -25,25 +25,24 @@ impl Default for Limits {
     }
 }
 
-/// What happened to frame packets that was not plain progress.
+/// Counters of irregular frame packets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AssemblyCounts {
-    /// Packets that had come before.
+    /// Repeated packets.
     pub duplicates: u64,
-    /// Packets that came after a later one of their kind.
+    /// Packets received after a later one of their kind.
     pub out_of_order: u64,
-    /// Packets that contradict their frame's header, or ask for more than the limits.
+    /// Packets that contradict their frame's header, or exceed the limits.
     pub refused: u64,
-    /// Whole frames whose pixels leave gaps or do not have their FrameEnd's CRC-32.
+    /// Complete frames with gaps, or with a wrong CRC-32.
     pub bad_pixels: u64,
-    /// Frames given up incomplete.
+    /// Frames dropped incomplete.
     pub incomplete: u64,
-    /// Missing packets that came after they were asked for.
+    /// Missing packets received after a request.
     pub recovered: u64,
 }
 
 impl AssemblyCounts {
-    /// Adds those of another link.
     pub(crate) fn add_all(&mut self, other: &Self) {
         self.duplicates += other.duplicates;
         self.out_of_order += other.out_of_order;
@@ -54,35 +53,35 @@ impl AssemblyCounts {
     }
 }
 
-/// Packets of a frame by their numbers: 0 is its header, then come its pixels, its labels, its end.
+/// A run of packets of a frame, by their numbers: header 0, then pixels, labels, end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
     /// The frame's number.
     pub frame: u32,
     /// The first packet.
     pub first: u32,
-    /// How many.
+    /// Number of packets.
     pub count: u32,
 }
 
-/// Which missing packets to ask for.
+/// Which missing packets to request.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand {
-    /// The attitude whose frames are wanted; none: all.
+    /// Attitude of the requested frames; none: all frames.
     pub attitude: Option<u32>,
-    /// A packet is missing if a later one came so long before.
+    /// A packet is missing this long after a later one arrived.
     pub wait: Duration,
-    /// What was asked for before is missing too.
+    /// Includes packets requested before.
     pub again: bool,
-    /// All that has not come is missing: nothing comes any more.
+    /// Includes packets after the last one received.
     pub silent: bool,
-    /// Most runs.
+    /// Maximum number of runs.
     pub runs: usize,
-    /// Most packets.
+    /// Maximum number of packets.
     pub packets: usize,
 }
 
-/// Why a frame packet is no use.
+/// Error of a frame packet or a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
 pub enum AssemblyError {
@@ -117,22 +116,22 @@ pub enum AssemblyError {
 }
 
 impl AssemblyError {
-    /// Whether all of a frame came, and is no use.
+    /// Whether the frame is complete but damaged.
     #[must_use]
     pub fn is_damaged_frame(&self) -> bool {
         matches!(self, Self::BadPixels { .. } | Self::Gap { .. })
     }
 }
 
-/// What came so far of a frame.
+/// Received parts of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// The frame's number.
     pub frame: u32,
-    /// Pixel blocks that came, and how many there are.
+    /// Received and all pixel blocks.
     pub blocks: (u32, u32),
-    /// Label parts that came, and how many there are.
+    /// Received and all label parts.
     pub label_parts: (u16, u16),
-    /// Whether its FrameEnd came.
+    /// Whether its FrameEnd has been received.
     pub end: bool,
 }

@@ -1,4 +1,5 @@
-//! A small emulator: a frame of synthetic stars for every attitude, paced by credit, with mischief on request.
+//! A small emulator: one frame of synthetic stars per attitude, paced by credit, with faults on
+//! request.
 
 use std::collections::VecDeque;
 
@@ -15,66 +16,55 @@ use skyloop_protocols::{
 use super::wire::{Exposed, Sender, now};
 use super::{Field, Noise, Star};
 
-/// What the small emulator does to the packets of the frame of one attitude.
-pub type Mischief = fn(attitude: u32, packets: &mut Vec<Vec<u8>>);
+pub type Alter = fn(attitude: u32, packets: &mut Vec<Vec<u8>>);
 
-/// Answers every attitude by a frame of stars, paced by credit.
+/// Replies to each attitude with a frame of stars, paced by credit.
 pub struct Emulator {
     pub field: Field,
-    pub mischief: Mischief,
-    /// Attitudes that it refuses.
+    pub alter: Alter,
     pub refuses: fn(u32) -> bool,
-    /// Of which copies of which attitudes it makes no frame.
-    pub swallows: fn(copy: usize, attitude: u32) -> bool,
-    /// Of which copies of which attitudes the frame comes only with the next.
+    /// Copies of attitudes without a frame.
+    pub drops: fn(copy: usize, attitude: u32) -> bool,
+    /// Copies of attitudes whose frame is sent only with the next one.
     pub delays: fn(copy: usize, attitude: u32) -> bool,
     /// Whether pixels and labels go out on this link.
     pub brings: (bool, bool),
-    /// Focal length, px: the frames show stars that stand still in the sky, from the first attitude on, in the middle of the exposure at
-    /// the attitude's time. Without it the stars have nothing to do with the attitude.
+    /// Focal length, px: the frames show stars that are fixed in the sky from the first attitude
+    /// on, in the middle of the exposure at the attitude's time. Without it the stars do not depend
+    /// on the attitude.
     pub focal_px: Option<f64>,
-    /// What each frame brings.
     pub output: Output,
-    /// Centres of the windows.
     pub positions: Vec<[u16; 2]>,
-    /// Why it refuses every Output.
     pub refuses_output: Option<&'static str>,
-    /// Whether faults are refused.
     pub refuses_faults: bool,
     /// Faults, each with the number of attitudes before it.
     pub faults: Vec<(Fault, usize)>,
-    /// Whether packets may come damaged.
     pub expects_damage: bool,
-    /// Packets that came damaged.
     pub damaged: u64,
     sender: Sender,
     credit: CreditAccount,
-    /// Resets so far.
     pub resets: u32,
-    /// Frames taken so far.
     frames: u32,
-    /// Packets that wait for credit, with their frame's number.
+    /// Packets without credit yet, with their frame's number.
     waiting: VecDeque<(u32, Vec<u8>)>,
-    /// Whether it sends packets again.
     pub resends: bool,
-    /// The packets of the last frames, unharmed.
-    kept: VecDeque<(u32, Vec<Vec<u8>>)>,
-    /// Packets sent again.
+    /// Unaltered packets of the last frames.
+    stored: VecDeque<(u32, Vec<Vec<u8>>)>,
     pub resent: usize,
     pub attitudes: Vec<(Header, Attitude)>,
 }
 
 impl Emulator {
-    pub fn new(mischief: Mischief) -> Self {
+    pub fn new(alter: Alter) -> Self {
         Self {
             field: Field {
                 width: 128,
                 height: 96,
                 ..Field::default()
             },
-            mischief,
+            alter,
             refuses: |_| false,
-            swallows: |_, _| false,
+            drops: |_, _| false,
             delays: |_, _| false,
             brings: (true, true),
             focal_px: None,
@@ -91,17 +81,16 @@ impl Emulator {
             frames: 0,
             waiting: VecDeque::new(),
             resends: true,
-            kept: VecDeque::new(),
+            stored: VecDeque::new(),
             resent: 0,
             attitudes: Vec::new(),
         }
     }
 
-    /// What it sends in answer to one packet.
     pub fn answer(&mut self, packet: &[u8]) -> Vec<Vec<u8>> {
         let (header, command) = match Command::decode(packet) {
             Ok(decoded) => decoded,
-            Err(error) => return self.complain(packet, error),
+            Err(error) => return self.reply_to_damage(packet, error),
         };
         if let Some((reason, why)) = self.refusal(&command) {
             let nack = Nack::new(header.apid, header.sequence_count, reason, why);
@@ -123,7 +112,7 @@ impl Emulator {
                 self.resets += 1;
                 self.credit = CreditAccount::new();
                 self.waiting.clear();
-                self.kept.clear();
+                self.stored.clear();
             }
             Command::Output(output) => self.output = output,
             Command::Fault(fault) => self.faults.push((fault, self.attitudes.len())),
@@ -142,9 +131,9 @@ impl Emulator {
                 count,
             } => {
                 replies.clear();
-                let kept = self.kept.iter().filter(|(number, _)| *number == frame);
-                let packets = kept.flat_map(|(_, packets)| packets);
-                // Only what has been sent is sent again.
+                let stored = self.stored.iter().filter(|(number, _)| *number == frame);
+                let packets = stored.flat_map(|(_, packets)| packets);
+                // Only packets sent before are resent.
                 let unsent = self.waiting.iter().filter(|(of, _)| *of == frame).count();
                 let sent = packets.clone().count().saturating_sub(unsent);
                 let again = packets.take(sent).skip(first as usize);
@@ -163,7 +152,6 @@ impl Emulator {
         out
     }
 
-    /// Why it does not do what it is told.
     fn refusal(&self, command: &Command) -> Option<(Reason, &'static str)> {
         match command {
             Command::Attitude(attitude) if (self.refuses)(attitude.sequence) => {
@@ -175,36 +163,36 @@ impl Emulator {
             }
             Command::Resend { .. } if !self.resends => Some((Reason::NotSupported, "no Resend")),
             Command::Resend { frame, .. } => {
-                let is_kept = self.kept.iter().any(|(number, _)| number == frame);
-                (!is_kept).then_some((Reason::ValueOutOfRange, "not kept"))
+                let is_stored = self.stored.iter().any(|(number, _)| number == frame);
+                (!is_stored).then_some((Reason::ValueOutOfRange, "not stored"))
             }
             _ => None,
         }
     }
 
-    /// Makes the frame of an attitude. True: nothing of it leaves now.
+    /// Makes the frame of an attitude. True: send nothing now.
     fn expose(&mut self, header: Header, attitude: Attitude) -> bool {
         let sequence = attitude.sequence;
         let same = |(_, other): &&(Header, Attitude)| other.sequence == sequence;
         let copy = self.attitudes.iter().filter(same).count();
         self.attitudes.push((header, attitude));
-        if (self.swallows)(copy, sequence) {
+        if (self.drops)(copy, sequence) {
             return true;
         }
         let frame = self.frames;
         let mut packets = self.frame(&header);
-        self.kept.push_back((frame, packets.clone()));
-        if self.kept.len() > 2 {
-            self.kept.pop_front();
+        self.stored.push_back((frame, packets.clone()));
+        if self.stored.len() > 2 {
+            self.stored.pop_front();
         }
-        (self.mischief)(sequence, &mut packets);
+        (self.alter)(sequence, &mut packets);
         let packets = packets.into_iter().map(|packet| (frame, packet));
         self.waiting.extend(packets);
         (self.delays)(copy, sequence)
     }
 
-    /// About a packet damaged on the way, as the emulator does.
-    fn complain(&mut self, packet: &[u8], error: DecodeError) -> Vec<Vec<u8>> {
+    /// Replies to a damaged packet as the emulator does.
+    fn reply_to_damage(&mut self, packet: &[u8], error: DecodeError) -> Vec<Vec<u8>> {
         assert!(
             self.expects_damage,
             "the flight computer's packets: {error}"
@@ -215,7 +203,6 @@ impl Emulator {
         vec![self.sender.reply(&Reply::Nack(nack), now())]
     }
 
-    /// Of the latest attitude.
     fn frame(&mut self, command: &Header) -> Vec<Vec<u8>> {
         let (field, frame) = (self.field, self.frames);
         self.frames += 1;
@@ -237,7 +224,7 @@ impl Emulator {
         if !self.brings.1 {
             output.labels = LabelLevel::None;
         }
-        // The same on every link.
+        // The same time on every link.
         let time = match self.focal_px {
             None => WireTime(u64::from(frame) << 32),
             Some(_) => command.time,
@@ -245,7 +232,7 @@ impl Emulator {
         exposed.packets(&mut self.sender, &output, &self.positions, time)
     }
 
-    /// Where the stars are that were on a grid at the first attitude.
+    /// Current positions of stars that were on a grid at the first attitude.
     fn sky(&self, focal_px: f64) -> Vec<Star> {
         let at = |index: usize| {
             let [x, y, z, w] = self.attitudes[index].1.q_icrf_to_body;
@@ -254,7 +241,7 @@ impl Emulator {
         let turned = at(self.attitudes.len() - 1) * at(0).inverse();
         let [x0, y0] = [self.field.width, self.field.height].map(|end| (end as f64 - 1.0) / 2.0);
         let stars = self.field.grid(16, 4000.0, &mut Noise::new(1));
-        let shown = stars.into_iter().map(|star| {
+        let moved = stars.into_iter().map(|star| {
             let from = Vector3::new((star.x - x0) / focal_px, (star.y - y0) / focal_px, 1.0);
             let to = turned * from;
             Star {
@@ -263,7 +250,7 @@ impl Emulator {
                 ..star
             }
         });
-        shown.collect()
+        moved.collect()
     }
 
     fn status(&self) -> Status {

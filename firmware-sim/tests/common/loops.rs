@@ -1,4 +1,4 @@
-//! A mission, emulators in threads, and flights against them.
+//! Missions, emulators in threads, and runs against them.
 
 use std::net::UdpSocket;
 use std::ops::ControlFlow;
@@ -19,7 +19,7 @@ use skyloop_orbit::StateVector;
 
 use super::emulator::Emulator;
 
-/// Packets through memory, between two threads.
+/// A link through memory between two threads.
 pub struct ChannelPort {
     pub to_emulator: Sender<Vec<u8>>,
     pub from_emulator: Receiver<Vec<u8>>,
@@ -53,13 +53,13 @@ impl Port for ChannelPort {
     }
 }
 
-/// Runs an emulator in a thread until the flight computer hangs up; gives it back then.
+/// Runs an emulator in a thread until the flight computer drops its port, and returns it then.
 pub fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>) {
     let (port, inbound, outbound) = ChannelPort::new();
     let thread = spawn(move || {
         for packet in inbound {
             for answer in emulator.answer(&packet) {
-                // The flight computer may have gone.
+                // The flight computer may have ended.
                 let _ = outbound.send(answer);
             }
         }
@@ -68,7 +68,7 @@ pub fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>
     (port, thread)
 }
 
-/// The same on UDP, by its address; it ends when nothing has come for so long.
+/// The same over UDP, by its address; it ends after a silence of `timeout`.
 pub fn over_udp(
     mut emulator: Emulator,
     timeout: Duration,
@@ -115,7 +115,6 @@ pub fn mission(frames: u32) -> Mission {
     }
 }
 
-/// A mission that waits so long for its frames.
 pub fn within(timeout: Duration, frames: u32) -> Mission {
     Mission {
         timeout,
@@ -123,7 +122,6 @@ pub fn within(timeout: Duration, frames: u32) -> Mission {
     }
 }
 
-/// A mission by the wall clock.
 pub fn by_wall(rate_hz: f64, frames: u32) -> Mission {
     Mission {
         pace: Pace::Wall { rate_hz },
@@ -131,12 +129,10 @@ pub fn by_wall(rate_hz: f64, frames: u32) -> Mission {
     }
 }
 
-/// A flight computer on one link.
 pub fn computer(port: impl Port + Send + 'static, mission: Mission) -> FlightComputer {
     FlightComputer::new(Box::new(port), mission)
 }
 
-/// A flight computer on several links.
 pub fn on_links<P: Port + Send + 'static>(
     links: Vec<(P, Roles)>,
     mission: Mission,
@@ -146,8 +142,8 @@ pub fn on_links<P: Port + Send + 'static>(
     FlightComputer::on_links(links.collect(), mission)
 }
 
-/// Flies to the end and prints all that goes wrong, and the report.
-pub fn fly(computer: FlightComputer) -> Result<Report, RunError> {
+/// Runs to the end; prints lost frames, problems and the report.
+pub fn run_and_print(computer: FlightComputer) -> Result<Report, RunError> {
     let report = computer.run(|event| {
         if !matches!(event, Event::Frame { .. } | Event::Tick | Event::Progress) {
             println!("{event:?}");

@@ -1,4 +1,4 @@
-//! A port that loses, reorders and cuts packets both ways, the same ones in every run.
+//! A port that loses, reorders and truncates packets both ways, reproducibly.
 
 use std::time::Duration;
 
@@ -6,7 +6,8 @@ use skyloop_firmware_sim::port::{Port, PortError};
 
 use super::Noise;
 
-/// Loses packets, swaps them with the next, or cuts them short to any length, each with its probability.
+/// Loses packets, swaps them with the next one, or truncates them to any length, each with its
+/// probability.
 pub struct Lossy<P> {
     port: P,
     noise: Noise,
@@ -15,8 +16,8 @@ pub struct Lossy<P> {
     cut: f64,
     held_out: Option<Vec<u8>>,
     held_in: Option<Vec<u8>>,
-    /// What was held and comes next.
-    overtaken: Option<Vec<u8>>,
+    /// A swapped packet, due next.
+    due: Option<Vec<u8>>,
 }
 
 impl<P> Lossy<P> {
@@ -29,7 +30,7 @@ impl<P> Lossy<P> {
             cut,
             held_out: None,
             held_in: None,
-            overtaken: None,
+            due: None,
         }
     }
 
@@ -41,8 +42,8 @@ impl<P> Lossy<P> {
         if !self.happens(self.cut) {
             return packet;
         }
-        let most = packet.len().saturating_sub(1);
-        &packet[..1 + (self.noise.uniform() * most as f64) as usize]
+        let max = packet.len().saturating_sub(1);
+        &packet[..1 + (self.noise.uniform() * max as f64) as usize]
     }
 }
 
@@ -63,11 +64,11 @@ impl<P: Port> Port for Lossy<P> {
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        // What no later packet overtakes comes all the same.
+        // A swapped packet is sent even without a later one.
         if let Some(held) = self.held_out.take() {
             self.port.send(&held)?;
         }
-        if let Some(held) = self.overtaken.take() {
+        if let Some(held) = self.due.take() {
             return Ok(Some(held));
         }
         loop {
@@ -82,7 +83,7 @@ impl<P: Port> Port for Lossy<P> {
                 self.held_in = Some(packet);
                 continue;
             }
-            self.overtaken = self.held_in.take();
+            self.due = self.held_in.take();
             return Ok(Some(packet));
         }
     }

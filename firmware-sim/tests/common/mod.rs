@@ -8,7 +8,7 @@ pub mod wire;
 
 use skyloop_firmware_sim::image::Image;
 
-/// A star: centre, px, and light, e-.
+/// A star: centre, px, and signal, e-.
 #[derive(Clone, Copy, Debug)]
 pub struct Star {
     pub x: f64,
@@ -16,7 +16,6 @@ pub struct Star {
     pub electrons: f64,
 }
 
-/// A camera as simple as can be.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     pub width: usize,
@@ -51,7 +50,7 @@ impl Field {
         u16::MAX >> (16 - self.bits)
     }
 
-    /// The expected electrons of stars that move by (dx, dy) px during the exposure.
+    /// Expected electrons of stars that move by (dx, dy) px during the exposure.
     pub fn electrons(&self, stars: &[Star], (dx, dy): (f64, f64)) -> Vec<f64> {
         let mut electrons = vec![self.background_e; self.width * self.height];
         let steps = (8.0 * dx.hypot(dy)).ceil().max(1.0);
@@ -81,7 +80,7 @@ impl Field {
         }
     }
 
-    /// DN with shot noise (normal), read noise and rounding.
+    /// DN with shot noise (as normal noise), read noise and rounding.
     pub fn expose(&self, electrons: &[f64], noise: &mut Noise) -> Vec<u16> {
         let dn = electrons.iter().map(|e| {
             let e = e + noise.normal() * (e.max(0.0) + self.read_noise_e.powi(2)).sqrt();
@@ -104,7 +103,8 @@ impl Field {
         }
     }
 
-    /// The label's signal to noise, sqrt(sum s^2 / (s + b + read^2)), of a star far from the frame's edge.
+    /// Signal to noise by the label's definition, sqrt(sum s^2 / (s + b + read^2)), of a star far
+    /// from the frame's edge.
     pub fn snr(&self, star: Star) -> f64 {
         let small = Self {
             background_e: 0.0,
@@ -123,7 +123,7 @@ impl Field {
         squares.sum::<f64>().sqrt()
     }
 
-    /// Stars on a jittered grid, all of the same light: isolated from each other and from the frame's edge.
+    /// Stars of equal brightness on a jittered grid, isolated from each other and from the edges.
     pub fn grid(&self, spacing: usize, electrons: f64, noise: &mut Noise) -> Vec<Star> {
         let mut stars = Vec::new();
         for row in (spacing..self.height - spacing / 2).step_by(spacing) {
@@ -136,7 +136,8 @@ impl Field {
     }
 }
 
-/// Integral of a unit Gaussian over a pixel whose centre lies `d` from its mean, by Simpson's rule on 16 intervals.
+/// Integral of a unit Gaussian over a pixel with its centre `d` from the mean, by Simpson's rule
+/// with 16 intervals.
 fn pixel_share(d: f64, sigma: f64) -> f64 {
     const INTERVALS: usize = 16;
     let density =
@@ -152,7 +153,7 @@ fn pixel_share(d: f64, sigma: f64) -> f64 {
     (0..=INTERVALS).map(term).sum::<f64>() * h / 3.0
 }
 
-/// Xorshift numbers: the same ones on every machine.
+/// Xorshift generator, equal on every machine.
 #[derive(Clone, Debug)]
 pub struct Noise(u64);
 
@@ -173,7 +174,7 @@ impl Noise {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Standard normal, by Box and Muller.
+    /// Standard normal, by the Box-Muller transform.
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (2.0 * std::f64::consts::PI * self.uniform()).cos()

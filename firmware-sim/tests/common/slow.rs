@@ -1,30 +1,28 @@
-//! A port on a line that takes its time for each packet to the flight computer, and rests once on the way.
+//! A port on a slow line to the flight computer, with one interruption.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use skyloop_firmware_sim::port::{Port, PortError};
 
-/// Brings packets one after the other; the emulator's queue lies before it.
+/// Delivers packets one after the other; the emulator's queue is in front of it.
 pub struct Slow<P> {
     port: P,
-    /// Time on the line of each packet.
     airtime: Duration,
-    /// How many packets come before the rest, and how long that is.
-    rest: (usize, Duration),
-    /// Packets under way.
+    /// Number of packets before the interruption, and its duration.
+    interruption: (usize, Duration),
     queue: VecDeque<Vec<u8>>,
-    /// When the first of them arrives, or when the line was free.
+    /// Arrival time of the first packet, or the time when the line became free.
     due: Instant,
     arrived: usize,
 }
 
 impl<P> Slow<P> {
-    pub fn new(port: P, airtime: Duration, rest: (usize, Duration)) -> Self {
+    pub fn new(port: P, airtime: Duration, interruption: (usize, Duration)) -> Self {
         Self {
             port,
             airtime,
-            rest,
+            interruption,
             queue: VecDeque::new(),
             due: Instant::now(),
             arrived: 0,
@@ -55,8 +53,8 @@ impl<P: Port> Port for Slow<P> {
                 && let Some(packet) = self.queue.pop_front()
             {
                 self.arrived += 1;
-                if self.arrived == self.rest.0 {
-                    self.due += self.rest.1;
+                if self.arrived == self.interruption.0 {
+                    self.due += self.interruption.1;
                 }
                 if !self.queue.is_empty() {
                     self.due += self.airtime;

@@ -1,4 +1,4 @@
-//! Frames cut into packets at any output level, as an emulator would.
+//! Frames cut into packets at any output level, like the emulator's.
 
 use std::time::Instant;
 
@@ -18,7 +18,6 @@ use skyloop_protocols::{
 
 use super::{Field, Noise, Star};
 
-/// What an emulator sends, numbered.
 #[derive(Default)]
 pub struct Sender(SequenceCounts);
 
@@ -30,7 +29,6 @@ impl Sender {
         buffer[..length].to_vec()
     }
 
-    /// What closes a frame of these pixels.
     pub fn end(&mut self, frame: u32, pixels: &[u16], time: WireTime) -> Vec<u8> {
         let end = FrameEnd {
             frame,
@@ -41,14 +39,12 @@ impl Sender {
     }
 }
 
-/// A frame of a field.
 pub struct Exposed {
     pub field: Field,
     pub frame: u32,
     pub attitude: u32,
     pub stars: Vec<Star>,
     pub pixels: Vec<u16>,
-    /// The label text.
     pub text: String,
 }
 
@@ -65,7 +61,7 @@ impl Exposed {
         }
     }
 
-    /// The packets of the frame, windows around `positions` or around the brightest stars.
+    /// Packets of the frame, with windows around `positions` or around the brightest stars.
     pub fn packets(
         &self,
         sender: &mut Sender,
@@ -73,12 +69,12 @@ impl Exposed {
         positions: &[[u16; 2]],
         time: WireTime,
     ) -> Vec<Vec<u8>> {
-        let places = self.places(output, positions);
-        let header = self.header(output, places.len());
+        let corners = self.corners(output, positions);
+        let header = self.header(output, corners.len());
         let mut packets = vec![sender.reply(&Reply::FrameHeader(header), time)];
         match output.pixels {
             PixelLevel::None => {}
-            PixelLevel::Windows => self.windows(&header, &places, |windows| {
+            PixelLevel::Windows => self.windows(&header, &corners, |windows| {
                 packets.push(sender.reply(&Reply::Windows(windows), time));
             }),
             PixelLevel::Frame => self.blocks(&header, |block| {
@@ -156,7 +152,7 @@ impl Exposed {
     }
 
     /// First pixels of the windows.
-    fn places(&self, output: &Output, positions: &[[u16; 2]]) -> Vec<[u16; 2]> {
+    fn corners(&self, output: &Output, positions: &[[u16; 2]]) -> Vec<[u16; 2]> {
         let stars = self.stars.iter().take(output.windows.into());
         let stars = stars.map(|star| [star.x.round() as u16, star.y.round() as u16]);
         let centres: Vec<[u16; 2]> = match positions {
@@ -190,15 +186,15 @@ impl Exposed {
     fn windows(
         &self,
         header: &FrameHeader,
-        places: &[[u16; 2]],
+        corners: &[[u16; 2]],
         mut send: impl FnMut(WindowBlock<'_>),
     ) {
         let (size, packing) = (header.window_size, header.packing);
         let n = usize::from(size);
-        let most = windows_per_block(packing, size);
-        for (index, places) in places.chunks(most).enumerate() {
+        let max = windows_per_block(packing, size);
+        for (index, corners) in corners.chunks(max).enumerate() {
             let mut data = Vec::new();
-            for [column, row] in places {
+            for [column, row] in corners {
                 let rows = usize::from(*row)..usize::from(*row) + n;
                 let first = rows.map(|row| row * self.field.width + usize::from(*column));
                 let pixels = first.flat_map(|first| self.pixels[first..first + n].to_vec());
@@ -211,8 +207,8 @@ impl Exposed {
             send(WindowBlock {
                 frame: self.frame,
                 index: index as u32,
-                first: (index * most) as u16,
-                count: places.len() as u8,
+                first: (index * max) as u16,
+                count: corners.len() as u8,
                 size,
                 packing,
                 data: &data,
@@ -237,9 +233,8 @@ impl Exposed {
         }
     }
 
-    /// The records of the first stars.
-    fn records(&self, most: u16) -> Vec<u8> {
-        let stars = self.stars.iter().enumerate().take(most.into());
+    fn records(&self, max: u16) -> Vec<u8> {
+        let stars = self.stars.iter().enumerate().take(max.into());
         let record = |(index, star): (usize, &Star)| {
             let snr = self.field.snr(*star);
             let mut id = [0; 16];
@@ -264,7 +259,7 @@ impl Exposed {
     }
 }
 
-/// The label line of some stars; it holds more fields than the score needs, as the real ones do.
+/// Label line of some stars, with more fields than the score uses.
 fn labels(field: &Field, frame: u32, stars: &[Star]) -> String {
     let object = |(index, star): (usize, &Star)| {
         let Star { x, y, electrons } = star;
@@ -279,7 +274,7 @@ fn labels(field: &Field, frame: u32, stars: &[Star]) -> String {
     format!("{{\"frame\":{frame},\"objects\":[{}]}}", objects.join(","))
 }
 
-/// Feeds packets; gives the frames that came whole and the errors.
+/// Feeds packets. Returns complete frames and errors.
 pub fn feed(
     assembler: &mut Assembler,
     packets: &[Vec<u8>],
@@ -295,7 +290,6 @@ pub fn feed(
     (frames, errors)
 }
 
-/// Puts packets in any order.
 pub fn shuffle(packets: &mut [Vec<u8>], noise: &mut Noise) {
     for index in (1..packets.len()).rev() {
         packets.swap(index, noise.bits() as usize % (index + 1));
