@@ -1,7 +1,8 @@
-//! What a frame allocates: its pixels nothing from the second one on; its scene, plan and label no more than is written down here.
+//! Memory allocations of a frame. Its pixels allocate nothing from the second frame on; scene, plan
+//! and label stay within the limits below.
 //!
-//! Counted on one thread, which then makes all of the frame. Of several each has a band's charge of its own, and asks for it in the first frame of which
-//! it gets a band.
+//! Counted on one thread, which then makes the whole frame. With several threads, each allocates a
+//! band's charge in the first frame in which it gets a band.
 
 use allocation_counter::measure;
 use skyloop::attitude::VehicleState;
@@ -20,13 +21,13 @@ use skyloop::render::render;
 use skyloop_protocols::pixels::{pack, packed_length, pixels_per_block};
 use skyloop_protocols::{MAX_PACKET, Packing};
 
-/// Objects beside the built-in scene's, as `skyloop bench frame` has.
+/// Objects added to the built-in scene, as in `skyloop bench frame`.
 const OBJECTS: usize = 20_000;
-/// More than was measured it may be by so much, on other machines and in other builds.
+/// Margin for other machines and builds.
 const MARGIN: f64 = 1.2;
 
-/// A camera, what its pixels hold (e-) if not what its file says, and what scene, plan and label of a frame allocate: calls and bytes, as measured
-/// on x86-64.
+/// A camera, its full well (e-) if changed, and the allocations of scene, plan and label: calls and
+/// bytes, as measured on x86-64.
 struct Case {
     camera: &'static str,
     full_well_e: Option<f64>,
@@ -37,7 +38,7 @@ struct Case {
 const CASES: [Case; 3] = [
     case("rigel-l", None, [11_300, 6_320_000]),
     case("fai-nir", None, [18_600, 8_220_000]),
-    // Charge spills along columns: all of it is needed at once.
+    // Charge blooms along columns, so the whole frame is needed at once.
     case("ccd-transfer", Some(5000.0), [7_150, 15_110_000]),
 ];
 
@@ -51,7 +52,7 @@ const fn case(camera: &'static str, full_well_e: Option<f64>, [calls, bytes]: [u
 }
 
 /// The built-in scene with many objects, and its first vehicle.
-fn before(case: &Case) -> (Emulator, VehicleState) {
+fn scene_of(case: &Case) -> (Emulator, VehicleState) {
     let mut config = Config::builtin().unwrap();
     let vehicle = flight::vehicle(&flight::mission(&config).unwrap(), 0).unwrap();
     let synthetic = population(OBJECTS, 1, vehicle.epoch);
@@ -72,7 +73,7 @@ fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 #[test]
 fn pixels_allocate_nothing_from_the_second_frame_on() {
     for case in &CASES {
-        let (emulator, vehicle) = before(case);
+        let (emulator, vehicle) = scene_of(case);
         let (camera, choice) = (emulator.camera(), &emulator.choice);
         let scene = emulator.scene(&camera, &vehicle, 0, choice).unwrap();
         on_one_thread(|| {
@@ -109,7 +110,7 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
                 }
                 memory.recycle(frame);
             };
-            // The first has none of what it needs.
+            // The first frame allocates its buffers.
             assert!(measure(&mut frame).count_total > 0);
             for number in 1..4 {
                 let requested = measure(&mut frame);
@@ -124,9 +125,9 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
 }
 
 #[test]
-fn scene_plan_and_label_allocate_no_more_than_they_did() {
+fn scene_plan_and_label_allocations_are_limited() {
     for case in &CASES {
-        let (mut emulator, vehicle) = before(case);
+        let (mut emulator, vehicle) = scene_of(case);
         let (first, second) = on_one_thread(|| {
             let mut frame = || {
                 let exposed = emulator.expose(&vehicle, 0).unwrap();
@@ -135,14 +136,14 @@ fn scene_plan_and_label_allocate_no_more_than_they_did() {
             (measure(&mut frame), measure(&mut frame))
         });
         let (calls, bytes) = (second.count_total, second.bytes_total);
-        let told = format!("{}: {calls} calls, {bytes} bytes", case.camera);
-        println!("{told}");
-        assert!(calls as f64 <= MARGIN * case.calls as f64, "{told}");
-        assert!(bytes as f64 <= MARGIN * case.bytes as f64, "{told}");
-        // None of it stays, but what the first frame's pixels are in.
+        let measured = format!("{}: {calls} calls, {bytes} bytes", case.camera);
+        println!("{measured}");
+        assert!(calls as f64 <= MARGIN * case.calls as f64, "{measured}");
+        assert!(bytes as f64 <= MARGIN * case.bytes as f64, "{measured}");
+        // Only the pixel buffers of the first frame stay allocated.
         assert!(
             first.bytes_current > 0 && second.bytes_current == 0,
-            "{told}"
+            "{measured}"
         );
     }
 }

@@ -1,5 +1,6 @@
-//! A minute of attitudes at 10 Hz over each wire, at the output level that fits it: what arrives is what the in-process
-//! link brings for the same attitude, and what does not arrive is counted. `tests/vcan/minute.rs` does the same over CAN.
+//! A minute of attitudes at 10 Hz over each wire, at an output level that fits. Received frames
+//! equal those of the in-process link, and losses are counted. `tests/vcan/minute.rs` does the same
+//! over CAN.
 
 #[path = "support/flight.rs"]
 mod flight;
@@ -8,17 +9,17 @@ use std::sync::LazyLock;
 
 use flight::{Flight, MINUTE, compare, without_number};
 
-fn fly(link: &str, level: &str, plan: &str) -> Flight {
+fn run(link: &str, level: &str, plan: &str) -> Flight {
     flight::fly(MINUTE, link, level, plan)
 }
 
 #[test]
 #[ignore = "long: waits for wires for minutes; tests/run all runs it"]
-fn long_a_minute_over_every_wire_is_the_minute_in_memory() {
-    let windows = LazyLock::new(|| fly("memory", "windows", ""));
+fn long_a_minute_over_every_wire_equals_the_minute_in_memory() {
+    let windows = LazyLock::new(|| run("memory", "windows", ""));
     std::thread::scope(|scope| {
-        // Wires mostly wait: each is flown from the beginning, while others are rendered.
-        let narrow = scope.spawn(|| fly("pty?baud=115200", "labels", ""));
+        // Wires mostly wait: each one starts at once, while frames for others are rendered.
+        let narrow = scope.spawn(|| run("pty?baud=115200", "labels", ""));
         let middle = [
             "pty?baud=921600",
             "slcan?bitrate=1000000&load=1&baud=3000000",
@@ -26,10 +27,11 @@ fn long_a_minute_over_every_wire_is_the_minute_in_memory() {
         let middle = middle.map(|link| {
             let windows = &windows;
             scope.spawn(move || {
-                let flight = fly(link, "windows", "");
+                let flight = run(link, "windows", "");
                 compare(&flight, windows);
                 assert_eq!(flight.report.frames, MINUTE.frames);
-                // The quickest of them: its exposure takes some ms more, and a thread that wakes late makes up for 1 ms.
+                // The fastest frame: its exposure adds some ms, and a late thread may catch up 1
+                // ms.
                 let ratio = flight.shortest.as_secs_f64() / flight.windows_airtime().as_secs_f64();
                 assert!((0.97..1.5).contains(&ratio), "{link}: {ratio}");
             })
@@ -38,15 +40,15 @@ fn long_a_minute_over_every_wire_is_the_minute_in_memory() {
                      [[faults]]\ndirection = \"in\"\nkind = \"reorder\"\nvalue = 0.05\n\
                      [[faults]]\ndirection = \"out\"\nkind = \"drop\"\nvalue = 0.05\n\
                      [[faults]]\ndirection = \"out\"\nkind = \"reorder\"\nvalue = 0.05\n";
-        let lossy = scope.spawn(move || without_number(fly("udp", "frame", lossy)));
-        let labels = fly("memory", "labels", "");
-        let reference = without_number(fly("memory", "frame", ""));
+        let lossy = scope.spawn(move || without_number(run("udp", "frame", lossy)));
+        let labels = run("memory", "labels", "");
+        let reference = without_number(run("memory", "frame", ""));
         let flight = lossy.join().unwrap();
         compare(&flight, &reference);
-        // What is lost is asked for again: all frames come in the end.
+        // Lost packets are requested again: all frames arrive.
         assert_eq!(flight.report.frames, MINUTE.frames);
         assert!(flight.counters.sequence_gaps > 0 && flight.counters.resent_blocks > 1000);
-        // The pixels in memory are the light that the narrow levels show.
+        // Windows agree with the whole frames in memory.
         for (sequence, frame) in &windows.frames {
             let whole = &reference.frames[sequence];
             assert_eq!(frame.pixels_crc32, whole.pixels_crc32);
@@ -63,8 +65,8 @@ fn long_a_minute_over_every_wire_is_the_minute_in_memory() {
         let flight = narrow.join().unwrap();
         compare(&flight, &labels);
         assert_eq!(flight.report.frames, MINUTE.frames);
-        for flown in middle {
-            flown.join().unwrap();
+        for flight in middle {
+            flight.join().unwrap();
         }
     });
 }

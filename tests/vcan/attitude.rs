@@ -1,4 +1,4 @@
-//! An attitude frame by frame with `cansend`, and what becomes of a set that is not whole.
+//! An attitude sent frame by frame with `cansend`, and an incomplete set of frames.
 
 use crate::support::client::Client;
 use crate::support::{on_memory, scene};
@@ -9,7 +9,8 @@ use skyloop::config::Clock;
 use skyloop_protocols::{Attitude, OrbitState, WireTime};
 
 /// The golden vector "attitude with state" (protocols/vectors/golden.txt) as frames.
-// X-Val: cantools 45.1 with protocols/docs/skyloop.dbc; each number's f64 split into its f32 and the bits below.
+// X-Val: cantools 45.1 with protocols/docs/skyloop.dbc; each number's f64 split into its f32 and
+// the bits below.
 const FRAMES: [&str; 16] = [
     "100#B000000000070000",
     "101#7397DF7B00000005",
@@ -28,10 +29,9 @@ const FRAMES: [&str; 16] = [
     "10E#C5891466DCE39B4D",
     "10F#A0000014DFD90000",
 ];
-/// Its credit: 1000 packets, of command 6.
+/// Credit of 1000 packets, command 6.
 const CREDIT: &str = "110#070006000003E8";
 
-/// The same attitude as numbers.
 fn golden() -> (Attitude, WireTime) {
     let attitude = Attitude {
         sequence: 7,
@@ -47,7 +47,7 @@ fn golden() -> (Attitude, WireTime) {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn cansend_points_the_camera_and_candump_sees_the_answer() {
+fn cansend_sets_the_attitude_and_candump_shows_the_reply() {
     let emulator = emulator(VCAN0, FD);
     let settings = Settings {
         fd: true,
@@ -58,15 +58,15 @@ fn cansend_points_the_camera_and_candump_sees_the_answer() {
     let mut client = Client::new(KernelLine::new(VCAN0, settings));
     let dump = Listening::candump(VCAN0);
 
-    // A set that breaks off is dropped whole: counter 4.
+    // An incomplete set is dropped as a whole: counter 4.
     for frame in ["100#9000000000060000", "101#7397DF7B00000004"] {
         cansend(VCAN0, frame);
     }
     cansend(VCAN0, CREDIT);
     canplayer(VCAN0, &FRAMES);
 
-    // The frame is the answer: the first segment of its header's packet. FD with bit rate switch: flags 5 (`linux/can.h`:
-    // CANFD_BRS 1, CANFD_FDF 4); type 1 and the length, 86 octets.
+    // The reply is the first segment of the frame header's packet. FD with bit rate switch: flags 5
+    // (`linux/can.h`: CANFD_BRS 1, CANFD_FDF 4); type 1 and the length, 86 bytes.
     dump.line(|line| line.contains(" 220##510"));
 
     client.window = None;
@@ -89,7 +89,7 @@ fn cansend_points_the_camera_and_candump_sees_the_answer() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn short_commands_are_answered_in_short() {
+fn short_commands_have_short_replies() {
     let emulator = emulator(VCAN0, FD);
     let dump = Listening::candump(VCAN0);
     // X-Val: protocols/docs/skyloop.dbc, ShortCommand: opcode 5 (Reset), sequence count 9.

@@ -1,4 +1,4 @@
-//! What fits a bus: windows and objects of each frame, the same as over memory.
+//! Windows and objects over a bus, equal to those over memory.
 
 use crate::support::client::{Client, counted};
 use crate::support::line::Line;
@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 type Parcel = (FrameHeader, Vec<Vec<u8>>, FrameEnd);
 
-/// Headers, packets and ends of a few frames, and the shortest time from the first packet to the last.
+/// Headers, packets and ends of some frames, and the shortest time from the first packet to the
+/// last.
 fn frames(mut client: Client<impl Line>) -> (Vec<Parcel>, Duration) {
     let output = Output {
         pixels: PixelLevel::Windows,
@@ -40,11 +41,12 @@ fn a_frame_over_can_fd_takes_the_time_of_its_bits() {
     client.point(attitude(0), EPOCH);
     let (_, packets, _) = client.parcel();
     let took = begin.elapsed().as_secs_f64();
-    // X-Val: by hand as in src/live/serve/budget.rs: 62 octets and then 63 in each full frame, of 97.75 us without any stuff bit.
+    // X-Val: by hand as in src/live/serve/budget.rs: 62 bytes and then 63 in each full frame, of
+    // 97.75 us without any stuff bit.
     let full = packets.iter().map(|packet| 1 + (packet.len() - 62) / 63);
-    let least = full.sum::<usize>() as f64 * 97.75e-6;
-    println!("a whole frame's bits take {least:.3} s, it took {took:.3} s");
-    assert!(took >= 0.98 * least, "{took} {least}");
+    let min = full.sum::<usize>() as f64 * 97.75e-6;
+    println!("a whole frame's bits take {min:.3} s, it took {took:.3} s");
+    assert!(took >= 0.98 * min, "{took} {min}");
     assert_eq!(emulator.end().lost_outbound, 0);
 }
 
@@ -58,7 +60,7 @@ fn windows_and_objects_over_can_equal_those_over_memory() {
         let (got, took) = frames(client(interface, rates));
         assert!(got == expected, "{interface} {rates}");
         let bytes: usize = got[0].1.iter().map(Vec::len).sum();
-        println!("{bytes} octets of windows and objects in {took:.1?} at {rates}");
+        println!("{bytes} bytes of windows and objects in {took:.1?} at {rates}");
         let none = ["incomplete", "lost_outbound", "sequence_gaps"];
         counted(&emulator.end(), &none.map(|name| (name, 0)));
     }

@@ -1,9 +1,8 @@
-//! `skyloop loopback --link can`, as users run it.
+//! `skyloop loopback --link can`.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Runs the program; what it prints.
 fn loopback(link: &str, frames: u32, out: &str) -> String {
     let words = format!("loopback --link {link} --frames {frames} --out {out}");
     let done = Command::new("skyloop")
@@ -15,7 +14,7 @@ fn loopback(link: &str, frames: u32, out: &str) -> String {
     String::from_utf8(done.stdout).unwrap()
 }
 
-/// Whether two runs wrote the same octets.
+/// Whether two runs wrote equal files.
 fn same(a: &str, b: &str, frames: u32) -> bool {
     let names = (0..frames).map(|n| format!("frame_{n:05}.fits"));
     names.chain(["labels.jsonl".to_string()]).all(|name| {

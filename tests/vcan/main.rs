@@ -1,5 +1,5 @@
-//! The CAN links on a real SocketCAN, against the kernel's own tools. They need CAN interfaces: `tests/vcan/run` boots
-//! a kernel that has them, and runs these tests there, one after the other.
+//! CAN links on a real SocketCAN, with the kernel's tools. `tests/vcan/run` boots a kernel with CAN
+//! interfaces, and runs these tests one after the other.
 #![cfg(target_os = "linux")]
 
 mod attitude;
@@ -21,7 +21,7 @@ use support::client::Client;
 use support::line::MemoryLine;
 use support::{Running, options, scene};
 
-/// Carries FD frames too.
+/// Carries FD and classic frames.
 const VCAN0: &str = "vcan0";
 /// Carries classic frames only.
 const VCAN1: &str = "vcan1";
@@ -29,13 +29,11 @@ const VCAN1: &str = "vcan1";
 const FD: &str = "bitrate=1000000&fd=8000000&load=1";
 const CLASSIC: &str = "bitrate=1000000&load=1";
 
-/// An emulator on an interface.
 fn emulator(interface: &str, rates: &str) -> Running {
     let wire = link::open(&format!("can://{interface}?{rates}"), &options(5.0)).unwrap();
     Running::start(scene(), Clock::Stepped, wire)
 }
 
-/// A client on an interface, as `skyloop-fc` opens it.
 fn client(interface: &str, rates: &str) -> Client<MemoryLine> {
     let port = skyloop_firmware_sim::link::open(&format!("can://{interface}?{rates}"));
     Client::new(MemoryLine(port.unwrap().0))

@@ -1,4 +1,4 @@
-//! The minute of `tests/minute.rs` over SocketCAN, where frames pass two real sockets and the kernel between them.
+//! The minute of `tests/minute.rs` over SocketCAN, through two real sockets and the kernel.
 
 use crate::flight::{Course, Flight, compare, fly, fly_between, options};
 use crate::tools::run;
@@ -10,16 +10,15 @@ use std::sync::mpsc::channel;
 use std::sync::{Arc, LazyLock, Mutex};
 use std::time::{Duration, Instant};
 
-/// The middle of the detector: the guest is emulated, and renders some twenty times slower.
+/// A small part of the detector, because the emulated guest renders some twenty times slower.
 const MINUTE: Course = Course {
     frames: 600,
     side: 64,
 };
 
-/// The minute in memory, which the others are compared with.
 static REFERENCE: LazyLock<Flight> = LazyLock::new(|| fly(MINUTE, "memory", "windows", ""));
 
-/// Flies over an interface, each end with a socket of its own.
+/// Runs over an interface, with a socket at each end.
 fn fly_over(
     course: Course,
     (interface, rates): (&str, &str),
@@ -32,8 +31,8 @@ fn fly_over(
     fly_between(course, &url, (wire, port), "windows", seen)
 }
 
-/// Runs `what`; how long this machine kept a thread that was ready from running meanwhile, at most.
-fn watched<T>(what: impl FnOnce() -> T) -> (T, Duration) {
+/// Runs `work`. Also returns the longest delay of a ready thread on this machine meanwhile.
+fn watched<T>(work: impl FnOnce() -> T) -> (T, Duration) {
     const NAP: Duration = Duration::from_millis(5);
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -46,14 +45,14 @@ fn watched<T>(what: impl FnOnce() -> T) -> (T, Duration) {
             }
             longest
         });
-        let came = what();
+        let result = work();
         done.store(true, Ordering::Relaxed);
-        (came, watch.join().unwrap())
+        (result, watch.join().unwrap())
     })
 }
 
-/// All have come, and the bus has been no faster than its bits. `kept`: see [`watched`].
-fn whole(flight: &Flight, bits_us: f64, kept: Duration) {
+/// All frames are complete, and the bus was no faster than its bit rate. `delay`: see [`watched`].
+fn whole(flight: &Flight, bits_us: f64, delay: Duration) {
     compare(flight, &REFERENCE);
     assert_eq!(flight.report.frames, MINUTE.frames);
     let (counters, report) = (&flight.counters, &flight.report);
@@ -64,46 +63,48 @@ fn whole(flight: &Flight, bits_us: f64, kept: Duration) {
         report.dropped,
         report.missing_packets,
     ];
-    // The bus loses nothing. A socket whose reader does not run holds 212,992 octets (net.core.rmem_default), some 270
-    // frames, 30 ms of a busy bus: then a packet now and then is sent again.
-    let pauses = kept > Duration::from_millis(30);
+    // The bus loses nothing. A socket whose reader does not run holds 212,992 bytes
+    // (net.core.rmem_default): some 270 frames, 30 ms of a busy bus. After a longer delay a few
+    // packets are sent again.
+    let pauses = delay > Duration::from_millis(30);
     assert!(
         losses == [0; 5] || pauses && losses.iter().all(|lost| *lost < 10),
-        "{losses:?}, with threads kept waiting for {kept:?} at most"
+        "{losses:?}, with threads delayed by up to {delay:?}"
     );
-    // Between two frames the second one's exposure is made, too; but a sender that has paused makes up for 1 ms.
-    let least = (bits_us - 1000.0) * 1e-6 * f64::from(MINUTE.frames - 1);
+    // Each interval includes an exposure, but a sender may catch up 1 ms.
+    let min = (bits_us - 1000.0) * 1e-6 * f64::from(MINUTE.frames - 1);
     let took = flight.took.as_secs_f64();
-    println!("the bits take {least:.1} s, it took {took:.1} s");
-    assert!(took >= least, "{took} s, and the bits take {least} s");
+    println!("the bits take {min:.1} s, it took {took:.1} s");
+    assert!(took >= min, "{took} s, and the bits take {min} s");
 }
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn a_minute_over_can_is_the_minute_in_memory() {
-    // X-Val: by hand as in src/live/serve/budget.rs, without any stuff bit, and without the last frame, which is there as soon as it
-    // begins: the packets' 86, 4 x 1260, 673 and 65 octets take 12 + 720 + 96 + 9 frames of 111 us, 4 of 63, one of 79 and one of
-    // 71; on FD 81 + 10 + 1 of 97.75 us, 4 of 35.125, one of 65.75 and one of 81.75.
+fn a_minute_over_can_equals_the_minute_in_memory() {
+    // X-Val: by hand as in src/live/serve/budget.rs, without stuff bits and without the last frame,
+    // which counts from its beginning. The packets' 86, 4 x 1260, 673 and 65 bytes take 12 + 720 +
+    // 96 + 9 frames of 111 us, 4 of 63, one of 79 and one of 71; on FD 81 + 10 + 1 of 97.75 us, 4
+    // of 35.125, one of 65.75 and one of 81.75.
     let classic = 837.0 * 111.0 + 4.0 * 63.0 + 79.0 + 71.0;
     let fd = 92.0 * 97.75 + 4.0 * 35.125 + 65.75 + 81.75;
-    let ((quick, slow), kept) = watched(|| {
+    let ((quick, slow), delay) = watched(|| {
         std::thread::scope(|scope| {
-            // Mostly it waits for its bus: in the same time the others are rendered.
+            // The slow run mostly waits for its bus, while the others render.
             let slow = scope.spawn(|| fly_over(MINUTE, (VCAN1, CLASSIC), None, |_| {}));
             LazyLock::force(&REFERENCE);
             let quick = fly_over(MINUTE, (VCAN0, FD), None, |_| {});
             (quick, slow.join().unwrap())
         })
     });
-    println!("threads that were ready waited for {kept:.1?} at most");
-    whole(&quick, fd, kept);
-    whole(&slow, classic, kept);
+    println!("ready threads waited for up to {delay:.1?}");
+    whole(&quick, fd, delay);
+    whole(&slow, classic, delay);
 }
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn what_a_bad_bus_loses_is_counted_and_asked_for_again() {
-    // Some 90 frames an answer: one in six is harmed.
+fn losses_on_a_bad_bus_are_counted_and_requested_again() {
+    // Some 90 frames per reply: one reply in six loses a frame.
     let plan = "[[faults]]\ndirection = \"in\"\nkind = \"drop\"\nvalue = 0.002\n\
                 [[faults]]\ndirection = \"out\"\nkind = \"drop\"\nvalue = 0.002\n";
     let plan = Plan::parse("faults", plan, true).unwrap();
@@ -112,10 +113,10 @@ fn what_a_bad_bus_loses_is_counted_and_asked_for_again() {
         frames: 120,
         ..MINUTE
     };
-    let (to_saboteur, seen) = channel();
-    let saboteur = std::thread::spawn(move || {
+    let (to_fault, seen) = channel();
+    let fault = std::thread::spawn(move || {
         while seen.recv().unwrap() != 60 {}
-        // The next answer is under way.
+        // The next reply is in transmission.
         std::thread::sleep(Duration::from_millis(50));
         run("ip link set vcan0 down");
         std::thread::sleep(Duration::from_millis(300));
@@ -123,9 +124,9 @@ fn what_a_bad_bus_loses_is_counted_and_asked_for_again() {
     });
     let faults = Some((plan, book.clone()));
     let flight = fly_over(course, (VCAN0, FD), faults, |sequence| {
-        let _ = to_saboteur.send(sequence);
+        let _ = to_fault.send(sequence);
     });
-    saboteur.join().unwrap();
+    fault.join().unwrap();
     compare(&flight, &REFERENCE);
     let (report, counters) = (&flight.report, &flight.counters);
     let book = book.lock().unwrap().summary();
@@ -135,8 +136,8 @@ fn what_a_bad_bus_loses_is_counted_and_asked_for_again() {
         "{book}"
     );
     assert_eq!(counters.reconnects, 1);
-    // What came to neither end whole, and what was sent again in its place.
+    // Losses at both ends, and resent packets.
     assert!(report.dropped + u64::from(counters.lost_outbound + counters.incomplete) > 0);
     assert!(counters.resent_blocks > 0);
-    assert_eq!(report.frames, course.frames, "they come in the end");
+    assert_eq!(report.frames, course.frames, "all frames arrive");
 }

@@ -1,11 +1,10 @@
-//! The tools that the guest has: can-utils, `ip` and `tc`; and their own agreement, which the tests rely on.
+//! Tools of the guest: can-utils, `ip` and `tc`, with a test of ISO-TP between two of them.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// Runs a command; what it prints.
 pub fn run(line: &str) -> String {
     let mut words = line.split_whitespace();
     let done = Command::new(words.next().unwrap())
@@ -17,12 +16,11 @@ pub fn run(line: &str) -> String {
     String::from_utf8(done.stdout).unwrap()
 }
 
-/// Puts a frame on the bus, in the notation of `cansend`.
 pub fn cansend(interface: &str, frame: &str) {
     run(&format!("cansend {interface} {frame}"));
 }
 
-/// Puts frames on the bus one after the other, without a process for each: an attitude's may not take a second.
+/// Sends frames in one process, because those of an attitude must not take a second.
 pub fn canplayer(interface: &str, frames: &[&str]) {
     let lines = frames
         .iter()
@@ -53,12 +51,13 @@ impl Listening {
                 .map_while(Result::ok)
                 .all(|line| to_test.send(line).is_ok())
         });
-        // Until it listens.
+        // Until the tool is ready.
         std::thread::sleep(Duration::from_millis(500));
         Listening { child, lines }
     }
 
-    /// `candump` in the format of its log files: time, interface, frame. It is there when it has seen a frame.
+    /// `candump` in the format of its log files: time, interface, frame. Ready once it has received
+    /// a frame.
     pub fn candump(interface: &str) -> Listening {
         let listening = Listening::start(&format!("candump -L {interface}"));
         for _ in 0..50 {
@@ -71,7 +70,7 @@ impl Listening {
         panic!("candump sees nothing on {interface}");
     }
 
-    /// The next line for which `fits`.
+    /// The next matching line.
     pub fn line(&self, fits: impl Fn(&str) -> bool) -> String {
         let mut others = Vec::new();
         while let Ok(line) = self.lines.recv_timeout(Duration::from_secs(10)) {
@@ -92,7 +91,6 @@ impl Drop for Listening {
     }
 }
 
-/// Sends a message with the kernel's ISO-TP.
 pub fn isotpsend(options: &str, message: &[u8]) {
     let mut sender = Command::new("isotpsend")
         .args(options.split_whitespace())
@@ -105,10 +103,9 @@ pub fn isotpsend(options: &str, message: &[u8]) {
     assert!(sender.wait().unwrap().success());
 }
 
-/// Octets as the tools write them.
 pub fn hex(bytes: &[u8]) -> String {
-    let octets: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    octets.join(" ")
+    let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    bytes.join(" ")
 }
 
 #[test]

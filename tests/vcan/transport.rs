@@ -1,4 +1,4 @@
-//! The kernel's ISO-TP against ours: whole frames from the emulator, long commands to it.
+//! The kernel's ISO-TP with ours: whole frames from the emulator, long commands to it.
 
 use crate::support::client::{Client, counted};
 use crate::support::line::Line;
@@ -19,15 +19,14 @@ use std::time::Duration;
 #[derive(Clone, Copy)]
 pub struct Settings {
     pub fd: bool,
-    /// Frames that the emulator may send until the next flow control; 0: all.
+    /// Frames that the emulator may send before the next flow control; 0: all.
     pub block_size: u8,
-    /// Between two of the emulator's frames: up to 0x7F ms, from 0xF1 on 100 us.
+    /// Minimum interval of the emulator's frames: up to 0x7F ms, from 0xF1 in 100 us.
     pub st_min: u8,
-    /// Frames are filled up with 0xCC, as ours are.
+    /// Pads frames with 0xCC, as ours are.
     pub padding: bool,
 }
 
-/// A flight computer that has the kernel cut its packets.
 pub struct KernelLine {
     transport: Arc<Transport>,
     packets: Receiver<Vec<u8>>,
@@ -35,7 +34,7 @@ pub struct KernelLine {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// How long a thread waits before it looks whether it is still wanted.
+/// Interval between a thread's checks of its stop flag.
 const TICK: Duration = Duration::from_millis(50);
 
 struct Transport(RawSocket);
@@ -50,11 +49,13 @@ impl SocketOptions for Transport {}
 
 impl KernelLine {
     pub fn new(interface: &str, settings: Settings) -> KernelLine {
-        // X-Val: AF_CAN = 29 (`linux/socket.h`), CAN_ISOTP = 6 (`linux/can.h`), SOL_CAN_ISOTP = 106.
+        // X-Val: AF_CAN = 29 (`linux/socket.h`), CAN_ISOTP = 6 (`linux/can.h`), SOL_CAN_ISOTP =
+        // 106.
         const LEVEL: i32 = 106;
         let socket = RawSocket::new(Domain::from(29), Type::DGRAM, Some(Protocol::from(6)));
         let transport = Transport(socket.unwrap());
-        // CAN_ISOTP_OPTS = 1: flags u32 (CAN_ISOTP_TX_PADDING = 4), frame_txtime u32, address, padding out and in, address.
+        // CAN_ISOTP_OPTS = 1: flags u32 (CAN_ISOTP_TX_PADDING = 4), frame_txtime u32, address,
+        // padding out and in, address.
         let mut options = [0; 12];
         let flags: u32 = if settings.padding { 4 } else { 0 };
         options[..4].copy_from_slice(&flags.to_ne_bytes());
@@ -89,7 +90,7 @@ impl KernelLine {
                     continue;
                 };
                 let packet = &buffer[..length];
-                // An Ack that came before it may still be on its way through the other thread.
+                // An earlier Ack may still be in the other thread.
                 if !Reply::decode(packet).is_ok_and(|(_, reply)| reply.takes_credit()) {
                     std::thread::sleep(TICK);
                 }
@@ -117,7 +118,7 @@ impl KernelLine {
 }
 
 impl Drop for KernelLine {
-    /// A socket that is left open answers the next test's messages.
+    /// Closes the socket; an open one would answer the next test's messages.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         self.threads
@@ -126,7 +127,6 @@ impl Drop for KernelLine {
     }
 }
 
-/// The packet that a short Ack stands for.
 fn ack(id: socketcan::Id, data: &[u8], count: u16) -> Option<Vec<u8>> {
     // X-Val: protocols/docs/skyloop.dbc, ShortAck: 0x210, APID and sequence count, 16 bits each.
     let &[a, b, c, d] = data else {
@@ -161,7 +161,7 @@ const PLAIN: Settings = Settings {
     padding: true,
 };
 
-/// Long commands, and answers longer than a frame.
+/// Sends long commands; the replies are longer than a frame.
 fn converse(client: &mut Client<KernelLine>) {
     let centres: Vec<[u16; 2]> = (0..64).map(|n| [n, 2 * n]).collect();
     let positions = skyloop_protocols::Positions::new(&centres).unwrap();
@@ -173,7 +173,7 @@ fn converse(client: &mut Client<KernelLine>) {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn our_segments_and_the_kernels_fit_with_every_setting() {
+fn segmentation_agrees_with_the_kernel_at_all_settings() {
     let unpadded = Settings {
         padding: false,
         block_size: 4,
@@ -197,7 +197,7 @@ fn our_segments_and_the_kernels_fit_with_every_setting() {
         (VCAN1, CLASSIC, slow),
         (VCAN0, FD, fd),
         (VCAN0, FD, fd_unpadded),
-        // A socket of the kernel takes one format only: FD with classic frames cannot be.
+        // A kernel socket has one format only: FD with classic frames is impossible.
     ] {
         let emulator = emulator(interface, rates);
         let mut client = Client::new(KernelLine::new(interface, settings));
@@ -212,7 +212,7 @@ fn our_segments_and_the_kernels_fit_with_every_setting() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn the_kernel_puts_whole_frames_together() {
+fn the_kernel_reassembles_whole_frames() {
     let emulator = emulator(VCAN0, FD);
     let mut client = Client::new(KernelLine::new(VCAN0, Settings { fd: true, ..PLAIN }));
     let frame = client.good_frame(7);
@@ -226,7 +226,7 @@ fn the_kernel_puts_whole_frames_together() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn isotpsend_and_isotprecv_talk_to_the_emulator() {
+fn isotpsend_and_isotprecv_exchange_packets_with_the_emulator() {
     let emulator = emulator(VCAN1, CLASSIC);
     let dump = Listening::candump(VCAN1);
     let receiver = Listening::start("isotprecv -s 120 -d 220 vcan1");
@@ -235,7 +235,7 @@ fn isotpsend_and_isotprecv_talk_to_the_emulator() {
         0x19, 0x02, 0xC0, 0x05, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 0, 3, 6, 0x6E, 0x96,
     ];
     isotpsend("-s 120 -d 220 vcan1", &ping);
-    // The Ack of command 5 (APID 0x102), then the Status, which takes several frames.
+    // The Ack of command 5 (APID 0x102), then the Status in several frames.
     dump.line(|line| line.ends_with(" 210#01020005"));
     let bytes = receiver.line(|_| true);
     let packet: Vec<u8> = bytes

@@ -1,4 +1,4 @@
-//! Interfaces that are missing, wrong, down, gone and back, full; controllers that report errors.
+//! Interfaces that are missing, wrong, down, recreated or full; controllers that report errors.
 
 use crate::support::client::moved;
 use crate::support::line::Line;
@@ -18,7 +18,7 @@ fn refused(url: &str) -> String {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn what_cannot_be_opened_is_told_with_the_command_that_mends_it() {
+fn open_errors_state_the_command_to_run() {
     let error = refused("can://nosuchcan0");
     assert!(error.contains("there is no CAN interface \"nosuchcan0\""));
     assert!(error.contains("ip link add dev nosuchcan0 type vcan"));
@@ -41,7 +41,7 @@ fn answers(client: &mut crate::Client<crate::MemoryLine>) {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn an_interface_that_goes_down_and_up_is_used_again() {
+fn interfaces_are_reused_after_down_and_up() {
     let emulator = emulator(VCAN0, FD);
     let mut client = client(VCAN0, FD);
     assert_eq!(client.counters().reconnects, 0);
@@ -56,7 +56,7 @@ fn an_interface_that_goes_down_and_up_is_used_again() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn an_interface_that_is_removed_and_made_again_is_used_again() {
+fn recreated_interfaces_are_reused() {
     let make = || {
         run("ip link add dev vcan2 type vcan");
         run("ip link set vcan2 up");
@@ -75,11 +75,12 @@ fn an_interface_that_is_removed_and_made_again_is_used_again() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn error_frames_are_counted_and_the_run_goes_on() {
+fn error_frames_are_counted() {
     let emulator = emulator(VCAN0, FD);
     let mut client = client(VCAN0, FD);
     client.done(Command::Reset);
-    // X-Val: linux/can/error.h: CAN_ERR_FLAG 0x20000000 with CAN_ERR_BUSERROR, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED.
+    // X-Val: linux/can/error.h: CAN_ERR_FLAG 0x20000000 with CAN_ERR_BUSERROR, CAN_ERR_BUSOFF,
+    // CAN_ERR_RESTARTED.
     for class in ["20000080", "20000040", "20000100"] {
         cansend(VCAN0, &format!("{class}#0000000000000000"));
     }
@@ -93,16 +94,16 @@ fn error_frames_are_counted_and_the_run_goes_on() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn frames_that_cannot_be_right_are_counted_and_those_of_others_are_not() {
+fn only_wrong_frames_on_our_identifiers_are_counted() {
     let emulator = emulator(VCAN1, CLASSIC);
     let mut client = client(VCAN1, CLASSIC);
     let before = client.status().counters;
-    // Other identifiers, and ours in 29 bits.
+    // Other identifiers, and ours with 29 bits.
     for frame in ["0FF#00", "111#00000000000000", "7FF#R", "00000110#00"] {
         cansend(VCAN1, frame);
     }
     assert_eq!(moved(&before, &client.status().counters), []);
-    // A short command and an attitude's frame cut off, single frames of no octet, remote frames.
+    // A truncated short command and attitude frame, single frames without data, remote frames.
     for frame in [
         "110#0600", "100#00", "120#", "120#0000", "100#R", "110#R7", "120#R",
     ] {
@@ -121,8 +122,9 @@ fn frames_that_cannot_be_right_are_counted_and_those_of_others_are_not() {
 
 #[test]
 #[ignore = "needs vcan: run tests/vcan/run"]
-fn a_full_transmit_queue_is_waited_out() {
-    // A queue of 10 frames (16 octets each to the kernel) that empties at 780 frames a second; the pace sends 7,400.
+fn full_transmit_queues_are_retried() {
+    // A queue of 10 frames (16 bytes each in the kernel) that drains at 780 frames a second; 7,400
+    // are sent.
     run("tc qdisc add dev vcan1 root tbf rate 100kbit burst 160 limit 160");
     let emulator = emulator(VCAN1, CLASSIC);
     let mut client = client(VCAN1, CLASSIC);
