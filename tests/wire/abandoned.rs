@@ -1,5 +1,5 @@
-//! A frame that takes long: commands are answered meanwhile, it can be abandoned, and it is refused
-//! where it takes longer than the limit.
+//! Frames that take long: commands are answered meanwhile, a Reset abandons them, and frames above
+//! the work limit are refused.
 
 use crate::replay::{replay, small};
 use crate::support::client::Client;
@@ -14,10 +14,10 @@ use skyloop_protocols::{Attitude, Command, Reason};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Any answer comes sooner, on a machine that others use too; a frame of [`turning`] takes longer.
+/// Limit for any reply, even on a shared machine; a frame of [`turning`] takes longer.
 const SOON: Duration = Duration::from_secs(2);
 
-/// Frames may cost so much, s on one core.
+/// A camera whose frames may take this long, s on one core.
 pub fn limited(work_limit_s: f64) -> Config {
     let mut config = small();
     (config.camera.detector.width, config.camera.detector.height) = (512, 512);
@@ -26,7 +26,7 @@ pub fn limited(work_limit_s: f64) -> Config {
     config
 }
 
-/// An attitude whose frame takes minutes: the limb and all stars smeared over 57 degrees.
+/// An attitude whose frame takes minutes: limb and stars smeared over 57 degrees.
 pub fn turning(sequence: u32) -> Attitude {
     Attitude {
         rates_rad_s: [0.69, 0.69, 0.0],
@@ -34,8 +34,8 @@ pub fn turning(sequence: u32) -> Attitude {
     }
 }
 
-/// An emulator in step while it renders such a frame, and its client. `file` records the packets.
-pub fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
+/// A stepped emulator during such a frame, and its client. `file` records the packets.
+pub fn during_a_long_frame(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
     let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = ["memory".to_string()];
     let capture = file.map(|file| {
@@ -52,13 +52,17 @@ pub fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option
     (emulator, client, capture)
 }
 
-/// How long an answer to a Ping takes, and then a Reset's, after which the frame is abandoned.
-fn answered(client: &mut Client<MemoryLine>) -> [Duration; 3] {
+/// Times of the replies to a Ping and a Reset, and until the frame is abandoned.
+fn reply_times(client: &mut Client<MemoryLine>) -> [Duration; 3] {
     let requested = Instant::now();
     let status = client.status();
     let ping = requested.elapsed();
     let made = (status.next_frame, status.counters.frames_rendered);
-    assert_eq!(made, (0, 0), "the frame was made already: this is no test");
+    assert_eq!(
+        made,
+        (0, 0),
+        "the frame was complete too early for this test"
+    );
     let requested = Instant::now();
     client.done(Command::Reset);
     let reset = requested.elapsed();
@@ -69,11 +73,11 @@ fn answered(client: &mut Client<MemoryLine>) -> [Duration; 3] {
 }
 
 #[test]
-fn commands_are_answered_while_a_frame_is_made_and_a_reset_abandons_it() {
+fn commands_are_answered_during_a_frame_and_a_reset_abandons_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
-    let (emulator, mut client, capture) = in_the_midst(Some(&file));
-    let took = answered(&mut client);
+    let (emulator, mut client, capture) = during_a_long_frame(Some(&file));
+    let took = reply_times(&mut client);
     assert!(took.iter().all(|took| *took < SOON), "{took:?}");
     // The next frame has the next number.
     client.point(attitude(2), later(EPOCH, 1.0));
@@ -82,7 +86,7 @@ fn commands_are_answered_while_a_frame_is_made_and_a_reset_abandons_it() {
     let counters = emulator.end();
     let counts = (counters.frames_rendered, counters.frames_abandoned);
     assert_eq!((counts, counters.frames_delivered), ((1, 1), 1));
-    // Its recording comes again likewise.
+    // A replay of the recording agrees.
     capture.unwrap().finish().unwrap();
     let again = replay(&file, limited(1e6));
     assert_eq!(again.difference, None);
@@ -92,10 +96,10 @@ fn commands_are_answered_while_a_frame_is_made_and_a_reset_abandons_it() {
 
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_answers_come_within_a_tenth_of_a_second() {
+fn timed_replies_take_less_than_a_tenth_of_a_second() {
     const LIMIT: Duration = Duration::from_millis(100);
-    let (emulator, mut client, _) = in_the_midst(None);
-    let took = answered(&mut client);
+    let (emulator, mut client, _) = during_a_long_frame(None);
+    let took = reply_times(&mut client);
     client.point(turning(2), later(EPOCH, 1.0));
     client.status();
     let requested = Instant::now();
@@ -106,14 +110,14 @@ fn timed_answers_come_within_a_tenth_of_a_second() {
 }
 
 #[test]
-fn a_frame_that_costs_too_much_is_refused_by_every_clock_and_the_next_is_made() {
+fn frames_above_the_work_limit_are_refused_at_every_clock() {
     for clock in [Clock::Stepped, Clock::Wall] {
         let mut config = limited(0.3);
         config.camera.rate_hz = 0.9;
         let (emulator, mut client) = memory_client(config, clock);
         client.point(turning(1), EPOCH);
-        let says = ["more than 0.3 s of a core", "images move by up to "];
-        let nack = client.refused(Reason::ValueOutOfRange, &says);
+        let parts = ["more than 0.3 s of a core", "images move by up to "];
+        let nack = client.refused(Reason::ValueOutOfRange, &parts);
         assert!(nack.detail.contains("raise run.work_limit_s"));
         client.point(attitude(2), later(EPOCH, 1.0));
         let frame = client.frame();
@@ -124,7 +128,7 @@ fn a_frame_that_costs_too_much_is_refused_by_every_clock_and_the_next_is_made() 
 }
 
 #[test]
-fn a_frame_that_costs_too_much_is_made_coarser_where_that_is_configured() {
+fn frames_above_the_work_limit_are_coarsened_if_configured() {
     let mut config = limited(0.3);
     config.fidelity = Fidelity::REFERENCE;
     config.run.on_overrun = OnOverrun::Coarsen;

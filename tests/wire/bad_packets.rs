@@ -7,17 +7,16 @@ use skyloop_firmware_sim::time::to_epoch;
 use skyloop_protocols::packet::CRC_LENGTH;
 use skyloop_protocols::{Attitude, Command, OrbitState, Reason, WireTime};
 
-/// A bad packet and what must come of it.
 pub struct Case {
-    /// What is wrong with the packet, where the command is sound.
+    /// Kind of damage; empty if the command itself is wrong.
     pub damage: &'static str,
     pub command: Command,
     pub time: WireTime,
-    /// Damages the packet, which is then sealed anew, but for damages of the CRC itself.
-    pub spoil: fn(&mut Vec<u8>),
+    /// Damages the packet, whose CRC is then updated, except for damage of the CRC itself.
+    pub damage_packet: fn(&mut Vec<u8>),
     pub reason: Reason,
     pub counter: &'static str,
-    /// Words that the refusal's text must have, between bars.
+    /// Words of the refusal, separated by bars.
     pub says: &'static str,
 }
 
@@ -60,33 +59,30 @@ fn in_the_moon() -> [f64; 3] {
     (moon_m + Vector3::new(0.0, 0.0, 1e6)).into()
 }
 
-/// Every bad packet.
 pub fn cases() -> Vec<Case> {
     let back = Case {
         time: later(EPOCH, -0.25),
         reason: Reason::TimeBackwards,
         counter: "time_backwards",
         says: "attitude 905 | 0.250000 s before | Reset",
-        ..sound("", Command::Attitude(attitude(905)))
+        ..valid("", Command::Attitude(attitude(905)))
     };
     let cases = commands().into_iter().chain([back]);
     cases.chain(damaged()).collect()
 }
 
-/// A command as the client sends it.
-fn sound(damage: &'static str, command: Command) -> Case {
+fn valid(damage: &'static str, command: Command) -> Case {
     Case {
         damage,
         command,
         time: EPOCH,
-        spoil: |_| {},
+        damage_packet: |_| {},
         reason: Reason::NotSupported,
         counter: "",
         says: "",
     }
 }
 
-/// Commands with values that cannot be obeyed.
 fn commands() -> Vec<Case> {
     const R: [f64; 3] = [7.0e6, 0.0, 0.0];
     const V: [f64; 3] = [0.0, 7.5e3, 0.0];
@@ -156,20 +152,18 @@ fn commands() -> Vec<Case> {
             reason,
             counter,
             says,
-            ..sound("", command)
+            ..valid("", command)
         };
         rows.into_iter().map(case)
     });
     cases.collect()
 }
 
-/// A way to damage a packet.
-type Spoil = fn(&mut Vec<u8>);
+type Damage = fn(&mut Vec<u8>);
 
-/// Packets that are damaged, or are none of ours: what is done to an Attitude, and the words of the
-/// refusal.
+/// Damaged and unknown packets: kind, damage to an Attitude, and words of the refusal.
 fn damaged() -> Vec<Case> {
-    let crc: [(_, Spoil, _); 2] = [
+    let crc: [(_, Damage, _); 2] = [
         (
             "wrong CRC",
             |p| *p.last_mut().unwrap() ^= 1,
@@ -177,7 +171,7 @@ fn damaged() -> Vec<Case> {
         ),
         ("a bit flipped", |p| p[30] ^= 0x10, "CRC-16"),
     ];
-    let version: [(_, Spoil, _); 2] = [
+    let version: [(_, Damage, _); 2] = [
         ("of the format", |p| p[14] = 9, "format version | 9 | 3"),
         (
             "of packets",
@@ -185,15 +179,15 @@ fn damaged() -> Vec<Case> {
             "packet version number | 1 | 0",
         ),
     ];
-    let runts: [(_, Spoil, _); 1] = [("a header alone", |p| p.truncate(10), "packet | 10 | 17")];
-    let length: [(_, Spoil, _); 4] = [
+    let runts: [(_, Damage, _); 1] = [("a header alone", |p| p.truncate(10), "packet | 10 | 17")];
+    let length: [(_, Damage, _); 4] = [
         ("cut short", |p| p.truncate(60), "packet | 60 | 126"),
-        ("an octet too many", |p| p.push(0), "packet | 127 | 126"),
+        ("a byte too many", |p| p.push(0), "packet | 127 | 126"),
         ("a layout too short", shorten, "Attitude"),
         ("a layout too long", lengthen, "Attitude"),
     ];
-    let of_the_emulator: Spoil = |p| p[..2].copy_from_slice(&[0x0a, 0x01]);
-    let types: [(_, Spoil, _); 5] = [
+    let of_the_emulator: Damage = |p| p[..2].copy_from_slice(&[0x0a, 0x01]);
+    let types: [(_, Damage, _); 5] = [
         ("unknown APID", |p| p[1] = 0x77, "APID 0x177"),
         (
             "an APID of the other direction",
@@ -220,26 +214,26 @@ fn damaged() -> Vec<Case> {
         (Reason::UnknownType, "unknown_type", &types),
     ];
     let mut cases = vec![Case {
-        spoil: |p| p[15] = 99,
+        damage_packet: |p| p[15] = 99,
         reason: Reason::UnknownType,
         counter: "unknown_type",
         says: "opcode 99 | octet 15",
-        ..sound("unknown opcode", Command::Ping)
+        ..valid("unknown opcode", Command::Ping)
     }];
     for (reason, counter, rows) in groups {
-        let case = |(name, spoil, says): &(&'static str, Spoil, &'static str)| Case {
-            spoil: *spoil,
+        let case = |(name, damage, says): &(&'static str, Damage, &'static str)| Case {
+            damage_packet: *damage,
             reason,
             counter,
             says,
-            ..sound(name, Command::Attitude(attitude(900)))
+            ..valid(name, Command::Attitude(attitude(900)))
         };
         cases.extend(rows.iter().map(case));
     }
     cases
 }
 
-/// A layout that is shorter than its own, in a packet of the length that it states.
+/// Shortens the layout, in a packet with a consistent length.
 fn shorten(packet: &mut Vec<u8>) {
     packet.truncate(packet.len() - 8);
     packet[5] -= 8;

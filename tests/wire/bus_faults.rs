@@ -1,4 +1,4 @@
-//! The faults around a CAN bus that is slow, full, or flooded.
+//! Faults on a CAN bus that is slow, full or flooded.
 
 use crate::support::always;
 use skyloop::link::Tally;
@@ -12,18 +12,15 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// What a test sees of a bus, and does to it.
 #[derive(Default)]
 struct Control {
-    /// How often somebody has looked for a frame.
-    looks: AtomicU32,
-    /// Who sends waits for this.
+    /// Number of receive calls.
+    polls: AtomicU32,
+    /// Locked to block senders.
     gate: Mutex<()>,
-    /// Whether the bus takes nothing.
     full: AtomicBool,
 }
 
-/// One end of a bus.
 #[derive(Clone)]
 struct Slow {
     to: Sender<CanFrame>,
@@ -42,7 +39,7 @@ impl CanBus for Slow {
     }
 
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
-        self.control.looks.fetch_add(1, Ordering::Relaxed);
+        self.control.polls.fetch_add(1, Ordering::Relaxed);
         Ok(self.from.lock().unwrap().recv_timeout(timeout).ok())
     }
 
@@ -51,7 +48,7 @@ impl CanBus for Slow {
     }
 }
 
-/// An emulator's end with faults, and what is at the other end of the bus.
+/// The emulator's end with faults, and the other end of the bus.
 struct Rig {
     ours: Box<dyn CanBus>,
     to: Sender<CanFrame>,
@@ -83,7 +80,7 @@ impl Rig {
         }
     }
 
-    /// Sends `n` frames to the emulator's end; how many of them come.
+    /// Sends `n` frames to the emulator's end. Returns the number received.
     fn flood(&mut self, n: u32) -> u32 {
         for i in 0..n {
             self.to.send(frame(i as u8)).unwrap();
@@ -101,24 +98,24 @@ const LONG: Duration = Duration::from_secs(20);
 const SHORT: Duration = Duration::from_millis(30);
 
 #[test]
-fn frames_that_a_receiver_throws_away_are_its_overflows() {
+fn frames_dropped_by_a_receiver_count_as_overflows() {
     let mut rig = Rig::new(&always("in", "overrun", 0.3));
     let came = rig.flood(200);
     let lost = rig.tally.counters().overflows;
     assert!(lost > 0 && lost == 200 - came, "{lost} {came}");
     assert_eq!(rig.book.lock().unwrap().total(), u64::from(lost));
-    // Those that are lost on the way are not.
+    // Frames lost in transit do not count.
     let mut rig = Rig::new(&always("in", "drop", 1.0));
     assert_eq!((rig.flood(200), rig.tally.counters().overflows), (0, 0));
-    // A delay line of 1024 places keeps one of them for a double.
+    // A delay line of 1024 positions reserves one for a duplicate.
     let mut rig = Rig::new(&always("in", "delay", 50.0));
     assert_eq!(rig.flood(1100), 0);
     assert_eq!(rig.tally.counters().overflows, 1100 - 1023);
 }
 
 #[test]
-fn what_cannot_leave_is_no_reason_to_look_all_the_time() {
-    // Due while the controller is off the bus, or behind a frame that the bus does not take.
+fn blocked_frames_do_not_cause_busy_polling() {
+    // Frames due while the controller is bus-off, or behind a frame that the bus does not accept.
     let off = always("out", "delay", 0.02)
         + &always("out", "bus_off", 1.0)
         + "at_s = 0.01\nfor_s = 5.0\n";
@@ -129,17 +126,17 @@ fn what_cannot_leave_is_no_reason_to_look_all_the_time() {
             assert_eq!(rig.ours.send(&frame(i)).unwrap(), Sending::Sent);
         }
         while rig.ours.recv(Duration::from_millis(40)).unwrap().is_some() {}
-        let looks = || rig.control.looks.load(Ordering::Relaxed);
-        let (begin, before) = (Instant::now(), looks());
+        let polls = || rig.control.polls.load(Ordering::Relaxed);
+        let (begin, before) = (Instant::now(), polls());
         assert_eq!(rig.ours.recv(Duration::from_millis(200)).unwrap(), None);
-        // A handle looks every 2 ms at the other direction; twice that for a coarse clock.
-        let most = 20 + begin.elapsed().as_millis();
-        assert!(u128::from(looks() - before) < most, "{} {most}", looks());
+        // A handle polls the other direction every 2 ms; twice that for a coarse clock.
+        let max = 20 + begin.elapsed().as_millis();
+        assert!(u128::from(polls() - before) < max, "{} {max}", polls());
     }
 }
 
 #[test]
-fn frames_come_while_one_is_being_sent() {
+fn frames_are_received_during_a_blocked_send() {
     let Rig {
         mut ours,
         to,
@@ -159,10 +156,10 @@ fn frames_come_while_one_is_being_sent() {
     let (to_test, read) = channel();
     let reading = std::thread::spawn(move || {
         to_test.send(reader.recv(LONG).unwrap()).unwrap();
-        // It sends what is due, too.
+        // It also sends due frames.
         while reader.recv(SHORT).unwrap().is_some() {}
     });
-    // The reader is done before the bus has taken anything.
+    // The reader returns before the bus has accepted anything.
     assert_eq!(read.recv_timeout(LONG).unwrap(), Some(frame(9)));
     assert!(from.try_recv().is_err());
     drop(closed);

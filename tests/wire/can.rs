@@ -1,4 +1,4 @@
-//! CAN frames as text on a serial line: bad lines are counted, and a line that comes back is used.
+//! CAN frames as text on a serial line: bad lines are counted, and a returning line is used again.
 
 use crate::support::client::moved;
 use crate::support::{Running, TIMEOUT, await_that, options, scene};
@@ -9,18 +9,19 @@ use serialport::{SerialPort, TTYPort};
 use skyloop::config::Clock;
 use skyloop::link;
 use std::io::{Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 
 /// The other end of an adapter's line.
 struct Far {
     line: TTYPort,
-    /// What has come behind what was read.
+    /// Received text after the part already read.
     text: String,
 }
 
 impl Far {
-    /// A pseudo-terminal that can be opened as `name`.
+    /// A pseudo-terminal linked as `name`.
     fn at(name: &Path) -> Far {
         let (mut near, far) = TTYPort::pair().unwrap();
         near.set_timeout(Duration::from_millis(20)).unwrap();
@@ -36,25 +37,25 @@ impl Far {
         self.line.write_all(lines.as_bytes()).unwrap();
     }
 
-    /// Whether `wanted` comes at once.
-    fn finds(&mut self, wanted: &str) -> bool {
+    /// Whether `expected` has been received by now.
+    fn finds(&mut self, expected: &str) -> bool {
         let mut buffer = [0; 4096];
         while let Ok(length) = self.line.read(&mut buffer) {
             let text = String::from_utf8_lossy(&buffer[..length]);
             self.text.push_str(&text);
         }
-        self.text.contains(wanted)
+        self.text.contains(expected)
     }
 
-    /// Reads until `wanted` has come, and no further.
-    fn read(&mut self, wanted: &str) {
+    /// Reads up to the end of `expected`.
+    fn read(&mut self, expected: &str) {
         let (started, mut buffer) = (Instant::now(), [0; 4096]);
         let end = loop {
-            if let Some(place) = self.text.find(wanted) {
-                break place + wanted.len();
+            if let Some(start) = self.text.find(expected) {
+                break start + expected.len();
             }
             let text = &self.text;
-            assert!(started.elapsed() < TIMEOUT, "no {wanted:?} in {text:?}");
+            assert!(started.elapsed() < TIMEOUT, "no {expected:?} in {text:?}");
             if let Ok(length) = self.line.read(&mut buffer) {
                 self.text
                     .push_str(std::str::from_utf8(&buffer[..length]).unwrap());
@@ -64,28 +65,30 @@ impl Far {
     }
 }
 
-/// An emulator behind an adapter called `name`.
-fn emulator(name: &Path) -> Running {
+/// An emulator behind an adapter that it has set up, and the path of the adapter.
+fn emulator() -> (TempDir, PathBuf, Far, Running) {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("adapter");
+    let mut far = Far::at(&name);
     let url = format!("slcan://{}?bitrate=500000", name.display());
     let wire = link::open(&url, &options(5.0)).unwrap();
-    Running::start(scene(), Clock::Stepped, wire)
+    let emulator = Running::start(scene(), Clock::Stepped, wire);
+    far.read("C\rS6\rO\r");
+    (folder, name, far, emulator)
 }
 
-// X-Val: LAWICEL CAN232 manual for the lines; protocols/docs/skyloop.dbc for identifiers and signals: a Ping is 0x110 with
-// opcode 6, its Ack 0x210 with the command's APID 0x102 and sequence count.
+// X-Val: LAWICEL CAN232 manual for the lines; protocols/docs/skyloop.dbc for identifiers and
+// signals: a Ping is 0x110 with opcode 6, its Ack 0x210 with the command's APID 0x102 and sequence
+// count.
 const PING: &str = "t110706000100000000\r";
 const ACK: &str = "t210401020001\r";
 
 #[test]
-fn a_terminal_can_talk_to_the_emulator() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("adapter");
-    let mut far = Far::at(&name);
-    let emulator = emulator(&name);
-    far.read("C\rS6\rO\r");
+fn commands_can_be_typed_at_a_terminal() {
+    let (_folder, _, mut far, emulator) = emulator();
     far.write(PING);
     far.read(ACK);
-    // Then comes the Status: a first frame, which waits for flow control (0x30: go on).
+    // The Status follows: a first frame, which waits for flow control (0x30: continue).
     far.read("t22081");
     far.write("t1203300000\r");
     far.read("t220823");
@@ -94,23 +97,19 @@ fn a_terminal_can_talk_to_the_emulator() {
 }
 
 #[test]
-fn what_goes_wrong_on_the_line_moves_its_counter() {
+fn each_line_error_has_its_counter() {
     for (lines, expected) in [
         ("t1107\rhello\r", ("bad_framing", 2)),
-        // A refusal of nothing that was sent.
+        // A refusal without a sent frame.
         ("z\r\x07", ("bad_framing", 1)),
-        // An acknowledgement missed, as Linux's slcan driver reads it.
+        // A missed acknowledgement, as Linux's slcan driver reads it.
         ("e1a\r", ("bus_errors", 1)),
-        // A first frame of 20 octets (ISO 15765-2, 9.6.3: 0x014), and nothing after it for 1 s.
+        // A first frame of 20 bytes (ISO 15765-2, 9.6.3: 0x014), and nothing else for 1 s.
         ("t12081014010203040506\r", ("incomplete", 1)),
-        // One of 2,000.
+        // A first frame of 2,000 bytes.
         ("t120817D0010203040506\r", ("oversize", 1)),
     ] {
-        let here = tempfile::tempdir().unwrap();
-        let name = here.path().join("adapter");
-        let mut far = Far::at(&name);
-        let emulator = emulator(&name);
-        far.read("O\r");
+        let (_folder, _, mut far, emulator) = emulator();
         far.write(lines);
         if expected.0 == "incomplete" {
             std::thread::sleep(Duration::from_secs(3));
@@ -118,7 +117,7 @@ fn what_goes_wrong_on_the_line_moves_its_counter() {
         far.write(PING);
         far.read(ACK);
         let counters = emulator.end();
-        // It alone, besides the Ping's Status, which nobody lets go on: one packet is lost.
+        // Also lost: the Ping's Status, which gets no flow control.
         let mut counted = moved(&Default::default(), &counters);
         counted.sort_unstable();
         let mut expected = [expected, ("lost_outbound", 1)];
@@ -127,11 +126,11 @@ fn what_goes_wrong_on_the_line_moves_its_counter() {
     }
 }
 
-/// Whatever comes on the line, a Ping that begins on a line of its own is answered.
+/// After any bytes on the line, a Ping at the start of a line is answered.
 #[test]
-fn no_bytes_on_the_line_make_the_link_deaf() {
+fn any_noise_on_the_line_is_tolerated() {
     let noise = proptest::collection::vec(proptest::num::u8::ANY, 0..600);
-    // Letters that lines begin with, digits and ends: noise that is nearly right.
+    // Noise close to valid lines: their letters, digits and ends.
     let lines = proptest::string::string_regex(
         "([tTrRdDbBsSeEzZVNFCOLY][0-9A-Fa-f]{0,12}[\r\x07]{0,3}){0,60}",
     );
@@ -142,11 +141,7 @@ fn no_bytes_on_the_line_make_the_link_deaf() {
     for strategy in [noise.boxed(), lines.boxed(), worst.boxed(), bus_off.boxed()] {
         for _ in 0..3 {
             let bytes = strategy.new_tree(&mut runner).unwrap().current();
-            let here = tempfile::tempdir().unwrap();
-            let name = here.path().join("adapter");
-            let mut far = Far::at(&name);
-            let emulator = emulator(&name);
-            far.read("O\r");
+            let (_folder, _, mut far, emulator) = emulator();
             far.line.write_all(&bytes).unwrap();
             let started = Instant::now();
             loop {
@@ -154,7 +149,7 @@ fn no_bytes_on_the_line_make_the_link_deaf() {
                 if far.finds("t2104") {
                     break;
                 }
-                assert!(started.elapsed() < TIMEOUT, "deaf after {bytes:02X?}");
+                assert!(started.elapsed() < TIMEOUT, "no reply after {bytes:02X?}");
             }
             emulator.end();
         }
@@ -162,12 +157,8 @@ fn no_bytes_on_the_line_make_the_link_deaf() {
 }
 
 #[test]
-fn an_adapter_that_is_unplugged_and_plugged_in_is_set_up_again() {
-    let here = tempfile::tempdir().unwrap();
-    let name = here.path().join("adapter");
-    let mut far = Far::at(&name);
-    let emulator = emulator(&name);
-    far.read("O\r");
+fn replugged_adapters_are_set_up_again() {
+    let (_folder, name, far, emulator) = emulator();
     drop(far);
     std::fs::remove_file(&name).unwrap();
     std::thread::sleep(Duration::from_millis(500));

@@ -1,4 +1,4 @@
-//! What a frame holds, and what commands and repetition do to it.
+//! Content of frames, and its changes by commands and repetition.
 
 use crate::support::client::{Client, Received};
 use crate::support::{EPOCH, attitude, later, memory_client, on_every_link, scene};
@@ -6,7 +6,7 @@ use skyloop::config::Clock;
 use skyloop_protocols::Command;
 
 #[test]
-fn an_attitude_sent_twice_gives_the_same_octets() {
+fn repeated_attitudes_give_equal_frames() {
     for (link, _emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let (first, second) = (client.good_frame(7), client.good_frame(7));
@@ -23,7 +23,7 @@ fn an_attitude_sent_twice_gives_the_same_octets() {
 }
 
 #[test]
-fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
+fn received_labels_equal_the_json_of_the_frame() {
     for (link, emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let frame = client.good_frame(1);
@@ -41,9 +41,9 @@ fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
 }
 
 #[test]
-fn attitudes_are_exposed_with_the_settings_of_their_time() {
+fn frames_use_the_settings_at_their_attitude() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
-    // All of it arrives before the first frame is made.
+    // All commands arrive before the first frame is rendered.
     for _ in 0..5 {
         for (sequence, seconds) in [(1, 0.1), (2, 0.5), (3, 0.2)] {
             client.send(Command::Exposure { seconds });
@@ -57,7 +57,7 @@ fn attitudes_are_exposed_with_the_settings_of_their_time() {
 }
 
 #[test]
-fn commands_change_header_labels_and_pixels_and_reset_restores_them() {
+fn commands_change_header_labels_and_pixels_until_a_reset() {
     for (link, _emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let plain = client.good_frame(3);
@@ -76,7 +76,7 @@ fn commands_change_header_labels_and_pixels_and_reset_restores_them() {
             let sum: f64 = frame.pixels.iter().map(|dn| f64::from(*dn)).sum();
             sum / frame.pixels.len() as f64 - frame.header.offset_dn
         };
-        // Four times the light at half the electrons a digit: eight times the signal.
+        // Four times the light at half the electrons per DN: eight times the signal.
         let ratio = level(&changed) / level(&plain);
         assert!((7.5..8.5).contains(&ratio), "{link}: {ratio}");
         client.done(Command::Reset);

@@ -1,4 +1,4 @@
-//! The end of a run: what is under way is sent or counted.
+//! End of a run: packets in flight are sent or counted.
 
 use crate::support::client::{Client, counted};
 use crate::support::line::{MemoryLine, PtyLine};
@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 #[test]
-fn what_a_client_never_reads_is_lost_and_counted() {
+fn packets_never_read_are_counted_as_lost() {
     const PINGS: u32 = 640;
     // The inbound queue holds 256.
     const AT_ONCE: u32 = 128;
@@ -27,9 +27,8 @@ fn what_a_client_never_reads_is_lost_and_counted() {
         for _ in 0..AT_ONCE {
             client.send(Command::Ping);
         }
-        // Nothing can be asked of a client that does not read. A run that has not begun has no
-        // metrics.
-        await_that("they are received", || {
+        // A client that does not read gets no Status. A run that has not started has no metrics.
+        await_that("the Pings are received", || {
             std::thread::sleep(Duration::from_millis(20));
             let commands = fetched(metrics.address()).remove("skyloop_commands_total");
             commands == Some(f64::from(round * AT_ONCE))
@@ -37,19 +36,19 @@ fn what_a_client_never_reads_is_lost_and_counted() {
     }
     let counters = emulator.end();
     counted(&counters, &[("commands", PINGS), ("overflows", 0)]);
-    // Two answers each, 256 in the queue and 1024 behind it (ICD, 5.2): all of these are lost at the
-    // end but for the some 20 KiB that the pseudo-terminal takes, 250 answers at most.
-    let answers = 2 * PINGS;
+    // Two replies each, 256 in the queue and 1024 behind it (ICD, 5.2). All are lost at the end
+    // except some 20 KiB in the pseudo-terminal, 250 replies at most.
+    let replies = 2 * PINGS;
     let lost = counters.lost_outbound;
-    assert!((answers - 250..answers).contains(&lost), "{lost}");
+    assert!((replies - 250..replies).contains(&lost), "{lost}");
 }
 
 #[test]
-fn what_a_client_reads_at_last_is_not_lost() {
+fn packets_read_at_the_end_are_not_lost() {
     let (emulator, mut client) = serial_client(quick(1.0), Clock::Stepped);
     client.window = None;
     client.send(Command::Attitude(attitude(0)));
-    // Some 40 kB in the link's queue, of which the pseudo-terminal swallows 20.
+    // Some 40 kB in the link's queue, 20 of them in the pseudo-terminal.
     emulator.exposed();
     let ending = std::thread::spawn(move || emulator.end());
     std::thread::sleep(Duration::from_millis(300));
@@ -57,7 +56,7 @@ fn what_a_client_reads_at_last_is_not_lost() {
     assert_eq!(ending.join().unwrap().lost_outbound, 0);
 }
 
-/// A way out that takes so many packets, and then has ended; the way in never says so.
+/// An outbox that accepts this number of packets and then ends, unnoticed by the inbox.
 struct EndsAfter(usize);
 
 impl Outbox for EndsAfter {
@@ -69,7 +68,7 @@ impl Outbox for EndsAfter {
 }
 
 #[test]
-fn a_link_that_ends_while_something_is_sent_ends_the_run_like_any_other() {
+fn links_that_end_during_a_send_end_the_run() {
     // The acknowledgement of the credit, the frame's header, a packet in its middle.
     for packets in [0, 1, 20] {
         let mut config = scene();

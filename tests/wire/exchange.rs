@@ -1,4 +1,4 @@
-//! Whom the emulator answers, and how an exchange changes hands.
+//! Clients of the emulator, and the handover of an exchange.
 
 use crate::support::client::Client;
 use crate::support::line::{Line, MemoryLine, UdpLine};
@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 #[test]
-fn reset_lets_time_start_anew() {
+fn a_reset_restarts_time() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     client.good_frame(1);
     client.done(Command::Reset);
@@ -29,40 +29,40 @@ fn reset_lets_time_start_anew() {
 }
 
 #[test]
-fn a_second_client_is_ignored_until_the_first_falls_silent() {
+fn second_clients_are_ignored_until_the_first_is_silent() {
     const IDLE_S: f64 = 2.0;
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, IDLE_S);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
-    // The first answer waits for the emulator to start; then the client has just been heard.
+    // The first reply waits for the start of the emulator; after it the idle time begins.
     first.status();
     let before = first.counters();
     second.send(Command::Ping);
     second.point(attitude(5), EPOCH);
-    // A Ping, and an Attitude with the Credit that goes before it.
+    // A Ping, and an Attitude with its Credit.
     await_that("foreign packets are counted", || {
         first.counters().foreign_packets == before.foreign_packets + 3
     });
     let after = first.counters();
-    assert_eq!(after.attitudes, before.attitudes, "nothing of it was taken");
+    assert_eq!(after.attitudes, before.attitudes, "nothing was accepted");
     first.good_frame(1);
-    assert!(second.has_nothing_left(), "it got no answer");
-    // The first falls silent; in the end the second has the emulator, and a new exchange.
+    assert!(second.has_nothing_left(), "no reply to the second");
+    // When the first is silent, the second gets the emulator and a new exchange.
     second.await_answer();
     second.start_anew();
     second.point(attitude(6), later(EPOCH, -1000.0));
     let frame = second.frame();
-    assert_eq!(frame.header.attitude_sequence, 6, "its time starts anew");
+    assert_eq!(frame.header.attitude_sequence, 6, "its time restarts");
     let before = second.counters();
     first.send(Command::Ping);
-    await_that("the first is the stranger now", || {
+    await_that("the first client is the foreign one now", || {
         second.counters().foreign_packets == before.foreign_packets + 1
     });
     assert!(first.has_nothing_left());
 }
 
 #[test]
-fn reset_hands_the_exchange_over_at_once() {
+fn a_reset_hands_the_exchange_over_at_once() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, 3600.0);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
@@ -79,18 +79,18 @@ fn reset_hands_the_exchange_over_at_once() {
 }
 
 #[test]
-fn where_nobody_is_the_client_bad_packets_are_answered() {
+fn bad_packets_are_answered_without_a_client() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, 3600.0);
     let mut second = line.another();
     let mut first = Client::new(line);
     second.send(b"hello, are you an emulator?");
-    let answer = second.recv(TIMEOUT).expect("he is told what is wrong");
+    let answer = second.recv(TIMEOUT).expect("a Nack states the error");
     let (header, _) = Reply::decode(&answer).unwrap();
     assert_eq!(header.apid, apid::NACK);
-    // An hour of silence is not needed: the exchange is free.
+    // The exchange is free, without an hour of silence.
     first.good_frame(1);
     let bad = first.counters().bad_length;
-    // Junk takes the place of no client, after its Reset neither.
+    // Invalid packets never start an exchange, not even after a Reset.
     for is_released in [false, true] {
         if is_released {
             first.done(Command::Reset);
@@ -105,8 +105,8 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
 }
 
 #[test]
-fn what_comes_late_from_the_last_client_is_ignored() {
-    // Packets of the first second are late by up to 9 s, with this seed by 7.8 s.
+fn late_packets_of_an_earlier_client_are_ignored() {
+    // Packets of the first second are delayed by up to 9 s, by 7.8 s with this seed.
     let plan = "[[faults]]\ndirection = \"in\"\nkind = \"jitter\"\nvalue = 9.0\nfor_s = 1.0\n";
     let plan = Plan::parse("faults.toml", plan, false).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));
@@ -128,8 +128,8 @@ fn what_comes_late_from_the_last_client_is_ignored() {
 }
 
 #[test]
-fn frames_are_made_in_the_memory_of_those_before() {
-    // More than a frame takes: a new one would have no more than it needs.
+fn frame_memory_is_reused() {
+    // More than a frame needs; a new buffer would be smaller.
     const ROOM: usize = 1 << 20;
     let mut config = scene();
     let mut emulator = Emulator::new(&mut config);

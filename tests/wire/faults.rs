@@ -1,4 +1,4 @@
-//! Faults between a link and the emulator: effects, counters, and the length of delays.
+//! Faults between a link and the emulator: effects, counters, and durations of delays.
 
 use crate::support::client::{Client, moved, packet};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
@@ -15,7 +15,7 @@ use skyloop_protocols::{Ack, Command, Counters, Direction, FaultKind, Reason, Re
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Both ends of a link with faults, by name of the link.
+/// Both ends of a named link with faults.
 fn with_faults(link: &str, plan: &str) -> (Wire, Box<dyn Line + Send>) {
     let plan = Plan::parse("faults.toml", plan, false).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));
@@ -39,20 +39,20 @@ fn live(kind: FaultKind, direction: Direction, value: f64) -> Command {
     fault(kind, direction, value, 0.0)
 }
 
-/// Packets that measure one direction: three times what the delay line holds.
+/// Packets per measurement: three times the capacity of the delay line.
 const PACKETS: usize = 3 * CAPACITY;
 const DELAY: Duration = Duration::from_millis(20);
 
-/// Measured delays less the one that was asked for, s, in order of size.
+/// Measured minus requested delays, s, sorted.
 fn errors(mut delays: Vec<Duration>) -> Vec<f64> {
     delays.sort_unstable();
     let error = |delay: &Duration| delay.as_secs_f64() - DELAY.as_secs_f64();
     delays.iter().map(error).collect()
 }
 
-/// Numbers of packets and times between sending and receiving them, of `PACKETS` packets, a hundred of
-/// them under way at once. They come in order; a machine that stands still for 50 ms may lose some in
-/// the queues around the delay line.
+/// Sends `PACKETS` packets, some hundred of them in flight at once. Returns their numbers and
+/// transit times. Order is preserved; on a machine that stops for 50 ms, queues around the delay
+/// line may lose some.
 fn measure(
     mut send: impl FnMut(Vec<u8>) + Send,
     mut recv: impl FnMut(Duration) -> Option<(Vec<u8>, Instant)>,
@@ -69,7 +69,7 @@ fn measure(
             }
         });
         let mut delays = Vec::new();
-        while let Some((packet, came)) = recv(Duration::from_secs(2)) {
+        while let Some((packet, arrived)) = recv(Duration::from_secs(2)) {
             let (number, left) = loop {
                 let (number, left) = times.recv().unwrap();
                 if packet.starts_with(&number.to_be_bytes()) {
@@ -77,7 +77,7 @@ fn measure(
                 }
             };
             assert_eq!(packet, number.to_be_bytes().repeat(4), "whole");
-            delays.push((number as usize, came - left));
+            delays.push((number as usize, arrived - left));
             if number as usize == PACKETS - 1 {
                 break;
             }
@@ -86,8 +86,8 @@ fn measure(
     })
 }
 
-/// A machine that is busy with other things may keep the line waiting: the best of many.
-fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<(usize, Duration)>) {
+/// Requires one good measurement, because a busy machine may delay others.
+fn assess(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<(usize, Duration)>) {
     let mut rounds = 0;
     while !is_close(link, direction, measure()) {
         rounds += 1;
@@ -95,47 +95,48 @@ fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<(usize, D
     }
 }
 
-/// Whether the median is close, of all and of those at each place in the ring, where it wraps too.
+/// Whether the median error is small, over all packets and for each part of the ring, including its
+/// wrap.
 fn is_close(link: &str, direction: &str, delays: Vec<(usize, Duration)>) -> bool {
-    /// Packets that make a place: of three laps a machine that pauses spoils one.
-    const PLACE: usize = 8;
-    let mut places = vec![Vec::new(); CAPACITY / PLACE];
+    /// Packets in a part: of three laps, a pause of the machine affects one.
+    const PART: usize = 8;
+    let mut parts = vec![Vec::new(); CAPACITY / PART];
     for (number, delay) in &delays {
-        places[number % CAPACITY / PLACE].push(*delay);
+        parts[number % CAPACITY / PART].push(*delay);
     }
-    let worst = places.into_iter().map(|delays| {
+    let worst = parts.into_iter().map(|delays| {
         let errors = errors(delays);
         errors[errors.len() / 2]
     });
     let worst = worst.fold(0.0, f64::max);
-    let came = delays.len();
+    let packets = delays.len();
     let errors = errors(delays.into_iter().map(|(_, delay)| delay).collect());
-    let (p50, p99) = (errors[came / 2], errors[came * 99 / 100]);
-    let (least, most) = (errors[0], errors[came - 1]);
-    let [p50_ms, p99_ms, most_ms, worst_ms] = [p50, p99, most, worst].map(|s| s * 1e3);
+    let (p50, p99) = (errors[packets / 2], errors[packets * 99 / 100]);
+    let (min, max) = (errors[0], errors[packets - 1]);
+    let [p50_ms, p99_ms, max_ms, worst_ms] = [p50, p99, max, worst].map(|s| s * 1e3);
     println!(
-        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {p50_ms:.3} p99 {p99_ms:.3} \
-         max {most_ms:.3} ms; p50 at the worst place of the ring {worst_ms:.3} ms"
+        "{link} {direction}: 20 ms delay, {packets} of {PACKETS} packets: error p50 {p50_ms:.3} p99 {p99_ms:.3} \
+         max {max_ms:.3} ms; p50 in the worst part of the ring {worst_ms:.3} ms"
     );
-    assert!(came > PACKETS * 9 / 10, "{came}");
-    // Never too early. Of a busy machine no more can be said than that it is late seldom.
-    assert!(least >= 0.0, "{least}");
+    assert!(packets > PACKETS * 9 / 10, "{packets}");
+    // Never early. On a busy machine, lateness cannot be bounded more strictly.
+    assert!(min >= 0.0, "{min}");
     p50 < 2e-3 && worst < 10e-3
 }
 
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
+fn timed_delays_are_accurate_in_every_part_of_the_ring() {
     for link in ["memory", "udp"] {
         let (wire, mut line) = with_faults(link, &always("in", "delay", 0.02));
-        // A first packet makes the client known, and time run.
+        // A first packet makes the client known and starts the time.
         line.send(b"hello");
         wire.inbox.recv_timeout(TIMEOUT).unwrap();
         let received = |timeout| {
             let inbound = wire.inbox.recv_timeout(timeout).ok()?;
             Some((inbound.packet.to_vec(), inbound.arrived))
         };
-        judge(link, "in", || {
+        assess(link, "in", || {
             measure(|packet| line.send(&packet), received)
         });
 
@@ -148,16 +149,16 @@ fn timed_the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
                 exchange,
                 packet: Bytes::from(packet),
             });
-            while let Some(what) = waiting.take() {
-                waiting = outbox.offer(what).unwrap();
+            while let Some(item) = waiting.take() {
+                waiting = outbox.offer(item).unwrap();
             }
         };
         let mut received = |timeout| Some((line.recv(timeout)?, Instant::now()));
-        judge(link, "out", || measure(&mut send, &mut received));
+        assess(link, "out", || measure(&mut send, &mut received));
     }
 }
 
-/// The counters that move when `PINGS` Pings and one more, which gets through, meet a fault.
+/// Counters that move when `PINGS` Pings meet a fault, and one more passes.
 fn moved_by(kind: FaultKind, value: f64) -> Vec<(&'static str, u32)> {
     let (_emulator, mut client) = serving("");
     let before = client.counters();
@@ -166,7 +167,7 @@ fn moved_by(kind: FaultKind, value: f64) -> Vec<(&'static str, u32)> {
         client.send(Command::Ping);
     }
     client.send(live(kind, Direction::In, 0.0));
-    // Refusals, and answers of what came through.
+    // Refusals, and replies to Pings that passed.
     while client.recv(Duration::from_millis(100)).is_some() {}
     moved(&before, &client.counters())
 }
@@ -174,8 +175,8 @@ fn moved_by(kind: FaultKind, value: f64) -> Vec<(&'static str, u32)> {
 const PINGS: u32 = 20;
 
 #[test]
-fn each_fault_moves_its_counter() {
-    // What vanishes is missing in the sequence counts. Pings may come twice.
+fn each_fault_has_its_counter() {
+    // Dropped packets show in the sequence counts. Pings may arrive twice.
     let gaps = ("sequence_gaps", PINGS);
     for (kind, expected) in [
         (FaultKind::Drop, &[gaps][..]),
@@ -186,10 +187,10 @@ fn each_fault_moves_its_counter() {
     ] {
         assert_eq!(moved_by(kind, 1.0), expected, "{kind:?}");
     }
-    // Every bit inverted: the lengths no longer fit, and the counts are not believed.
+    // With every bit inverted, lengths are wrong and counts are not trusted.
     let flipped = moved_by(FaultKind::BitFlips, 1.0);
     assert_eq!(flipped[0], ("bad_length", PINGS));
-    // One more than a packet has at least is left at most.
+    // At most one more than the minimum length of a packet remains.
     let cut = moved_by(FaultKind::Truncate, 1.0);
     let is_short = |(name, _): &&(&str, u32)| ["runts", "bad_length"].contains(name);
     let short = cut.iter().filter(is_short).map(|(_, n)| n);
@@ -197,75 +198,76 @@ fn each_fault_moves_its_counter() {
 }
 
 #[test]
-fn a_live_fault_is_acknowledged_acts_and_ends() {
+fn live_faults_are_acknowledged_act_and_end() {
     let (_emulator, mut client) = serving("");
     client.done(live(FaultKind::Drop, Direction::In, 1.0));
     client.send(Command::Ping);
     assert!(client.recv(Duration::from_millis(200)).is_none(), "lost");
-    // The command itself gets through, and ends it.
+    // The command itself passes, and ends the fault.
     client.done(live(FaultKind::Drop, Direction::In, 0.0));
     assert_eq!(client.counters().sequence_gaps, 1);
-    // For a time.
+    // A fault with a duration.
     let started = Instant::now();
     client.done(fault(FaultKind::Stuck, Direction::In, 1.0, 0.3));
     client.await_answer();
     assert!(started.elapsed() >= Duration::from_millis(300));
 }
 
-/// Whether the next packet is the Ack of this command. Other lost packets do not matter.
+/// Whether the next packet is the Ack of this command; other losses do not matter.
 fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) -> bool {
     let count = client.send(command);
     let Some(answer) = client.line.recv(TIMEOUT) else {
         return false;
     };
-    let answers = |ack: Ack| (ack.apid, ack.sequence_count) == (command.apid(), count);
-    matches!(Reply::decode(&answer), Ok((_, Reply::Ack(ack))) if answers(ack))
+    let replies_to = |ack: Ack| (ack.apid, ack.sequence_count) == (command.apid(), count);
+    matches!(Reply::decode(&answer), Ok((_, Reply::Ack(ack))) if replies_to(ack))
 }
 
-/// So many packets.
 fn awaited(client: &mut Client<Box<dyn Line + Send>>, packets: usize) -> Vec<Vec<u8>> {
-    let packets = (0..packets).map(|_| client.line.recv(TIMEOUT).expect("it comes"));
+    let packets = (0..packets).map(|_| client.line.recv(TIMEOUT).expect("a packet"));
     packets.collect()
 }
 
-/// Packets that come while none is asked for.
-fn what_comes(client: &mut Client<Box<dyn Line + Send>>) -> Vec<Vec<u8>> {
+/// Packets received without a request.
+fn received(client: &mut Client<Box<dyn Line + Send>>) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| client.line.recv(Duration::from_millis(500))).collect()
 }
 
 #[test]
-fn whatever_befalls_the_answers_that_of_the_fault_comes_whole() {
+fn replies_to_fault_commands_are_never_damaged() {
     use FaultKind::{BitFlips, Down, Drop, Duplicate, Overrun, Stuck, Truncate};
     let (_emulator, mut client) = serving("");
     for kind in [Drop, Stuck, Down, BitFlips, Truncate, Duplicate, Overrun] {
         let mut switch = |value| is_acknowledged(&mut client, live(kind, Direction::Out, value));
         assert!(switch(1.0), "{kind:?}");
-        // In force already: the next one's comes too.
+        // The fault is active already; the next reply is undamaged too.
         assert!(switch(1.0), "{kind:?}");
         client.send(Command::Ping);
-        let came = what_comes(&mut client);
-        let whole = came.iter().filter(|packet| Reply::decode(packet).is_ok());
-        // An Ack and a Status: lost, spoilt or there twice.
+        let packets = received(&mut client);
+        let whole = packets
+            .iter()
+            .filter(|packet| Reply::decode(packet).is_ok());
+        // Ack and Status: lost, damaged or duplicated.
         let expected = 4 * usize::from(kind == FaultKind::Duplicate);
         assert_eq!(whole.count(), expected, "{kind:?}");
         let off = live(kind, Direction::Out, 0.0);
         assert!(is_acknowledged(&mut client, off), "{kind:?}");
-        assert!(what_comes(&mut client).is_empty(), "{kind:?}: once");
+        assert!(received(&mut client).is_empty(), "{kind:?}: once");
     }
-    // In its turn where everything is late; a refusal likewise.
+    // In order if everything is delayed; a refusal too.
     let late = Instant::now();
     let delay = live(FaultKind::Delay, Direction::Out, 0.1);
     assert!(is_acknowledged(&mut client, delay));
     client.send(Command::Ping);
     client.send(live(FaultKind::BusOff, Direction::Out, 1.0));
-    let came = awaited(&mut client, 3);
-    let nack = Reply::decode(&came[2]).unwrap().1;
+    let packets = awaited(&mut client, 3);
+    let nack = Reply::decode(&packets[2]).unwrap().1;
     assert!(matches!(nack, Reply::Nack(_)), "{nack:?}");
     assert!(late.elapsed() > Duration::from_millis(100));
 }
 
 #[test]
-fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
+fn returning_links_count_once_in_any_direction() {
     use Direction::{In, Out};
     for (directions, lost) in [
         (&[In][..], ("sequence_gaps", 1)),
@@ -279,11 +281,11 @@ fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
             assert!(is_acknowledged(&mut client, down));
         }
         client.send(Command::Ping);
-        assert!(what_comes(&mut client).is_empty());
+        assert!(received(&mut client).is_empty());
         std::thread::sleep(Duration::from_secs(1));
         client.send(Command::Ping);
-        let came = awaited(&mut client, 2);
-        let Reply::Status(status) = Reply::decode(&came[1]).unwrap().1 else {
+        let packets = awaited(&mut client, 2);
+        let Reply::Status(status) = Reply::decode(&packets[1]).unwrap().1 else {
             panic!("an Ack and a Status");
         };
         let moved = moved(&before, &status.counters);
@@ -294,7 +296,7 @@ fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
 }
 
 #[test]
-fn what_cannot_be_injected_is_refused() {
+fn unsupported_faults_are_refused() {
     let (_emulator, mut client) = serving("");
     client.send(live(FaultKind::BusOff, Direction::In, 1.0));
     client.refused(Reason::NotSupported, &["CAN"]);
@@ -304,18 +306,18 @@ fn what_cannot_be_injected_is_refused() {
 }
 
 #[test]
-fn a_link_that_is_down_loses_what_leaves_and_counts_it() {
+fn links_that_are_down_count_lost_packets() {
     let (emulator, mut client) = serving(&always("out", "down", 1.0));
     client.window = None;
     for _ in 0..3 {
         client.send(Command::Ping);
     }
     assert!(client.recv(Duration::from_millis(300)).is_none());
-    // An Ack and a Status for each.
+    // Ack and Status of each Ping.
     emulator.ends_with(&[("commands", 3), ("lost_outbound", 6)]);
 }
 
-/// The counters at the end of a run in which 50 answers are under way.
+/// Counters at the end of a run with 50 replies in flight.
 fn end_with_delay(seconds: f64) -> Counters {
     let (wire, line) = with_faults("udp", &always("out", "delay", seconds));
     let emulator = Running::start(scene(), Clock::Stepped, wire);
@@ -325,27 +327,27 @@ fn end_with_delay(seconds: f64) -> Counters {
     }
     std::thread::sleep(Duration::from_millis(200));
     let ending = std::thread::spawn(move || emulator.end());
-    let mut came = 0;
+    let mut packets = 0;
     while !ending.is_finished() {
-        came += u32::from(client.recv(Duration::from_millis(200)).is_some());
+        packets += u32::from(client.recv(Duration::from_millis(200)).is_some());
     }
     while client.recv(Duration::from_millis(200)).is_some() {
-        came += 1;
+        packets += 1;
     }
     let counters = ending.join().unwrap();
-    assert_eq!(came + counters.lost_outbound, 50);
+    assert_eq!(packets + counters.lost_outbound, 50);
     counters
 }
 
 #[test]
-fn the_end_of_a_run_waits_for_a_delay_and_counts_what_is_later() {
+fn the_end_of_a_run_waits_for_delayed_packets_up_to_a_limit() {
     assert_eq!(end_with_delay(0.5).lost_outbound, 0);
-    // No client is waited for longer than 5 s.
+    // The wait is limited to 5 s.
     assert_eq!(end_with_delay(30.0).lost_outbound, 50);
 }
 
 #[test]
-fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
+fn inactive_faults_change_nothing() {
     let later = format!("{}at_s = 1000.0\n", always("out", "drop", 1.0));
     let (_emulator, mut client) = serving(&later);
     client.good_frame(1);
@@ -356,10 +358,10 @@ fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
     assert_eq!(client.frame(), plain.frame());
 }
 
-/// Packets under way at the end of a run wait for a slow client, with and without faults.
+/// At the end of a run, packets in flight wait for a slow client, with and without faults.
 #[test]
 #[cfg(target_os = "linux")]
-fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
+fn queued_packets_are_read_after_the_end_with_and_without_faults() {
     for faults in [false, true] {
         let (mut wire, _folder, name) = on_pty(&options(5.0), 921_600);
         if faults {
@@ -371,9 +373,9 @@ fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
         emulator.exposed();
         let ending = std::thread::spawn(move || emulator.end());
         std::thread::sleep(Duration::from_millis(200));
-        let came = std::iter::from_fn(|| line.recv(Duration::from_millis(500)));
+        let packets = std::iter::from_fn(|| line.recv(Duration::from_millis(500)));
         // A FrameHeader, 12 objects, a FrameEnd.
-        assert_eq!(came.count(), 3, "faults: {faults}");
+        assert_eq!(packets.count(), 3, "faults: {faults}");
         assert_eq!(ending.join().unwrap().lost_outbound, 0, "faults: {faults}");
     }
 }

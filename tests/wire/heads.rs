@@ -1,4 +1,4 @@
-//! Further cameras of the same vehicle: what they share, and what they have alone.
+//! Further cameras of one vehicle: shared and separate state.
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
@@ -15,44 +15,46 @@ use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Counters, Reason, SyncState};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What a further camera's own link is for.
-const TAKES: Roles = Roles {
+const OUTPUT_ROLES: Roles = Roles {
     truth: false,
     ..Roles::ALL
 };
 
-/// The counters of two cameras of 64 x 64 pixels at 20 Hz, the second turned by 90 deg about the
-/// boresight of the first. `flight` gets a client of each.
-fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)) -> [Counters; 2] {
+/// Runs two cameras of 64 x 64 pixels at 20 Hz, the second rolled by 90 deg relative to the first,
+/// with a client each. Returns their counters.
+fn run_two(
+    clock: Clock,
+    flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>),
+) -> [Counters; 2] {
     let mut config = quick(20.0);
     let mut camera = config.camera.clone();
     let half = 0.5_f64.sqrt();
     camera.mounting = Attitude::from_xyzw([0.0, 0.0, half, half]).unwrap();
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
-    let (own, taker) = link::loopback("memory", &options(60.0)).unwrap();
+    let (own, second_port) = link::loopback("memory", &options(60.0)).unwrap();
     let emulator = Emulator::new(&mut config);
     let further = emulator.beside(&camera, 1);
     let links = [(wire, Roles::ALL)];
     let mut server = Server::new(emulator, links, config.run.output, clock, &NATIVE);
-    let mut head = server.head(further, [(own, TAKES)], &config.run);
+    let mut head = server.head(further, [(own, OUTPUT_ROLES)], &config.run);
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let served = scope.spawn(|| {
             assert_ne!(server.run(&stop, None, |_| {}), Ended::Panicked);
             server.close().1
         });
-        let beside = scope.spawn(|| {
+        let further = scope.spawn(|| {
             assert_ne!(head.run(&stop, None, |_| {}), Ended::Panicked);
             head.close().1
         });
-        let [first, second] = [port, taker].map(|port| Client::new(MemoryLine(port)));
+        let [first, second] = [port, second_port].map(|port| Client::new(MemoryLine(port)));
         flight(first, second);
         stop.store(true, Ordering::Relaxed);
-        [served.join().unwrap(), beside.join().unwrap()]
+        [served.join().unwrap(), further.join().unwrap()]
     })
 }
 
-/// The label's attitude of the camera.
+/// Attitude of the camera by the label.
 fn boresight_frame(frame: &Received) -> Attitude {
     let q = |name: &str| -> Attitude {
         let q = serde_json::from_value(frame.label()[name].clone()).unwrap();
@@ -62,16 +64,16 @@ fn boresight_frame(frame: &Received) -> Attitude {
 }
 
 #[test]
-fn each_attitude_gives_each_camera_its_frame_of_one_sky() {
-    two(Clock::Stepped, |mut first, mut second| {
-        // A client is there when it has said something.
+fn each_camera_renders_each_attitude() {
+    run_two(Clock::Stepped, |mut first, mut second| {
+        // A client is known after its first packet.
         second.status();
         for sequence in 1..4 {
             first.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
             let [a, b] = [first.frame(), second.frame()];
             assert_eq!(b.header.attitude_sequence, sequence);
             assert_eq!((a.time, a.header.frame), (b.time, b.header.frame));
-            // Noise of its own, and the mounting: what is right in the one is down in the other.
+            // Own noise and own mounting: the first one's right is the second one's down.
             assert_ne!(a.header.seed, b.header.seed);
             let [a, b] = [a, b].map(|frame| boresight_frame(&frame));
             let turned = b.rotate(&a.inverse().rotate(&Vector3::x()));
@@ -81,13 +83,13 @@ fn each_attitude_gives_each_camera_its_frame_of_one_sky() {
 }
 
 #[test]
-fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
-    let [first, second] = two(Clock::Wall, |mut first, mut second| {
+fn wall_clock_cameras_of_one_rate_expose_simultaneously() {
+    let [first, second] = run_two(Clock::Wall, |mut first, mut second| {
         second.status();
-        // On this machine's own time, whose clock each reads for itself.
+        // On the system time, which each camera reads itself.
         first.point(attitude(1), system_time());
         let [mut a, mut b] = [Vec::new(), Vec::new()];
-        // Either may miss exposures. Times that agree to the nanosecond do not agree by chance.
+        // Either may miss exposures. Times equal to the nanosecond are no coincidence.
         await_that("two exposures of both", || {
             a.push(first.frame().time);
             b.push(second.frame().time);
@@ -98,13 +100,13 @@ fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
 }
 
 #[test]
-fn a_pause_stops_all_cameras_and_comes_from_the_first_ones_client_only() {
-    two(Clock::Stepped, |mut first, mut second| {
+fn only_the_first_client_pauses_all_cameras() {
+    run_two(Clock::Stepped, |mut first, mut second| {
         second.send(Command::Pause);
         second.refused(Reason::NotSupported, &[]);
         first.done(Command::Pause);
         first.point(attitude(1), EPOCH);
-        // X-Val: longer than both frames take, by far.
+        // X-Val: much longer than both frames take.
         let a_while = std::time::Duration::from_millis(300);
         assert!(first.recv(a_while).is_none() && second.recv(a_while).is_none());
         assert_eq!(second.status().sync, SyncState::Paused);
@@ -114,10 +116,10 @@ fn a_pause_stops_all_cameras_and_comes_from_the_first_ones_client_only() {
     });
 }
 
-/// Who pauses all cameras is the first one's client, and asks none of the others.
+/// A pause by the first client affects all cameras without a question to their clients.
 #[test]
-fn a_pause_gives_a_further_cameras_single_shot_up() {
-    let [_, second] = two(Clock::Wall, |mut first, mut second| {
+fn a_pause_cancels_the_single_shot_of_a_further_camera() {
+    let [_, second] = run_two(Clock::Wall, |mut first, mut second| {
         second.status();
         first.done(Command::FrameRate { hz: 1e-3 });
         first.point(attitude(1), EPOCH);
@@ -136,37 +138,37 @@ fn a_pause_gives_a_further_cameras_single_shot_up() {
         assert_eq!(first.status().sync, SyncState::Paused);
         assert_eq!(second.counters().exposures_missed, before + 1);
         first.done(Command::Resume);
-        // Another may be asked for, and the settings are free again.
+        // A further single shot is possible, and settings are free again.
         await_that("all go on", || second.status().sync == SyncState::Free);
         second.done(Command::Exposure { seconds: 0.01 });
         second.done(Command::SingleShot);
     });
-    // What the first one's client says to its own camera alone is no gap in what this one hears.
+    // Commands to the first camera alone leave no sequence gap at the second.
     assert_eq!((second.refused, second.sequence_gaps), (0, 0));
 }
 
 #[test]
-fn settings_and_resets_reach_the_camera_that_they_are_for() {
-    two(Clock::Stepped, |mut first, mut second| {
+fn settings_and_resets_reach_their_camera() {
+    run_two(Clock::Stepped, |mut first, mut second| {
         second.done(Command::Exposure { seconds: 0.02 });
         let exposures_s = [first.status().exposure_s, second.status().exposure_s];
         assert_eq!(exposures_s, [0.01, 0.02]);
         second.send(Command::Attitude(attitude(1)));
         second.refused(Reason::NotSupported, &["over the first camera's link"]);
-        // The client that brings the truth begins anew, and all cameras with it.
+        // A Reset by the client with the truth restarts all cameras.
         first.done(Command::Reset);
         first.forget();
         first.point(attitude(1), EPOCH);
         first.frame();
         let frame = second.frame();
         let open_s = seconds(frame.header.exposure_start, frame.header.exposure_end);
-        // X-Val: 10 ms, and nanoseconds that times are rounded to.
+        // X-Val: 10 ms, with times rounded to nanoseconds.
         assert!((open_s - 0.01).abs() < 3e-9);
     });
 }
 
 #[test]
-fn files_say_what_is_wrong_with_a_head() {
+fn wrong_camera_sections_are_refused() {
     const LINK: &str = "link = \"udp://127.0.0.1:1\"";
     let head = |name: &str, keys: &str| {
         let keys = keys.replace("LINK", LINK).replace("; ", "\n");

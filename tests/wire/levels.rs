@@ -1,4 +1,4 @@
-//! Output levels: the client gets the level that it chose, with the pixels of the whole frame.
+//! Output levels: each client gets its requested level, with the pixels of the whole frame.
 
 use crate::support::client::{Client, Received, moved};
 use crate::support::line::Line;
@@ -11,7 +11,7 @@ use skyloop_protocols::{
     Reason, Reply, rice,
 };
 
-/// What `output` brings of the usual attitude, and the CRC-32 of all its pixels.
+/// The frame at `output`, and the CRC-32 of all its pixels.
 fn frame_at(
     client: &mut Client<impl Line>,
     output: Output,
@@ -20,7 +20,7 @@ fn frame_at(
     client.done(Command::Output(output));
     client.point(attitude(sequence), EPOCH);
     let (header, packets, end) = client.parcel();
-    // The same whatever is sent, and by the stepped clock without times.
+    // Equal at all levels, and without times in stepped mode.
     let expected = FrameEnd {
         frame: header.frame,
         pixels_crc32: end.pixels_crc32,
@@ -41,12 +41,12 @@ fn only(pixels: PixelLevel, labels: LabelLevel) -> Output {
     }
 }
 
-/// The labels' objects in the frame, the brightest first.
+/// Labelled objects in the frame, brightest first.
 fn by_brightness(whole: &Received) -> Vec<Value> {
     let label = whole.label();
     let objects = label["objects"].as_array().unwrap().iter();
-    let seen = objects.filter(|object| object["in_frame"] == true);
-    let mut objects: Vec<Value> = seen.cloned().collect();
+    let in_frame = objects.filter(|object| object["in_frame"] == true);
+    let mut objects: Vec<Value> = in_frame.cloned().collect();
     let electrons = |object: &Value| object["electrons"].as_f64().unwrap();
     objects.sort_by(|a, b| electrons(b).total_cmp(&electrons(a)));
     objects
@@ -84,7 +84,7 @@ fn crop(whole: &Received, [column, row]: [u16; 2], size: u8) -> Vec<u16> {
 }
 
 #[test]
-fn labels_alone_are_the_brightest_objects_of_the_label_text() {
+fn objects_are_the_brightest_of_the_label_text() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let expected = by_brightness(&whole);
@@ -98,7 +98,7 @@ fn labels_alone_are_the_brightest_objects_of_the_label_text() {
         let mut records: Vec<ObjectRecord> = Vec::new();
         for packet in &packets {
             let Ok((_, Reply::Objects(part))) = Reply::decode(packet) else {
-                panic!("objects were asked for");
+                panic!("objects expected");
             };
             records.extend(part.objects());
         }
@@ -127,7 +127,7 @@ fn labels_alone_are_the_brightest_objects_of_the_label_text() {
 }
 
 #[test]
-fn windows_are_cut_from_the_frame_around_its_brightest_stars() {
+fn windows_surround_the_brightest_stars() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     let whole = client.good_frame(7);
     let mut stars = by_brightness(&whole);
@@ -160,7 +160,7 @@ fn windows_are_cut_from_the_frame_around_its_brightest_stars() {
 }
 
 #[test]
-fn windows_lie_around_listed_positions_and_inside_the_frame() {
+fn windows_surround_listed_positions_within_the_frame() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let centres = [[0, 0], [100, 50], [255, 255], [250, 3]];
@@ -168,11 +168,11 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
     let output = only(PixelLevel::Windows, LabelLevel::None);
     let (header, packets, _) = frame_at(&mut client, output, 7);
     let windows = windows_of(&header, &packets);
-    let places: Vec<[u16; 2]> = windows.iter().map(|(place, _)| *place).collect();
+    let corners: Vec<[u16; 2]> = windows.iter().map(|(corner, _)| *corner).collect();
     // By hand: 11 columns around 100 begin at 95; at an edge they begin at 0 or 256 - 11.
-    assert_eq!(places, [[0, 0], [95, 45], [245, 245], [245, 0]]);
-    for (place, pixels) in &windows {
-        assert_eq!(*pixels, crop(&whole, *place, 11));
+    assert_eq!(corners, [[0, 0], [95, 45], [245, 245], [245, 0]]);
+    for (corner, pixels) in &windows {
+        assert_eq!(*pixels, crop(&whole, *corner, 11));
     }
     client.send(Command::Positions(Positions::new(&[[256, 0]]).unwrap()));
     client.refused(Reason::ValueOutOfRange, &["(256, 0)", "256 x 256"]);
@@ -182,7 +182,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
 }
 
 #[test]
-fn a_compressed_frame_is_the_frame_in_fewer_octets() {
+fn compressed_frames_are_smaller_and_equal() {
     let (_emulator, mut client) = serial_client(scene(), Clock::Stepped);
     let whole = client.good_frame(7);
     let output = only(PixelLevel::Compressed, LabelLevel::None);
@@ -190,7 +190,7 @@ fn a_compressed_frame_is_the_frame_in_fewer_octets() {
     let mut pixels: Vec<u16> = Vec::new();
     for packet in &packets {
         let Ok((_, Reply::Compressed(block))) = Reply::decode(packet) else {
-            panic!("compressed blocks were asked for");
+            panic!("compressed blocks expected");
         };
         assert_eq!(block.first_pixel as usize, pixels.len(), "no gaps");
         let at = pixels.len();
@@ -199,11 +199,11 @@ fn a_compressed_frame_is_the_frame_in_fewer_octets() {
     }
     assert_eq!(pixels, whole.pixels);
     let bytes: usize = packets.iter().map(Vec::len).sum();
-    assert!(bytes < 2 * pixels.len() / 2, "{bytes} octets");
+    assert!(bytes < 2 * pixels.len() / 2, "{bytes} bytes");
 }
 
 #[test]
-fn packets_of_the_last_two_frames_come_again_as_they_were() {
+fn packets_of_the_last_two_frames_are_resent_unchanged() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.window = None;
     client.point(attitude(1), EPOCH);
@@ -218,7 +218,7 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     };
     client.send(resend(first.frame, 3, 2));
     assert_eq!([client.next(true), client.next(true)], packets[2..4]);
-    // The last one with labels, the frame's end, and no more than there are.
+    // The last one with labels and the frame's end; the count exceeds the remaining packets.
     client.send(resend(first.frame, packets.len() as u32, 1000));
     assert_eq!(client.next(true), packets[packets.len() - 1]);
     let again = client.next(true);
@@ -236,7 +236,7 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     );
     assert_eq!(
         after.packets_sent, before.packets_sent,
-        "they take no credit"
+        "resent packets take no credit"
     );
     client.point(attitude(3), EPOCH);
     client.parcel();
@@ -245,7 +245,7 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
 }
 
 #[test]
-fn settings_of_the_output_are_told_and_end_with_a_reset() {
+fn output_settings_show_in_status_until_a_reset() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     assert_eq!(client.status().output, Output::default());
     let output = Output {
@@ -261,9 +261,9 @@ fn settings_of_the_output_are_told_and_end_with_a_reset() {
     assert_eq!(client.status().output, Output::default());
 }
 
-/// A pseudo-terminal has no rate of its own; its URL gives that of the line, 115,200 baud.
+/// A pseudo-terminal has no rate; its URL states the rate of the line.
 #[test]
-fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithmetic() {
+fn wall_clock_output_too_large_for_the_line_is_refused_with_numbers() {
     let mut config = scene();
     config.run.output = only(PixelLevel::Windows, LabelLevel::None);
     config.camera.rate_hz = 1.0;
@@ -271,7 +271,7 @@ fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithm
     client.send(Command::Output(only(PixelLevel::Frame, LabelLevel::None)));
     let nack = client.nack();
     assert_eq!(nack.reason, Reason::ValueOutOfRange);
-    // 256 x 256 pixels of 16 bits at 92,160 octets/s: 1.42 s, and a little around them.
+    // 256 x 256 pixels of 16 bits at 92,160 bytes/s: 1.42 s, and some overhead.
     for word in [
         "the frame of 1",
         "takes 1.4",
@@ -281,21 +281,21 @@ fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithm
         assert!(nack.detail.contains(word), "{word:?} in {:?}", nack.detail);
     }
     client.done(Command::FrameRate { hz: 9.0 });
-    // 20 windows of 11 x 11 at 921,600 baud: 5 kB, 54 ms, and their packets around them.
+    // 20 windows of 11 x 11 at 921,600 baud: 5 kB, 54 ms with their packets.
     client.send(Command::Exposure { seconds: 0.01 });
     client.next(false);
     client.send(Command::FrameRate { hz: 20.0 });
-    let says = [
+    let parts = [
         "FrameRate: 20 windows of 11 x 11 of 5",
         "takes 0.05",
         "20 Hz leaves 0.050 s",
     ];
-    let nack = client.refused(Reason::ValueOutOfRange, &says);
+    let nack = client.refused(Reason::ValueOutOfRange, &parts);
     assert!(nack.detail.contains("at most 17."), "{}", nack.detail);
     let centres: Vec<[u16; 2]> = (0..64).map(|n| [n, n]).collect();
     client.send(Command::Positions(Positions::new(&centres).unwrap()));
     client.refused(Reason::ValueOutOfRange, &["Positions: 64 windows"]);
     client.done(Command::Positions(Positions::new(&centres[..3]).unwrap()));
-    // Three windows leave in time where twenty did not.
+    // Three windows fit where twenty did not.
     client.done(Command::FrameRate { hz: 20.0 });
 }

@@ -1,4 +1,4 @@
-//! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
+//! The emulator on the wire, with a client based on `skyloop-protocols` alone.
 
 #[path = "../support/flight.rs"]
 mod flight;

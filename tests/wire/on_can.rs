@@ -1,4 +1,4 @@
-//! Faults on a CAN bus, each with its counter in `Status`. The bus is slcan over a pseudo-terminal.
+//! Faults on a CAN bus with their counters in `Status`. The bus is slcan over a pseudo-terminal.
 #![cfg(unix)]
 
 use crate::support::client::{Client, moved};
@@ -16,12 +16,12 @@ use std::io;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Frames that come out of nowhere.
-type Ghosts = Arc<Mutex<VecDeque<CanFrame>>>;
+/// Queue of frames that appear on the bus without a sender.
+type Injected = Arc<Mutex<VecDeque<CanFrame>>>;
 
-struct Haunted(Box<dyn CanBus>, Ghosts);
+struct InjectingBus(Box<dyn CanBus>, Injected);
 
-impl CanBus for Haunted {
+impl CanBus for InjectingBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
         self.0.send(frame)
     }
@@ -34,32 +34,32 @@ impl CanBus for Haunted {
     }
 
     fn share(&self) -> io::Result<Box<dyn CanBus>> {
-        Ok(Box::new(Haunted(self.0.share()?, self.1.clone())))
+        Ok(Box::new(InjectingBus(self.0.share()?, self.1.clone())))
     }
 }
 
-/// An emulator on a bus with faults and ghosts.
-fn on_a_bus() -> (Running, Client<MemoryLine>, Ghosts) {
-    let ghosts = Ghosts::default();
-    let of_bus = ghosts.clone();
+/// An emulator on a bus with faults and injected frames.
+fn on_a_bus() -> (Running, Client<MemoryLine>, Injected) {
+    let injected = Injected::default();
+    let of_bus = injected.clone();
     let book = Arc::new(Mutex::new(Book::default()));
     let mut options = options(5.0);
     options.bus = Some(BusInstruments {
         faults: true,
         at: Arc::new(move |address, tally| {
             let faults = BusFaults::new(address, tally, &Plan::default(), &NATIVE, &book);
-            let ghosts = of_bus.clone();
-            Box::new(move |bus| faults.around(Box::new(Haunted(bus, ghosts.clone()))))
+            let injected = of_bus.clone();
+            Box::new(move |bus| faults.around(Box::new(InjectingBus(bus, injected.clone()))))
         }),
     });
     let (wire, port) = link::loopback("slcan", &options).unwrap();
     let emulator = Running::start(scene(), Clock::Stepped, wire);
-    (emulator, Client::new(MemoryLine(port)), ghosts)
+    (emulator, Client::new(MemoryLine(port)), injected)
 }
 
 #[test]
-fn each_trouble_of_a_bus_moves_its_counter() {
-    let (_emulator, mut client, ghosts) = on_a_bus();
+fn each_bus_error_has_its_counter() {
+    let (_emulator, mut client, injected) = on_a_bus();
     let mut before = client.counters();
     let mut moves = |client: &mut Client<MemoryLine>, name| {
         let mut found = Vec::new();
@@ -72,29 +72,29 @@ fn each_trouble_of_a_bus_moves_its_counter() {
         assert_eq!(found, [(name, 1)]);
     };
     // An error frame: a bit error, seen by the controller.
-    ghosts.lock().unwrap().push_back(Trouble::Error.frame());
+    injected.lock().unwrap().push_back(Trouble::Error.frame());
     moves(&mut client, "bus_errors");
-    // The first frame of an attitude whose others never come: given up after 1 s.
+    // The first frame of an attitude without the others: dropped after 1 s.
     let begin = CanFrame::new(0x100, false, &[0; 8]).unwrap();
-    ghosts.lock().unwrap().push_back(begin);
+    injected.lock().unwrap().push_back(begin);
     moves(&mut client, "incomplete");
-    // On our identifiers: a frame of another length than the form's, a single frame of no octet (ISO
-    // 15765-2, 9.6.2), one that asks.
+    // On our identifiers: a frame of the wrong length, a single frame without data (ISO 15765-2,
+    // 9.6.2), remote frames.
     let short = CanFrame::new(0x110, false, &[6, 0, 1, 0]).unwrap();
     let nothing = CanFrame::new(0x120, false, &[0; 8]).unwrap();
-    let asks = |id| CanFrame {
+    let remote = |id| CanFrame {
         remote: true,
         ..CanFrame::new(id, false, &[]).unwrap()
     };
-    for frame in [short, nothing, asks(0x100), asks(0x110), asks(0x120)] {
-        ghosts.lock().unwrap().push_back(frame);
+    for frame in [short, nothing, remote(0x100), remote(0x110), remote(0x120)] {
+        injected.lock().unwrap().push_back(frame);
         moves(&mut client, "bad_framing");
     }
-    // A message of 4095 octets is announced.
+    // A message of 4095 bytes is announced.
     let first = CanFrame::new(0x120, false, &[0x1F, 0xFF, 1, 2, 3, 4, 5, 6]).unwrap();
-    ghosts.lock().unwrap().push_back(first);
+    injected.lock().unwrap().push_back(first);
     moves(&mut client, "oversize");
-    // Those of others are nobody's loss: other identifiers, our own, and 29 bits.
+    // Other frames do not count: other identifiers, our own, and 29 bits.
     let far = CanFrame {
         extended: true,
         ..short
@@ -102,17 +102,19 @@ fn each_trouble_of_a_bus_moves_its_counter() {
     let others = |id| CanFrame::new(id, false, &[6, 0, 1, 0]).unwrap();
     let before = client.counters();
     let ids = [0x0FF, 0x111, 0x7FF, 0x210, 0x220];
-    ghosts.lock().unwrap().extend(ids.map(others));
-    ghosts.lock().unwrap().extend([far, asks(0x7FF)]);
-    await_that("they are read", || ghosts.lock().unwrap().is_empty());
+    injected.lock().unwrap().extend(ids.map(others));
+    injected.lock().unwrap().extend([far, remote(0x7FF)]);
+    await_that("the frames are read", || {
+        injected.lock().unwrap().is_empty()
+    });
     assert_eq!(moved(&before, &client.counters()), []);
 }
 
 #[test]
-fn a_controller_that_leaves_the_bus_is_counted_and_loses_nothing_that_leaves() {
+fn bus_off_is_counted_and_loses_no_outbound_packets() {
     let (_emulator, mut client, _) = on_a_bus();
     let before = client.counters();
-    // Off before the Ack can leave: it waits for the bus.
+    // Bus-off before the Ack is sent: it waits for the bus.
     client.done(fault(FaultKind::BusOff, Direction::Out, 1.0, 0.3));
     let after = client.counters();
     // Bus-off is an error frame too.
@@ -120,8 +122,8 @@ fn a_controller_that_leaves_the_bus_is_counted_and_loses_nothing_that_leaves() {
 }
 
 #[test]
-fn faults_are_switched_over_the_bus_that_they_harm() {
-    let (_emulator, mut client, ghosts) = on_a_bus();
+fn faults_are_switched_over_the_affected_bus() {
+    let (_emulator, mut client, injected) = on_a_bus();
     let before = client.counters();
     client.done(fault(FaultKind::Drop, Direction::In, 1.0, 0.0));
     for _ in 0..3 {
@@ -129,20 +131,22 @@ fn faults_are_switched_over_the_bus_that_they_harm() {
     }
     assert!(client.recv(Duration::from_millis(200)).is_none());
     client.done(fault(FaultKind::Drop, Direction::In, 0.0, 0.0));
-    // Foreign frames that a receiver throws away: nothing else is missing.
+    // Foreign frames dropped by a receiver: no other loss.
     client.done(fault(FaultKind::Overrun, Direction::In, 1.0, 0.0));
     let stray = CanFrame::new(0x7FF, false, &[0; 8]).unwrap();
-    ghosts.lock().unwrap().extend([stray; 5]);
-    await_that("they are read", || ghosts.lock().unwrap().is_empty());
+    injected.lock().unwrap().extend([stray; 5]);
+    await_that("the frames are read", || {
+        injected.lock().unwrap().is_empty()
+    });
     client.done(fault(FaultKind::Overrun, Direction::In, 0.0, 0.0));
     let mut found = moved(&before, &client.counters());
     found.sort_unstable();
     assert_eq!(found, [("overflows", 5), ("sequence_gaps", 3)]);
 }
 
-/// Only the Acks of Fault commands leave. A link down in both directions is one reconnect.
+/// Only the Acks of Fault commands pass. A link down in both directions is one reconnect.
 #[test]
-fn the_acks_of_faults_pass_a_bus_that_loses_everything() {
+fn acks_of_fault_commands_pass_a_blocked_bus() {
     let (_emulator, mut client, _) = on_a_bus();
     let before = client.counters();
     for kind in [FaultKind::Drop, FaultKind::Stuck, FaultKind::BitFlips] {
@@ -159,9 +163,9 @@ fn the_acks_of_faults_pass_a_bus_that_loses_everything() {
     );
 }
 
-/// Its Ack waits for the bus, and so does that of the command which ends it.
+/// The Acks of both commands wait for the bus.
 #[test]
-fn a_controller_that_is_off_for_good_is_called_back() {
+fn a_command_ends_a_permanent_bus_off() {
     let (_emulator, mut client, _) = on_a_bus();
     let off = client.send(fault(FaultKind::BusOff, Direction::In, 1.0, 0.0));
     assert!(client.recv(Duration::from_millis(300)).is_none());

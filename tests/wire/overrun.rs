@@ -1,4 +1,4 @@
-//! Frames that would be late: what is done with them, and where that is told.
+//! Frames that would be late: the policies, and their reports.
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
@@ -10,14 +10,13 @@ use skyloop::load::Folder;
 use skyloop::stats::RunStats;
 use skyloop_protocols::{Command, Counters};
 
-/// A cadence at which every frame is late, Hz: none is made within 10 us.
-const HURRIED_HZ: f64 = 1e5;
-/// And one at which none is: a second is hundreds of times what a frame of 64 x 64 pixels takes.
-const PATIENT_HZ: f64 = 1.0;
-/// Frames that are looked at.
+/// A rate at which every frame is late, Hz: none is rendered within 10 us.
+const EXCESSIVE_HZ: f64 = 1e5;
+/// A rate at which none is late: a second is hundreds of times what a frame of 64 x 64 pixels
+/// takes.
+const SLOW_HZ: f64 = 1.0;
 const FRAMES: usize = 6;
 
-/// The steps that a file with this key has.
 fn steps(coarsen: &str) -> Vec<Coarser> {
     let text = format!("[run]\ncoarsen = {coarsen}");
     let config = Config::parse("run.toml", &text, &Folder::current());
@@ -25,20 +24,20 @@ fn steps(coarsen: &str) -> Vec<Coarser> {
 }
 
 /// An emulator of the built-in scene with 64 x 64 pixels, and a client that has sent its attitude.
-fn flown(policy: OnOverrun, rate_hz: f64) -> (Running, Client<MemoryLine>) {
+fn start(policy: OnOverrun, rate_hz: f64) -> (Running, Client<MemoryLine>) {
     let steps = steps("[\"fast\", \"wing_e = 1\"]");
-    flown_by(Fidelity::REALTIME, steps, policy, rate_hz)
+    start_with(Fidelity::REALTIME, steps, policy, rate_hz)
 }
 
-/// Likewise with these tolerances and steps of coarsening.
-fn flown_by(
+/// The same with these tolerances and coarsening steps.
+fn start_with(
     fidelity: Fidelity,
     steps: Vec<Coarser>,
     policy: OnOverrun,
     rate_hz: f64,
 ) -> (Running, Client<MemoryLine>) {
     let mut config = scene();
-    // After the file was read, as a budget chooses them.
+    // Set after the file is read, like a time budget.
     config.fidelity = fidelity;
     config.camera.detector.width = 64;
     config.camera.detector.height = 64;
@@ -47,31 +46,35 @@ fn flown_by(
     config.run.on_overrun = policy;
     config.run.coarsen = steps;
     let (emulator, mut client) = memory_client(config, Clock::Wall);
-    // The cadence starts with the attitude: the emulator must be there by then.
+    // The cadence starts with the attitude: the emulator must run by then.
     client.status();
     client.point(attitude(1), EPOCH);
     (emulator, client)
 }
 
-/// Why a frame is not as configured, and by what it was rendered.
-fn told(frame: &Received) -> (Value, Value) {
+/// Overrun and fidelity in the label of a frame.
+fn overrun_and_fidelity(frame: &Received) -> (Value, Value) {
     let label = frame.label();
-    // Its end says the same, and of a frame that nobody expected to be late that it is.
-    let unforeseen = if frame.end.in_time { "none" } else { "late" };
-    let overrun = label["overrun"].as_str().unwrap_or(unforeseen);
+    // The end agrees with the label; an unpredicted late frame is late only in its end.
+    let unpredicted = if frame.end.in_time { "none" } else { "late" };
+    let overrun = label["overrun"].as_str().unwrap_or(unpredicted);
     assert_eq!(frame.end.overrun.name().to_lowercase(), overrun);
     (label["overrun"].clone(), label["fidelity"].clone())
 }
 
-/// The labels of the first frames at a hurried cadence: their overrun and their fidelity.
-/// Then time is no longer short, and a frame comes as configured; what was measured and counted.
-fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
-    let (emulator, mut client) = flown(policy, HURRIED_HZ);
-    let first: Vec<_> = (0..FRAMES).map(|_| told(&client.frame())).collect();
-    client.done(Command::FrameRate { hz: PATIENT_HZ });
+/// Overrun and fidelity of the first frames at a rate that is too high. Then the rate is lowered
+/// until a frame is as configured. Also returns statistics and counters.
+fn run_too_fast(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
+    let (emulator, mut client) = start(policy, EXCESSIVE_HZ);
+    let first: Vec<_> = (0..FRAMES)
+        .map(|_| overrun_and_fidelity(&client.frame()))
+        .collect();
+    client.done(Command::FrameRate { hz: SLOW_HZ });
     let configured = (Value::Null, json!({"preset": "realtime"}));
-    assert_eq!(first[0], configured, "nothing is known before the first");
-    await_that("a frame in time", || told(&client.frame()) == configured);
+    assert_eq!(first[0], configured, "the first frame has no prediction");
+    await_that("a frame in time", || {
+        overrun_and_fidelity(&client.frame()) == configured
+    });
     let (stats, counters) = emulator.measured();
     let late = stats.latencies.missed as u32;
     assert!(late >= FRAMES as u32 && stats.frames > late);
@@ -80,7 +83,7 @@ fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
     (first, stats, counters)
 }
 
-/// A number of the table at the end of a run; 0 where it has no row.
+/// A number of the table at the end of a run; 0 without a row.
 fn row(stats: &RunStats, name: &str) -> u32 {
     let rows = stats.rows();
     let row = rows.iter().find(|(row, _)| row == name);
@@ -88,79 +91,73 @@ fn row(stats: &RunStats, name: &str) -> u32 {
 }
 
 #[test]
-fn late_frames_come_and_are_told() {
-    let (first, stats, _) = hurried(OnOverrun::Late);
-    for (overrun, fidelity) in &first[1..] {
-        assert_eq!(overrun, "late");
-        assert_eq!(fidelity, &first[0].1);
-    }
-    assert_eq!((stats.coarsened, stats.dropped), (0, 0));
-}
-
-#[test]
-fn exposures_are_left_out_and_told() {
-    let (first, stats, counters) = hurried(OnOverrun::Drop);
-    for (overrun, fidelity) in &first[1..] {
-        assert_eq!(overrun, "drop");
-        assert_eq!(fidelity, &first[0].1);
-    }
-    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures, and after twice as many each time.
-    let least: u32 = (1..FRAMES as u32).map(|trial| 4 << (trial - 1)).sum();
-    assert!(stats.dropped >= least, "{}", stats.dropped);
-    assert!(counters.exposures_missed >= stats.dropped);
-    assert_eq!(row(&stats, "exposures dropped"), stats.dropped);
-    assert_eq!(stats.coarsened, 0);
-}
-
-#[test]
-fn frames_are_coarsened_step_by_step_and_told() {
-    let (first, stats, _) = hurried(OnOverrun::Coarsen);
-    let fast = json!({"preset": "fast"});
-    let coarsest = json!({"preset": "fast", "wing_e": 1.0});
-    assert_eq!(first[1], (json!("coarsen"), fast));
-    assert_eq!(first[2], (json!("coarsen"), coarsest.clone()));
-    for told in &first[3..5] {
-        assert_eq!(*told, (json!("late"), coarsest.clone()));
-    }
-    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures what was too slow is tried again.
-    assert_eq!(first[5], first[0]);
-    assert!(stats.coarsened >= 2);
-    assert_eq!(row(&stats, "frames coarsened"), stats.coarsened);
-    assert_eq!(stats.dropped, 0);
-}
-
-/// What the first frames say that are all late, of a run by `fast`.
-fn hurried_by_fast(coarsen: &str) -> (Vec<(Value, Value)>, RunStats) {
-    let steps = steps(coarsen);
-    let (emulator, mut client) = flown_by(Fidelity::FAST, steps, OnOverrun::Coarsen, HURRIED_HZ);
-    let first = (0..FRAMES).map(|_| told(&client.frame())).collect();
-    (first, emulator.measured().0)
-}
-
-#[test]
-fn what_is_coarsened_is_the_setting_that_the_run_has() {
-    let (first, _) = hurried_by_fast("[\"wing_e = 0.5\"]");
-    let coarser = json!({"preset": "fast", "wing_e": 0.5});
-    assert_eq!(first[0], (Value::Null, json!({"preset": "fast"})));
-    assert_eq!(first[1], (json!("coarsen"), coarser.clone()));
-    assert_eq!(first[2], (json!("late"), coarser));
-}
-
-#[test]
-fn what_makes_nothing_coarser_is_not_told_as_coarsened() {
-    for coarsen in ["[\"fast\"]", "[\"reference\", \"wing_e = 0.1\"]"] {
-        let (first, stats) = hurried_by_fast(coarsen);
-        for told in &first[1..] {
-            assert_eq!(*told, (json!("late"), json!({"preset": "fast"})));
+fn late_frames_follow_the_policy_and_are_reported() {
+    let realtime = || json!({"preset": "realtime"});
+    let coarsest = || json!({"preset": "fast", "wing_e": 1.0});
+    let all = |overrun| vec![(json!(overrun), realtime()); FRAMES - 1];
+    let coarsened = vec![
+        (json!("coarsen"), json!({"preset": "fast"})),
+        (json!("coarsen"), coarsest()),
+        (json!("late"), coarsest()),
+        (json!("late"), coarsest()),
+        // X-Val: docs/how-to/accuracy-and-time.md: after four exposures a slower setting is tried.
+        (Value::Null, realtime()),
+    ];
+    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures, and twice as many each time.
+    let dropped: u32 = (1..FRAMES as u32).map(|trial| 4 << (trial - 1)).sum();
+    for (policy, expected, min_coarsened, min_dropped) in [
+        (OnOverrun::Late, all("late"), 0, 0),
+        (OnOverrun::Drop, all("drop"), 0, dropped),
+        (OnOverrun::Coarsen, coarsened, 2, 0),
+    ] {
+        let (first, stats, counters) = run_too_fast(policy);
+        assert_eq!(first[1..], expected, "{policy:?}");
+        for (name, count, min) in [
+            ("frames coarsened", stats.coarsened, min_coarsened),
+            ("exposures dropped", stats.dropped, min_dropped),
+        ] {
+            assert!(
+                count >= min && (count == 0) == (min == 0),
+                "{policy:?}: {count} {name}"
+            );
+            assert_eq!(row(&stats, name), count, "{policy:?}: {name}");
         }
-        assert_eq!(stats.coarsened, 0);
+        assert!(counters.exposures_missed >= stats.dropped, "{policy:?}");
     }
 }
 
 #[test]
-fn with_time_enough_nothing_is_done() {
+fn coarsening_starts_from_the_settings_of_the_run() {
+    let fast = json!({"preset": "fast"});
+    let coarser = json!({"preset": "fast", "wing_e": 0.5});
+    let without_effect = vec![(json!("late"), fast.clone()); FRAMES - 1];
+    for (coarsen, expected) in [
+        (
+            "[\"wing_e = 0.5\"]",
+            vec![
+                (json!("coarsen"), coarser.clone()),
+                (json!("late"), coarser),
+            ],
+        ),
+        ("[\"fast\"]", without_effect.clone()),
+        ("[\"reference\", \"wing_e = 0.1\"]", without_effect.clone()),
+    ] {
+        let steps = steps(coarsen);
+        let (emulator, mut client) =
+            start_with(Fidelity::FAST, steps, OnOverrun::Coarsen, EXCESSIVE_HZ);
+        let frames = (0..FRAMES).map(|_| overrun_and_fidelity(&client.frame()));
+        let first: Vec<_> = frames.collect();
+        assert_eq!(first[0], (Value::Null, fast.clone()), "{coarsen}");
+        assert_eq!(first[1..][..expected.len()], expected, "{coarsen}");
+        let coarsened = emulator.measured().0.coarsened;
+        assert_eq!(coarsened == 0, expected == without_effect, "{coarsen}");
+    }
+}
+
+#[test]
+fn with_enough_time_nothing_changes() {
     for policy in [OnOverrun::Drop, OnOverrun::Coarsen] {
-        let (emulator, mut client) = flown(policy, PATIENT_HZ);
+        let (emulator, mut client) = start(policy, SLOW_HZ);
         for _ in 0..2 {
             let label = client.frame().label();
             assert_eq!(label["overrun"], Value::Null);

@@ -1,4 +1,5 @@
-//! Credit: as many packets as the client grants, and clients that grant or take nothing.
+//! Credit: the emulator sends as many packets as granted; clients without grants or reads are
+//! bounded.
 
 use crate::support::client::Client;
 use crate::support::line::Line;
@@ -11,13 +12,13 @@ use skyloop::load::Folder;
 use skyloop_protocols::{Command, Reply, Withheld};
 use std::time::Duration;
 
-/// The built-in scene with the camera that has most pixels: 1280 x 1024 in some 1,400 packets.
+/// The built-in scene with the largest camera: 1280 x 1024 pixels in some 1,400 packets.
 fn large() -> Config {
     let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
     Config { camera, ..scene() }
 }
 
-/// A frame through a window of `window` packets. The emulator never sends more than was granted.
+/// Receives a frame with a window of `window` packets. The emulator never sends more than granted.
 fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) {
     client.window = None;
     let start = client.taken;
@@ -27,7 +28,7 @@ fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) 
     });
     client.point(attitude(sequence), EPOCH);
     let frame = client.frame_granting(|client, taken| {
-        // All granted packets have come, and no other can come until more is granted.
+        // All granted packets have arrived, and no other may arrive before the next grant.
         if taken % window == 0 {
             if taken < 4 * window || taken % (128 * window) == 0 {
                 assert_eq!(
@@ -49,7 +50,7 @@ fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) 
 }
 
 #[test]
-fn a_window_of_any_size_carries_the_largest_frame() {
+fn any_window_carries_the_largest_frame() {
     let (_emulator, mut client) = udp_client(large(), Clock::Stepped, 5.0);
     for (sequence, window) in (0..).zip([1, 3, 64]) {
         through_a_window(&mut client, window, sequence);
@@ -62,7 +63,7 @@ fn a_window_of_any_size_carries_the_largest_frame() {
 }
 
 #[test]
-fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
+fn clients_that_stop_granting_lose_only_their_frame() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 60.0);
     client.window = None;
     client.send(Command::Credit { packets: 5 });
@@ -81,7 +82,7 @@ fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
         (before.packets_sent, before.counters.frames_delivered),
         (5, 0)
     );
-    // A late Credit that lies behind is ignored; one that goes on lets the next frame through.
+    // A lower, late Credit is ignored; a higher one lets the next frame through.
     client.send(Command::Credit { packets: 2 });
     assert_eq!(client.taken, 5);
     client.forget();
@@ -92,13 +93,13 @@ fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
     assert_eq!((after.frames_delivered, after.frames_abandoned), (1, 1));
 }
 
-/// Each reason that a client can cause, as Status gives it before the frame is given up. A whole
-/// frame clears it.
+/// Each cause on the client's side shows in Status before the frame is abandoned. A whole frame
+/// clears it.
 #[test]
-fn status_tells_why_a_frame_does_not_come() {
+fn status_reports_why_a_frame_is_withheld() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 60.0);
-    let tells = |client: &mut Client<_>, why| {
-        await_that(&format!("Status tells {why:?}"), || {
+    let reports = |client: &mut Client<_>, why| {
+        await_that(&format!("Status reports {why:?}"), || {
             client.status().withheld == why
         });
         let abandoned = client.counters().frames_abandoned;
@@ -110,20 +111,20 @@ fn status_tells_why_a_frame_does_not_come() {
     client.window = None;
     client.send(Command::Credit { packets: 5 });
     client.point(attitude(1), EPOCH);
-    tells(&mut client, Withheld::NoCredit);
-    // It grants as if 3 of 64 had come.
+    reports(&mut client, Withheld::NoCredit);
+    // The grant confirms only 3 of 64 packets.
     client.window = None;
     client.send(Command::Credit { packets: 64 });
     client.point(attitude(2), EPOCH);
     client.send(Command::Credit { packets: 3 + 64 });
-    tells(&mut client, Withheld::Lost);
+    reports(&mut client, Withheld::Lost);
     client.line.send(b"not a packet, but as long as some are");
     client.nack();
     assert_eq!(client.status().withheld, Withheld::Refused);
     client.window = Some(32);
     let packets = client.good_frame(3).packets;
     assert_eq!(client.status().withheld, Withheld::None);
-    // Of a frame that has left whole it grants for all but the last 20 packets.
+    // The grants confirm all but the last 20 packets of a frame sent whole.
     client.done(Command::Reset);
     client.window = None;
     client.send(Command::Credit { packets: 64 });
@@ -135,12 +136,12 @@ fn status_tells_why_a_frame_does_not_come() {
             });
         }
     });
-    tells(&mut client, Withheld::Lost);
+    reports(&mut client, Withheld::Lost);
 }
 
-/// A client that sends no Credit shows what it lacks by asking for it again, and by nothing else.
+/// A client without Credit reports losses by Resend only.
 #[test]
-fn status_tells_of_packets_that_a_client_without_credit_asks_for_again() {
+fn status_reports_packets_requested_again_without_credit() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.window = None;
     client.point(attitude(1), EPOCH);
@@ -155,7 +156,7 @@ fn status_tells_of_packets_that_a_client_without_credit_asks_for_again() {
     assert_eq!(client.status().withheld, Withheld::Lost);
 }
 
-/// Sends attitudes and reads nothing until the emulator is through with all of them.
+/// Sends attitudes and reads nothing until the emulator has processed them.
 fn without_reading(emulator: &Running, client: &mut Client<impl Line>, frames: u32) {
     client.window = None;
     for sequence in 0..frames {
@@ -167,10 +168,10 @@ fn without_reading(emulator: &Running, client: &mut Client<impl Line>, frames: u
 }
 
 #[test]
-fn a_client_that_never_reads_its_socket_does_not_hold_the_emulator() {
+fn clients_that_never_read_their_socket_do_not_block_the_emulator() {
     let (emulator, mut client) = udp_client(scene(), Clock::Stepped, 60.0);
     without_reading(&emulator, &mut client, 4);
-    // Datagrams that nobody reads are lost; the socket's queue holds the first ones.
+    // Unread datagrams are lost, except the first ones in the socket's buffer.
     while client.line.recv(Duration::from_millis(50)).is_some() {}
     let mut client = Client::new(client.line);
     client.done(Command::Reset);
@@ -178,11 +179,11 @@ fn a_client_that_never_reads_its_socket_does_not_hold_the_emulator() {
 }
 
 #[test]
-fn a_client_that_never_reads_its_serial_line_does_not_hold_the_emulator() {
+fn clients_that_never_read_their_serial_line_do_not_block_the_emulator() {
     let (emulator, mut client) = serial_client(scene(), Clock::Stepped);
-    // A frame has more packets than queue and line hold: each one stops and is given up.
+    // A frame has more packets than queue and line hold: each one is abandoned.
     without_reading(&emulator, &mut client, 3);
-    // What is in the queue still comes, in good frames of the line.
+    // Queued packets still arrive undamaged.
     while client.line.recv(Duration::from_millis(200)).is_some() {}
     let mut client = Client::new(client.line);
     client.done(Command::Reset);
@@ -194,8 +195,8 @@ fn a_client_that_never_reads_its_serial_line_does_not_hold_the_emulator() {
     client.good_frame(9);
 }
 
-/// Acks and Statuses that come until nothing more does.
-fn answers(client: &mut Client<impl Line>) -> (u32, u32) {
+/// Numbers of Acks and Statuses until no more arrive.
+fn replies(client: &mut Client<impl Line>) -> (u32, u32) {
     let (mut acks, mut statuses) = (0, 0);
     while let Some(packet) = client.line.recv(Duration::from_millis(300)) {
         match Reply::decode(&packet).unwrap().1 {
@@ -208,11 +209,11 @@ fn answers(client: &mut Client<impl Line>) -> (u32, u32) {
 }
 
 #[test]
-fn answers_wait_for_room_behind_an_unpaced_frame() {
+fn replies_wait_behind_an_unpaced_frame() {
     let (emulator, mut client) = memory_client(large(), Clock::Stepped);
     client.window = None;
     client.point(attitude(0), EPOCH);
-    // The frame fills the queue of 256 packets, which has no room for 200 answers.
+    // The frame fills the queue of 256 packets, which has no space for 200 replies.
     let header = client.line.recv(TIMEOUT).expect("the frame begins");
     assert!(matches!(
         Reply::decode(&header),
@@ -221,12 +222,12 @@ fn answers_wait_for_room_behind_an_unpaced_frame() {
     for _ in 0..100 {
         client.send(Command::Ping);
     }
-    assert_eq!(answers(&mut client), (100, 100));
+    assert_eq!(replies(&mut client), (100, 100));
     emulator.exposed();
     client.has_counted(&[("frames_delivered", 1), ("lost_outbound", 0)]);
 }
 
-/// Sends hundreds of a command and reads no answer.
+/// Sends hundreds of commands without reading the replies.
 fn unread(client: &mut Client<impl Line>, command: Command, hundreds: u32) {
     for _ in 0..hundreds {
         for _ in 0..100 {
@@ -237,39 +238,39 @@ fn unread(client: &mut Client<impl Line>, command: Command, hundreds: u32) {
 }
 
 #[test]
-fn answers_that_nobody_reads_are_counted() {
+fn unread_replies_are_counted() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     unread(&mut client, Command::Ping, 20);
-    let (acks, statuses) = answers(&mut client);
+    let (acks, statuses) = replies(&mut client);
     let counters = client.counters();
     assert_eq!(
         acks + statuses + counters.lost_outbound,
         2 * (counters.commands - 1)
     );
-    // 256 of the queue and 1024 that wait (ICD, 5.2), of 4000.
+    // 256 in the queue and 1024 waiting (ICD, 5.2), of 4000.
     let lost_commands = counters.overflows;
     assert!(counters.lost_outbound + 2 * lost_commands >= 4000 - 1280 - 2);
 }
 
 #[test]
-fn resets_that_nobody_reads_are_bounded_too() {
+fn unread_resets_are_bounded() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     unread(&mut client, Command::Reset, 50);
-    let (acks, _) = answers(&mut client);
-    // 256 of the queue and 1024 that wait (ICD, 5.2); the link may have been told of some Resets.
+    let (acks, _) = replies(&mut client);
+    // 256 in the queue and 1024 waiting (ICD, 5.2); the link may have handled some Resets.
     assert!((1024..=1280).contains(&acks), "{acks}");
     let counters = client.counters();
     assert_eq!(acks + counters.lost_outbound, counters.commands - 1);
 }
 
 #[test]
-fn attitudes_sent_ahead_wait_their_turn_and_too_many_are_refused() {
+fn attitudes_sent_ahead_wait_up_to_a_limit() {
     let (_emulator, mut client) = memory_client(scene(), Clock::Stepped);
     client.window = None;
     // Without credit the first frame stops, 64 attitudes wait (ICD, 5.4), and one is refused.
     client.send(Command::Credit { packets: 0 });
     client.send(Command::Attitude(attitude(0)));
-    await_that("the first frame is made", || {
+    await_that("the first frame is rendered", || {
         client.status().next_frame == 1
     });
     for sequence in 1..=65 {

@@ -1,4 +1,5 @@
-//! Whom frames go to over UDP: clients that prove their address, and only while they are there.
+//! Proof of address over UDP: frames go only to clients that prove their address, while they are
+//! active.
 
 use crate::abandoned::{limited, turning};
 use crate::support::client::Client;
@@ -21,7 +22,7 @@ fn on_the_wire(packet: &[u8]) -> usize {
     packet.len() + 28
 }
 
-/// A client of a line that never returns a Challenge.
+/// A client's line that never returns a Challenge.
 pub struct Silent(pub UdpLine);
 
 impl Line for Silent {
@@ -37,14 +38,14 @@ impl Line for Silent {
     }
 }
 
-/// What the owner of a forged address sees: it has asked for nothing and answers nothing. X-Val: RFC 9000, section 8.1: at most three times what was sent
-/// in its name.
+/// Traffic to a forged address, whose owner sends and answers nothing. X-Val: RFC 9000, section
+/// 8.1: at most three times the bytes sent in its name.
 #[test]
-fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
+fn forged_addresses_get_at_most_three_bytes_per_byte() {
     for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
         let (_emulator, line) = on_udp(scene(), clock, 5.0);
         let mut forged = Client::new(Silent(line));
-        let (mut sent, mut came, mut challenges) = (0, 0, 0);
+        let (mut sent, mut received, mut challenges) = (0, 0, 0);
         for sequence in 0..40 {
             let time = later(EPOCH, 0.05 * f64::from(sequence));
             let commands = [
@@ -58,43 +59,43 @@ fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
                 sent += on_the_wire(&packet);
             }
             while let Some(packet) = forged.line.recv(Duration::from_millis(50)) {
-                came += on_the_wire(&packet);
+                received += on_the_wire(&packet);
                 challenges += usize::from(is_challenge(&packet));
-                assert!(came <= 3 * sent, "{clock:?}: {came} for {sent}");
+                assert!(received <= 3 * sent, "{clock:?}: {received} for {sent}");
             }
         }
-        println!("{clock:?}: {came} bytes for {sent}, {challenges} Challenges");
+        println!("{clock:?}: {received} bytes for {sent}, {challenges} Challenges");
         assert!(challenges > 1, "{clock:?}");
     }
 }
 
 #[test]
-fn a_client_that_sends_nothing_any_more_gets_no_stream() {
+fn silent_clients_get_no_stream() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Wall, 1.0);
     client.status();
     client.good_frame(1);
-    // Credit is not what holds the stream back.
+    // Credit does not limit the stream.
     client.send(Command::Credit { packets: 1 << 30 });
-    // From now on it returns nothing.
+    // From now on the client returns nothing.
     let mut muted = Silent(client.line);
     let started = Instant::now();
-    // Challenges go on, as far as three times what was sent allows.
+    // Challenges continue within three times the bytes received.
     let mut last = started;
     while last.elapsed() < Duration::from_secs(2) {
-        let came = muted.recv(Duration::from_millis(100));
-        if came.is_some_and(|packet| !is_challenge(&packet)) {
+        let received = muted.recv(Duration::from_millis(100));
+        if received.is_some_and(|packet| !is_challenge(&packet)) {
             last = Instant::now();
         }
         assert!(started.elapsed() < TIMEOUT, "the stream goes on");
     }
-    // Whoever sends the Challenges back has it again.
+    // A client that returns the Challenges gets the stream again.
     let mut client = Client::new(muted.0).unpaced();
     client.await_answer();
 }
 
 /// A Challenge of another address or time is refused with that reason on every link.
 #[test]
-fn a_wrong_challenge_is_refused_in_words() {
+fn wrong_challenges_are_refused_with_a_reason() {
     let challenge = |token| {
         let mut buffer = [0; MAX_PACKET];
         let reply = Reply::Challenge(Challenge { token });
@@ -107,7 +108,7 @@ fn a_wrong_challenge_is_refused_in_words() {
         packet
     };
     const WRONG: &str = "this Challenge is not of this address or time";
-    for (packet, reason, says) in [
+    for (packet, reason, detail) in [
         (challenge(0), Reason::ValueOutOfRange, WRONG),
         (challenge(u64::MAX), Reason::ValueOutOfRange, WRONG),
         (damaged, Reason::BadCrc, "damaged on the way"),
@@ -125,23 +126,23 @@ fn a_wrong_challenge_is_refused_in_words() {
             let nack = client.nack();
             let found = (nack.apid, nack.sequence_count, nack.reason);
             assert_eq!(found, (0x20B, 7, reason), "{}", nack.detail);
-            assert!(nack.detail.contains(says), "{}", nack.detail);
+            assert!(nack.detail.contains(detail), "{}", nack.detail);
         }
         for emulator in [udp, memory] {
-            assert_eq!(emulator.end().unknown_type, 0, "{says}");
+            assert_eq!(emulator.end().unknown_type, 0, "{detail}");
         }
     }
 }
 
 #[test]
-fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
+fn packets_waiting_for_proof_at_the_end_are_counted_as_lost() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut client = Client::new(Silent(line));
     client.point(attitude(1), EPOCH);
     for _ in 0..20 {
         client.send(Command::Ping);
     }
-    // It is heard: the first answers come. All others wait.
+    // The first replies arrive; all others wait.
     while client
         .line
         .recv(Duration::from_secs(1))
@@ -149,21 +150,20 @@ fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
     {}
     std::thread::sleep(Duration::from_secs(1));
     let counters = emulator.end();
-    // An Ack and a Status for each; the first answers are within three times what was sent.
+    // An Ack and a Status each; the first replies are within three times the bytes sent.
     let lost = counters.lost_outbound;
     assert!((1..40).contains(&lost), "{counters:?}");
 }
 
-/// The last Challenge that has come.
 fn last_challenge(line: &mut Silent) -> Vec<u8> {
-    let came = std::iter::from_fn(|| line.recv(Duration::from_millis(100)));
-    let challenges = came.filter(|packet| is_challenge(packet));
-    challenges.last().expect("a Challenge comes")
+    let received = std::iter::from_fn(|| line.recv(Duration::from_millis(100)));
+    let challenges = received.filter(|packet| is_challenge(packet));
+    challenges.last().expect("a Challenge")
 }
 
-/// The proof comes when the frame has been given up, after 2 s (ICD, section 5.3).
+/// The proof arrives after the frame is abandoned, after 2 s (ICD, section 5.3).
 #[test]
-fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
+fn frames_abandoned_before_the_proof_are_not_sent_after_it() {
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut muted = Client::new(Silent(line));
     muted.point(attitude(0), EPOCH);
@@ -175,7 +175,7 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
         late.filter(|packet| !is_challenge(packet) && identify(packet).unwrap().0 != STATUS);
     assert_eq!(frames.count(), 0);
     let mut client = Client::new(muted.line.0);
-    // Nothing of it was sent.
+    // No packet of the frame was sent.
     client.send(Command::Resend {
         frame: 0,
         first: 0,
@@ -187,10 +187,10 @@ fn a_frame_that_is_given_up_before_the_proof_is_not_sent_after_it() {
     balance("proved late", emulator, 2, &[(1, &withheld)]);
 }
 
-/// A frame of 40 kB takes 3 s at 12.5 kB/s, and the proof holds for 1 s. The packets that the
-/// client has sent would allow all of it (3 x 15 kB).
+/// A frame of 40 kB takes 3 s at 12.5 kB/s, and the proof holds for 1 s. The packets sent by the
+/// client would allow all of it (3 x 15 kB).
 #[test]
-fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
+fn queued_frames_are_removed_when_the_proof_lapses() {
     let url = "udp://127.0.0.1:0?rate_mbit=0.1".to_string();
     let links = open_all(&[url], &options(1.0)).unwrap();
     let line = UdpLine::to(&links[0].0.address);
@@ -207,18 +207,18 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     let is_of_frame = |packet: &[u8]| PAID.contains(&identify(packet).unwrap().0);
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(2500) {
-        let came = muted.line.recv(Duration::from_millis(50));
+        let received = muted.line.recv(Duration::from_millis(50));
         let is_late = begun.elapsed() > Duration::from_millis(1500);
-        assert!(!(is_late && came.is_some_and(|packet| is_of_frame(&packet))));
+        assert!(!(is_late && received.is_some_and(|packet| is_of_frame(&packet))));
     }
-    // Nor does it come again.
+    // It is not resent either.
     muted.send(Command::Resend {
         frame: 0,
         first: 0,
         count: 1,
     });
-    let mut came = std::iter::from_fn(|| muted.line.recv(TIMEOUT));
-    let answer = came.find(|packet| !is_challenge(packet)).unwrap();
+    let mut received = std::iter::from_fn(|| muted.line.recv(TIMEOUT));
+    let answer = received.find(|packet| !is_challenge(packet)).unwrap();
     let (_, reply) = Reply::decode(&answer).unwrap();
     assert!(
         matches!(&reply, Reply::Nack(nack) if nack.reason == Reason::Busy),
@@ -230,10 +230,10 @@ fn a_frame_in_the_queue_is_removed_when_the_proof_lapses() {
     assert!(counters.lost_outbound > 0);
 }
 
-/// Beside a link whose client proves its address, a second client proves its own late. It gets the
-/// next frames and not the one that was given up, also after a refusal.
+/// One client proves its address, a second one on another link proves its own late. The second gets
+/// the next frames and not the abandoned one, also after a refusal.
 #[test]
-fn a_link_whose_client_proves_late_gets_the_next_frames() {
+fn late_proofs_get_the_next_frames() {
     for is_refused in [false, true] {
         let roles = ["truth+labels", "pixels"];
         let (emulator, [mut client, late]) =
@@ -245,7 +245,7 @@ fn a_link_whose_client_proves_late_gets_the_next_frames() {
         drop(emulator.exposed());
         let mut expected = vec![(&"address not proved", &1)];
         if is_refused {
-            // It costs too much.
+            // Above the work limit.
             client.point(turning(1), later(EPOCH, 1.0));
             client.nack();
             expected.push((&"refused", &1));
@@ -254,26 +254,26 @@ fn a_link_whose_client_proves_late_gets_the_next_frames() {
         let challenge = last_challenge(&mut late.line);
         late.line.send(&challenge);
         await_that("the address is proved", || {
-            let came = late.line.recv(Duration::from_millis(50));
-            assert!(!came.as_ref().is_some_and(is_pixels));
-            came.is_some_and(|packet| identify(&packet).unwrap().0 == STATUS)
+            let received = late.line.recv(Duration::from_millis(50));
+            assert!(!received.as_ref().is_some_and(is_pixels));
+            received.is_some_and(|packet| identify(&packet).unwrap().0 == STATUS)
         });
         client.point(attitude(2), later(EPOCH, 2.0));
-        await_that("pixels come", || {
+        await_that("pixels arrive", || {
             late.line.recv(TIMEOUT).as_ref().is_some_and(is_pixels)
         });
         client.parcel();
         drop(emulator.exposed());
         let (stats, _) = emulator.measured();
-        let account = &stats.accounts[1].1;
-        let withheld: Vec<_> = account.withheld.iter().collect();
-        assert_eq!((account.delivered, withheld), (1, expected));
+        let frame_counters = &stats.accounts[1].1;
+        let withheld: Vec<_> = frame_counters.withheld.iter().collect();
+        assert_eq!((frame_counters.delivered, withheld), (1, expected));
     }
 }
 
 #[test]
-fn a_client_that_has_closed_its_socket_leaves_the_place_at_once() {
-    // An hour of silence is not waited for.
+fn closed_sockets_free_the_exchange_at_once() {
+    // Without an hour of silence.
     let (_emulator, line) = on_udp(scene(), Clock::Wall, 3600.0);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
@@ -285,6 +285,6 @@ fn a_client_that_has_closed_its_socket_leaves_the_place_at_once() {
     second.start_anew();
     let before = second.counters();
     second.good_frame(2);
-    // What did not reach the first is lost, or was never sent.
+    // Packets for the first client are lost, or were never sent.
     assert!(before.frames_abandoned + before.lost_outbound + before.deadlines_missed > 0);
 }

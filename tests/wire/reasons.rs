@@ -1,11 +1,11 @@
-//! What Status gives as the reason for frames that do not come.
+//! Causes of withheld frames in Status.
 
 use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, attitude, await_that, bad_attitude, later, options, quick, scene, udp_client,
 };
-use crate::withheld::{SHORT, beside};
+use crate::withheld::{SHORT, with_frame_link};
 use skyloop::config::{Clock, Trigger};
 use skyloop::link;
 use skyloop_protocols::packet::reseal;
@@ -13,13 +13,13 @@ use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Withheld};
 use std::time::Duration;
 
-/// A refused packet that asks for no frame withholds none; a damaged attitude does.
+/// A refused packet that requests no frame withholds none; a damaged attitude does.
 #[test]
-fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
+fn status_reports_only_refused_packets_that_request_frames() {
     for (command, byte, value, cause) in [
         (Command::Ping, 15, 99, Withheld::None),
         (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
-        // An unknown APID: it may have been an attitude, and there is one.
+        // An unknown APID may be an attitude, but there is a valid one.
         (Command::Ping, 1, 0x66, Withheld::None),
         (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
     ] {
@@ -35,13 +35,13 @@ fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
     }
 }
 
-/// Causes on a link that has no answers of its own: Status gives them over the link of the truth.
+/// Causes on a link without replies of its own: Status reports them on the truth link.
 #[test]
-fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
-    // 10 bits a byte: on the slow line 1,400 bytes take 1.5 s, and frames come 10 times a second.
+fn status_reports_links_without_client_too_slow_or_unable_to_encode() {
+    // 10 bits a byte: on the slow line 1,400 bytes take 1.5 s, at 10 frames a second.
     const SLOW: &str = "pty?baud=9600";
     const MEMORY: &str = "memory";
-    for (link, speaks, personality, cause, name) in [
+    for (link, sends, personality, cause, name) in [
         (MEMORY, false, &NATIVE, Withheld::NoClient, "no client"),
         (MEMORY, true, &SHORT, Withheld::TooLong, "cannot be encoded"),
         (SLOW, true, &NATIVE, Withheld::SlowLink, "link too slow"),
@@ -49,16 +49,16 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
         let is_slow = link == SLOW;
         let clock = if is_slow { Clock::Wall } else { Clock::Stepped };
         let (frames, port) = link::loopback(link, &options(5.0)).unwrap();
-        let (emulator, mut client) = beside(quick(10.0), clock, frames, personality);
+        let (emulator, mut client) = with_frame_link(quick(10.0), clock, frames, personality);
         let mut other = Client::new(MemoryLine(port));
-        if speaks {
+        if sends {
             other.send(Command::Credit { packets: 1 << 30 });
         }
-        await_that("the other client is heard", || {
-            client.counters().commands > u32::from(speaks)
+        await_that("the other client is known", || {
+            client.counters().commands > u32::from(sends)
         });
         client.point(attitude(1), EPOCH);
-        await_that(&format!("Status tells {cause:?}"), || {
+        await_that(&format!("Status reports {cause:?}"), || {
             client.status().withheld == cause
         });
         await_that(&format!("a frame is counted under {name}"), || {
@@ -66,14 +66,17 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
             counters.frames_abandoned + counters.frames_dropped > 0
         });
         let (stats, _) = emulator.measured();
-        let account = &stats.accounts[0].1;
-        assert!(account.withheld.contains_key(name), "{account:?}");
+        let frame_counters = &stats.accounts[0].1;
+        assert!(
+            frame_counters.withheld.contains_key(name),
+            "{frame_counters:?}"
+        );
     }
 }
 
-/// Status keeps a refusal until it has been sent. A refused Trigger counts as one that came.
+/// Status holds a refusal until it has been sent. A refused Trigger counts as received.
 #[test]
-fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
+fn refusals_precede_missing_triggers_in_status() {
     let bad = bad_attitude(1);
     let start = later(EPOCH, f64::from(1u32 << 30));
     for (refused, when, after_s) in [
@@ -88,7 +91,7 @@ fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
             client.point(attitude(0), EPOCH);
             std::thread::sleep(Duration::from_secs(3));
         }
-        // The client's time goes on.
+        // The client's time continues.
         let time = later(EPOCH, if when == "after" { 3.0 } else { 0.0 });
         client.send_alone(&refused, time);
         client.nack();
@@ -103,19 +106,19 @@ fn a_refusal_is_in_status_once_before_it_says_that_no_trigger_comes() {
 }
 
 #[test]
-fn status_says_that_attitudes_come_and_no_trigger() {
+fn status_reports_attitudes_without_triggers() {
     for (trigger, is_reported) in [(Trigger::Packet, true), (Trigger::Own, false)] {
         let mut config = scene();
         config.run.trigger = trigger;
         let (_emulator, mut client) = udp_client(config, Clock::Stepped, 60.0);
         client.point(attitude(0), EPOCH);
-        let mut says = || client.status().withheld == Withheld::NoTrigger;
+        let mut is_reported_now = || client.status().withheld == Withheld::NoTrigger;
         if is_reported {
-            await_that("it is reported", says);
+            await_that("it is reported", is_reported_now);
         } else {
-            assert!(!says());
+            assert!(!is_reported_now());
             std::thread::sleep(Duration::from_secs(3));
-            assert!(!says(), "{trigger:?}");
+            assert!(!is_reported_now(), "{trigger:?}");
         }
     }
 }

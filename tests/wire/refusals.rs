@@ -1,4 +1,4 @@
-//! Bad packets: each is refused by name, counted once, and costs nothing else.
+//! Bad packets: each is refused with its reason, counted once, and has no other effect.
 
 use crate::bad_packets::{cases, q_times};
 use crate::support::client::{Client, moved};
@@ -10,7 +10,7 @@ use skyloop_protocols::slip::{self, END, ESC};
 use skyloop_protocols::{Attitude, Command, OrbitState, Reason};
 
 #[test]
-fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
+fn bad_packets_are_refused_counted_once_and_have_no_other_effect() {
     for (link, _emulator, line) in on_every_link(Clock::Stepped) {
         let mut client = Client::new(line);
         let reference = client.good_frame(1);
@@ -19,19 +19,19 @@ fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
             let before = client.counters();
             let counts = client.counts.clone();
             let (mut packet, count) = client.prepare(&case.command, case.time);
-            (case.spoil)(&mut packet);
+            (case.damage_packet)(&mut packet);
             if case.counter != "bad_crc" {
                 reseal(&mut packet);
             }
             let stated = u16::from_be_bytes([packet[0], packet[1]]) & 0x7ff;
             if stated != case.command.apid() {
-                // Another APID has counts of its own.
+                // Another APID has its own counts.
                 client.counts = counts;
             }
             client.line.send(&packet);
             println!("{name}");
-            let says: Vec<&str> = case.says.split(" | ").collect();
-            let nack = client.refused(case.reason, &says);
+            let words: Vec<&str> = case.says.split(" | ").collect();
+            let nack = client.refused(case.reason, &words);
             assert_eq!((nack.apid, nack.sequence_count), (stated, count), "{name}");
             let after = client.counters();
             assert_eq!(moved(&before, &after), [(case.counter, 1)], "{name}");
@@ -39,7 +39,7 @@ fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
             assert_eq!(of_pings, 1, "{name}: the second Ping alone");
             let frame = client.good_frame(1);
             let is_same = frame.pixels == reference.pixels;
-            assert!(is_same, "{name}: the next frame is as before");
+            assert!(is_same, "{name}: the next frame is unchanged");
             let expected = [
                 ("attitudes", 1),
                 ("frames_rendered", 1),
@@ -52,7 +52,7 @@ fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
 }
 
 #[test]
-fn a_quaternion_within_the_tolerance_is_normalised() {
+fn quaternions_within_the_tolerance_are_normalised() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     let Command::Attitude(long) = q_times(1.0009) else {
         unreachable!()
@@ -68,13 +68,13 @@ fn a_quaternion_within_the_tolerance_is_normalised() {
     let q: Vec<f64> = serde_json::from_value(long.label()["q_icrf_to_body"].clone()).unwrap();
     let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     assert!((norm - 1.0).abs() < 1e-12, "{norm}");
-    // X-Val: the same direction as Q, whose own norm is 1 within 1e-6.
+    // X-Val: the direction of Q, whose own norm is 1 within 1e-6.
     assert!(q.iter().zip(Q).all(|(a, b)| (a - b).abs() < 2e-6), "{q:?}");
     assert_eq!(client.counters().bad_attitude, 0);
 }
 
 #[test]
-fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
+fn datagrams_of_wrong_length_are_refused() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     let mut before = client.counters();
     for length in [0, 1, 16, 1401, 9000] {
@@ -95,7 +95,7 @@ fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
 }
 
 #[test]
-fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
+fn noise_and_damaged_frames_on_a_serial_line_are_counted() {
     let (_emulator, mut client) = serial_client(scene(), Clock::Stepped);
     let reference = client.good_frame(1);
     let whole = |client: &mut Client<PtyLine>| {
@@ -123,25 +123,25 @@ fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
         ),
         ("a frame too long", "oversize", long),
         ("a wrong CRC-32", "bad_crc", flipped),
-        ("octets lost", "bad_crc", cut),
+        ("bytes lost", "bad_crc", cut),
     ];
     for (name, counter, bytes) in damaged {
         let before = client.counters();
         client.line.raw(&bytes);
         let mut found = moved(&before, &client.counters());
-        // A packet that was damaged on the way is missing in the client's counts, too.
+        // A packet damaged in transit is missing in the client's counts too.
         found.retain(|(counter, _)| *counter != "sequence_gaps");
         assert_eq!(found, [(counter, 1)], "{name}");
         assert!(client.good_frame(1).pixels == reference.pixels, "{name}");
     }
-    // Empty frames and line noise between packets: nothing at all is counted.
+    // Empty frames between packets are not counted.
     let before = client.counters();
     client.line.raw(&[END, END, END]);
     assert_eq!(moved(&before, &client.counters()), []);
 }
 
 #[test]
-fn a_state_that_leaves_its_range_within_the_exposure_is_refused_as_if_it_had_never_come() {
+fn states_that_leave_their_range_during_the_exposure_are_refused() {
     let (_emulator, mut client) = udp_client(scene(), Clock::Stepped, 5.0);
     client.done(Command::Exposure { seconds: 600.0 });
     let falling = OrbitState {

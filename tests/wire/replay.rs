@@ -1,4 +1,4 @@
-//! A recorded run is fed to an emulator again: the same, or the first difference named.
+//! Replay of recorded runs: equal, or with the first difference named.
 
 use crate::support::client::packet;
 use crate::support::line::{Line, UdpLine, is_challenge};
@@ -18,7 +18,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Everything that a bad line does, both ways.
 const BAD_LINE: &str = r#"
 seed = 11
 faults = [
@@ -32,7 +31,6 @@ faults = [
 ]
 "#;
 
-/// Attitudes that the client sends.
 const ATTITUDES: u32 = 40;
 
 /// The built-in scene on a detector of 64 x 64 pixels.
@@ -42,7 +40,7 @@ pub fn small() -> Config {
     config
 }
 
-/// Records in `file` what passes these links, which have these names.
+/// Records the traffic of these links in `file`, under these names.
 fn recorder<'w>(
     file: &Path,
     names: &[String],
@@ -56,8 +54,8 @@ fn recorder<'w>(
     capture
 }
 
-/// An emulator at a UDP port with the faults of `plan`, if any, which is recorded in `file`; a
-/// client's end.
+/// An emulator at a UDP port with the faults of `plan`, if any, recorded in `file`; and a client's
+/// end.
 fn recorded(file: &Path, plan: Option<(&Plan, &Arc<Mutex<Book>>)>) -> (Running, UdpLine, Capture) {
     let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let line = UdpLine::to(&wire.address);
@@ -68,7 +66,7 @@ fn recorded(file: &Path, plan: Option<(&Plan, &Arc<Mutex<Book>>)>) -> (Running, 
     (Running::start(small(), Clock::Stepped, wire), line, capture)
 }
 
-/// Likewise at two ports, one for truth and labels, one for pixels.
+/// The same at two ports, one for truth and labels, one for pixels.
 fn two_recorded(file: &Path) -> (Running, [UdpLine; 2], Capture) {
     let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
     let mut links = link::open_all(&urls, &options(5.0)).unwrap();
@@ -78,7 +76,7 @@ fn two_recorded(file: &Path) -> (Running, [UdpLine; 2], Capture) {
     (emulator, lines, capture)
 }
 
-/// A run over a bad line, recorded in `file`: its counters, and what the line did.
+/// Records a run over a bad line in `file`. Returns its counters and the number of faults.
 fn record(file: &Path) -> (Counters, u64) {
     let plan = Plan::parse("faults.toml", BAD_LINE, false).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));
@@ -99,7 +97,7 @@ fn record(file: &Path) -> (Counters, u64) {
             send(&mut line, Command::Ping, time);
         }
         send(&mut line, Command::Attitude(attitude(i)), time);
-        // Now and then the client runs ahead.
+        // Sometimes the client does not wait for frames.
         if i % 8 < 5 {
             let quiet = Duration::from_millis(30);
             while let Some(packet) = line.recv(quiet) {
@@ -117,7 +115,7 @@ fn record(file: &Path) -> (Counters, u64) {
     (counters, injected)
 }
 
-/// What comes of a recording with this configuration.
+/// Replays a recording with this configuration.
 pub fn replay(file: &Path, mut config: Config) -> Progress {
     let (links, replay) = Replay::of(load(file, &NATIVE).unwrap(), &NATIVE);
     let output = config.run.output;
@@ -137,42 +135,42 @@ pub fn replay(file: &Path, mut config: Config) -> Progress {
     replay.progress()
 }
 
-/// A recording comes again as it was; so many packets, and its frames.
+/// Requires a replay equal to its recording.
 #[track_caller]
-fn is_same(file: &Path) -> Progress {
+fn assert_same(file: &Path) -> Progress {
     let same = replay(file, small());
     assert_eq!(same.difference, None);
     same
 }
 
-/// A recording of which the first packet that `choose` takes is altered, by the octet that it says,
-/// differs in these words.
+/// Changes one byte in the first packet that `choose` selects, and requires these words in the
+/// reported difference.
 #[track_caller]
-fn differs(file: &Path, says: &[&str], choose: impl Fn(&Reply<'_>) -> Option<usize>) {
+fn assert_differs(file: &Path, words: &[&str], choose: impl Fn(&Reply<'_>) -> Option<usize>) {
     let mut bytes = std::fs::read(file).unwrap();
     let events = load(file, &NATIVE).unwrap().events;
-    let place = events.iter().find_map(|event| {
+    let chosen = events.iter().find_map(|event| {
         let (_, reply) = Reply::decode(&event.item).ok()?;
         Some((event.item.clone(), choose(&reply)?))
     });
-    let (packet, byte) = place.expect("there is such a packet");
+    let (packet, byte) = chosen.expect("there is such a packet");
     let mut windows = bytes.windows(packet.len());
     let at = windows.position(|window| window == &packet[..]).unwrap();
     bytes[at + byte] ^= 1;
-    let corrupted = file.with_file_name("spoilt.pcapng");
+    let corrupted = file.with_file_name("corrupted.pcapng");
     std::fs::write(&corrupted, bytes).unwrap();
-    has(&replay(&corrupted, small()).difference.unwrap(), says);
+    assert_words(&replay(&corrupted, small()).difference.unwrap(), words);
 }
 
 #[track_caller]
-fn has(text: &str, words: &[&str]) {
+fn assert_words(text: &str, words: &[&str]) {
     for word in words {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
 }
 
 #[test]
-fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
+fn runs_over_a_bad_line_are_replayed_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
     let (counters, injected) = record(&file);
@@ -182,14 +180,14 @@ fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
         "{counters:?}"
     );
     assert!(counters.frames_delivered > ATTITUDES / 2, "{counters:?}");
-    let same = is_same(&file);
+    let same = assert_same(&file);
     let whole = same.frames.iter().filter(|frame| frame.whole).count();
     assert_eq!(whole as u32, counters.frames_delivered);
     println!(
         "{injected} faults, {whole} frames, {} packets the same",
         same.packets
     );
-    // The hashes tell frames apart and repeat.
+    // Hashes distinguish frames and are reproducible.
     assert_eq!(replay(&file, small()).frames, same.frames);
     let hashes: BTreeSet<u32> = same.frames.iter().map(|frame| frame.crc32).collect();
     assert_eq!(hashes.len(), same.frames.len());
@@ -198,40 +196,39 @@ fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
     let mut other = small();
     other.seed += 1;
     let difference = replay(&file, other).difference.unwrap();
-    has(
+    assert_words(
         &difference,
         &["FrameHeader of frame 0", "seed: recorded 1, replayed 2"],
     );
-    // A pixel: of the third block, whose octets start after 15 of header and 15 of layout.
-    let says = [
+    // A pixel of the third block, whose bytes start after 15 of header and 15 of layout.
+    let words = [
         "PixelBlock 1 of frame 3",
         "pixel (column ",
         "recorded ",
         "replayed ",
     ];
-    differs(&file, &says, |reply| match reply {
+    assert_differs(&file, &words, |reply| match reply {
         Reply::PixelBlock(block) if block.frame == 3 && block.index == 1 => Some(15 + 15 + 201),
         _ => None,
     });
-    let says = ["Labels 4 of frame 2: text from its byte 40"];
-    differs(&file, &says, |reply| match reply {
+    let words = ["Labels 4 of frame 2: text from its byte 40"];
+    assert_differs(&file, &words, |reply| match reply {
         Reply::Labels(part) if part.frame == 2 && part.part == 4 => Some(15 + 8 + 40),
         _ => None,
     });
 }
 
-/// What a client has to say before anything comes over its link.
-fn says(line: &mut UdpLine, commands: &[Command]) {
+fn send_all(line: &mut UdpLine, commands: &[Command]) {
     for (count, command) in (0..).zip(commands) {
         line.send(&packet(command, count, EPOCH));
     }
 }
 
-/// Takes the Challenge and sends it back: no frame is sent before.
+/// Returns the Challenge, because no frame is sent before.
 fn return_challenge(line: &mut UdpLine) {
     line.0.set_read_timeout(Some(TIMEOUT)).unwrap();
     let mut buffer = [0; MAX_PACKET];
-    let length = line.0.recv(&mut buffer).expect("a Challenge comes");
+    let length = line.0.recv(&mut buffer).expect("a Challenge");
     assert!(is_challenge(&buffer[..length]));
     line.send(&buffer[..length]);
 }
@@ -242,12 +239,12 @@ fn several_links_are_replayed_together() {
     let file = folder.path().join("run.pcapng");
     let (emulator, mut lines, capture) = two_recorded(&file);
     let grant = Command::Credit { packets: 100_000 };
-    says(&mut lines[1], &[grant, Command::Ping]);
+    send_all(&mut lines[1], &[grant, Command::Ping]);
     assert!(lines[1].recv(TIMEOUT).is_some(), "the Ping's Ack");
-    says(&mut lines[0], &[grant]);
+    send_all(&mut lines[0], &[grant]);
     return_challenge(&mut lines[0]);
     for i in 0..3 {
-        says(&mut lines[0], &[Command::Attitude(attitude(i))]);
+        send_all(&mut lines[0], &[Command::Attitude(attitude(i))]);
         emulator.exposed();
     }
     for line in &mut lines {
@@ -256,7 +253,7 @@ fn several_links_are_replayed_together() {
     assert_eq!(emulator.end().frames_delivered, 3);
     capture.finish().unwrap();
     // A frame's pixels went over one link, its labels over the other.
-    let frames = is_same(&file).frames;
+    let frames = assert_same(&file).frames;
     let has = |number, link| {
         let is_it = |frame: &Same| (frame.frame, frame.link, frame.whole) == (number, link, true);
         frames.iter().any(is_it)
@@ -264,7 +261,7 @@ fn several_links_are_replayed_together() {
     assert!((0..3).all(|i| has(i, 0) && has(i, 1)), "{frames:?}");
 }
 
-/// Sends a command and awaits the reason of its refusal; none if it is obeyed.
+/// Sends a command and returns the reason of its refusal, if any.
 fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason, String)> {
     line.send(&packet(command, count, EPOCH));
     let packet = line.recv(TIMEOUT).expect("an answer");
@@ -275,9 +272,9 @@ fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason,
     }
 }
 
-/// Bus-off is refused on UDP, and a delay where no faults are injected. Acks follow.
+/// Bus-off is refused on UDP, and a delay without fault injection. Acks follow.
 #[test]
-fn refused_faults_are_refused_again() {
+fn refused_faults_are_refused_in_the_replay() {
     let folder = tempfile::tempdir().unwrap();
     let (plan, book) = (Plan::default(), Arc::default());
     for injected in [false, true] {
@@ -294,11 +291,11 @@ fn refused_faults_are_refused_again() {
         assert_eq!(refused(&mut line, 2, &exposure), None);
         emulator.end();
         capture.finish().unwrap();
-        assert_eq!(is_same(&file).packets, 3);
+        assert_eq!(assert_same(&file).packets, 3);
     }
 }
 
-/// The answer names the link of the truth, which has another address in a replay.
+/// The reply names the truth link, which has another address in a replay.
 #[test]
 fn addresses_in_refusals_are_not_compared() {
     let folder = tempfile::tempdir().unwrap();
@@ -310,39 +307,37 @@ fn addresses_in_refusals_are_not_compared() {
     assert_eq!(refused(&mut line, 1, &Command::Reset), None);
     emulator.end();
     capture.finish().unwrap();
-    assert_eq!(is_same(&file).packets, 2);
-    // All else is: what it answers, its words.
-    for (byte, says) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
-        differs(&file, &[says], |reply| {
+    assert_eq!(assert_same(&file).packets, 2);
+    // Other fields are compared: the sequence count, the text.
+    for (byte, words) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
+        assert_differs(&file, &[words], |reply| {
             matches!(reply, Reply::Nack(_)).then_some(byte)
         });
     }
 }
 
-/// The client takes 5 packets of a frame and stands still; 2 s later the frame is given up. Another one
-/// follows.
+/// The client takes 5 packets of a frame; after 2 s the frame is abandoned. Another one follows.
 #[test]
-fn a_frame_that_was_given_up_is_given_up_again() {
+fn abandoned_frames_are_abandoned_in_the_replay() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.pcapng");
     let (emulator, mut line, capture) = recorded(&file, None);
-    says(&mut line, &[Command::Credit { packets: 5 }]);
+    send_all(&mut line, &[Command::Credit { packets: 5 }]);
     return_challenge(&mut line);
-    says(&mut line, &[Command::Attitude(attitude(0))]);
+    send_all(&mut line, &[Command::Attitude(attitude(0))]);
     emulator.exposed();
-    says(&mut line, &[Command::Credit { packets: 50_000 }]);
-    says(&mut line, &[Command::Attitude(attitude(1))]);
+    send_all(&mut line, &[Command::Credit { packets: 50_000 }]);
+    send_all(&mut line, &[Command::Attitude(attitude(1))]);
     emulator.exposed();
     while line.recv(Duration::from_millis(200)).is_some() {}
     emulator.ends_with(&[("frames_abandoned", 1), ("frames_delivered", 1)]);
     capture.finish().unwrap();
-    let same = is_same(&file);
+    let same = assert_same(&file);
     let frames = same.frames.iter().map(|frame| (frame.frame, frame.whole));
     assert_eq!(frames.collect::<Vec<_>>(), [(0, false), (1, true)]);
-    // A sequence count that nothing explains is named: of the header, whose last octet of the count is
-    // the fourth.
-    let says = ["PixelBlock 0 of frame 1", "header octet 3"];
-    differs(&file, &says, |reply| match reply {
+    // An unexplained sequence count is named; the fourth byte of the header is its last byte.
+    let words = ["PixelBlock 0 of frame 1", "header octet 3"];
+    assert_differs(&file, &words, |reply| match reply {
         Reply::PixelBlock(block) if block.frame == 1 && block.index == 0 => Some(3),
         _ => None,
     });

@@ -1,5 +1,5 @@
-//! Logs of CAN frames are replayed: frames of which the client had packets sent again too. The logs are made without a bus
-//! and without time: each packet in its frames, one after the other.
+//! Replay of CAN logs, including packets sent again. The logs are made without a bus and without
+//! time: each packet in its frames, one after the other.
 
 use crate::replay::{replay, small};
 use crate::support::client::packet;
@@ -18,7 +18,7 @@ use std::time::Duration;
 
 type Exchange = Vec<(Direction, Vec<u8>)>;
 
-/// The packets of an exchange as a log of the bus that they crossed one by one.
+/// Log of a bus that carries the packets of an exchange one by one.
 fn log(exchange: &Exchange) -> String {
     let mut ends = [
         Node::new(Side::Emulator, true),
@@ -54,7 +54,7 @@ fn log(exchange: &Exchange) -> String {
     text
 }
 
-/// A client's end, and the packets that have crossed it.
+/// A client's end, and the packets that have passed it.
 struct Recorded {
     line: MemoryLine,
     counts: SequenceCounts,
@@ -70,33 +70,32 @@ impl Recorded {
         }
     }
 
-    fn say(&mut self, command: Command) {
-        self.say_at(command, EPOCH);
+    fn send(&mut self, command: Command) {
+        self.send_at(command, EPOCH);
     }
 
-    fn say_at(&mut self, command: Command, time: WireTime) {
+    fn send_at(&mut self, command: Command, time: WireTime) {
         let packet = packet(&command, self.counts.next(command.apid()), time);
         self.line.send(&packet);
         self.exchange.push((Direction::In, packet));
     }
 
-    /// Takes so many packets.
-    fn hear(&mut self, packets: u32) {
+    fn receive(&mut self, packets: u32) {
         for _ in 0..packets {
             let packet = self.line.recv(TIMEOUT).expect("the packet comes");
             self.exchange.push((Direction::Out, packet));
         }
     }
 
-    /// Takes a whole frame, which nothing follows; how many packets it has.
+    /// Receives a whole frame. Returns its number of packets.
     fn frame(&mut self) -> u32 {
-        self.hear(1);
+        self.receive(1);
         let (_, first) = self.exchange.last().unwrap();
         let Ok((_, Reply::FrameHeader(header))) = Reply::decode(first) else {
             panic!("a frame begins with its header");
         };
         let packets = header.packets();
-        self.hear(packets - 1);
+        self.receive(packets - 1);
         packets
     }
 }
@@ -112,10 +111,10 @@ fn exchange() -> Exchange {
     };
     for i in 0..2 {
         let time = later(EPOCH, f64::from(i) / 10.0);
-        client.say_at(Command::Attitude(attitude(i)), time);
+        client.send_at(Command::Attitude(attitude(i)), time);
         client.frame();
-        client.say_at(again, time);
-        client.hear(3);
+        client.send_at(again, time);
+        client.receive(3);
     }
     client.exchange
 }
@@ -131,24 +130,24 @@ fn replayed(folder: &Path, exchange: &Exchange) -> (Option<String>, usize, usize
 }
 
 #[test]
-fn frames_of_which_packets_were_sent_again_are_compared() {
+fn frames_with_resent_packets_are_compared() {
     let folder = tempfile::tempdir().unwrap();
-    let as_it_was = exchange();
-    assert_eq!(replayed(folder.path(), &as_it_was), (None, 2, 0));
+    let original = exchange();
+    assert_eq!(replayed(folder.path(), &original), (None, 2, 0));
 
-    // The log has only the second one of packet 2.
-    let mut lost = as_it_was.clone();
+    // The log has only the second copy of packet 2.
+    let mut lost = original.clone();
     lost.remove(1 + 2);
     assert_eq!(replayed(folder.path(), &lost), (None, 2, 0));
 
-    // Only one of the two is as it was.
-    let places: Vec<usize> = (0..as_it_was.len())
-        .filter(|at| as_it_was[*at].1 == as_it_was[3].1)
+    // Of the copies, one is altered.
+    let copies: Vec<usize> = (0..original.len())
+        .filter(|at| original[*at].1 == original[3].1)
         .collect();
-    assert_eq!(places.len(), 3, "once, and twice again");
-    for place in places {
-        let mut altered = as_it_was.clone();
-        let bytes = &mut altered[place].1;
+    assert_eq!(copies.len(), 3, "sent once and resent twice");
+    for copy in copies {
+        let mut altered = original.clone();
+        let bytes = &mut altered[copy].1;
         bytes[100] ^= 1;
         reseal(bytes);
         let (difference, ..) = replayed(folder.path(), &altered);
@@ -159,64 +158,65 @@ fn frames_of_which_packets_were_sent_again_are_compared() {
         );
     }
 
-    // Without the commands nobody has asked for them, and nothing explains them.
-    let unasked = as_it_was.into_iter().filter(|(direction, packet)| {
+    // Without the Resend commands, the resent packets are unexplained.
+    let without_resend = original.into_iter().filter(|(direction, packet)| {
         let resend = |packet| matches!(Command::decode(packet), Ok((_, Command::Resend { .. })));
         *direction == Direction::Out || !resend(packet)
     });
-    let unasked: Exchange = unasked.collect();
-    assert_eq!(replayed(folder.path(), &unasked), (None, 1, 0));
+    let without_resend: Exchange = without_resend.collect();
+    assert_eq!(replayed(folder.path(), &without_resend), (None, 1, 0));
     let file = folder.path().join("run.log");
     assert_eq!(load(&file, &NATIVE).unwrap().doubled, 1);
 }
 
-/// A frame of which a packet is lost on the bus, one that is given up for want of credit, and one that a Reset ends while
-/// packets of it wait for the bus: what there is of them is compared, and those that follow are whole.
+/// A frame with a lost packet, one abandoned for lack of credit, and one ended by a Reset with
+/// packets still queued: their existing packets are compared, and the following frames are whole.
 #[test]
-fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
+fn frames_with_missing_packets_are_compared_in_part() {
     let (emulator, line) = on_memory(small(), Clock::Stepped);
     let mut client = Recorded::new(line);
     let grant = |packets| Command::Credit { packets };
-    client.say(grant(1000));
-    client.say(Command::Attitude(attitude(0)));
+    client.send(grant(1000));
+    client.send(Command::Attitude(attitude(0)));
     let packets = client.frame();
     emulator.exposed();
     client.exchange.remove(2 + 4);
-    client.say(Command::Reset);
-    client.hear(1);
-    client.say(grant(5));
-    client.say(Command::Attitude(attitude(1)));
-    client.hear(5);
+    client.send(Command::Reset);
+    client.receive(1);
+    client.send(grant(5));
+    client.send(Command::Attitude(attitude(1)));
+    client.receive(5);
     emulator.exposed();
-    // Enough for the next one (as long, a few more), and not for the rest of the one before too.
-    client.say(grant(5 + packets + 2));
-    client.say(Command::Attitude(attitude(2)));
+    // Enough for the next frame (of equal length, plus a few), not for the rest of the previous one
+    // too.
+    client.send(grant(5 + packets + 2));
+    client.send(Command::Attitude(attitude(2)));
     client.frame();
     emulator.exposed();
-    client.say(Command::Reset);
-    client.hear(1);
-    client.say(grant(4));
-    client.say(Command::Attitude(attitude(3)));
-    client.hear(4);
-    // Two of the four were still queued when it came.
+    client.send(Command::Reset);
+    client.receive(1);
+    client.send(grant(4));
+    client.send(Command::Attitude(attitude(3)));
+    client.receive(4);
+    // Two of the four were still queued at the Reset.
     let reset = client.exchange.len();
-    client.say(Command::Reset);
+    client.send(Command::Reset);
     client.exchange[reset - 2..].rotate_right(1);
-    client.hear(1);
+    client.receive(1);
     emulator.exposed();
-    client.say(Command::Attitude(attitude(4)));
+    client.send(Command::Attitude(attitude(4)));
     client.frame();
     emulator.exposed();
 
     let mut exchange = client.exchange;
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(replayed(folder.path(), &exchange), (None, 2, 3));
-    // One pixel of the frame that was given up.
-    let given_up = exchange.iter_mut().rev().find(|(_, packet)| {
+    // One pixel of the abandoned frame.
+    let abandoned = exchange.iter_mut().rev().find(|(_, packet)| {
         let reply = Reply::decode(packet);
         matches!(reply, Ok((_, Reply::PixelBlock(block))) if (block.frame, block.index) == (1, 2))
     });
-    let bytes = &mut given_up.unwrap().1;
+    let bytes = &mut abandoned.unwrap().1;
     bytes[100] ^= 1;
     reseal(bytes);
     let difference = replayed(folder.path(), &exchange).0.unwrap();

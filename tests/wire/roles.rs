@@ -1,4 +1,4 @@
-//! Several links a run: truth in, pixels out, labels out.
+//! Runs with several links: truth in, pixels out, labels out.
 
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
@@ -11,19 +11,19 @@ use skyloop::link;
 use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reason};
 use std::time::Instant;
 
-/// An emulator at as many UDP ports as there are roles, and a client at each. Frames are small enough
-/// for the buffers of sockets that nobody reads for a while.
+/// An emulator with one UDP port for each of `roles`, and a client at each. Frames fit into the
+/// buffers of unread sockets.
 fn at<const N: usize>(roles: [&str; N]) -> (Running, [Client<UdpLine>; N]) {
     role_clients(scene_at("windows"), Clock::Stepped, roles, 5.0)
 }
 
 #[test]
-fn truth_pixels_and_labels_each_have_their_link() {
+fn truth_pixels_and_labels_have_their_links() {
     let (_one, [mut all]) = at(["truth+pixels+labels"]);
     all.point(attitude(7), EPOCH);
     let (_, packets, whole) = all.parcel();
     let (_three, [mut truth, mut pixels, mut labels]) = at(["truth", "pixels", "labels"]);
-    // Each says that it is there, and how much it takes.
+    // Each client announces itself, without a credit limit.
     for client in [&mut pixels, &mut labels] {
         client.window = None;
         client.done(Command::Ping);
@@ -40,9 +40,9 @@ fn truth_pixels_and_labels_each_have_their_link() {
     assert_eq!(levels, (PixelLevel::None, LabelLevel::Objects));
     assert_eq!(end, whole);
     assert_eq!(payloads(&parts), payloads(&packets[4..]));
-    // Only answers go where the truth comes from.
+    // Only replies go to the truth link.
     assert!(truth.has_nothing_left());
-    // The output is a matter of each link.
+    // Each link has its own output.
     let few = Output {
         pixels: PixelLevel::Windows,
         windows: 3,
@@ -55,14 +55,14 @@ fn truth_pixels_and_labels_each_have_their_link() {
     assert_eq!(truth.counters().frames_delivered, 2);
 }
 
-/// What stands between header and CRC.
+/// Bytes between header and CRC.
 fn payloads(packets: &[Vec<u8>]) -> Vec<&[u8]> {
     let payload = packets.iter().map(|packet| &packet[15..packet.len() - 2]);
     payload.collect()
 }
 
 #[test]
-fn only_the_truth_link_points_and_sets_the_camera() {
+fn only_the_truth_link_takes_attitudes_and_camera_settings() {
     let (_emulator, [mut pixels, mut truth]) = at(["pixels", "truth+labels"]);
     truth.done(Command::Exposure { seconds: 0.2 });
     pixels.window = None;
@@ -76,7 +76,7 @@ fn only_the_truth_link_points_and_sets_the_camera() {
         pixels.send(command);
         pixels.refused(Reason::NotSupported, &["send them over udp://127.0.0.1:"]);
     }
-    // A Reset there resets that exchange alone.
+    // A Reset on another link resets only that exchange.
     pixels.done(Command::Reset);
     assert_eq!(truth.status().exposure_s, 0.2);
     truth.done(Command::Reset);
@@ -84,9 +84,9 @@ fn only_the_truth_link_points_and_sets_the_camera() {
 }
 
 #[test]
-fn a_client_that_stops_reading_costs_the_others_no_frame() {
+fn blocked_clients_cost_others_no_frame() {
     let (emulator, [mut truth, mut pixels]) = at(["truth+labels", "pixels"]);
-    // It takes one packet, and no more.
+    // It takes one packet only.
     pixels.window = None;
     pixels.send(Command::Credit { packets: 1 });
     pixels.status();
@@ -94,13 +94,13 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     let (_, parts, _) = truth.parcel();
     assert!(!parts.is_empty());
     pixels.next(true);
-    // Its frame is given up after 2 s. It delays no other, and gets none until it sends again.
+    // Its frame is abandoned after 2 s. It delays no other, and gets none until it sends again.
     let begin = Instant::now();
     for sequence in 2..14 {
         truth.point(attitude(sequence), EPOCH);
         assert_eq!(truth.parcel().0.attitude_sequence, sequence);
     }
-    // X-Val: without that each would take 2 s.
+    // X-Val: otherwise each frame would take 2 s.
     assert!(begin.elapsed() < TIMEOUT);
     pixels.send(Command::Credit { packets: 1000 });
     pixels.done(Command::Ping);
@@ -112,10 +112,10 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
 }
 
 #[test]
-fn a_frame_that_nobody_is_there_for_counts_as_abandoned() {
+fn frames_without_a_client_count_as_abandoned() {
     let (emulator, [mut truth, mut frames]) = at(["truth", "pixels+labels"]);
     truth.point(attitude(1), EPOCH);
-    await_that("the frame is given up", || {
+    await_that("the frame is abandoned", || {
         truth.counters().frames_abandoned == 1
     });
     frames.done(Command::Ping);
@@ -127,9 +127,9 @@ fn a_frame_that_nobody_is_there_for_counts_as_abandoned() {
 }
 
 #[test]
-fn roles_that_make_no_run_are_refused_by_name() {
-    // The roles of each link; words of the refusal, and the end of its example. A mistyped key
-    // comes before what its lack leads to.
+fn wrong_roles_are_refused_with_an_example() {
+    // Roles of each link, words of the refusal, and the end of its example. A wrong key is reported
+    // before a missing role.
     for (roles, words) in rows(
         "truth truth+pixels | a second link for the truth | 4810?roles=pixels+labels
          pixels labels      | no link has the role truth | 4810?roles=truth
@@ -143,7 +143,7 @@ fn roles_that_make_no_run_are_refused_by_name() {
         let url = |roles: String| format!("udp://127.0.0.1:0?roles={roles}");
         let urls: Vec<String> = roles.map(url).collect();
         let Err(error) = link::open_all(&urls, &options(5.0)) else {
-            panic!("{urls:?} was taken");
+            panic!("{urls:?} was accepted");
         };
         let text = error.to_string();
         assert!(text.contains(words[0]) && text.contains("roles="), "{text}");

@@ -1,4 +1,4 @@
-//! Lines on which a window of packets takes longer than the 2 s after which a frame is given up.
+//! Lines that take longer for a window of packets than the 2 s after which a frame is abandoned.
 
 use crate::replay::small;
 use crate::support::client::Client;
@@ -20,7 +20,7 @@ fn on(link: &str, side: usize) -> (Running, Client<MemoryLine>) {
     (Running::start(config, Clock::Stepped, wire), client)
 }
 
-/// A frame through a window that is granted when all of it has come: the longest time for one.
+/// Receives a frame with a grant after each whole window. Returns the longest time of a window.
 fn by_whole_windows(client: &mut Client<MemoryLine>, window: u32) -> Duration {
     client.send(Command::Credit { packets: window });
     client.point(attitude(0), EPOCH);
@@ -39,18 +39,18 @@ fn by_whole_windows(client: &mut Client<MemoryLine>, window: u32) -> Duration {
 }
 
 #[test]
-fn what_is_on_its_way_is_waited_for() {
-    // 1,400 octets take 0.37 s at 38,400 baud: 8 of them 2.9 s, a frame of 13 blocks some 6 s.
+fn in_flight_packets_are_awaited() {
+    // 1,400 bytes take 0.37 s at 38,400 baud: 8 of them 2.9 s, a frame of 13 blocks some 6 s.
     let (emulator, mut client) = on("pty?baud=38400", 108);
     let longest = by_whole_windows(&mut client, 8);
     assert!(longest > Duration::from_millis(2_500), "{longest:?}");
     emulator.ends_with(&[("frames_delivered", 1), ("frames_abandoned", 0)]);
 }
 
-/// X-Val: 10 bit times a byte; SLIP (RFC 1055) with a CRC-32 of 4 bytes, an END on both sides and an escape for two bytes of 256. Frames that take 5 s or more
-/// are slow.
+/// X-Val: 10 bit times a byte; SLIP (RFC 1055) with a CRC-32 of 4 bytes, an END on both sides and
+/// an escape for two bytes of 256. Frames of 5 s or more are slow.
 #[test]
-fn a_frame_is_slow_by_the_bytes_of_its_packets() {
+fn frames_are_slow_by_the_bytes_of_their_packets() {
     for level in ["frame", "compressed", "windows"] {
         let config = || {
             let mut config = small();
@@ -75,9 +75,9 @@ fn a_frame_is_slow_by_the_bytes_of_its_packets() {
                 baud >= 9600.0,
                 "{level}: {bytes} bytes in {packets} packets"
             );
-            // Credit for the header alone: the frame stays under way. A client that is late by half a
-            // second finds that cause.
-            let look = || {
+            // Credit for the header alone keeps the frame in flight. A client that is late by half
+            // a second gets another cause.
+            let cause = || {
                 let link = format!("pty?baud={baud}");
                 let (wire, port) = link::loopback(&link, &options(5.0)).unwrap();
                 let _emulator = Running::start(config(), Clock::Stepped, wire);
@@ -88,24 +88,25 @@ fn a_frame_is_slow_by_the_bytes_of_its_packets() {
                 client.put_back(header);
                 client.status().withheld
             };
-            let mut looks = (0..5).map(|_| look());
-            let found = looks.find(|found| *found != Withheld::NoCredit);
+            let mut causes = (0..5).map(|_| cause());
+            let found = causes.find(|found| *found != Withheld::NoCredit);
             let found = found.expect("the client is in time");
             assert_eq!(found, withheld, "{level}: {bytes} bytes, {packets} packets");
         }
     }
 }
 
-/// Packets are lost when the client has not granted for them 0.5 s after the line may have carried them: 1.5 s each at 9,600 baud. A client that polls without
-/// a pause, and has two Pings under way so that an answer always waits, gets the report as well.
+/// Packets count as lost without a grant 0.5 s after their time on the line, 1.5 s each at 9,600
+/// baud. A client that polls without a pause, with two Pings in flight so that a reply always
+/// waits, gets the report too.
 #[test]
-fn packets_that_a_slow_line_may_carry_are_not_reported_as_lost() {
+fn packets_still_on_a_slow_line_are_not_reported_as_lost() {
     for (polls, pause_ms) in [(1, 300), (2, 0)] {
-        loses_packets(polls, Duration::from_millis(pause_ms));
+        assert_loss_is_reported(polls, Duration::from_millis(pause_ms));
     }
 }
 
-fn loses_packets(polls: u32, pause: Duration) {
+fn assert_loss_is_reported(polls: u32, pause: Duration) {
     let mut config = small();
     config.run.output = Output {
         windows: 5,
@@ -125,24 +126,27 @@ fn loses_packets(polls: u32, pause: Duration) {
     for _ in 0..polls {
         client.send(Command::Ping);
     }
-    await_that(&format!("they are reported as lost, {polls}"), || {
-        let packet = client.next(false);
-        let Ok((_, Reply::Status(status))) = Reply::decode(&packet) else {
-            return false;
-        };
-        std::thread::sleep(pause);
-        client.send(Command::Ping);
-        status.withheld == Withheld::Lost
-    });
+    await_that(
+        &format!("the packets are reported as lost, {polls}"),
+        || {
+            let packet = client.next(false);
+            let Ok((_, Reply::Status(status))) = Reply::decode(&packet) else {
+                return false;
+            };
+            std::thread::sleep(pause);
+            client.send(Command::Ping);
+            status.withheld == Withheld::Lost
+        },
+    );
 }
 
 #[test]
-fn answers_keep_no_frame_waiting() {
+fn replies_do_not_keep_a_frame() {
     let (_emulator, mut client) = on("pty?baud=115200", 64);
     client.send(Command::Credit { packets: 2 });
     client.point(attitude(0), EPOCH);
     let begun = Instant::now();
-    // Octets leave all the time, but none of frame packets.
+    // Bytes are sent all the time, but none of frame packets.
     await_that("the frame is abandoned", || {
         client.counters().frames_abandoned == 1
     });
@@ -151,7 +155,7 @@ fn answers_keep_no_frame_waiting() {
 }
 
 #[test]
-fn a_frame_larger_than_the_window_comes_whole() {
+fn frames_larger_than_the_window_are_complete() {
     // Some 100 packets, most of them labels, of 0.14 s at 100,000 baud: 14 s. The window is 64.
     let course = crate::flight::Course {
         frames: 1,

@@ -1,4 +1,4 @@
-//! The mock flight computer's closed loop against the emulator, by the wall clock.
+//! The closed loop of the mock flight computer against the emulator, in wall-clock mode.
 
 use crate::support::{Q, Running, options, scene};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -15,8 +15,8 @@ use std::time::Duration;
 
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
-    /// Fewer say nothing about the loop: the machine was too slow.
+fn timed_the_closed_loop_holds_the_attitude() {
+    /// With fewer frames the machine is too slow for a result.
     const MIN: u32 = 40;
     let mut config = scene();
     config.camera.exposure_s = 0.05;
@@ -46,20 +46,20 @@ fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
         focal_px: 13.8e3 / 26.0,
         drift_rad_s: Vector3::new(0.05, -0.1, 0.075).map(f64::to_radians),
     };
-    let flown = FlightComputer::new(port, mission).with_control(Some(settings));
-    let report = flown.run(|_| ControlFlow::Continue(())).unwrap();
+    let computer = FlightComputer::new(port, mission).with_control(Some(settings));
+    let report = computer.run(|_| ControlFlow::Continue(())).unwrap();
     println!("{report}");
-    let account = report.control.as_ref().expect("a loop was flown");
+    let telemetry = report.control.as_ref().expect("the loop was closed");
     assert!(
-        account.used >= MIN,
-        "{} of 80 frames came whole and {} were steered by: fewer than {MIN} tell nothing of the loop",
+        telemetry.used >= MIN,
+        "{} of 80 frames were complete and {} used for steering: at least {MIN} are needed",
         report.frames,
-        account.used
+        telemetry.used
     );
-    let (rms, drifted) = (account.rms_rad().unwrap(), account.drifted_rad());
+    let (rms, drifted) = (telemetry.rms_rad().unwrap(), telemetry.drifted_rad());
     assert!(rms < 0.1 * drifted, "{rms} rad of {drifted}");
-    // A tenth of a pixel (X-Val: 1 / 530.8 rad): its estimate is the attitude at mid-exposure.
-    let off = account.estimate_rms_rad().unwrap();
+    // A tenth of a pixel (X-Val: 1 / 530.8 rad): the estimate is the attitude at mid-exposure.
+    let off = telemetry.estimate_rms_rad().unwrap();
     assert!(off < 0.2 / 530.8, "{off} rad");
     emulator.end();
 }

@@ -6,23 +6,23 @@ use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
     EPOCH, Running, TIMEOUT, attitude, await_that, later, on_pty, options, quick, udp_client,
 };
-use crate::withheld::{balance, beside};
+use crate::withheld::{balance, with_frame_link};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Withheld};
 use std::time::{Duration, Instant};
 
-/// A frame is given up after 2 s (ICD, section 5.3), whatever its client sends meanwhile. The next
-/// frames do not wait.
+/// A frame is abandoned after 2 s (ICD, section 5.3), whatever its client sends. The next frames do
+/// not wait.
 #[test]
-fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
+fn blocked_clients_delay_the_other_link_once() {
     let udp = || {
         let wire = link::open("udp://127.0.0.1:0", &options(3600.0)).unwrap();
         let line: Box<dyn Line> = Box::new(Silent(UdpLine::to(&wire.address)));
         (wire, line)
     };
-    // Labels of some 30 kB: the pseudo-terminal and the queue of the link take three.
+    // Labels of some 30 kB: pseudo-terminal and queue take three.
     let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
     let pty: (_, Box<dyn Line>) = (wire, Box::new(PtyLine::at(&name)));
     for ((wire, line), command, cause) in [
@@ -37,9 +37,11 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
         let mut client = Client::new(MemoryLine(port)).unpaced();
         let mut other = Client::new(line).unpaced();
         other.send(Command::Ping);
-        await_that("it is heard", || client.counters().commands >= 2);
+        await_that("the other client is known", || {
+            client.counters().commands >= 2
+        });
         let (begun, mut requested, mut packets) = (Instant::now(), 0, 1 << 20);
-        // The queue of the link takes three of twelve frames. 2 s for each of the others are 18 s.
+        // The queue takes three of twelve frames. 2 s for each of the others would be 18 s.
         await_that("all frames have ended", || {
             let counters = client.counters();
             let ended = counters.frames_delivered + counters.frames_abandoned;
@@ -57,34 +59,38 @@ fn a_client_that_goes_on_sending_holds_up_the_other_link_once() {
             took < Duration::from_secs(8),
             "{cause} {command:?}: {took:?}"
         );
-        let account = &emulator.measured().0.accounts[1].1;
-        assert!(account.withheld[cause] >= 5, "{command:?}: {account:?}");
+        let frame_counters = &emulator.measured().0.accounts[1].1;
+        assert!(
+            frame_counters.withheld[cause] >= 5,
+            "{command:?}: {frame_counters:?}"
+        );
     }
 }
 
-/// Frames whose packets are all in the queue of a link that is not read.
+/// Frames entirely in the queue of a link that is not read.
 #[test]
-fn a_client_that_does_not_read_what_is_queued_is_reported() {
+fn unread_queues_are_reported() {
     let (wire, _folder, name) = on_pty(&options(3600.0), 3_000_000);
-    let (emulator, mut client) = beside(quick(1.0), Clock::Stepped, wire, &NATIVE);
+    let (emulator, mut client) = with_frame_link(quick(1.0), Clock::Stepped, wire, &NATIVE);
     let mut other = Client::new(PtyLine::at(&name)).unpaced();
     other.status();
     client.point(attitude(0), EPOCH);
-    await_that("it is reported", || {
+    await_that("Status reports it", || {
         client.status().withheld == Withheld::NotRead
     });
     assert_eq!(client.counters().frames_abandoned, 0);
-    // One that reads then has all of it.
+    // A client that reads later gets the whole frame.
     other.parcel();
-    await_that("Status says so", || {
+    await_that("Status is clear", || {
         client.status().withheld == Withheld::None
     });
     balance("read late", emulator, 1, &[(1, &[])]);
 }
 
-/// By the wall clock frames are dropped because the client does not read: no slow link is reported.
+/// Wall clock: frames are dropped because the client does not read; the link is not reported as
+/// slow.
 #[test]
-fn a_fast_link_that_is_not_read_is_not_called_slow() {
+fn unread_fast_links_are_not_reported_as_slow() {
     // The pseudo-terminal takes 20 kB in 0.07 s. Two of the large frames fill the queue: the fourth
     // is dropped within 0.1 s of the last byte.
     for (side, rate_hz) in [(64, 5.0), (256, 20.0)] {
@@ -96,18 +102,21 @@ fn a_fast_link_that_is_not_read_is_not_called_slow() {
         client.point(attitude(0), EPOCH);
         std::thread::sleep(Duration::from_secs(4));
         let (stats, _) = emulator.measured();
-        let account = &stats.accounts[0].1;
-        assert!(account.withheld["client does not read"] > 5, "{account:?}");
+        let frame_counters = &stats.accounts[0].1;
         assert!(
-            !account.withheld.contains_key("link too slow"),
-            "{account:?}"
+            frame_counters.withheld["client does not read"] > 5,
+            "{frame_counters:?}"
+        );
+        assert!(
+            !frame_counters.withheld.contains_key("link too slow"),
+            "{frame_counters:?}"
         );
     }
 }
 
-/// A frame that a slow link does not carry before the end, with credit from the start or later.
+/// A slow link does not carry the frame before the end, with credit from the start or later.
 #[test]
-fn a_frame_of_a_slow_link_ends_with_the_run() {
+fn frames_on_a_slow_link_end_with_the_run() {
     for waits_for_credit in [false, true] {
         let wire = link::open("udp://127.0.0.1:0?rate_mbit=0.1", &options(3600.0)).unwrap();
         let mut client = Client::new(UdpLine::to(&wire.address));
@@ -122,7 +131,7 @@ fn a_frame_of_a_slow_link_ends_with_the_run() {
             await_that("no credit is reported", || {
                 client.status().withheld == Withheld::NoCredit
             });
-            // No Status here: its reply may come behind the whole frame.
+            // No Status here: its reply may follow the whole frame.
             client.forget();
             client.send(Command::Credit { packets: 1 << 20 });
         }
@@ -132,19 +141,19 @@ fn a_frame_of_a_slow_link_ends_with_the_run() {
     }
 }
 
-/// A refused attitude, and what cannot be an attitude, where frames come by the one before.
+/// A refused attitude withholds no frame if frames follow from an earlier one.
 #[test]
-fn a_late_attitude_withholds_no_frame_by_the_wall_clock() {
+fn late_attitudes_withhold_no_wall_clock_frame() {
     let (_emulator, mut client) = udp_client(quick(20.0), Clock::Wall, 3600.0);
     client.send(Command::Credit { packets: 1 << 30 });
     client.point(attitude(0), later(EPOCH, 10.0));
-    await_that("frames come", || client.counters().frames_delivered > 0);
+    await_that("frames arrive", || client.counters().frames_delivered > 0);
     client.point(attitude(1), later(EPOCH, 9.9));
     client.nack();
     let begun = Instant::now();
     let before = client.counters().frames_delivered;
     assert_eq!(client.status().withheld, Withheld::None);
-    await_that("frames go on", || {
+    await_that("frames continue", || {
         assert!(begun.elapsed() < TIMEOUT);
         client.counters().frames_delivered > before
     });

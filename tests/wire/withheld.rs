@@ -1,6 +1,6 @@
-//! Frames that a client does not get, each counted under its cause.
+//! Frames withheld from a client, each counted under its cause.
 
-use crate::abandoned::{in_the_midst, limited, turning};
+use crate::abandoned::{during_a_long_frame, limited, turning};
 use crate::support::client::{Client, counted};
 use crate::support::line::{Line, MemoryLine, PtyLine, UdpLine};
 use crate::support::{
@@ -14,11 +14,12 @@ use skyloop_protocols::personality::{NATIVE, Personality};
 use skyloop_protocols::{Command, Counters, EncodeError, Reply, Withheld};
 use std::time::{Duration, Instant};
 
-/// What one link is expected to have delivered, and withheld by cause.
+/// Expected counts of one link: frames delivered, and withheld by cause.
 pub type Expected<'e> = (usize, &'e [(&'static str, usize)]);
 
-/// Ends a run and checks the rule of docs/how-to/missing-frames.md: on each link the requests are the
-/// frames delivered and those withheld by cause. The run's counters say the same of all links together.
+/// Ends a run and checks the rule of docs/how-to/missing-frames.md: on each link, the requests are
+/// the frames delivered plus those withheld by cause. The run's counters agree with all links
+/// together.
 #[track_caller]
 pub fn balance(
     name: &str,
@@ -29,19 +30,19 @@ pub fn balance(
     let (stats, counters) = emulator.measured();
     let found = &stats.accounts;
     assert_eq!(found.len(), links.len(), "{name}: {found:?}");
-    for ((_, account), (delivered, withheld)) in found.iter().zip(links) {
+    for ((_, frame_counters), (delivered, withheld)) in found.iter().zip(links) {
         let expected = FrameCounters {
             requested,
             delivered: *delivered,
             withheld: withheld.iter().copied().collect(),
         };
-        assert_eq!(*account, expected, "{name}: {found:?} {counters:?}");
-        let sum: usize = account.withheld.values().sum();
+        assert_eq!(*frame_counters, expected, "{name}: {found:?} {counters:?}");
+        let sum: usize = frame_counters.withheld.values().sum();
         assert_eq!(requested, delivered + sum, "{name}");
     }
-    if let [(_, account)] = &found[..] {
+    if let [(_, frame_counters)] = &found[..] {
         let delivered = counters.frames_delivered as usize;
-        assert_eq!(delivered, account.delivered, "{name}: {counters:?}");
+        assert_eq!(delivered, frame_counters.delivered, "{name}: {counters:?}");
     }
     let table = stats.rows();
     let rows = table.iter().filter(|(row, _)| row == "frames withheld");
@@ -50,7 +51,7 @@ pub fn balance(
     counters
 }
 
-/// A client whose first frame, in step, waits for credit after 3 packets.
+/// A stepped client whose first frame waits for credit after 3 packets.
 fn waiting(line: impl Line) -> Client<impl Line> {
     let mut client = Client::new(line).unpaced();
     client.send(Command::Credit { packets: 3 });
@@ -62,22 +63,24 @@ fn waiting(line: impl Line) -> Client<impl Line> {
     client
 }
 
-/// Two links that bring frames, the first with the truth too, and a client at each. The second client
-/// is silent.
+/// Two links with frames, the first with the truth too, and a client at each. The second client is
+/// silent.
 fn two_links(config: Config, clock: Clock) -> (Running, [Client<UdpLine>; 2]) {
     role_clients(config, clock, ["truth+labels", "pixels"], 60.0)
 }
 
-/// Three attitudes besides that of [`waiting`], which wait for its frame.
+/// Three attitudes after that of [`waiting`], which wait for its frame.
 fn wait_behind<L: Line>(client: &mut Client<L>) {
     for n in 1..4 {
         client.point(attitude(n), later(EPOCH, f64::from(n)));
     }
-    await_that("they are accepted", || client.counters().attitudes == 4);
+    await_that("the attitudes are accepted", || {
+        client.counters().attitudes == 4
+    });
 }
 
 #[test]
-fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
+fn requests_add_up_on_one_link() {
     let stepped = || on_udp(scene(), Clock::Stepped, 60.0);
 
     let (emulator, line) = stepped();
@@ -91,19 +94,19 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     client.done(Command::Reset);
     client.forget();
     client.window = Some(32);
-    // Those that waited were never made.
+    // The waiting frames were never rendered.
     assert_eq!(client.good_frame(1).header.frame, 1);
     assert_eq!(client.counters().frames_abandoned, 4);
     balance("Reset", emulator, 5, &[(1, &[("client sent Reset", 4)])]);
 
     let (emulator, line) = stepped();
     let mut client = waiting(line);
-    await_that("the frame is given up", || {
+    await_that("the frame is abandoned", || {
         client.counters().frames_abandoned == 1
     });
     balance("no credit", emulator, 1, &[(0, &[("no credit", 1)])]);
 
-    // After 1 s of silence another may have its place, before the frame is given up.
+    // After 1 s of silence another client is accepted, before the frame is abandoned.
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 1.0);
     let mut second = Client::new(line.another());
     let mut first = waiting(line);
@@ -112,7 +115,7 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     second.await_answer();
     balance("another client", emulator, 4, &[(0, &[("client gone", 4)])]);
 
-    // The frame that waits for credit, and three that were never made.
+    // The frame that waits for credit, and three that were never rendered.
     let (emulator, line) = stepped();
     let mut client = waiting(line);
     wait_behind(&mut client);
@@ -122,7 +125,7 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
         &[("frames_rendered", 1), ("frames_abandoned", 4)],
     );
 
-    // Each frame has 40 kB: the pseudo-terminal takes 20 kB of all, the queue the others.
+    // Each frame has 40 kB: the pseudo-terminal takes 20 kB of them, the queue the rest.
     let (emulator, mut client) = serial_client(quick(1.0), Clock::Stepped);
     client.window = None;
     for sequence in 0..3 {
@@ -133,14 +136,14 @@ fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
 }
 
 #[test]
-fn requests_add_up_on_two_links_one_of_which_has_no_client() {
+fn requests_add_up_on_two_links_with_one_client() {
     let windows = || scene_at("windows");
     let (emulator, [mut truth, _silent]) = two_links(windows(), Clock::Stepped);
     for n in 0..2 {
         truth.point(attitude(n), later(EPOCH, f64::from(n)));
         truth.parcel();
     }
-    // A refused one gives no link a frame.
+    // A refused attitude gives no frame on any link.
     truth.point(bad_attitude(2), EPOCH);
     truth.nack();
     let withheld: [Expected<'_>; 2] = [
@@ -149,7 +152,7 @@ fn requests_add_up_on_two_links_one_of_which_has_no_client() {
     ];
     balance("no client", emulator, 3, &withheld);
 
-    // The second client takes a part of the frame; a Reset of the first one is not its own.
+    // The second client takes a part of the frame; a Reset of the first client does not affect it.
     let (emulator, [mut truth, mut pixels]) = two_links(windows(), Clock::Stepped);
     pixels.window = None;
     pixels.send(Command::Credit { packets: 1 });
@@ -167,12 +170,12 @@ fn requests_add_up_on_two_links_one_of_which_has_no_client() {
 }
 
 #[test]
-fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
+fn requests_add_up_for_abandoned_and_refused_frames() {
     for (name, ends_by_reset, cause) in [
-        ("Reset in the midst", true, "client sent Reset"),
-        ("signal in the midst", false, "run ended"),
+        ("Reset during a frame", true, "client sent Reset"),
+        ("signal during a frame", false, "run ended"),
     ] {
-        let (emulator, mut client, _) = in_the_midst(None);
+        let (emulator, mut client, _) = during_a_long_frame(None);
         if ends_by_reset {
             client.done(Command::Reset);
         }
@@ -182,7 +185,7 @@ fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
             &[("frames_rendered", 0), ("frames_abandoned", 1)],
         );
     }
-    // The second costs too much, the third lies before the first.
+    // The second exceeds the work limit, the third precedes the first.
     let (emulator, mut client) = memory_client(limited(0.3), Clock::Stepped);
     client.good_frame(0);
     client.point(turning(1), later(EPOCH, 1.0));
@@ -196,7 +199,7 @@ fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
 }
 
 #[test]
-fn requests_are_triggers_where_these_give_the_frames() {
+fn requests_are_triggers_if_these_give_the_frames() {
     for clock in [Clock::Stepped, Clock::External] {
         let mut config = quick(20.0);
         config.run.trigger = Trigger::Packet;
@@ -208,7 +211,7 @@ fn requests_are_triggers_where_these_give_the_frames() {
         client.point(attitude(1), EPOCH);
         trigger(&mut client, 0.0);
         client.frame();
-        // By the client's clock it waits for its time; in step for the end of the pause.
+        // It waits for its time (external clock) or for the end of the pause (stepped).
         client.done(Command::Pause);
         trigger(&mut client, 1000.0);
         client.status();
@@ -225,10 +228,10 @@ fn requests_are_triggers_where_these_give_the_frames() {
     }
 }
 
-/// A Trigger whose frame is being made counts as missed, whatever ends it. The frames of [`turning`]
-/// take minutes.
+/// A Trigger whose frame is in rendering counts as missed, whatever ends it. The frames of
+/// [`turning`] take minutes.
 #[test]
-fn triggers_whose_frames_are_being_made_are_missed() {
+fn triggers_with_unfinished_frames_are_missed() {
     let config = || {
         let mut config = limited(1e6);
         config.run.trigger = Trigger::Packet;
@@ -236,7 +239,8 @@ fn triggers_whose_frames_are_being_made_are_missed() {
     };
     let trigger = |client: &mut Client<_>, clock| {
         client.point(turning(1), EPOCH);
-        // By the external clock only past exposures are made; in step the attitude is that of the middle.
+        // The external clock renders only past exposures; in stepped mode the attitude is that of
+        // the middle.
         let start = later(EPOCH, if clock == Clock::Stepped { -0.5 } else { -2.0 });
         client.send(Command::Trigger { number: 1, start });
         client.status();
@@ -266,10 +270,10 @@ fn triggers_whose_frames_are_being_made_are_missed() {
     }
 }
 
-/// By a clock each exposure of the cadence that has ended is a request. How many there are is counted
-/// otherwise: each has a number or is missed.
+/// With a clock, each completed exposure of the cadence is a request. The number of requests is
+/// counted independently: each exposure has a number or is missed.
 #[test]
-fn requests_are_exposures_where_a_clock_gives_the_frames() {
+fn requests_are_exposures_if_a_clock_gives_the_frames() {
     for clock in [Clock::Wall, Clock::External] {
         for silent in [false, true] {
             let (emulator, [mut truth, mut pixels]) = two_links(quick(50.0), clock);
@@ -293,10 +297,15 @@ fn requests_are_exposures_where_a_clock_gives_the_frames() {
             let requested =
                 counters.frames_delivered + counters.frames_abandoned + counters.exposures_missed;
             assert!(requested > 10, "{counters:?}");
-            for (link, account) in &stats.accounts {
-                let sum = account.delivered + account.withheld.values().sum::<usize>();
-                let case = format!("{clock:?} {link}: {account:?} {counters:?}");
-                assert_eq!([account.requested, sum], [requested as usize; 2], "{case}");
+            for (link, frame_counters) in &stats.accounts {
+                let sum =
+                    frame_counters.delivered + frame_counters.withheld.values().sum::<usize>();
+                let case = format!("{clock:?} {link}: {frame_counters:?} {counters:?}");
+                assert_eq!(
+                    [frame_counters.requested, sum],
+                    [requested as usize; 2],
+                    "{case}"
+                );
             }
             let of_silent = &stats.accounts[1].1;
             assert_eq!(of_silent.withheld.contains_key("no client"), silent);
@@ -305,9 +314,9 @@ fn requests_are_exposures_where_a_clock_gives_the_frames() {
     }
 }
 
-/// `/metrics` shows the accounts of the links while the run goes on.
+/// `/metrics` has the frame counters of the links during the run.
 #[test]
-fn figures_show_the_accounts() {
+fn metrics_have_the_frame_counters() {
     let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();
     let mut client = Client::new(UdpLine::to(&wire.address));
     let (emulator, serving) = with_metrics(scene(), Clock::Stepped, wire);
@@ -316,7 +325,7 @@ fn figures_show_the_accounts() {
         client.point(bad_attitude(n), EPOCH);
         client.nack();
     }
-    await_that("the figures are there", || {
+    await_that("the metrics", || {
         let found = fetched(serving.address());
         let is =
             |what, value: f64| found.get(&format!("skyloop_link_frames_{what}")) == Some(&value);
@@ -325,10 +334,10 @@ fn figures_show_the_accounts() {
             && is("withheld_total{cause=\"refused\"}", 2.0)
     });
     client.has_counted(&[("frames_delivered", 1), ("bad_attitude", 2)]);
-    balance("figures", emulator, 3, &[(1, &[("refused", 2)])]);
+    balance("metrics", emulator, 3, &[(1, &[("refused", 2)])]);
 }
 
-/// Its encoder has no room for labels.
+/// A device that cannot encode labels.
 pub static SHORT: Personality = Personality {
     encode_reply: |reply, count, time, buffer| match reply {
         Reply::Labels(_) => Err(EncodeError::TooLong {
@@ -341,8 +350,8 @@ pub static SHORT: Personality = Personality {
     ..NATIVE
 };
 
-/// An emulator whose client tells of the vehicle over one link, `frames` brings the frames.
-pub fn beside(
+/// An emulator with the truth on one link and `frames` as the link for frames.
+pub fn with_frame_link(
     config: Config,
     clock: Clock,
     frames: Wire,
@@ -355,17 +364,17 @@ pub fn beside(
     (emulator, Client::new(MemoryLine(port)))
 }
 
-/// A client closes its socket (ICMP unreachable) or its pseudo-terminal while a frame is on its way.
-/// That frame may have left; no later one counts as not read.
+/// A client closes its socket (ICMP unreachable) or its pseudo-terminal while a frame is in
+/// transmission. That frame may have been sent; no later one counts as unread.
 #[test]
-fn frames_for_a_client_that_has_gone_are_counted_so() {
+fn frames_for_a_closed_client_are_counted_as_client_gone() {
     let udp = link::open("udp://127.0.0.1:0", &options(3600.0)).unwrap();
     let udp_line: Box<dyn Line> = Box::new(UdpLine::to(&udp.address));
     let (pty, _folder, name) = on_pty(&options(3600.0), 115_200);
     let pty_line: Box<dyn Line> = Box::new(PtyLine::at(&name));
     for (url, wire, line) in [("udp", udp, udp_line), ("pty", pty, pty_line)] {
         let config = scene_at("windows");
-        let (emulator, mut client) = beside(config, Clock::Stepped, wire, &NATIVE);
+        let (emulator, mut client) = with_frame_link(config, Clock::Stepped, wire, &NATIVE);
         let mut other = Client::new(line).unpaced();
         other.send(Command::Credit { packets: 1 << 30 });
         other.status();
@@ -387,13 +396,16 @@ fn frames_for_a_client_that_has_gone_are_counted_so() {
             is_over && is_reported
         });
         let (stats, counters) = emulator.measured();
-        let account = &stats.accounts[0].1;
+        let frame_counters = &stats.accounts[0].1;
         let requested = last as usize + 1;
-        assert_eq!(account.requested, requested, "{url}");
-        assert!((1..requested).contains(&account.delivered), "{account:?}");
-        let withheld = [("client gone", requested - account.delivered)];
-        assert_eq!(account.withheld, withheld.into(), "{url}");
+        assert_eq!(frame_counters.requested, requested, "{url}");
+        assert!(
+            (1..requested).contains(&frame_counters.delivered),
+            "{frame_counters:?}"
+        );
+        let withheld = [("client gone", requested - frame_counters.delivered)];
+        assert_eq!(frame_counters.withheld, withheld.into(), "{url}");
         let delivered = counters.frames_delivered as usize;
-        assert_eq!(delivered, account.delivered, "{url}");
+        assert_eq!(delivered, frame_counters.delivered, "{url}");
     }
 }

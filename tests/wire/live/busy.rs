@@ -1,5 +1,5 @@
-//! On a busy machine exposures end on the grid of their periods, each is a frame or is counted as
-//! missed, and the scene's time keeps pace with the client's clock.
+//! A busy machine: exposures end on the grid of their periods, each is a frame or counted as
+//! missed, and scene time follows the client's clock.
 
 use super::{EXPOSURE_S, mid_s, quick, rest};
 use crate::support::{EPOCH, attitude, memory_client};
@@ -8,13 +8,13 @@ use skyloop_protocols::Command;
 use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 50.0;
-/// For so long twice as many threads as there are processors do nothing but run.
+/// Time during which two threads per processor are busy.
 const LENGTH: Duration = Duration::from_secs(3);
 
 #[test]
-fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
+fn busy_machines_may_miss_but_never_shift_exposures() {
     let (_emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Wall);
-    // Between these two the first attitude came, and the scene's time began.
+    // Scene time begins at the first attitude, between these two instants.
     let before = Instant::now();
     client.point(attitude(1), EPOCH);
     client.status();
@@ -44,7 +44,7 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
         let periods = (mid_s(frame) + EXPOSURE_S / 2.0) * RATE_HZ;
         let whole = periods.round();
         assert!((periods - whole).abs() < 1e-5, "{periods}");
-        // Those before it are frames with numbers from 0 on, or missed.
+        // Earlier exposures are frames with numbers from 0 on, or missed.
         let until_then = (whole as u32).checked_sub(frame.header.frame + 1);
         assert!(until_then >= Some(missed), "{until_then:?} after {missed}");
         missed = until_then.unwrap_or_default();
@@ -52,7 +52,7 @@ fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
     assert!(missed <= counters.exposures_missed);
     let exposures = f64::from(counters.frames_rendered + counters.exposures_missed);
     assert!(exposures <= due, "{exposures} of {due}");
-    // A single shot starts as its command comes. Wire and machine only widen the bounds.
+    // A single shot starts with its command. Wire and machine only widen the bounds.
     let requested = Instant::now();
     client.done(Command::SingleShot);
     let done = Instant::now();

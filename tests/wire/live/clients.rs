@@ -1,4 +1,4 @@
-//! Clients that leave, and clients that take nothing: the next client gets its frames.
+//! Clients that leave, and clients that read nothing: the next client gets its frames.
 
 use super::{TIMEOUT, frame_of, quick, whole_frame};
 use crate::support::client::Client;
@@ -14,22 +14,22 @@ use skyloop_protocols::Command;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// Silence after which another client may come, s.
+/// Silence after which another client is accepted, s.
 const IDLE_S: f64 = 0.2;
 
-/// A client after one that has left; the emulator hears it when that one has been silent.
+/// A new client after one that has left, accepted after its silence.
 fn next_client<L: Line>(line: L) -> Client<L> {
     let mut client = Client::new(line).unpaced();
     client.await_answer();
-    // After a Reset no more frames come of what was said before.
+    // After a Reset, no frame follows from earlier commands.
     client.send(Command::Reset);
     client.start_anew();
     client.window = None;
     client
 }
 
-/// It gets whole frames of its own attitude.
-fn is_served<L: Line>(client: &mut Client<L>) {
+/// Requires whole frames of the client's own attitude.
+fn assert_served<L: Line>(client: &mut Client<L>) {
     client.point(attitude(77), later(EPOCH, 9000.0));
     for _ in 0..2 {
         whole_frame(client);
@@ -38,12 +38,12 @@ fn is_served<L: Line>(client: &mut Client<L>) {
 }
 
 #[test]
-fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
+fn udp_clients_killed_within_a_frame_lose_only_that_frame() {
     for clock in [Clock::Wall, Clock::External, Clock::Stepped] {
         let (_emulator, line) = on_udp(quick(20.0), clock, IDLE_S);
         let another = line.another();
         let mut first = Client::new(line).unpaced();
-        // So much that the frame begins, and not so much that it ends.
+        // Credit for the beginning of the frame, not for its end.
         first.send(Command::Credit { packets: 3 });
         first.point(attitude(1), EPOCH);
         for _ in 0..3 {
@@ -55,31 +55,31 @@ fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
             Clock::Stepped => {
                 second.good_frame(5);
             }
-            _ => is_served(&mut second),
+            _ => assert_served(&mut second),
         }
         let counters = second.counters();
-        // It was under way when its client went; others may have waited behind it.
+        // One frame was in transmission; others may have waited behind it.
         assert!(
             counters.frames_abandoned > counters.frames_dropped,
             "{clock:?}"
         );
-        // A frame that is not whole is one that missed its deadline, where there are any.
+        // An incomplete frame misses its deadline, if there are deadlines.
         let had_deadline = clock != Clock::Stepped;
         assert_eq!(counters.deadlines_missed > 0, had_deadline, "{clock:?}");
     }
 }
 
 #[test]
-fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
+fn udp_clients_without_credit_are_dropped_and_the_next_one_is_served() {
     let (emulator, line) = on_udp(quick(20.0), Clock::Wall, IDLE_S);
     let another = line.another();
     let mut first = Client::new(line).unpaced();
     first.send(Command::Credit { packets: 1 });
     first.point(attitude(1), EPOCH);
-    // It is not read either: the emulator sends what it may, and waits for 2 s.
-    await_that("it is given up", || emulator.exposed().number == 0);
+    // Nothing is read: the emulator sends within the credit, then waits for 2 s.
+    await_that("the frame is abandoned", || emulator.exposed().number == 0);
     let mut second = next_client(another);
-    is_served(&mut second);
+    assert_served(&mut second);
     let counters = second.counters();
     assert!(counters.frames_abandoned > counters.frames_dropped);
     assert!(counters.frames_dropped > 0, "frames went on meanwhile");
@@ -91,32 +91,32 @@ mod terminals {
     use crate::support::line::PtyLine;
     use crate::support::on_pty;
 
-    /// An emulator at a pseudo-terminal of its own, and what clients open.
+    /// An emulator on its own pseudo-terminal, and the path for clients.
     fn served() -> (Running, tempfile::TempDir, String) {
         let (wire, folder, name) = on_pty(&options(5.0), 3_000_000);
         (Running::start(quick(10.0), Clock::Wall, wire), folder, name)
     }
 
     #[test]
-    fn a_serial_client_that_closes_within_a_frame_is_followed_by_the_next() {
+    fn serial_clients_that_close_within_a_frame_are_followed_by_the_next() {
         let (_emulator, _folder, name) = served();
         let mut first = Client::new(PtyLine::at(&name)).unpaced();
         first.point(attitude(1), EPOCH);
         first.next(true);
         first.next(true);
         drop(first);
-        // A port that is opened again at once is that of the same client: the emulator looks every 50 ms.
+        // A port reopened within 50 ms counts as the same client.
         std::thread::sleep(Duration::from_secs(1));
         let mut second = next_client(PtyLine::at(&name));
-        is_served(&mut second);
+        assert_served(&mut second);
         let counters = second.counters();
         assert!(counters.reconnects >= 1, "{counters:?}");
-        // What was on its way to the first never left, or came too late for it.
+        // Packets for the first client were not sent, or too late.
         assert!(counters.lost_outbound + counters.frames_abandoned + counters.frames_dropped >= 1);
     }
 
     #[test]
-    fn a_serial_client_that_does_not_read_holds_up_no_frame_and_is_served_when_it_does() {
+    fn serial_clients_that_do_not_read_block_no_frame_and_are_served_later() {
         let (emulator, _folder, name) = served();
         let mut client = Client::new(PtyLine::at(&name)).unpaced();
         client.point(attitude(1), EPOCH);
@@ -137,9 +137,9 @@ mod terminals {
     }
 }
 
-/// A flight computer that is there first: its attitudes are of the time that it is when they leave.
+/// A flight computer that starts before the emulator sends attitudes for the time of sending.
 #[test]
-fn who_waited_for_the_emulator_has_not_fallen_behind() {
+fn attitudes_after_a_wait_for_the_emulator_are_current() {
     const WAIT: Duration = Duration::from_millis(300);
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let zero = Instant::now();
@@ -148,23 +148,23 @@ fn who_waited_for_the_emulator_has_not_fallen_behind() {
     let mut config = quick(20.0);
     config.objects.clear();
     std::thread::scope(|scope| {
-        let flying = scope.spawn(|| {
-            let flown = FlightComputer::new(port, mission).with_zero(Some(zero));
-            let mut told_s = Vec::new();
-            let report = flown.taking_only().run(|event| {
+        let running = scope.spawn(|| {
+            let computer = FlightComputer::new(port, mission).with_zero(Some(zero));
+            let mut sent_s = Vec::new();
+            let report = computer.taking_only().run(|event| {
                 if let Event::Frame { frame, .. } = event {
                     let mid_s = (to_epoch(frame.mid_exposure) - start).to_seconds();
-                    told_s.push(mid_s - f64::from(frame.end.timing.attitude_age_s));
+                    sent_s.push(mid_s - f64::from(frame.end.timing.attitude_age_s));
                 }
                 ControlFlow::Continue(())
             });
             assert_eq!(report.unwrap().frames, 3);
-            told_s
+            sent_s
         });
         std::thread::sleep(WAIT);
         let _emulator = Running::start(config, Clock::Wall, wire);
-        for told_s in flying.join().unwrap() {
-            assert!(told_s >= WAIT.as_secs_f64(), "{told_s}");
+        for sent_s in running.join().unwrap() {
+            assert!(sent_s >= WAIT.as_secs_f64(), "{sent_s}");
         }
     });
 }

@@ -1,4 +1,4 @@
-//! Deadlines, and the times that a frame tells of itself.
+//! Deadlines, and the times reported by frames.
 
 use super::{quick, rest};
 use crate::support::client::{Client, Received};
@@ -10,8 +10,8 @@ use skyloop::link::{self, Roles};
 use skyloop_protocols::{Command, LabelLevel, Output, Overrun, PixelLevel, Reply};
 use std::time::Duration;
 
-/// A run whose frames are late after this time, and its first frames.
-fn flown(clock: Clock, latency_s: f64) -> (Running, Client<MemoryLine>, Vec<Received>) {
+/// A run with this deadline after each exposure, and its first frames.
+fn run(clock: Clock, latency_s: f64) -> (Running, Client<MemoryLine>, Vec<Received>) {
     let mut config = quick(20.0);
     config.run.latency_s = Some(latency_s);
     let (emulator, mut client) = memory_client(config, clock);
@@ -23,15 +23,15 @@ fn flown(clock: Clock, latency_s: f64) -> (Running, Client<MemoryLine>, Vec<Rece
     (emulator, client, frames)
 }
 
-/// A number of a frame's label.
+/// A time from a frame's label.
 fn number(label: &Value, name: &str) -> f64 {
     label["timing"][name].as_f64().unwrap()
 }
 
 #[test]
-fn with_no_time_at_all_every_frame_is_missed_and_says_so() {
+fn with_a_tiny_latency_every_frame_misses_its_deadline() {
     for clock in [Clock::Wall, Clock::External] {
-        let (emulator, mut client, frames) = flown(clock, 1e-6);
+        let (emulator, mut client, frames) = run(clock, 1e-6);
         for frame in &frames {
             assert!(!frame.end.in_time && frame.end.timing.spare_s < 0.0);
             assert!(number(&frame.label(), "spare_ms") < 0.0);
@@ -41,27 +41,27 @@ fn with_no_time_at_all_every_frame_is_missed_and_says_so() {
         let (stats, counters) = emulator.measured();
         let missed = counters.deadlines_missed;
         assert_eq!(stats.latencies.missed, u64::from(missed));
-        // What a client that stands still does not get has not come in time either.
+        // Frames dropped for a blocked client miss their deadline too.
         assert_eq!(missed, frames.len() as u32 + counters.frames_dropped);
         let first = stats.latencies.first_miss.unwrap();
         assert_eq!(first.frame, 0);
-        // It is late by what it took, to the microsecond that it had.
+        // Late by its duration minus the allowed microsecond.
         let took_s = f64::from(frames[0].end.timing.last_octet_s);
         assert!(first.late_s.unwrap() >= took_s - 2e-6);
     }
 }
 
 #[test]
-fn with_time_enough_none_is_missed() {
-    let (emulator, mut client, frames) = flown(Clock::Wall, 1000.0);
+fn with_a_long_latency_no_deadline_is_missed() {
+    let (emulator, mut client, frames) = run(Clock::Wall, 1000.0);
     for frame in &frames {
         assert!(frame.end.in_time);
         let spare_s = frame.end.timing.spare_s;
         assert!((1.0..1000.0).contains(&spare_s), "{spare_s}");
-        let told = number(&frame.label(), "spare_ms");
+        let label_ms = number(&frame.label(), "spare_ms");
         assert!(
-            told >= f64::from(spare_s) * 1e3 * (1.0 - 1e-6),
-            "it was there before"
+            label_ms >= f64::from(spare_s) * 1e3 * (1.0 - 1e-6),
+            "the label is earlier"
         );
     }
     let status = client.status();
@@ -69,7 +69,7 @@ fn with_time_enough_none_is_missed() {
     assert!(status.latency_p50_s <= status.latency_p99_s);
     assert!(status.latency_p99_s <= status.latency_max_s);
     let (stats, counters) = emulator.measured();
-    // But for those that a client that stands still does not get.
+    // Except frames dropped for a blocked client.
     let dropped = u64::from(counters.frames_dropped);
     assert_eq!(stats.latencies.missed, dropped);
     assert_eq!(u64::from(counters.deadlines_missed), dropped);
@@ -78,31 +78,31 @@ fn with_time_enough_none_is_missed() {
 }
 
 #[test]
-fn a_frames_times_are_in_their_order_at_its_end_and_in_its_label() {
-    let (emulator, _client, frames) = flown(Clock::Wall, 1000.0);
+fn times_of_a_frame_are_ordered_in_its_end_and_its_label() {
+    let (emulator, _client, frames) = run(Clock::Wall, 1000.0);
     for frame in &frames {
         let times = frame.end.timing;
         assert!(0.0 <= times.first_pixel_s && times.first_pixel_s <= times.last_pixel_s);
         assert!(0.0 < times.first_octet_s && times.first_octet_s <= times.last_octet_s);
-        // Its end follows its last pixel, whatever left before.
+        // The end follows the last pixel, whatever was sent before.
         assert!(times.last_pixel_s <= times.last_octet_s && times.last_pixel_s > 0.0);
         let label = frame.label();
-        for (name, told) in [
+        for (name, seconds) in [
             ("first_pixel_ms", times.first_pixel_s),
             ("last_pixel_ms", times.last_pixel_s),
             ("first_octet_ms", times.first_octet_s),
         ] {
             let ms = number(&label, name);
-            assert!((ms - f64::from(told) * 1e3).abs() < 1e-3, "{name} {ms}");
+            assert!((ms - f64::from(seconds) * 1e3).abs() < 1e-3, "{name} {ms}");
         }
-        // The label is written before its own last part leaves.
+        // The label is complete before its own last part is sent.
         let sent = number(&label, "pixels_sent_ms");
         assert!(sent >= f64::from(times.first_octet_s) * 1e3 - 1e-3);
         assert!(sent <= f64::from(times.last_octet_s) * 1e3 + 1e-3);
         assert_eq!(label["timing"]["sync"], "free");
         assert_eq!(label["timing"]["trigger"], 0);
     }
-    // The last octet left the link no sooner than it was handed to it.
+    // The last byte leaves the link after it is handed over.
     let (stats, _) = emulator.measured();
     let longest = frames.iter().map(|frame| frame.end.timing.last_octet_s);
     let longest = longest.fold(0.0, f32::max);
@@ -111,7 +111,7 @@ fn a_frames_times_are_in_their_order_at_its_end_and_in_its_label() {
 }
 
 #[test]
-fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
+fn labels_have_the_announced_length_at_every_level() {
     let (_emulator, mut client) = memory_client(quick(20.0), Clock::Wall);
     client.window = None;
     client.point(attitude(1), EPOCH);
@@ -124,7 +124,7 @@ fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
                 ..Output::default()
             };
             client.done(Command::Output(output));
-            // Those under way have the level before.
+            // Frames in flight have the previous level.
             let mut parcel = client.parcel();
             await_that("a frame of the level", || {
                 let is_it = (parcel.0.pixel_level, parcel.0.label_level) == (pixels, labels);
@@ -153,9 +153,9 @@ fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
     }
 }
 
-/// A client that takes nothing loses frames of its own, and is nobody else's deadline.
+/// A blocked client misses its own deadlines only.
 #[test]
-fn a_listener_that_takes_nothing_spoils_no_other_links_figures() {
+fn blocked_listeners_do_not_change_the_statistics_of_other_links() {
     let mut config = quick(20.0);
     config.run.latency_s = Some(1000.0);
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
@@ -167,26 +167,26 @@ fn a_listener_that_takes_nothing_spoils_no_other_links_figures() {
     };
     let links = vec![(wire, Roles::ALL), (labels, roles)];
     let emulator = Running::at(config, Clock::Wall, links);
-    let mut dead = Client::new(MemoryLine(listener)).unpaced();
-    // It begins to take a frame, and no more.
-    dead.send(Command::Credit { packets: 1 });
-    dead.status();
+    let mut blocked = Client::new(MemoryLine(listener)).unpaced();
+    // It takes one packet of a frame.
+    blocked.send(Command::Credit { packets: 1 });
+    blocked.status();
     let mut client = Client::new(MemoryLine(port)).unpaced();
     client.send(Command::Credit { packets: 1 << 20 });
     client.point(attitude(1), EPOCH);
-    // X-Val: half a second, a quarter of the 2 s after which the listener is given up.
+    // X-Val: half a second, a quarter of the 2 s after which the listener is dropped.
     let frames: Vec<_> = (0..10).map(|_| client.frame()).collect();
     let status = client.status();
     assert!(status.timing.spare_s > 0.0 && status.latency_p99_s > 0.0);
     assert_eq!(status.counters.deadlines_missed, 0);
     rest(&mut client);
     let (stats, counters) = emulator.measured();
-    // But for those that a client that stands still does not get.
+    // Except frames dropped for a blocked client.
     let own = stats.latencies;
     assert_eq!(own.missed, own.incomplete);
     assert!(own.frames >= frames.len() as u64 && own.missed < own.frames / 2);
     let [(_, other)] = &stats.further[..] else {
-        panic!("one link more");
+        panic!("one further link");
     };
     assert!(other.missed > own.missed && other.last_octet.count() == 0);
     assert_eq!(
@@ -195,15 +195,15 @@ fn a_listener_that_takes_nothing_spoils_no_other_links_figures() {
     );
 }
 
-/// What waits on the line before a frame's end is told in it.
+/// Times at a frame's end include packets waiting on the line.
 #[test]
-fn on_a_slow_line_a_frame_says_that_it_is_late_and_late_ones_are_left_out() {
-    let flown = |latency_s: f64, policy: OnOverrun| {
+fn slow_lines_mark_late_frames_and_may_drop_them() {
+    let run = |latency_s: f64, policy: OnOverrun| {
         let mut config = quick(10.0);
         config.run.output.labels = LabelLevel::None;
         config.run.latency_s = Some(latency_s);
         config.run.on_overrun = policy;
-        // X-Val: 6144 octets of pixels alone take 49 ms at 1 Mbit/s.
+        // X-Val: 6144 bytes of pixels alone take 49 ms at 1 Mbit/s.
         let wire = link::open("udp://127.0.0.1:0?rate_mbit=1", &options(60.0)).unwrap();
         let line = UdpLine::to(&wire.address);
         let emulator = Running::start(config, Clock::Wall, wire);
@@ -213,28 +213,28 @@ fn on_a_slow_line_a_frame_says_that_it_is_late_and_late_ones_are_left_out() {
         client.point(attitude(1), EPOCH);
         let mut frames: Vec<_> = (0..3).map(|_| client.frame()).collect();
         let status = client.status();
-        // A frame that the end cuts off misses its deadline: there is none on the line.
+        // A frame cut off by the end misses its deadline, so the line must be empty.
         frames.extend(rest(&mut client));
         (frames, status, emulator.measured())
     };
     for policy in [OnOverrun::Late, OnOverrun::Drop] {
-        let (frames, status, (stats, counters)) = flown(0.02, policy);
+        let (frames, status, (stats, counters)) = run(0.02, policy);
         for frame in &frames {
             assert!(!frame.end.in_time && frame.end.timing.spare_s < 0.0);
         }
-        // Not foreseen before the first.
+        // The first frame's lateness is not predictable.
         assert_eq!(frames[0].end.overrun, Overrun::Late);
         assert!(counters.deadlines_missed >= 2 && status.timing.spare_s < 0.0);
         match policy {
             OnOverrun::Drop => {
                 assert!(stats.dropped > 0);
                 let is_first = |frame: &Received| frame.end.overrun == Overrun::Drop;
-                assert!(frames.iter().any(is_first), "the first after them");
+                assert!(frames.iter().any(is_first), "the first frame after a drop");
             }
             _ => assert_eq!(frames[2].end.overrun, Overrun::Late),
         }
     }
-    let (frames, _, (_, counters)) = flown(100.0, OnOverrun::Drop);
+    let (frames, _, (_, counters)) = run(100.0, OnOverrun::Drop);
     for frame in &frames {
         assert!(frame.end.in_time && frame.end.overrun == Overrun::None);
     }

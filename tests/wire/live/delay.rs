@@ -1,4 +1,4 @@
-//! A device that takes its time: its frames come no sooner than it says, in order, and all of them.
+//! A device with a delay: frames are sent in order, none before its delay, and none is lost.
 
 use super::{mid_s, quick, rest};
 use crate::support::client::{Client, Received};
@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 20.0;
 
-/// A device that holds its frames back, and its client.
-fn held(rate_hz: f64, delay_s: f64, jitter_s: f64) -> (Running, Client<MemoryLine>) {
+/// An emulator that delays its frames, and its client.
+fn delayed(rate_hz: f64, delay_s: f64, jitter_s: f64) -> (Running, Client<MemoryLine>) {
     let mut config = quick(rate_hz);
     config.run.delay = Delay { delay_s, jitter_s };
     let (emulator, mut client) = memory_client(config, Clock::Wall);
@@ -25,8 +25,8 @@ fn held(rate_hz: f64, delay_s: f64, jitter_s: f64) -> (Running, Client<MemoryLin
     (emulator, client)
 }
 
-/// Of a run's frames none is missing that is not counted as dropped, and each comes once.
-fn in_order(frames: &[Received], dropped: u32) {
+/// Requires each frame once, in order, or counted as dropped.
+fn assert_in_order(frames: &[Received], dropped: u32) {
     let grow = |two: &[Received]| two[0].header.frame < two[1].header.frame;
     assert!(frames.windows(2).all(grow));
     let last = frames[frames.len() - 1].header.frame;
@@ -34,34 +34,34 @@ fn in_order(frames: &[Received], dropped: u32) {
 }
 
 #[test]
-fn no_frame_comes_before_its_delay_and_all_come_in_order() {
-    // Several periods, and all of less than one for comparison.
+fn no_frame_precedes_its_delay_and_order_is_preserved() {
+    // Several periods, and one delay shorter than a period.
     for delay_s in [0.03, 0.12, 0.3] {
-        let (emulator, mut client) = held(RATE_HZ, delay_s, 0.0);
+        let (emulator, mut client) = delayed(RATE_HZ, delay_s, 0.0);
         let began = Instant::now();
         client.point(attitude(1), EPOCH);
         let mut frames = Vec::new();
         for _ in 0..8 {
             let frame = client.frame();
-            // By this end's own clock: the scene's time is EPOCH when the attitude arrives.
+            // By the local clock: scene time is EPOCH when the attitude arrives.
             let end_s = mid_s(&frame) + super::EXPOSURE_S / 2.0;
-            let least = Duration::from_secs_f64(end_s + delay_s);
-            assert!(began.elapsed() + Duration::from_micros(1) >= least);
+            let min = Duration::from_secs_f64(end_s + delay_s);
+            assert!(began.elapsed() + Duration::from_micros(1) >= min);
             frames.push(frame);
         }
-        // Nor later than by what a machine is late: sooner or later one is not.
-        await_that("a frame that is held no longer than its delay", || {
+        // At least one frame is not late, despite delays of the machine.
+        await_that("a frame without further delay", || {
             let is_late =
                 |frame: &Received| f64::from(frame.end.timing.first_octet_s) - delay_s > 0.02;
-            let is_first = frames.iter().any(|frame| !is_late(frame));
-            if !is_first {
+            let has_punctual = frames.iter().any(|frame| !is_late(frame));
+            if !has_punctual {
                 frames.push(client.frame());
             }
-            is_first
+            has_punctual
         });
         frames.extend(rest(&mut client));
         let counters = emulator.end();
-        in_order(&frames, counters.frames_dropped);
+        assert_in_order(&frames, counters.frames_dropped);
         for frame in &frames {
             let times = frame.end.timing;
             assert!(f64::from(times.first_octet_s) >= delay_s * (1.0 - 1e-6));
@@ -71,46 +71,46 @@ fn no_frame_comes_before_its_delay_and_all_come_in_order() {
 }
 
 #[test]
-fn a_jitter_is_another_for_each_frame_and_within_its_bounds() {
+fn jitter_differs_for_each_frame_within_its_bounds() {
     let delay = Delay {
         delay_s: 0.02,
         jitter_s: 0.2,
     };
-    let (emulator, mut client) = held(RATE_HZ, delay.delay_s, delay.jitter_s);
+    let (emulator, mut client) = delayed(RATE_HZ, delay.delay_s, delay.jitter_s);
     client.point(attitude(1), EPOCH);
     let mut frames: Vec<Received> = (0..8).map(|_| client.frame()).collect();
     frames.extend(rest(&mut client));
-    in_order(&frames, emulator.end().frames_dropped);
-    let mut least = BTreeSet::new();
+    assert_in_order(&frames, emulator.end().frames_dropped);
+    let mut delays = BTreeSet::new();
     for frame in &frames {
-        let held_s = delay.of(0, frame.header.frame).as_secs_f64();
-        assert!((0.02..0.22).contains(&held_s));
-        // The device keeps the order: one may wait for the one before it.
-        assert!(f64::from(frame.end.timing.first_octet_s) >= held_s * (1.0 - 1e-6));
-        least.insert((held_s * 1e6) as u64);
+        let delay_s = delay.of(0, frame.header.frame).as_secs_f64();
+        assert!((0.02..0.22).contains(&delay_s));
+        // Order is preserved: a frame may wait for the one before it.
+        assert!(f64::from(frame.end.timing.first_octet_s) >= delay_s * (1.0 - 1e-6));
+        delays.insert((delay_s * 1e6) as u64);
     }
-    assert_eq!(least.len(), frames.len(), "each another");
+    assert_eq!(delays.len(), frames.len(), "all different");
     // X-Val: the spread of 8 uniform draws is below a quarter of their range once in 1,500 times.
-    let (first, last) = (least.first().unwrap(), least.last().unwrap());
-    assert!(last - first > 50_000, "{least:?}");
+    let (first, last) = (delays.first().unwrap(), delays.last().unwrap());
+    assert!(last - first > 50_000, "{delays:?}");
 }
 
 #[test]
-fn in_step_there_is_no_delay() {
+fn stepped_frames_have_no_delay() {
     let mut config = quick(RATE_HZ);
     config.run.delay.delay_s = 60.0;
     let (_emulator, mut client) = memory_client(config, Clock::Stepped);
-    // It would come after three times what the client waits.
+    // With the delay, the client would time out.
     client.good_frame(1);
 }
 
 #[test]
-fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
+fn delayed_frames_are_buffered_at_any_commanded_rate() {
     // X-Val: 0.25 s at 4 Hz is one frame, at 40 Hz ten of them.
-    let (emulator, mut client) = held(4.0, 0.25, 0.0);
+    let (emulator, mut client) = delayed(4.0, 0.25, 0.0);
     client.point(attitude(1), EPOCH);
     client.frame();
-    // X-Val: 80 Hz are 20 frames, of 16 at most.
+    // X-Val: 80 Hz need 20 frames, above the limit of 16.
     client.send(Command::FrameRate { hz: 80.0 });
     client.refused(
         Reason::ValueOutOfRange,
@@ -122,7 +122,7 @@ fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
     }
     rest(&mut client);
     let counters = client.counters();
-    // X-Val: with three frames held back of the ten, seven of ten would be lost.
+    // X-Val: with a buffer of three frames instead of ten, seven of ten would be lost.
     assert!(
         counters.frames_dropped < counters.frames_rendered / 2,
         "{counters:?}"
@@ -131,7 +131,7 @@ fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
 }
 
 #[test]
-fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
+fn delays_above_the_buffer_are_refused_with_a_remedy() {
     let fits = |clock, delay_s, jitter_s| {
         let mut config = quick(RATE_HZ);
         config.run.delay = Delay { delay_s, jitter_s };
@@ -157,12 +157,12 @@ fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
     assert_eq!(fits(Clock::Stepped, 60.0, 60.0), Ok(()));
 }
 
-/// However coarse it is rendered: it is late by the device, which is foreseen.
+/// The delay alone exceeds the deadline, whatever the fidelity: this is predicted.
 #[test]
-fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser() {
+fn delays_beyond_the_deadline_cause_late_or_dropped_frames_but_no_coarser_ones() {
     use skyloop::config::OnOverrun;
     use skyloop::fidelity::{Coarser, Fidelity};
-    let flown = |policy| {
+    let run = |policy| {
         let mut config = quick(RATE_HZ);
         config.run.delay.delay_s = 0.12;
         config.run.latency_s = Some(0.11);
@@ -176,7 +176,7 @@ fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser(
         (emulator, client)
     };
     for policy in [OnOverrun::Late, OnOverrun::Coarsen] {
-        let (emulator, mut client) = flown(policy);
+        let (emulator, mut client) = run(policy);
         for _ in 0..3 {
             let frame = client.frame();
             assert_eq!(frame.end.overrun, skyloop_protocols::Overrun::Late);
@@ -185,11 +185,11 @@ fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser(
         }
         assert_eq!(emulator.end().frames_coarsened, 0);
     }
-    let (emulator, mut client) = flown(OnOverrun::Drop);
+    let (emulator, mut client) = run(OnOverrun::Drop);
     await_that("exposures without a frame", || {
         client.counters().exposures_missed >= 3
     });
-    // X-Val: docs/how-to/accuracy-and-time.md: after four exposures that are left out one is tried.
+    // X-Val: docs/how-to/accuracy-and-time.md: after four dropped exposures one is tried.
     let counters = emulator.end();
     assert!(
         counters.frames_rendered <= counters.exposures_missed / 4,
@@ -197,9 +197,9 @@ fn what_the_device_holds_beyond_its_deadline_is_late_or_left_out_and_no_coarser(
     );
 }
 
-/// What a client gives up by its Reset was nobody's deadline.
+/// Frames abandoned by a Reset miss no deadline.
 #[test]
-fn frames_that_a_reset_gives_up_have_missed_nothing() {
+fn frames_abandoned_by_a_reset_miss_no_deadline() {
     let mut config = quick(RATE_HZ);
     config.run.delay.delay_s = 0.25;
     config.run.latency_s = Some(1000.0);
@@ -208,7 +208,7 @@ fn frames_that_a_reset_gives_up_have_missed_nothing() {
     client.send(Command::Credit { packets: 1 << 20 });
     client.point(attitude(1), EPOCH);
     client.frame();
-    // X-Val: 0.25 s at 20 Hz are five frames that are held back.
+    // X-Val: 0.25 s at 20 Hz are five delayed frames.
     client.done(Command::Reset);
     let (stats, counters) = emulator.measured();
     assert!(

@@ -1,4 +1,4 @@
-//! The figures of a live run for Prometheus.
+//! Prometheus metrics of a live run.
 
 use super::{quick, rest};
 use crate::support::client::Client;
@@ -13,9 +13,9 @@ use skyloop_protocols::Reason;
 use std::collections::BTreeMap;
 
 #[test]
-fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
-    let place = Metrics::default();
-    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
+fn metrics_of_an_idle_run_agree_with_its_status() {
+    let metrics = Metrics::default();
+    let serving = metrics::serve("0", vec![metrics.clone()]).unwrap();
     let empty = fetched(serving.address());
     assert_eq!(empty["skyloop_frames_total"], 0.0);
     let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();
@@ -24,10 +24,10 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let mut config = quick(20.0);
     config.run.latency_s = Some(1000.0);
     let emulator = Running::prepared(config, Clock::External, links, |server| {
-        server.set_metrics(place);
+        server.set_metrics(metrics);
     });
     let mut client = Client::new(line);
-    // A refusal, so that not all counters are 0.
+    // A refusal, so that some counter is not 0.
     client.point(attitude(1), EPOCH);
     client.point(bad_attitude(2), EPOCH);
     client.refused(Reason::QuaternionNotUnit, &[]);
@@ -35,9 +35,9 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     frames.extend(rest(&mut client));
     let status = client.status();
     let all = frames.len() as f64;
-    // They are brought up to date ten times a second.
+    // Metrics are updated ten times a second.
     let mut found = BTreeMap::new();
-    await_that("figures of all frames", || {
+    await_that("metrics of all frames", || {
         found = fetched(serving.address());
         let of = |name: &str| found.get(name).copied();
         let dropped = of("skyloop_frames_incomplete_total").unwrap_or_default();
@@ -50,11 +50,11 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
         assert_eq!(found, f64::from(count), "{name}");
     }
     assert!(found["skyloop_bad_attitude_total"] == 1.0);
-    // A client that stands still does not get all.
+    // Some frames may be dropped.
     let dropped = f64::from(status.counters.frames_dropped);
     assert_eq!(found["skyloop_frames_total"], all + dropped);
     assert_eq!(found["skyloop_frames_incomplete_total"], dropped);
-    // Heard once, the client's clock is that of the emulator.
+    // After the first attitude, the client's clock is the emulator's.
     let last = &frames[frames.len() - 1];
     let offset_s = last.end.clock_offset_s;
     assert_eq!(offset_s, last.label()["timing"]["clock_offset_s"]);
@@ -64,20 +64,23 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
         let count = of(&format!("count{{stage=\"{stage}\"}}"));
         let bucket = of(&format!("bucket{{stage=\"{stage}\",le=\"+Inf\"}}"));
         assert_eq!((count, bucket), (all, all), "{stage}");
-        // What the ends of the frames tell adds up to the sum.
+        // The sum agrees with the times in the frames' ends.
         let times = frames.iter().map(|frame| frame.end.timing);
-        let told = times.map(|times| match stage {
+        let reported = times.map(|times| match stage {
             "first_pixel" => times.first_pixel_s.into(),
             "last_pixel" => times.last_pixel_s.into(),
             "first_octet" => times.first_octet_s.into(),
             _ => f64::from(times.last_octet_s),
         });
-        let told: f64 = told.sum();
+        let reported: f64 = reported.sum();
         let sum = of(&format!("sum{{stage=\"{stage}\"}}"));
         match stage {
-            // That is when it was handed over; here is when it had left.
-            "last_octet" => assert!(sum >= told - 1e-6, "{sum} {told}"),
-            _ => assert!((sum - told).abs() < 1e-6 * all, "{stage}: {sum} {told}"),
+            // Frames report the handover; metrics have the later departure.
+            "last_octet" => assert!(sum >= reported - 1e-6, "{sum} {reported}"),
+            _ => assert!(
+                (sum - reported).abs() < 1e-6 * all,
+                "{stage}: {sum} {reported}"
+            ),
         }
     }
     assert!((1.0..1000.0).contains(&found["skyloop_deadline_spare_seconds"]));
@@ -86,13 +89,13 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
 }
 
 #[test]
-fn what_is_counted_is_told_where_no_frame_is_made() {
+fn metrics_are_updated_without_frames() {
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
     let (_emulator, serving) = with_metrics(quick(20.0), Clock::Wall, wire);
     let mut client = Client::new(MemoryLine(port));
     client.point(bad_attitude(1), EPOCH);
     client.refused(Reason::QuaternionNotUnit, &[]);
-    await_that("it is told", || {
+    await_that("the metrics", || {
         let found = fetched(serving.address());
         found.get("skyloop_bad_attitude_total") == Some(&1.0)
             && found["skyloop_frames_total"] == 0.0

@@ -1,4 +1,4 @@
-//! Floods, nonsense and a bad line are counted, and frames go on.
+//! Floods, invalid packets and a bad line: all are counted, and frames continue.
 
 use super::{TIMEOUT, frame_of, quick, whole_frame};
 use crate::support::client::{Client, counted, moved};
@@ -16,16 +16,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Attitudes a second that a flood is meant to have; a machine that is slower takes longer.
+/// Intended rate of a flood, attitudes a second; slower machines take longer.
 const FLOOD_HZ: f64 = 100_000.0;
-/// How many they are.
 const FLOOD: u32 = 200_000;
 
 #[test]
-fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
+fn floods_are_handled_or_counted_and_frames_continue() {
     let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 60.0);
     let socket = line.0.try_clone().unwrap();
-    // A flood drowns credit, too.
+    // Credit is lost in a flood too.
     let mut client = Client::new(line).unpaced();
     client.point(attitude(1), EPOCH);
     client.frame();
@@ -34,7 +33,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
         let flood = scope.spawn(|| {
             let (mut counts, mut sent) = (SequenceCounts::new(), 0u32);
             let began = Instant::now();
-            // The client's own attitude had the first count.
+            // The client's own attitude has the first count.
             counts.next(Command::Attitude(attitude(0)).apid());
             while sent < FLOOD {
                 assert!(began.elapsed() < 3 * TIMEOUT, "{sent} attitudes left");
@@ -55,7 +54,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
         });
         let mut frames = 0;
         while !over.load(Ordering::Relaxed) {
-            // One that is slow to read may lose some.
+            // A slow reader may lose some packets.
             let packet = client.line.recv(Duration::from_millis(100));
             let reply = packet
                 .as_deref()
@@ -68,7 +67,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     let mut client = Client::new(line);
     (client.window, client.counts) = (None, counts);
     whole_frame(&mut client);
-    // The next datagram that is taken tells how many the system threw away before it.
+    // The next datagram reports how many the system dropped before it.
     await_that("the flood has passed", || {
         let counters = client.counters();
         counters.attitudes + counters.overflows > sent
@@ -78,8 +77,8 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     assert_eq!(counters.attitudes + counters.overflows, sent + 1);
     assert_eq!(counters.time_backwards + counters.refused, 0);
     assert!(frames > 0);
-    // The newest of them that was taken is followed.
-    await_that("it is followed", || {
+    // The newest received attitude is used.
+    await_that("a newer attitude is used", || {
         client.frame().header.attitude_sequence >= 2
     });
     client.point(attitude(u32::MAX), later(EPOCH, 100.0));
@@ -87,12 +86,12 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
 }
 
 #[test]
-fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
+fn wall_clock_frames_continue_after_clock_steps_of_the_client() {
     const HOUR_S: f64 = 3600.0;
     let (_emulator, mut client) = memory_client(quick(20.0), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.frame();
-    // Back: it is refused, with what helps, and what was said before holds.
+    // Backwards: refused with a remedy; the earlier attitude stays valid.
     client.point(attitude(2), later(EPOCH, -HOUR_S));
     client.refused(Reason::TimeBackwards, &["Reset"]);
     let seen = client.status().next_frame;
@@ -102,7 +101,7 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     }
     assert_eq!(frame.header.attitude_sequence, 1);
     assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
-    // Forward: it is of the future, and says so.
+    // Forwards: the attitude is of the future, and is marked so.
     client.point(attitude(3), later(EPOCH, HOUR_S));
     let frame = frame_of(&mut client, 3);
     assert_eq!(frame.end.attitude_source, AttitudeSource::Future);
@@ -111,7 +110,7 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     let counters = client.counters();
     counted(&counters, &[("time_backwards", 1), ("attitudes", 2)]);
     assert!(counters.attitudes_future >= 1);
-    // And the way out.
+    // The remedy.
     client.done(Command::Reset);
     client.forget();
     client.point(attitude(4), EPOCH);
@@ -120,11 +119,11 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     assert_eq!(frame.end.attitude_source, AttitudeSource::Extrapolated);
 }
 
-/// Sends octets as they are, and reads until nothing comes that has to be understood.
+/// Sends packets during a fault, and discards the replies.
 fn burst(client: &mut Client<MemoryLine>, kind: FaultKind, direction: Direction, value: f64) {
     client.send(fault(kind, direction, value, 0.0));
     for sequence in 0..40 {
-        // Times do not matter here: the same one is none that runs back.
+        // All times are equal, so none runs backwards.
         client.send(Command::Attitude(attitude(sequence)));
         let (ping, _) = client.prepare(&Command::Ping, EPOCH);
         client.line.send(&ping);
@@ -134,7 +133,7 @@ fn burst(client: &mut Client<MemoryLine>, kind: FaultKind, direction: Direction,
 }
 
 #[test]
-fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
+fn bursts_of_faults_are_counted_and_frames_continue_after_them() {
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
     let book = Arc::new(Mutex::new(Book::default()));
     let wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
@@ -155,11 +154,11 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
     ] {
         let injected = book.lock().unwrap().total();
         burst(&mut client, kind, direction, value);
-        // Only the client sees faults on the way out; the book has them in either direction.
+        // Faults on outbound packets affect only the client; the record has both directions.
         let booked = book.lock().unwrap();
         assert!(booked.total() > injected, "{kind:?}: {}", booked.summary());
         drop(booked);
-        // The line is good again; what was on its way may still be spoilt.
+        // The line is good again; packets in flight may still be damaged.
         let settled = Instant::now() + Duration::from_millis(150);
         while Instant::now() < settled {
             client.line.recv(Duration::from_millis(10));
@@ -179,7 +178,7 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
     }
 }
 
-/// Whole frames in so many s.
+/// Number of whole frames in this time, s.
 fn frames_in(client: &mut Client<impl Line>, seconds: f64) -> u32 {
     let until = Instant::now() + Duration::from_secs_f64(seconds);
     let mut frames = 0;
@@ -190,14 +189,14 @@ fn frames_in(client: &mut Client<impl Line>, seconds: f64) -> u32 {
     frames
 }
 
-/// Strangers' packets are read at a bounded rate, and the system keeps them from the client's socket: the rate of frames hardly falls. Both rates are
-/// of one run.
+/// Foreign packets are read at a bounded rate, and the kernel keeps them out of the client's
+/// socket, so that the frame rate hardly falls. Both rates are from one run.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_a_flood_of_strangers_costs_few_frames() {
+fn timed_floods_of_foreign_packets_cost_few_frames() {
     const SECONDS: f64 = 1.5;
     let (_emulator, line) = on_udp(quick(1e4), Clock::Wall, 60.0);
-    let stranger = line.another();
+    let foreign = line.another();
     let mut client = Client::new(line);
     client.point(attitude(1), EPOCH);
     whole_frame(&mut client);
@@ -212,7 +211,7 @@ fn timed_a_flood_of_strangers_costs_few_frames() {
                     std::thread::yield_now();
                     continue;
                 }
-                let _ = stranger.0.send(&[0; 126]);
+                let _ = foreign.0.send(&[0; 126]);
                 sent += 1;
             }
             f64::from(sent) / began.elapsed().as_secs_f64()
@@ -223,6 +222,6 @@ fn timed_a_flood_of_strangers_costs_few_frames() {
     });
     println!("{quiet} frames in {SECONDS} s, {flooded} in a flood of {sent:.0} packets/s");
     assert!(sent > 20_000.0, "no flood: {sent:.0} packets/s");
-    // The flood takes a core of its own to send; where there are two, rendering keeps the other.
+    // Sending the flood takes one core; with two, rendering has the other.
     assert!(2 * flooded > quiet, "{quiet} frames fall to {flooded}");
 }

@@ -1,7 +1,7 @@
 //! Live runs: clocks, triggers, late and early attitudes, delays, deadlines, and faults.
 //!
-//! Tests hold order, counts, states and flags, and that nothing comes early. How late something
-//! comes depends on the machine.
+//! Tests check order, counts, states and flags, and that nothing is early. Lateness depends on the
+//! machine.
 
 mod busy;
 mod clients;
@@ -36,21 +36,19 @@ fn xyzw(q: UnitQuaternion<f64>) -> [f64; 4] {
     [q.i, q.j, q.k, q.w]
 }
 
-/// The attitude `s` seconds after [`EPOCH`] of a body that has [`Q`] there and turns at [`RATES`]:
-/// dR/dt = -[w x] R, so q(t) = exp(-w t / 2) q(0).
+/// The attitude `s` seconds after [`EPOCH`] of a body with [`Q`] at [`EPOCH`] and [`RATES`]: dR/dt
+/// = -[w x] R, so q(t) = exp(-w t / 2) q(0).
 fn turned(s: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(Vector3::from(RATES) * -s) * unit(Q)
 }
 
-/// The attitude that a frame's label shows.
-fn shown(frame: &Received) -> UnitQuaternion<f64> {
+fn label_attitude(frame: &Received) -> UnitQuaternion<f64> {
     let q = frame.label()["q_icrf_to_body"].clone();
     unit(serde_json::from_value(q).unwrap())
 }
 
-/// Whether that is this attitude.
 fn shows(frame: &Received, attitude: UnitQuaternion<f64>) -> bool {
-    shown(frame).angle_to(&attitude) < 1e-9
+    label_attitude(frame).angle_to(&attitude) < 1e-9
 }
 
 /// Middle of a frame's exposure, s after [`EPOCH`].
@@ -58,26 +56,26 @@ fn mid_s(frame: &Received) -> f64 {
     seconds(EPOCH, frame.time)
 }
 
-/// Sends a Trigger whose exposure starts `start_s` after [`EPOCH`]. Its packet has no time.
+/// Sends a Trigger for an exposure that starts `start_s` after [`EPOCH`]. Its packet has no time.
 fn trigger<L: Line>(client: &mut Client<L>, number: u32, start_s: f64) {
     let start = later(EPOCH, start_s);
     let command = Command::Trigger { number, start };
     client.send_alone(&command, WireTime::default());
 }
 
-/// Lets the cadence rest, and takes the frames that are still on their way.
+/// Sets a very low frame rate, and returns the frames still in flight.
 fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
     client.done(Command::FrameRate { hz: 1e-3 });
-    // One may be in the making, of which nothing is told: nothing comes of it for three looks.
-    let (mut looks, mut before) = (0, None);
-    await_that("nothing is under way", || {
+    // A frame may be in rendering without any report: the counters must rest for three checks.
+    let (mut checks, mut before) = (0, None);
+    await_that("no frame is in flight", || {
         std::thread::sleep(Duration::from_millis(60));
         let counters = client.counters();
         let over = counters.frames_delivered + counters.frames_abandoned;
         let is_still = over == counters.frames_rendered && before == Some(over);
-        looks = if is_still { looks + 1 } else { 0 };
+        checks = if is_still { checks + 1 } else { 0 };
         before = Some(over);
-        looks == 3
+        checks == 3
     });
     let mut frames = Vec::new();
     while !client.has_nothing_left() {
@@ -86,7 +84,7 @@ fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
     frames
 }
 
-/// Periods from `from` to the end of a frame's exposure: a whole number, and one at least.
+/// Periods from `from` to the end of a frame's exposure: a whole number, at least one.
 #[track_caller]
 fn whole_periods(from: WireTime, frame: &Received, rate_hz: f64) -> f64 {
     let periods = (seconds(from, frame.time) + EXPOSURE_S / 2.0) * rate_hz;
@@ -95,7 +93,7 @@ fn whole_periods(from: WireTime, frame: &Received, rate_hz: f64) -> f64 {
     periods
 }
 
-/// The attitude of that body, turning at [`RATES`], where it has `q`.
+/// Attitude `q` of the body, with its [`RATES`].
 fn turning(sequence: u32, q: UnitQuaternion<f64>) -> Attitude {
     Attitude {
         q_icrf_to_body: xyzw(q),
@@ -104,7 +102,7 @@ fn turning(sequence: u32, q: UnitQuaternion<f64>) -> Attitude {
     }
 }
 
-/// A flight computer that holds [`Q`] and tells it 20 times a second.
+/// A mission that holds [`Q`] and sends it 20 times a second.
 fn mission(start: hifitime::Epoch, frames: u32, timeout: Duration) -> Mission {
     Mission {
         start,
@@ -119,7 +117,6 @@ fn mission(start: hifitime::Epoch, frames: u32, timeout: Duration) -> Mission {
     }
 }
 
-/// The next frame that is made with this attitude.
 fn frame_of<L: Line>(client: &mut Client<L>, sequence: u32) -> Received {
     let mut frame = client.frame();
     await_that("a frame of the attitude", || {
@@ -132,7 +129,7 @@ fn frame_of<L: Line>(client: &mut Client<L>, sequence: u32) -> Received {
     frame
 }
 
-/// The next frame that comes whole, whatever is left of others before it.
+/// Number of the next complete frame; parts of others are ignored.
 fn whole_frame<L: Line>(client: &mut Client<L>) -> u32 {
     let mut in_flight = None;
     loop {

@@ -1,4 +1,4 @@
-//! Pause and Resume: no clock exposes in a pause, and time goes on from where it stopped.
+//! Pause and Resume: no clock exposes during a pause, and time continues afterwards.
 
 use super::{mid_s, quick, seconds, trigger, whole_periods};
 use crate::support::client::{Client, Received};
@@ -18,8 +18,8 @@ const RATE_HZ: f64 = 50.0;
 /// X-Val: ten periods.
 const WHILE: Duration = Duration::from_millis(200);
 
-/// A client that takes all that it is shown, and has told one attitude.
-fn shown(clock: Clock) -> (Running, Client<MemoryLine>) {
+/// An emulator and its client with full credit and one sent attitude.
+fn started(clock: Clock) -> (Running, Client<MemoryLine>) {
     let (emulator, mut client) = memory_client(quick(RATE_HZ), clock);
     client.window = None;
     client.send(Command::Credit { packets: 1 << 20 });
@@ -27,21 +27,21 @@ fn shown(clock: Clock) -> (Running, Client<MemoryLine>) {
     (emulator, client)
 }
 
-/// Periods of the cadence from `from` to the end of a frame's exposure: a whole number.
+/// Periods from `from` to the end of a frame's exposure: a whole number.
 fn periods(from: WireTime, frame: &Received) -> f64 {
     whole_periods(from, frame, RATE_HZ)
 }
 
-/// Pauses and takes the frames under way. With the status of the pause.
+/// Pauses and receives the frames in flight. Returns them with the status of the pause.
 fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
     client.done(Command::Pause);
     let is_over = |status: &Status| {
         let counters = status.counters;
         counters.frames_delivered + counters.frames_abandoned == counters.frames_rendered
     };
-    // One may be in the making, of which nothing is told: nothing comes of it for a while.
+    // A frame may be in rendering without any report: the counters must rest for a while.
     let mut before = client.status();
-    await_that("nothing is under way", || {
+    await_that("no frame is in flight", || {
         std::thread::sleep(WHILE);
         let now = client.status();
         let is_still =
@@ -56,9 +56,9 @@ fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
     (frames, before)
 }
 
-/// No frame has been made or missed since.
+/// Requires that no frame has been rendered or missed between two states.
 #[track_caller]
-fn goes_on_from(before: &Status, after: &Status) {
+fn assert_unchanged(before: &Status, after: &Status) {
     let exposures = |status: &Status| {
         let counters = status.counters;
         (counters.frames_rendered, counters.exposures_missed)
@@ -67,34 +67,34 @@ fn goes_on_from(before: &Status, after: &Status) {
 }
 
 #[test]
-fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
-    let (_emulator, mut client) = shown(Clock::Wall);
+fn wall_clock_exposures_and_time_stop_during_a_pause() {
+    let (_emulator, mut client) = started(Clock::Wall);
     let mut frames = vec![client.frame()];
     let (more, before) = paused(&mut client);
     frames.extend(more);
     assert_eq!(before.sync, SyncState::Paused);
-    // A second Pause changes nothing; a rate is for later, a single shot for nobody.
+    // A second Pause changes nothing; a rate applies later; a single shot is refused.
     client.done(Command::Pause);
     client.done(Command::FrameRate { hz: 25.0 });
     client.send(Command::SingleShot);
     client.refused(Reason::Busy, &["send Resume first"]);
     std::thread::sleep(WHILE);
-    goes_on_from(&before, &client.status());
+    assert_unchanged(&before, &client.status());
     let last_s = mid_s(&frames[frames.len() - 1]);
 
     client.done(Command::Resume);
     let first = client.frame();
-    // X-Val: at most two exposures of 1/50 s were under way, and missed ones are counted; then one
+    // X-Val: at most two exposures of 1/50 s were in flight, and missed ones are counted; then one
     // period of 1/25 s. The pause was ten times longer.
     let missed = f64::from(client.counters().exposures_missed);
-    let gone_on_s = mid_s(&first) - last_s;
+    let elapsed_s = mid_s(&first) - last_s;
     assert!(
-        (0.04..0.04 + (3.0 + missed) / RATE_HZ).contains(&gone_on_s),
-        "{gone_on_s} s, {missed} missed"
+        (0.04..0.04 + (3.0 + missed) / RATE_HZ).contains(&elapsed_s),
+        "{elapsed_s} s, {missed} missed"
     );
     assert_eq!(client.status().sync, SyncState::Free);
     client.done(Command::Resume);
-    // An attitude tells what time it is now, whatever had been guessed.
+    // An attitude sets the time, whatever was extrapolated.
     let to = later(EPOCH, 500.0);
     client.point(attitude(2), to);
     let frame = super::frame_of(&mut client, 2);
@@ -103,8 +103,8 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
 }
 
 #[test]
-fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
-    let (_emulator, mut client) = shown(Clock::Wall);
+fn attitudes_during_a_pause_set_the_time() {
+    let (_emulator, mut client) = started(Clock::Wall);
     client.frame();
     paused(&mut client);
     let to = later(EPOCH, 300.0);
@@ -116,7 +116,7 @@ fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
     let frame = client.frame();
     assert_eq!(frame.header.attitude_sequence, 2);
     let periods = periods(to, &frame);
-    // Not what passed meanwhile, by any means: but a machine that stood still may have missed some.
+    // The pause does not count, but a paused machine may have missed some exposures.
     assert!(
         periods < 1.5 + f64::from(client.counters().exposures_missed),
         "{periods}"
@@ -124,7 +124,7 @@ fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
 }
 
 #[test]
-fn in_step_what_asks_for_a_frame_waits() {
+fn stepped_attitudes_wait_during_a_pause() {
     let (_emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Stepped);
     client.good_frame(1);
     client.done(Command::Pause);
@@ -161,7 +161,7 @@ fn a_reset_ends_a_pause() {
 }
 
 #[test]
-fn a_pause_waits_for_a_single_shot() {
+fn pauses_are_refused_during_a_single_shot() {
     let (_emulator, mut client) = memory_client(quick(1e-3), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.done(Command::Exposure { seconds: 0.3 });
@@ -175,7 +175,7 @@ fn a_pause_waits_for_a_single_shot() {
         nack.detail
     );
     client.frame();
-    // The cadence rests after it, and after a pause still.
+    // The cadence stays off after the single shot, and after the pause.
     client.done(Command::Pause);
     client.done(Command::Resume);
     client.done(Command::SingleShot);
@@ -183,18 +183,18 @@ fn a_pause_waits_for_a_single_shot() {
 }
 
 #[test]
-fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
-    let (_emulator, mut client) = shown(Clock::External);
+fn external_clock_pauses_may_have_any_length() {
+    let (_emulator, mut client) = started(Clock::External);
     client.frame();
     let (_, before) = paused(&mut client);
-    // A client whose time stops, and one that sets it by an hour: neither is a jump.
+    // Neither a stopped client clock nor a step of an hour counts as a jump.
     for (sequence, s) in [(2, 0.05), (3, 0.05), (4, 3600.0)] {
         client.point(attitude(sequence), later(EPOCH, s));
         std::thread::sleep(WHILE);
     }
     let status = client.status();
     assert_eq!(status.sync, SyncState::Paused);
-    goes_on_from(&before, &status);
+    assert_unchanged(&before, &status);
     client.done(Command::Resume);
     let to = later(EPOCH, 3600.0);
     client.point(attitude(5), to);
@@ -204,12 +204,12 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
 }
 
 #[test]
-fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
+fn clocks_set_back_during_a_pause_are_followed() {
     for clock in [Clock::Wall, Clock::External] {
-        let (_emulator, mut client) = shown(clock);
+        let (_emulator, mut client) = started(clock);
         client.frame();
         paused(&mut client);
-        // While it is paused, and after it.
+        // An earlier time during the pause, and one after it.
         let back = later(EPOCH, -300.0);
         client.point(attitude(2), later(back, 10.0));
         client.done(Command::Resume);
@@ -222,10 +222,10 @@ fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
 }
 
 #[test]
-fn triggers_wait_for_the_time_that_stands_still() {
+fn triggers_wait_during_a_pause() {
     let mut config = quick(RATE_HZ);
     config.run.trigger = Trigger::Packet;
-    // X-Val: less than the pause: what waits for Resume is not late by it.
+    // X-Val: less than the pause, which does not count as lateness.
     const LONG: Duration = Duration::from_secs(3);
     config.run.latency_s = Some(2.5);
     let (_emulator, line) = on_memory(config, Clock::External);
@@ -238,7 +238,7 @@ fn triggers_wait_for_the_time_that_stands_still() {
     // X-Val: the trigger's exposure would have ended after 0.11 s.
     assert!(client.recv(LONG).is_none() || began.elapsed() > LONG);
     client.done(Command::Resume);
-    // One of the past is for now.
+    // A trigger of the past is exposed at once.
     let frame = client.frame();
     assert_eq!((frame.end.trigger, frame.end.in_time), (8, true));
     let frame = client.frame();
@@ -247,17 +247,17 @@ fn triggers_wait_for_the_time_that_stands_still() {
 }
 
 #[test]
-fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
+fn triggers_of_a_clock_set_back_are_missed() {
     let mut config = quick(RATE_HZ);
     config.run.trigger = Trigger::Packet;
     let (_emulator, line) = on_memory(config, Clock::External);
     let mut client = Client::<MemoryLine>::new(line);
     client.point(attitude(1), EPOCH);
     client.done(Command::Pause);
-    // The time that it stands at, however long the machine took until then.
+    // The time of the pause, however long the machine took to reach it.
     client.point(attitude(2), later(EPOCH, 100.0));
     trigger(&mut client, 7, 100.1);
-    // Late by no more than a wire may be, and again, and set back by an hour.
+    // Late within the tolerance of a wire, twice, then set back by an hour.
     client.point(attitude(3), later(EPOCH, 99.9));
     client.point(attitude(4), later(EPOCH, 99.8));
     assert_eq!(client.counters().triggers_missed, 0);
@@ -269,29 +269,30 @@ fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
 }
 
 #[test]
-fn the_flight_computer_pauses_and_loses_nothing_by_it() {
+fn the_flight_computer_loses_nothing_in_a_pause() {
     // X-Val: 20 Hz for 0.4 s are at most 9 attitudes without the pause, and for 0.98 s 20.
-    await_that("attitudes leave while it is paused", || {
-        flown_with_a_pause().is_some_and(|attitudes| attitudes > 10)
+    await_that("attitudes are sent during the pause", || {
+        attitudes_with_a_pause().is_some_and(|attitudes| attitudes > 10)
     });
 }
 
-/// Flies 20 frames with a pause: the number of attitudes sent, where no thread stood still.
-fn flown_with_a_pause() -> Option<u32> {
+/// Runs 20 frames with a pause. Returns the number of attitudes sent, or none if a thread was
+/// delayed.
+fn attitudes_with_a_pause() -> Option<u32> {
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let mut config = quick(RATE_HZ);
     config.objects.clear();
     let emulator = Running::start(config, Clock::Wall, wire);
     let lasts = Duration::from_millis(600);
     let start = parse_utc("2019-06-15T23:35:50").unwrap();
-    // It waits for less than the pause: what does not come then is not lost.
+    // The time-out is shorter than the pause: no frame counts as lost in it.
     let mission = super::mission(start, 20, Duration::from_millis(500));
     let after = Duration::from_millis(100);
-    let flown = FlightComputer::new(port, mission)
+    let computer = FlightComputer::new(port, mission)
         .with_pause(Some(Pause { after, lasts }))
         .taking_only();
     let began = Instant::now();
-    let report = flown.run(|_| ControlFlow::Continue(())).ok()?;
+    let report = computer.run(|_| ControlFlow::Continue(())).ok()?;
     assert_eq!(report.refused, 0);
     if (report.frames, report.lost) != (20, 0) {
         return None;

@@ -1,4 +1,4 @@
-//! Triggers: one exposure at a time that the client chooses.
+//! Triggers: one exposure at a time chosen by the client.
 
 use super::{EXPOSURE_S, mid_s, quick, seconds, shows, trigger, turned, turning, xyzw};
 use crate::support::client::{Client, counted};
@@ -8,9 +8,9 @@ use skyloop::config::{Clock, Trigger};
 use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState};
 use std::time::{Duration, Instant};
 
-/// Triggers and attitudes that may wait.
+/// Maximum number of waiting triggers and attitudes.
 // X-Val: protocols/docs/icd.md, section 5.4: 64 attitudes wait; triggers likewise.
-const WAIT: u32 = 64;
+const MAX_WAITING: u32 = 64;
 
 /// An emulator whose frames are triggered, and its client.
 fn triggered(clock: Clock) -> (Running, Client<MemoryLine>) {
@@ -20,20 +20,20 @@ fn triggered(clock: Clock) -> (Running, Client<MemoryLine>) {
     (emulator, Client::new(line))
 }
 
-/// Sends the attitude of a body that turns at [`RATES`], `s` after [`EPOCH`].
+/// Sends the attitude of a body with [`RATES`], `s` after [`EPOCH`].
 fn point(client: &mut Client<MemoryLine>, sequence: u32, s: f64) {
     client.point(turning(sequence, turned(s)), later(EPOCH, s));
 }
 
 #[test]
-fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
+fn each_stepped_trigger_gives_a_frame_at_its_time() {
     let (_emulator, mut client) = triggered(Clock::Stepped);
     assert_eq!(client.status().mode, Mode::Stepped);
     for (sequence, s) in [(1, 0.0), (2, 0.4), (3, 0.8)] {
         point(&mut client, sequence, s);
     }
-    assert_eq!(client.counters().frames_rendered, 0, "not asked for");
-    // Any order, any number but 0; the same time twice is two frames.
+    assert_eq!(client.counters().frames_rendered, 0, "not requested");
+    // Any order, any number but 0; the same time twice gives two frames.
     let requested = [(70, 0.1), (71, 0.5), (9, 0.3), (4_000_000_000, 0.3)];
     for (number, start_s) in requested {
         trigger(&mut client, number, start_s);
@@ -41,10 +41,10 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
     for (frame, (number, start_s)) in (0..).zip(requested) {
         let got = client.frame();
         assert_eq!((got.header.frame, got.end.trigger), (frame, number));
-        // The message before its middle.
+        // The last message before the middle of the exposure.
         let sequence = if start_s < 0.4 { 1 } else { 2 };
         assert_eq!(got.header.attitude_sequence, sequence);
-        // X-Val: whole nanoseconds behind both times.
+        // X-Val: both times are whole nanoseconds.
         let start = seconds(later(EPOCH, start_s), got.header.exposure_start);
         assert!(start.abs() < 2e-9, "{start}");
         let mid_s = start_s + EXPOSURE_S / 2.0;
@@ -54,11 +54,11 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
         let label = got.label();
         assert_eq!(label["timing"]["trigger"], number);
         assert_eq!(label["timing"]["attitude"], "interpolated");
-        // Frames in step are the same octets every time.
+        // Stepped frames are reproducible to the byte.
         assert_eq!(label["timing"]["first_pixel_ms"], serde_json::Value::Null);
         let age_s = label["timing"]["attitude_age_s"].as_f64().unwrap();
-        let told_s = if sequence == 1 { 0.0 } else { 0.4 };
-        assert!((age_s - (mid_s - told_s)).abs() < 1e-6, "{age_s}");
+        let sent_s = if sequence == 1 { 0.0 } else { 0.4 };
+        assert!((age_s - (mid_s - sent_s)).abs() < 1e-6, "{age_s}");
         assert!((f64::from(got.end.timing.attitude_age_s) - age_s).abs() < 1e-6);
     }
     let counters = client.counters();
@@ -66,10 +66,9 @@ fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
     assert_eq!(counters.frames_delivered, 4);
 }
 
-/// Two attitudes at rest: the body takes the shortest turn between them, and speeds up and slows
-/// down.
+/// Two attitudes at rest: the body rotates along the shorter arc, with smooth acceleration.
 #[test]
-fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
+fn attitudes_at_rest_are_interpolated_smoothly() {
     let (_emulator, mut client) = triggered(Clock::Stepped);
     let ends = [turned(0.0), turned(3.0)];
     for (sequence, q) in (1..).zip(ends) {
@@ -81,18 +80,18 @@ fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
     }
     for mid_s in [0.5, 0.25, 0.75] {
         trigger(&mut client, 1, mid_s - EXPOSURE_S / 2.0);
-        // X-Val: Hermite's cubic that rests at both ends, by hand: 3 u^2 - 2 u^3.
+        // X-Val: Hermite's cubic at rest at both ends, by hand: 3 u^2 - 2 u^3.
         let share: f64 = 3.0 * mid_s * mid_s - 2.0 * mid_s * mid_s * mid_s;
         let frame = client.frame();
-        // The trigger's time has whole units of 2^-32 s, and the frame's of nanoseconds.
-        let off = super::shown(&frame).angle_to(&ends[0].slerp(&ends[1], share));
+        // The trigger's time has units of 2^-32 s, the frame's of nanoseconds.
+        let off = super::label_attitude(&frame).angle_to(&ends[0].slerp(&ends[1], share));
         assert!(off < 1e-8, "{mid_s}: {off}");
     }
 }
 
-/// In step an exposure lies between the attitudes around it, however late the last one is.
+/// Stepped mode: an exposure uses the attitudes around it, however late the last one is.
 #[test]
-fn a_trigger_of_a_time_long_past_is_between_the_attitudes_around_it() {
+fn late_triggers_use_the_attitudes_around_their_time() {
     let (_emulator, mut client) = triggered(Clock::Stepped);
     for n in 0..30 {
         point(&mut client, n, f64::from(n) * 0.2);
@@ -106,7 +105,7 @@ fn a_trigger_of_a_time_long_past_is_between_the_attitudes_around_it() {
 }
 
 #[test]
-fn a_trigger_keeps_the_exposure_that_was_set_when_it_came() {
+fn triggers_use_the_exposure_time_at_their_arrival() {
     for clock in [Clock::Stepped, Clock::External] {
         let (_emulator, mut client) = triggered(clock);
         client.window = None;
@@ -127,21 +126,23 @@ fn a_trigger_keeps_the_exposure_that_was_set_when_it_came() {
 }
 
 #[test]
-fn triggers_without_an_attitude_are_counted_and_give_nothing() {
+fn triggers_without_an_attitude_are_missed() {
     for clock in [Clock::Stepped, Clock::External] {
         let (_emulator, mut client) = triggered(clock);
         let start = later(EPOCH, -1.0);
         client.send(Command::Trigger { number: 5, start });
-        await_that("it is given up", || client.counters().triggers_missed == 1);
+        await_that("the trigger is missed", || {
+            client.counters().triggers_missed == 1
+        });
         let status = client.status();
         counted(&status.counters, &[("triggers", 1), ("frames_rendered", 0)]);
-        // What the packet told of the client's time is believed all the same.
+        // The time in the packet is used nevertheless.
         let followed = match clock {
             Clock::External => SyncState::Locked,
             _ => SyncState::Free,
         };
         assert_eq!(status.sync, followed);
-        // The next one, with an attitude, has its frame.
+        // The next trigger, with an attitude, gives a frame.
         point(&mut client, 1, 0.0);
         trigger(&mut client, 6, 0.0);
         assert_eq!(client.frame().end.trigger, 6);
@@ -149,9 +150,9 @@ fn triggers_without_an_attitude_are_counted_and_give_nothing() {
 }
 
 #[test]
-fn by_the_clients_clock_frames_come_at_their_triggers_in_the_order_of_their_times() {
+fn external_clock_triggers_give_frames_in_the_order_of_their_times() {
     let (_emulator, mut client) = triggered(Clock::External);
-    // Before its time is known to the emulator: all wait, however long that takes.
+    // While the emulator has no time, all triggers wait.
     for (number, start_s) in [(3, 0.6), (1, 0.2), (2, 0.4), (4, 0.6)] {
         trigger(&mut client, number, start_s);
     }
@@ -172,34 +173,34 @@ fn by_the_clients_clock_frames_come_at_their_triggers_in_the_order_of_their_time
         let ended = Duration::from_secs_f64(start_s + EXPOSURE_S);
         assert!(began.elapsed() >= ended, "never early");
     }
-    // No cadence besides: nothing comes of itself. X-Val: four periods.
+    // There is no cadence. X-Val: four periods.
     assert!(client.recv(Duration::from_millis(200)).is_none());
     client.has_counted(&[("triggers_missed", 0), ("exposures_missed", 0)]);
 }
 
 #[test]
-fn as_many_triggers_wait_as_may_and_more_are_busy() {
+fn triggers_above_the_limit_are_refused_as_busy() {
     let (_emulator, mut client) = triggered(Clock::External);
-    // An hour ahead of the client's time, the last ones first.
+    // An hour ahead of the client's time, in reverse order.
     point(&mut client, 1, 0.0);
-    for number in (1..=WAIT).rev() {
+    for number in (1..=MAX_WAITING).rev() {
         trigger(&mut client, number, 3600.0 + f64::from(number));
     }
     trigger(&mut client, 1000, 0.0);
     client.refused(Reason::Busy, &["64 triggers"]);
     let counters = client.counters();
-    counted(&counters, &[("triggers", WAIT), ("refused", 1)]);
+    counted(&counters, &[("triggers", MAX_WAITING), ("refused", 1)]);
     assert_eq!(counters.triggers_missed, 0);
-    // A Reset gives them up, and there is room again.
+    // A Reset drops them, so further triggers are accepted.
     client.done(Command::Reset);
-    assert_eq!(client.counters().frames_abandoned, WAIT);
+    assert_eq!(client.counters().frames_abandoned, MAX_WAITING);
     point(&mut client, 2, 0.0);
     trigger(&mut client, 7, 0.01);
     assert_eq!(client.frame().end.trigger, 7);
 }
 
 #[test]
-fn a_trigger_of_another_year_holds_no_place() {
+fn triggers_far_ahead_are_refused() {
     let (_emulator, mut client) = triggered(Clock::External);
     point(&mut client, 1, 0.0);
     // X-Val: protocols/docs/icd.md, section 5.5: more than a day ahead is refused.
@@ -211,17 +212,17 @@ fn a_trigger_of_another_year_holds_no_place() {
     client.has_counted(&[("triggers", 2), ("bad_value", 1)]);
 }
 
-/// Triggers of a clock that is set have times of another clock.
+/// After a clock step, earlier triggers refer to the old clock.
 #[test]
-fn triggers_of_a_clock_that_was_set_are_missed() {
+fn triggers_before_a_clock_step_are_missed() {
     let (_emulator, mut client) = triggered(Clock::External);
     point(&mut client, 1, 0.0);
-    for number in 1..=WAIT {
+    for number in 1..=MAX_WAITING {
         trigger(&mut client, number, 60.0 + f64::from(number));
     }
-    // An hour back for certain: else they would wait for an hour.
+    // An hour back; otherwise the triggers would wait for an hour.
     let began = Instant::now();
-    await_that("it is sure", || {
+    await_that("the step is accepted", || {
         point(&mut client, 2, -3600.0 + began.elapsed().as_secs_f64());
         std::thread::sleep(Duration::from_millis(20));
         let refused = client.refusals();
@@ -242,15 +243,18 @@ fn triggers_of_a_clock_that_was_set_are_missed() {
     let counters = client.counters();
     counted(
         &counters,
-        &[("triggers", WAIT + 1), ("triggers_missed", WAIT)],
+        &[
+            ("triggers", MAX_WAITING + 1),
+            ("triggers_missed", MAX_WAITING),
+        ],
     );
     assert_eq!(counters.refused, 0);
 }
 
 #[test]
-fn where_frames_come_of_themselves_a_trigger_is_refused() {
+fn triggers_are_refused_at_other_trigger_settings() {
     for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
-        // So slow that no frame comes of itself.
+        // A rate so low that no frame follows the cadence.
         let (_emulator, mut client) = memory_client(quick(1e-3), clock);
         client.point(attitude(1), EPOCH);
         if clock == Clock::Stepped {

@@ -1,4 +1,4 @@
-//! The wall clock: the emulator's own cadence.
+//! The wall clock: exposures at the emulator's own cadence.
 
 use super::{mid_s, shows, turned, turning, whole_periods};
 use crate::support::client::{Client, counted};
@@ -11,7 +11,7 @@ use skyloop_protocols::{Attitude, Command, Mode, OrbitState, Reason, WireTime};
 use std::time::{Duration, Instant};
 
 #[test]
-fn frames_come_at_the_rate_and_show_the_attitude_carried_on_by_its_rates() {
+fn frames_have_the_configured_rate_and_extrapolated_attitudes() {
     const RATE_HZ: f64 = 20.0;
     let (_emulator, mut client) = udp_client(quick(RATE_HZ), Clock::Wall, 60.0);
     let status = client.status();
@@ -20,25 +20,25 @@ fn frames_come_at_the_rate_and_show_the_attitude_carried_on_by_its_rates() {
     let started = Instant::now();
     let frames: Vec<_> = (0..20).map(|_| client.frame()).collect();
     let took = started.elapsed();
-    // Never early; how late depends on the machine. X-Val: 20 frames at 20 Hz are 19 periods apart,
+    // Never early; lateness depends on the machine. X-Val: 20 frames at 20 Hz are 19 periods apart,
     // and the first ends one period after the attitude.
     assert!(took >= Duration::from_secs_f64(19.5 / RATE_HZ), "{took:?}");
     for (number, frame) in (0..).zip(&frames) {
         let header = &frame.header;
         assert_eq!((header.frame, header.attitude_sequence), (number, 1));
         whole_periods(EPOCH, frame, RATE_HZ);
-        // X-Val: half of 10 ms; whole nanoseconds behind both times.
+        // X-Val: half of 10 ms; both times are whole nanoseconds.
         assert!((seconds(frame.time, header.exposure_end) - 0.005).abs() < 2e-9);
         assert!(shows(frame, turned(mid_s(frame))), "frame {number}");
     }
-    // Another noise in each frame of one attitude, and times that grow.
+    // Each frame of one attitude has its own noise, and a later time.
     for two in frames.windows(2) {
         assert!(two[0].pixels != two[1].pixels && two[0].time < two[1].time);
     }
 }
 
 #[test]
-fn there_is_silence_before_the_first_attitude() {
+fn no_frame_precedes_the_first_attitude() {
     let (_emulator, mut client) = memory_client(quick(200.0), Clock::Wall);
     let count = client.send(Command::SingleShot);
     let nack = client.refused(Reason::Busy, &["no attitude yet"]);
@@ -51,21 +51,21 @@ fn there_is_silence_before_the_first_attitude() {
 }
 
 #[test]
-fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
-    // So slow that no frame comes of itself.
+fn single_shots_stop_the_cadence_until_a_frame_rate() {
+    // A rate so low that no frame follows the cadence.
     let (_emulator, mut client) = memory_client(quick(1e-3), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.done(Command::Exposure { seconds: 2.0 });
     let requested = Instant::now();
     client.done(Command::SingleShot);
-    // One at a time, and as requested, whatever rate follows it.
+    // One single shot at a time, with its settings fixed.
     client.done(Command::FrameRate { hz: 1e-3 });
     for command in [Command::SingleShot, Command::Exposure { seconds: 0.3 }] {
         client.send(command);
         client.refused(Reason::Busy, &["wait for its frame"]);
     }
     assert_eq!(client.frame().header.frame, 0);
-    // The exposure starts with the command, not before it.
+    // The exposure does not start before the command.
     assert!(requested.elapsed() >= Duration::from_secs(2));
     client.done(Command::Exposure { seconds: 0.01 });
     client.point(attitude(2), later(EPOCH, requested.elapsed().as_secs_f64()));
@@ -76,7 +76,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     assert_eq!(client.status().next_frame, 2);
     client.done(Command::FrameRate { hz: 50.0 });
     assert_eq!(client.status().frame_rate_hz, 50.0);
-    // A client that stands still gets no frames of that time.
+    // A blocked client gets no frames of that time.
     let frames = [(); 4].map(|()| client.frame().header.frame);
     let grow = frames.is_sorted_by(|a, b| a < b);
     assert!(frames[0] >= 2 && grow, "{frames:?}");
@@ -98,7 +98,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
 }
 
 #[test]
-fn a_rate_told_again_does_not_hold_the_frames_back() {
+fn repeated_rates_do_not_delay_frames() {
     let (emulator, mut client) = memory_client(quick(10.0), Clock::Wall);
     client.window = None;
     client.point(attitude(1), EPOCH);
@@ -113,9 +113,9 @@ fn a_rate_told_again_does_not_hold_the_frames_back() {
 }
 
 #[test]
-fn commands_are_heard_at_a_cadence_that_the_machine_cannot_hold() {
+fn commands_are_handled_at_an_excessive_frame_rate() {
     let (_emulator, mut client) = memory_client(quick(1e4), Clock::Wall);
-    // Not paced: no frame ever waits for this client.
+    // Unpaced: no frame waits for this client.
     client.window = None;
     client.point(attitude(1), EPOCH);
     client.frame();
@@ -123,7 +123,7 @@ fn commands_are_heard_at_a_cadence_that_the_machine_cannot_hold() {
         client.status();
     }
     client.done(Command::FrameRate { hz: 1e-3 });
-    await_that("the frames under way are in", || {
+    await_that("no frame is in flight", || {
         client.recv(Duration::from_millis(100)).is_none()
     });
     let counters = client.counters();
@@ -131,12 +131,12 @@ fn commands_are_heard_at_a_cadence_that_the_machine_cannot_hold() {
         counters.frames_rendered,
         counters.frames_delivered + counters.frames_abandoned
     );
-    // 10,000 exposures a second: all but a few were missed.
+    // 10,000 exposures a second: almost all are missed.
     assert!(counters.exposures_missed > counters.frames_rendered);
 }
 
 #[test]
-fn reset_brings_back_silence_and_the_cadence() {
+fn a_reset_stops_frames_and_restores_the_cadence() {
     let (_emulator, mut client) = memory_client(quick(50.0), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.frame();
@@ -149,18 +149,18 @@ fn reset_brings_back_silence_and_the_cadence() {
     assert_eq!(status.packets_sent, 0);
     let frame = client.recv(Duration::from_millis(100));
     assert!(frame.is_none(), "no attitude, no frame");
-    // Its time is set anew by the next attitude.
+    // The next attitude sets the time again.
     client.point(attitude(2), later(EPOCH, -5000.0));
     let frame = client.frame();
-    // X-Val: whole periods of 20 ms less half an exposure: one, but for those that were missed.
+    // X-Val: whole periods of 20 ms less half an exposure: one period, plus missed ones.
     let periods = whole_periods(later(EPOCH, -5000.0), &frame, 50.0);
     let missed = client.counters().exposures_missed;
     assert!(periods < 1.5 + f64::from(missed), "{periods}");
 }
 
 #[test]
-fn what_was_asked_for_before_a_reset_comes_to_nobody_after_it() {
-    // So fast that a frame is always in the making.
+fn frames_requested_before_a_reset_are_not_sent_after_it() {
+    // A rate so high that a frame is always in rendering.
     let (_emulator, mut client) = memory_client(quick(1e4), Clock::Wall);
     for round in 0..10_u32 {
         client.window = None;
@@ -168,7 +168,7 @@ fn what_was_asked_for_before_a_reset_comes_to_nobody_after_it() {
         client.point(attitude(round), later(EPOCH, f64::from(round)));
         client.frame();
         client.send(Command::Reset);
-        // Who has room at once would get what is made after the Reset.
+        // With immediate credit, a frame completed after the Reset could be sent.
         client.send(Command::Credit { packets: 1 << 20 });
         client.next(false);
         client.forget();
@@ -178,7 +178,7 @@ fn what_was_asked_for_before_a_reset_comes_to_nobody_after_it() {
 }
 
 #[test]
-fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
+fn attitudes_extrapolated_below_the_ground_are_refused_once() {
     let (_emulator, mut client) = memory_client(quick(50.0), Clock::Wall);
     let falling = Attitude {
         state: Some(OrbitState {
@@ -187,10 +187,10 @@ fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
         }),
         ..attitude(1)
     };
-    // After 44 ms it is 4 km lower: at 50 Hz the third exposure cannot be shown.
+    // After 44 ms it is 4 km lower: at 50 Hz the third exposure is impossible.
     let count = client.point(falling, EPOCH);
-    let says = ["carried on to 2019-06-15T23:35:50."];
-    let nack = client.refused(Reason::ValueOutOfRange, &says);
+    let parts = ["carried on to 2019-06-15T23:35:50."];
+    let nack = client.refused(Reason::ValueOutOfRange, &parts);
     assert_eq!(nack.sequence_count, count);
     assert!(nack.detail.ends_with("or left out"), "{}", nack.detail);
     await_that("more exposures have passed", || {
@@ -200,17 +200,17 @@ fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
     counted(&counters, &[("attitudes", 1), ("bad_value", 1)]);
     assert!(counters.frames_rendered <= 2);
     client.forget();
-    // Another one is told anew.
+    // A new attitude is refused again.
     client.point(falling, later(EPOCH, 0.5));
     client.refused(Reason::ValueOutOfRange, &[]);
     client.forget();
-    // So far ahead that no exposure lies between it and the one before.
+    // So far ahead that no exposure precedes it.
     client.point(attitude(2), later(EPOCH, 1000.0));
     assert_eq!(client.frame().header.attitude_sequence, 2);
 }
 
 #[test]
-fn an_attitude_that_is_carried_beyond_the_time_code_is_refused_once() {
+fn attitudes_extrapolated_beyond_the_time_code_are_refused_once() {
     let (_emulator, mut client) = memory_client(quick(50.0), Clock::Wall);
     let count = client.point(attitude(1), later(WireTime(u64::MAX), -0.05));
     let nack = client.refused(Reason::ValueOutOfRange, &["beyond the time code"]);
@@ -222,7 +222,7 @@ fn an_attitude_that_is_carried_beyond_the_time_code_is_refused_once() {
 }
 
 #[test]
-fn an_exposure_that_the_rates_forbid_is_refused() {
+fn exposures_too_long_for_the_rates_are_refused() {
     let (_emulator, mut client) = memory_client(quick(1.0), Clock::Wall);
     let turning = Attitude {
         rates_rad_s: [0.0, 2.0, 0.0],
@@ -230,13 +230,13 @@ fn an_exposure_that_the_rates_forbid_is_refused() {
     };
     client.point(turning, EPOCH);
     client.done(Command::Exposure { seconds: 0.4 });
-    // 1.2 rad in 0.6 s, of 1 rad at most.
+    // 1.2 rad in 0.6 s; the limit is 1 rad.
     client.send(Command::Exposure { seconds: 0.6 });
     client.refused(Reason::ValueOutOfRange, &["68.8 deg"]);
 }
 
 #[test]
-fn another_client_finds_the_configured_cadence_and_sets_the_time_anew() {
+fn new_clients_start_with_the_configured_rate_and_their_own_time() {
     let (_emulator, line) = on_udp(quick(50.0), Clock::Wall, 0.2);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
@@ -251,10 +251,10 @@ fn another_client_finds_the_configured_cadence_and_sets_the_time_anew() {
 }
 
 #[test]
-fn a_client_on_the_systems_own_time_gets_frames_of_that_time() {
+fn clients_on_system_time_get_frames_of_system_time() {
     let (_emulator, mut client) = memory_client(quick(20.0), Clock::Wall);
     let now = system_time();
-    // Three seconds off: the frames still carry the system's time.
+    // The attitude is three seconds off, but frames have the system time.
     client.point(attitude(1), later(now, -3.0));
     let after = seconds(now, client.frame().time);
     // At 20 Hz the first exposure ends 50 ms after the attitude; a slow machine skips frames.
@@ -262,7 +262,7 @@ fn a_client_on_the_systems_own_time_gets_frames_of_that_time() {
 }
 
 #[test]
-fn the_latest_attitude_counts() {
+fn the_latest_attitude_is_used() {
     let (emulator, mut client) = memory_client(quick(50.0), Clock::Wall);
     client.point(attitude(1), EPOCH);
     client.frame();
@@ -271,7 +271,7 @@ fn the_latest_attitude_counts() {
     await_that("a frame of the new attitude", || {
         client.frame().header.attitude_sequence == 2
     });
-    // Noise counts the frames of each attitude, whatever came before.
+    // The noise key counts the frames of each attitude separately.
     let mut key = emulator.exposed().key;
     for repeat in 0.. {
         assert_eq!((key.sequence, key.repeat), (1, repeat));
