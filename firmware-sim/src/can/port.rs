@@ -81,7 +81,7 @@ struct Shared {
     stop: AtomicBool,
     dropped: AtomicU64,
     gone: Mutex<Option<io::Error>>,
-    tell: Mutex<Option<Notify>>,
+    notify: Mutex<Option<Notify>>,
 }
 
 impl Shared {
@@ -90,8 +90,8 @@ impl Shared {
         self.gone.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn tell(&self) -> MutexGuard<'_, Option<Notify>> {
-        self.tell.lock().unwrap_or_else(PoisonError::into_inner)
+    fn notify(&self) -> MutexGuard<'_, Option<Notify>> {
+        self.notify.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn is_gone(&self) -> bool {
@@ -169,9 +169,9 @@ impl End {
         *self.shared.gone() = error;
         self.notices += 1;
         if self.notices <= MAX_NOTICES
-            && let Some(tell) = &*self.shared.tell()
+            && let Some(notify) = &*self.shared.notify()
         {
-            tell(&text);
+            notify(&text);
         }
     }
 }
@@ -299,8 +299,8 @@ impl Port for CanPort {
         })
     }
 
-    fn on_notice(&mut self, tell: Notify) {
-        *self.shared.tell() = Some(tell);
+    fn on_notice(&mut self, notify: Notify) {
+        *self.shared.notify() = Some(notify);
     }
 }
 
