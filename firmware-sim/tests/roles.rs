@@ -75,8 +75,11 @@ const THREE: &[&str] = &["truth", "pixels", "labels"];
 /// Content of a frame: attitude number, pixels, label text, number of objects.
 type Seen = (u32, Vec<u16>, String, usize);
 
-/// Runs a mission. Returns the report and the content of each frame.
-fn run<P: Port + Send + 'static>(links: Vec<(P, Roles)>, mission: Mission) -> (Report, Vec<Seen>) {
+/// Runs a mission. Returns the report, the content of each frame, and the result of the thread.
+fn run<P: Port + Send + 'static, T>(
+    (links, thread): (Vec<(P, Roles)>, JoinHandle<T>),
+    mission: Mission,
+) -> (Report, Vec<Seen>, T) {
     let mut seen = Vec::new();
     let report = on_links(links, mission).run(|event| {
         match event {
@@ -98,7 +101,7 @@ fn run<P: Port + Send + 'static>(links: Vec<(P, Roles)>, mission: Mission) -> (R
     });
     let report = report.unwrap();
     println!("{report}");
-    (report, seen)
+    (report, seen, thread.join().unwrap())
 }
 
 const WINDOWS: Output = Output {
@@ -119,35 +122,32 @@ fn with_output(output: Output, frames: u32) -> Mission {
 #[test]
 fn pixels_and_labels_of_a_frame_come_over_different_links() {
     let (port, thread) = crate::common::loops::over_memory(Emulator::new(|_, _| {}));
-    let (whole, expected) = run(vec![(port, Roles::ALL)], mission(5));
-    thread.join().unwrap();
+    let (whole, expected, _) = run((vec![(port, Roles::ALL)], thread), mission(5));
     for names in [
         THREE,
         &["truth+labels", "pixels"],
         &["labels", "pixels", "truth"],
         &["pixels+labels", "truth"],
     ] {
-        let (links, thread) = over_memory(names, |_, _| {});
-        let (report, seen) = run(links, mission(5));
+        let (report, seen, emulators) = run(over_memory(names, |_, _| {}), mission(5));
         assert_eq!(seen, expected, "{names:?}");
         assert_eq!((report.frames, report.lost, report.refused), (5, 0, 0));
         assert_eq!(report.totals.matched, whole.totals.matched);
         assert_eq!(report.missing_packets, 0);
-        for emulator in thread.join().unwrap() {
-            let opened_and_freed = 2;
-            assert_eq!(emulator.resets, opened_and_freed, "{names:?}");
-        }
+        // Each exchange is opened and freed by a Reset.
+        let are_reset = emulators.iter().all(|emulator| emulator.resets == 2);
+        assert!(are_reset, "{names:?}");
     }
 }
 
 #[test]
 fn each_link_gets_its_share_of_the_output() {
-    let (links, thread) = over_memory(THREE, |_, _| {});
-    let (report, seen) = run(links, with_output(WINDOWS, 3));
+    let links = over_memory(THREE, |_, _| {});
+    let (report, seen, emulators) = run(links, with_output(WINDOWS, 3));
     assert_eq!((report.frames, report.contents.windows), (3, 60));
     assert!(seen.iter().all(|frame| frame.3 == 12), "{seen:?}");
     assert_eq!(report.totals.matched, 36);
-    let requested: Vec<Output> = thread.join().unwrap().iter().map(|e| e.output).collect();
+    let requested: Vec<Output> = emulators.iter().map(|emulator| emulator.output).collect();
     // The truth link carries no frames.
     let pixels = Output {
         labels: LabelLevel::None,
@@ -160,20 +160,18 @@ fn each_link_gets_its_share_of_the_output() {
     assert_eq!(requested, [Output::default(), pixels, labels]);
 
     // Labels alone: the pixel link carries nothing, and frames do not wait for it.
-    let (links, thread) = over_memory(&["truth+labels", "pixels"], |_, _| {});
-    let (report, _) = run(links, with_output(labels, 3));
+    let links = over_memory(&["truth+labels", "pixels"], |_, _| {});
+    let (report, ..) = run(links, with_output(labels, 3));
     assert_eq!((report.frames, report.contents.objects), (3, 36));
-    thread.join().unwrap();
 }
 
 #[test]
 fn duplicate_frames_of_two_links_count_once() {
-    let (links, thread) = over_memory(&["truth+pixels+labels", "pixels+labels"], |_, _| {});
-    let (report, seen) = run(links, mission(5));
+    let links = over_memory(&["truth+pixels+labels", "pixels+labels"], |_, _| {});
+    let (report, seen, _) = run(links, mission(5));
     assert_eq!((report.frames, seen.len(), report.late), (5, 5, 0));
     // The duplicate of the last frame may be in flight at the end.
     assert!(report.recovery.duplicates >= 4, "{report}");
-    thread.join().unwrap();
 }
 
 /// Drops the labels of attitude 1.
@@ -212,20 +210,17 @@ fn a_missing_part_loses_only_its_frame() {
 
 #[test]
 fn parts_with_different_pixels_are_not_joined() {
-    let (links, thread) = over_memory(THREE, |at, emulator| {
+    let links = over_memory(THREE, |at, emulator| {
         emulator.field.background_e += f64::from(u8::from(at == 2)) * 40.0;
     });
-    let (report, _) = run(links, within(Duration::from_secs(1), 2));
+    let (report, ..) = run(links, within(Duration::from_secs(1), 2));
     assert_eq!((report.frames, report.lost), (0, 2));
     assert!(report.assembly.incomplete >= 2, "{:?}", report.assembly);
-    thread.join().unwrap();
 }
 
 #[test]
 fn missing_parts_are_requested_after_the_other_part() {
-    let (links, thread) = over_memory(THREE, without_labels);
-    let (report, seen) = run(links, mission(3));
-    thread.join().unwrap();
+    let (report, seen, _) = run(over_memory(THREE, without_labels), mission(3));
     assert_eq!((report.frames, report.lost, seen.len()), (3, 0, 3));
     assert!(report.recovery.requested >= 1, "{report}");
 }
@@ -236,8 +231,7 @@ fn each_link_recovers_its_losses() {
     let links = (1..).zip(links);
     let links =
         links.map(|(seed, (port, roles))| (Lossy::new(port, seed, [0.05, 0.05, 0.0]), roles));
-    let (report, _) = run(links.collect(), mission(30));
-    let ends = thread.join().unwrap();
+    let (report, _, ends) = run((links.collect(), thread), mission(30));
     assert_eq!((report.frames, report.lost), (30, 0));
     assert!(ends[1].resent > 0 && ends[2].resent > 0);
     assert_eq!(ends[0].resent, 0);
@@ -245,12 +239,10 @@ fn each_link_recovers_its_losses() {
 
 #[test]
 fn wall_clock_parts_are_joined() {
-    let (links, thread) = over_memory(THREE, |_, _| {});
-    let (report, seen) = run(links, by_wall(20.0, 10));
+    let (report, seen, _) = run(over_memory(THREE, |_, _| {}), by_wall(20.0, 10));
     assert_eq!((report.frames, report.lost), (10, 0));
     let whole = |(_, pixels, text, _): &Seen| !pixels.is_empty() && !text.is_empty();
     assert!(seen.iter().all(whole));
-    thread.join().unwrap();
 }
 
 #[test]
@@ -329,8 +321,8 @@ fn requested_pixels_without_a_link_give_one_warning() {
         let mut emulator = Emulator::new(|_, _| {});
         emulator.brings = (brings, true);
         let (port, thread) = crate::common::loops::over_memory(emulator);
-        let (report, _) = run(vec![(port, roles(ours))], with_output(WINDOWS, 2));
-        thread.join().unwrap();
+        let links = vec![(port, roles(ours))];
+        let (report, ..) = run((links, thread), with_output(WINDOWS, 2));
         assert_eq!(report.frames, 2);
         let line = "windows are requested, but no link carries pixels: here a link roles=";
         let line = format!("{line}{ours}; ");
