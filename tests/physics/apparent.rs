@@ -1,4 +1,4 @@
-//! Bodies and apparent directions against independent libraries, and the laws they obey.
+//! Bodies and apparent directions against independent libraries and physical laws.
 
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -38,7 +38,8 @@ fn bodies_agree_with_de440() {
         apparent_sun = apparent_sun.max(arcsec(bodies.sun_apparent_m(), vector(&row, 10)));
     }
     println!("Earth {position_km:.1} km {velocity_mm_s:.1} mm/s; Sun {sun:.3}\"");
-    // DE440's barycentre counts the Kuiper belt in and lies some 100 km from that of the series.
+    // DE440's barycentre includes the Kuiper belt and differs by some 100 km from that of the
+    // series.
     assert!(position_km < 150.0 && velocity_mm_s < 6.0);
     assert!(sun < 0.02 && apparent_sun < 0.02);
 }
@@ -51,7 +52,7 @@ fn an_epoch_beyond_the_series_is_refused_by_name() {
         error.contains("2150") && error.contains("1900 to 2100"),
         "{error}"
     );
-    // Every time that the wire can carry (32 bits of seconds since 1958) is inside.
+    // Every time that the packets can carry (32 bits of seconds since 1958) is inside.
     let first = tai("1958-01-01T00:00:00");
     for s in [0, u32::MAX] {
         assert!(Bodies::at(first + Unit::Second * f64::from(s)).is_ok());
@@ -71,12 +72,12 @@ fn at_the_earths_centre(epoch: Epoch) -> Observer {
     observer(epoch, Vector3::zeros(), Vector3::zeros())
 }
 
-/// That of a row: its epoch, position and velocity in the columns from 1 on.
+/// The observer of a row: epoch, position and velocity in the columns from 1 on.
 fn observer_of(row: &[&str]) -> Observer {
     observer(tai(row[1]), vector(row, 2), vector(row, 5))
 }
 
-fn place(row: &[&str]) -> StarPlace {
+fn star_place(row: &[&str]) -> StarPlace {
     StarPlace {
         ra_rad: number(row, 1),
         dec_rad: number(row, 2),
@@ -105,7 +106,7 @@ fn stars_agree_with_two_libraries() {
             _ => Corrections::default(),
         };
         let ours =
-            Sight::of(&observers[row[6]], &corrections).of_star(&StarMotion::of(&place(&row)));
+            Sight::of(&observers[row[6]], &corrections).of_star(&StarMotion::of(&star_place(&row)));
         let error = arcsec(ours, vector(&row, 8));
         let entry = worst.entry(source).or_default();
         if error > entry.0 {
@@ -145,7 +146,7 @@ fn each_correction_has_its_size_and_its_switch() {
     for (correction, law, within) in [
         // 28.2 years of 7.059 arcsec.
         (motion, 28.205 * 7.059, 0.1),
-        // Parallax times the part of the way across the line of sight.
+        // Parallax times the baseline's component across the line of sight.
         (
             parallax,
             0.109_99 * across(observer.barycentric_m()) / AU_M,
@@ -193,7 +194,8 @@ fn sunlight_bends_by_einsteins_law_and_stays_finite_behind_the_sun() {
             "{elongation_deg}: {shift}"
         );
         if elongation_deg > 0.2 {
-            // X-Val: 4.0719 mas * cot(elongation / 2) at 1 au (IERS Conventions 2010, chapter 11, for gamma = 1).
+            // X-Val: 4.0719 mas * cot(elongation / 2) at 1 au (IERS Conventions 2010, chapter 11,
+            // gamma = 1).
             let law = 4.0719e-3 * AU_M / distance / (angle / 2.0).tan();
             let miss = (shift - law).abs();
             assert!(miss < 2e-5, "{elongation_deg}: {shift} against {law}");
@@ -234,7 +236,7 @@ fn objects_agree_with_a_barycentric_library() {
         let since = |t: Epoch| (t - observer.epoch).to_seconds();
         let target = |t: Epoch| Ok::<_, Infallible>(kepler(&row, since(t)));
         let seen = object_direction(target, &observer, &Corrections::default()).unwrap();
-        // Parallel unit vectors lose digits in skyfield beside 1 au: 2e-5 m in the range.
+        // Parallel unit vectors lose digits in skyfield next to 1 au: 2e-5 m in the range.
         let tolerance = 0.005 + 1e-4 / seen.range_m / ARCSEC;
         let error = arcsec(seen.direction, vector(&row, 14));
         let what = format!("{} at {}, {:.0} km", row[0], row[1], seen.range_m / 1e3);
@@ -243,7 +245,8 @@ fn objects_agree_with_a_barycentric_library() {
             worst = (error, what);
         }
         assert!((seen.range_m - number(&row, 17)).abs() < 1e-3);
-        // Geocentric against barycentric time under way: first order of the Earth's velocity over c.
+        // Geocentric against barycentric time in flight: first order of the Earth's velocity over
+        // c.
         let light_time_s = (seen.seen_at_m - observer.position_m).norm() / LIGHT_M_S;
         assert!((light_time_s / number(&row, 18) - 1.0).abs() < 2e-4);
         compared += 1;
@@ -254,7 +257,7 @@ fn objects_agree_with_a_barycentric_library() {
 
 #[test]
 fn light_time_and_aberration_cancel_for_neighbours_in_step() {
-    // Two satellites in uniform motion side by side: nobody on board can tell that they move.
+    // Two satellites in uniform motion side by side: their relative motion is zero.
     let epoch = tai("2024-11-05T03:12:45");
     let velocity_m_s = Vector3::new(0.0, 7_500.0, 0.0);
     let observer = observer(epoch, Vector3::new(7e6, 0.0, 0.0), velocity_m_s);
@@ -284,7 +287,7 @@ fn light_time_and_aberration_cancel_for_neighbours_in_step() {
 }
 
 #[test]
-fn an_object_at_the_observers_place_has_no_direction_and_its_errors_pass() {
+fn an_object_at_the_observer_has_no_direction() {
     let state = StateVector {
         position_m: Vector3::new(7e6, 0.0, 0.0),
         velocity_m_s: Vector3::zeros(),

@@ -1,4 +1,5 @@
-//! The shipped cameras have their figures, and a wrong value in a camera or configuration file is refused by name.
+//! The shipped cameras have their published constants. A wrong value in a camera or configuration
+//! file is refused by name.
 
 use std::collections::BTreeSet;
 
@@ -16,8 +17,9 @@ fn near(a: f64, b: f64, what: &str) {
 }
 
 /// Name, columns, rows, pitch (um), focal length (mm), aperture (mm), exposure (s).
-// X-Val: Clark et al. 2021, Table 1 (FAI), the table of docs/how-to/camera.md (all others); f/1.4 and f/1.2 give their apertures.
-const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
+// X-Val: Clark et al. 2021, Table 1 (FAI); the table of docs/how-to/camera.md (all others). f/1.4
+// and f/1.2 give the apertures.
+const CONSTANTS: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
     ("fai-nir", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("fai-630", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("rigel-l", 1024, 1024, 18.0, 47.7, 47.7 / 1.4, 0.066),
@@ -30,8 +32,8 @@ const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
 
 #[test]
 fn the_shipped_cameras_have_their_published_figures() {
-    assert_eq!(CAMERAS, FIGURES.map(|figures| figures.0));
-    for (name, width, height, pitch_um, focal_mm, aperture_mm, exposure_s) in FIGURES {
+    assert_eq!(CAMERAS, CONSTANTS.map(|figures| figures.0));
+    for (name, width, height, pitch_um, focal_mm, aperture_mm, exposure_s) in CONSTANTS {
         let camera = camera(name);
         assert_eq!(camera.name, name);
         let size = (camera.detector.width, camera.detector.height);
@@ -58,7 +60,7 @@ fn the_shipped_cameras_have_their_published_figures() {
     assert!((arcsec - 61.0).abs() < 0.1, "{arcsec}");
 }
 
-/// Lines of a configuration; `SEQUENCE` begins a sequence, `ONE` and `TWO` are attitudes of it.
+/// Lines of a configuration. `SEQUENCE` begins a sequence; `ONE` and `TWO` are its attitudes.
 const CONFIGURATIONS: &str = r#"
 [sky]\naberation = false | run.toml:2:1: sky.aberation:  | `aberration`
 label_snr = -1.0 | run.toml | label_snr = -1 | 0 to 1000000000
@@ -94,8 +96,8 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
     });
 }
 
-/// What is replaced in the file of `rigel-l`, by what. The last rows of shutters: 1024 rows of 100
-/// us are more than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
+/// Replacements in the file of `rigel-l`. Last rows of shutters: 1024 rows of 100 us exceed a
+/// frame's 0.1 s; rows of 40 us exceed the time left by 0.066 s.
 const CHANGES: &str = r#"
 rate_hz = 10.0 => rate_hz = 15.2 | timing.rate_hz = 15.2 | timing.exposure_s
 [timing] => [timing]\nshutter = "leaf" | timing.shutter = "leaf" | "frame-transfer"
@@ -115,7 +117,7 @@ transmission => principal_px = [512.0, 2048.1]\ntransmission | optics.principal_
 pixel_um => # pixel_um | mine.toml | pixel_um
 "#;
 
-/// Every number of a camera file, made absurd, is refused by its own name.
+/// Every number of a camera file, set to an absurd value, is refused by its own name.
 #[test]
 fn a_camera_value_out_of_range_is_refused_by_name() {
     let (_, text) = Folder::Embedded("cameras").read("rigel-l.toml").unwrap();
@@ -164,7 +166,8 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
 
 #[test]
 fn the_sun_stays_out_of_every_camera_s_image() {
-    // X-Val: by hand: the corner of fai-nir, 128 sqrt(2) px of 530.77 px, is 18.83 deg from the boresight; all-sky's vignetting ends at 90 deg.
+    // X-Val: by hand: the corner of fai-nir, 128 sqrt(2) px of 530.77 px, is 18.83 deg from the
+    // boresight. The vignetting of all-sky ends at 90 deg.
     for (name, deg) in [("fai-nir", 28.83), ("all-sky", 100.0), ("rigel-l", 30.0)] {
         let stray = Camera::load(name, &Folder::current()).unwrap().optics.stray;
         let exclusion_deg = stray.sun_exclusion.to_degrees();

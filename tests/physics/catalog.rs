@@ -1,4 +1,4 @@
-//! The embedded catalogue against published values, and its promise that no light is counted twice.
+//! The embedded catalogue against published values. No light is counted twice.
 
 use crate::reference::{number, rows};
 use skyloop::sky::catalog::{Catalog, Selection, Star};
@@ -25,19 +25,19 @@ fn separation(a: &Star, b: &Star) -> f64 {
     square.sqrt() / (1000.0 * MAS)
 }
 
-/// The magnitude of these stars together.
+/// The combined magnitude of these stars.
 fn magnitude<'a>(stars: impl Iterator<Item = &'a Star>) -> f64 {
     let light = stars.map(|star| 10f64.powf(-0.4 * star.v_mag));
     -2.5 * light.sum::<f64>().log10()
 }
 
-/// The magnitude of all light within `radius` (arcsec) of `star`.
+/// The combined magnitude of all stars within `radius` (arcsec) of `star`.
 fn light_around(catalog: &Catalog, star: &Star, radius: f64) -> f64 {
     let stars = catalog.stars().iter();
     magnitude(stars.filter(|s| separation(s, star) <= radius))
 }
 
-/// The entry with this HR number, be it the principal one or a further name.
+/// The entry with this HR number, as its principal or as a further name.
 fn hr(catalog: &Catalog, hr: u16) -> Star {
     let name = format!("HR {hr}");
     let mut stars = catalog.stars().iter();
@@ -57,9 +57,9 @@ fn near(found: f64, published: f64, within: f64, hip: u32) {
 }
 
 #[test]
-fn as_many_entries_as_built() {
+fn catalogue_sizes_are_those_of_the_build() {
     let all = hipparcos();
-    // statistics printed by the building tool
+    // Statistics printed by the building tool.
     assert_eq!(all.stars().len(), 78_367);
     assert_eq!(all.stars().iter().filter(|s| s.hip == 0).count(), 27);
     let bsc = Catalog::embedded(Selection::Bsc);
@@ -77,7 +77,8 @@ fn every_bright_star_is_found_in_both_selections() {
                 assert!(number.is_none_or(|n| numbers.insert(n)), "{name} twice");
             }
         }
-        // X-Val: the Bright Star Catalogue holds 9,110 objects, 14 of them novae, clusters and galaxies
+        // X-Val: the Bright Star Catalogue holds 9,110 objects, 14 of them novae, clusters,
+        // galaxies.
         assert_eq!(numbers.len(), 9_096);
         assert_eq!(numbers.last(), Some(&9_110));
     }
@@ -109,9 +110,10 @@ fn every_value_is_finite_and_possible() {
 }
 
 #[test]
-fn famous_stars_stand_where_they_should() {
+fn famous_stars_have_their_published_positions() {
     let catalog = hipparcos();
-    // X-Val: SIMBAD, ICRS at J2000 (van Leeuwen 2007): RA, Dec (deg), parallax (mas), proper motion (mas/yr), V
+    // X-Val: SIMBAD, ICRS at J2000 (van Leeuwen 2007): RA, Dec (deg), parallax (mas), proper motion
+    // (mas/yr), V.
     let published = "hip,ra,dec,parallax,pm_ra,pm_dec,v
 32349,101.28715533,-16.71611586,379.21,-546.01,-1223.07,-1.46
 91262,279.23473479,38.78368896,130.23,200.94,286.23,0.03
@@ -131,14 +133,15 @@ fn famous_stars_stand_where_they_should() {
         near(star.pm_dec_rad_yr / MAS, pm_dec, 0.02, n);
         near(star.v_mag, v, 0.05, n);
     }
-    // Barnard's star, Hp 9.49, carries no HR: beyond the embedded catalogue
+    // Barnard's star, Hp 9.49, has no HR number and lies beyond the embedded catalogue.
     assert!(catalog.stars().iter().all(|star| star.hip != 87_937));
 }
 
 #[test]
 fn rows_of_hipparcos_survive_the_quantisation() {
     let catalog = hipparcos();
-    // X-Val: rows of hip2.dat: HIP, RA, Dec (rad, J1991.25), parallax (mas), proper motion (mas/yr), B-V
+    // X-Val: rows of hip2.dat: HIP, RA, Dec (rad, J1991.25), parallax (mas), proper motion
+    // (mas/yr), B-V.
     let published = "hip,ra,dec,parallax,pm_ra,pm_dec,b_v
 3,0.0000874051,0.6782224871,2.26,4.27,-3.43,-0.019
 57939,3.1107451467,0.6585617448,109.99,4003.98,-5813.62,0.754
@@ -148,7 +151,7 @@ fn rows_of_hipparcos_survive_the_quantisation() {
         let n: u32 = row[0].parse().unwrap();
         let [ra, dec, parallax, pm_ra, pm_dec, b_v] = array::from_fn(|k| number(&row, k + 1));
         let star = hip(&catalog, n);
-        // half a step of each field, and half the last printed digit of the row (0.01 mas)
+        // Half a step of each field, and half the last printed digit of the row (0.01 mas).
         near((star.ra_rad - ra) / MAS, 0.0, 0.17, n);
         near((star.dec_rad - dec) / MAS, 0.0, 0.17, n);
         near(star.parallax_rad / MAS, parallax, 0.0063, n);
@@ -159,18 +162,19 @@ fn rows_of_hipparcos_survive_the_quantisation() {
 }
 
 #[test]
-fn variables_shine_as_hipparcos_saw_them() {
+fn variables_have_hipparcos_magnitudes() {
     let catalog = hipparcos();
     let t_crb = hr(&catalog, 5958);
     assert_eq!(t_crb.hip, 78_322);
-    // X-Val: T CrB in quiescence, V 9.8 to 10.3 (AAVSO); the Bright Star Catalogue lists its outburst, 2.0
+    // X-Val: T CrB in quiescence, V 9.8 to 10.3 (AAVSO). The Bright Star Catalogue lists its
+    // outburst, 2.0.
     assert!((9.8..10.3).contains(&t_crb.v_mag), "{}", t_crb.v_mag);
     // X-Val: Mira, V 2.0 to 10.1 (GCVS)
     assert!((4.0..8.0).contains(&hr(&catalog, 681).v_mag));
 }
 
 #[test]
-fn doubles_in_one_entry_shine_once() {
+fn doubles_in_one_entry_are_counted_once() {
     let catalog = hipparcos();
     let gamma_leo = hr(&catalog, 4057);
     assert_eq!(hr(&catalog, 4058), gamma_leo);
@@ -179,20 +183,21 @@ fn doubles_in_one_entry_shine_once() {
     let light = light_around(&catalog, &gamma_leo, 120.0);
     assert!((light - 2.01).abs() < 0.05, "{light}");
 
-    // both lines of the Bright Star Catalogue give the combined magnitude: X-Val: delta Ser 3.80, epsilon Ari 4.63 (V/50)
+    // Both lines of the Bright Star Catalogue give the combined magnitude. X-Val: delta Ser 3.80,
+    // epsilon Ari 4.63 (V/50).
     for (a, b, v) in [(5788, 5789, 3.80), (887, 888, 4.63)] {
         assert_eq!(hr(&catalog, a), hr(&catalog, b));
         assert!((hr(&catalog, a).v_mag - v).abs() < 0.05);
     }
-    // X-Val: zeta Ori A 1.77 (SIMBAD) with B 3.77 is 1.61; the entry holds both
+    // X-Val: zeta Ori A 1.77 (SIMBAD) with B 3.77 is 1.61; the entry contains both.
     assert_eq!(hr(&catalog, 1948), hr(&catalog, 1949));
     assert!((hr(&catalog, 1948).v_mag - 1.7).abs() < 0.1);
 }
 
 #[test]
-fn stars_that_hipparcos_lacks_or_left_out_shine_alone() {
+fn stars_missing_in_hipparcos_are_added_once() {
     let catalog = hipparcos();
-    // X-Val: magnitudes together, SIMBAD: xi UMa 3.79, xi Sco AB 4.17, theta1 Ori A to D 4.6
+    // X-Val: combined magnitudes, SIMBAD: xi UMa 3.79, xi Sco AB 4.17, theta1 Ori A to D 4.6.
     for (n, radius, v) in [(4374, 10.0, 3.86), (5977, 10.0, 4.16), (1895, 30.0, 4.66)] {
         let light = light_around(&catalog, &hr(&catalog, n), radius);
         assert!((light - v).abs() < 0.1, "HR {n}: {light}");
@@ -210,9 +215,10 @@ fn stars_that_hipparcos_lacks_or_left_out_shine_alone() {
 }
 
 #[test]
-fn light_mixed_by_the_photometer_is_not_counted_twice() {
+fn blended_photometry_is_not_counted_twice() {
     let catalog = hipparcos();
-    // X-Val: SIMBAD: sigma Ori AB 3.80 with D 6.8 and E 6.6 is 3.66; with Hipparcos' two entries as printed, 3.0
+    // X-Val: SIMBAD: sigma Ori AB 3.80 with D 6.8 and E 6.6 is 3.66. Hipparcos' two entries as
+    // printed give 3.0.
     let light = light_around(&catalog, &hip(&catalog, 26_549), 60.0);
     assert!((light - 3.67).abs() < 0.06, "{light}");
     // X-Val: SIMBAD: epsilon Equ AB 5.23 and C 7.35; 4.5 as printed
@@ -224,9 +230,10 @@ fn light_mixed_by_the_photometer_is_not_counted_twice() {
 }
 
 #[test]
-fn the_fast_pairs_are_told_apart() {
+fn fast_pairs_are_separate_entries() {
     let catalog = hipparcos();
-    // X-Val: SIMBAD: 61 Cyg A HR 8085 HIP 104214, B HR 8086 HIP 104217; alpha Cen A HR 5459 HIP 71683
+    // X-Val: SIMBAD: 61 Cyg A HR 8085 HIP 104214, B HR 8086 HIP 104217; alpha Cen A HR 5459 HIP
+    // 71683.
     for (n, number) in [
         (8085, 104_214),
         (8086, 104_217),
@@ -264,10 +271,11 @@ fn stars_have_their_names() {
 }
 
 #[test]
-fn the_sky_is_as_bright_as_it_is() {
+fn star_counts_and_total_light_are_those_of_the_sky() {
     let catalog = hipparcos();
     let brighter = |v: f64| catalog.stars().iter().filter(|s| s.v_mag < v).count();
-    // X-Val: Allen's Astrophysical Quantities, star counts: 4,800 to V 6.0, 14,000 to 7.0, 42,000 to 8.0; a tenth either way
+    // X-Val: Allen's Astrophysical Quantities, star counts: 4,800 to V 6.0, 14,000 to 7.0, 42,000
+    // to 8.0; within a tenth.
     for (v, stars) in [
         (6.0, 4_400..5_400),
         (7.0, 12_800..15_800),
@@ -275,6 +283,6 @@ fn the_sky_is_as_bright_as_it_is() {
     ] {
         assert!(stars.contains(&brighter(v)), "{}", brighter(v));
     }
-    // all light together, as the building tool prints it: magnitude -5.437
+    // All light together, as printed by the building tool: magnitude -5.437.
     assert!((magnitude(catalog.stars().iter()) + 5.437).abs() < 0.001);
 }

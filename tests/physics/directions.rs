@@ -66,7 +66,8 @@ fn sun_moon_and_earth_stand_where_de440_has_them() {
     println!("{compared} directions; Sun, Moon, Earth (arcsec): {worst:?}; Moon {moon_km:.1} km");
     assert_eq!(compared, 560);
     assert!(worst[0] < 0.02 && worst[1] < 10.0 && worst[2] < 0.02);
-    // The library's light runs in the barycentric frame, in which the Earth moves up to 39 km meanwhile; ours in the Earth's.
+    // The library's light time is in the barycentric frame, where the Earth moves up to 39 km
+    // meanwhile; ours is in the Earth's.
     assert!(moon_km < 39.0 + 13.0);
 }
 
@@ -79,7 +80,7 @@ const ABERRATION: Corrections = Corrections {
     ..Corrections::NONE
 };
 
-/// Each correction has its size: without any the directions are geometric.
+/// Each correction has its expected size. Without corrections directions are geometric.
 #[test]
 fn corrections_move_the_moon_by_seconds_of_arc() {
     let rows: Vec<_> = rows(include_str!("../reference/directions.csv")).collect();
@@ -108,8 +109,9 @@ fn planet(name: &str, observer: &Observer) -> Planet {
 
 #[test]
 fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
-    // Largest errors of `plan94` over 1991 to 2060: directions, daily to weekly, from DE440, arcsec; distances from the Earth, every third day, from
-    // DE405 (PyPI jplephem 2.24), rounded up, km. docs/explanation/labels.md has them. The distances here are those that the light travelled.
+    // Largest errors of `plan94` over 1991 to 2060, rounded up. Directions (arcsec): daily to
+    // weekly, from DE440. Distances from the Earth (km): every third day, from DE405 (PyPI jplephem
+    // 2.24). Source: docs/explanation/labels.md. Distances here are those that the light travelled.
     const BOUNDS: [(&str, f64, f64); 7] = [
         ("Mercury", 2.0, 1_000.0),
         ("Venus", 11.0, 2_700.0),
@@ -148,7 +150,8 @@ fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
             direction < bound && distance < 4e-4 && range_km < bound_km,
             "{what}"
         );
-        // For spacecraft the program adds a term at once beyond 3.1 and 1.9 degrees, which the Earth just comes to.
+        // For spacecraft the program adds a step beyond 3.1 and 1.9 degrees, which the Earth barely
+        // reaches.
         let tolerance = match name {
             "Uranus" => 0.022,
             "Neptune" => 0.016,
@@ -160,7 +163,8 @@ fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
 
 #[test]
 fn planets_are_as_large_as_almanacs_have_them() {
-    // X-Val: apparent diameters of the equator at the oppositions of 2020 (at Mars's least distance), JPL Horizons, to 0.1 arcsec.
+    // X-Val: apparent diameters of the equator at the oppositions of 2020 (at Mars's minimum
+    // distance), JPL Horizons, to 0.1 arcsec.
     for (name, epoch, diameter_arcsec) in [
         ("Mars", "2020-10-06T14:00:00", 22.6),
         ("Jupiter", "2020-07-14T08:00:00", 47.6),
@@ -171,7 +175,7 @@ fn planets_are_as_large_as_almanacs_have_them() {
     }
 }
 
-/// An emulator of 64 x 64 px of a camera, with one effect alone; labels list everything.
+/// An emulator of 64 x 64 px of a camera with one effect only; labels list everything.
 fn emulator(camera: Camera, effect: &str) -> Emulator {
     let mut config = Config::defaults().unwrap();
     config.camera = cropped(camera, 64);
@@ -182,7 +186,7 @@ fn emulator(camera: Camera, effect: &str) -> Emulator {
     Emulator::new(&mut config)
 }
 
-/// Looks along a direction (ICRF).
+/// A vehicle whose boresight points along a direction (ICRF).
 fn vehicle(
     seen_by: &Observer,
     to: Vector3<f64>,
@@ -192,8 +196,8 @@ fn vehicle(
     VehicleState::new(1, seen_by.epoch, q, [0.0; 3], orbit).unwrap()
 }
 
-/// The label's centre of the Moon is where DE440 has it; the centre of its light is elsewhere, on
-/// the disc's bright side.
+/// The labelled position of the Moon is its centre as in DE440. The centre of its light lies on the
+/// bright side of the disc.
 #[test]
 fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     let mut camera = camera("rigel-l");
@@ -204,9 +208,9 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     for row in rows(include_str!("../reference/directions.csv")).step_by(3) {
         let seen_by = observer(&row);
         let theirs = vector(&row, 12);
-        let place = (seen_by.position_m.into(), seen_by.velocity_m_s.into());
-        let orbit = (seen_by.position_m != Vector3::zeros()).then_some(place);
-        // The Moon 20 px off the middle.
+        let apparent = (seen_by.position_m.into(), seen_by.velocity_m_s.into());
+        let orbit = (seen_by.position_m != Vector3::zeros()).then_some(apparent);
+        // The Moon is 20 px from the middle.
         let boresight = (theirs + theirs.cross(&Vector3::z()).normalize() * 8e-3).normalize();
         let vehicle = vehicle(&seen_by, boresight, orbit);
         let label = emulator.expose(&vehicle, 0).unwrap().label;
@@ -216,7 +220,7 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
         let body = moon.planet.as_ref().unwrap();
         let centre = unit(body.centre_ra_deg, body.centre_dec_deg);
         assert!(arcsec(centre, theirs) < 10.0, "{row:?}");
-        // By the label's own matrix; the series of the Moon is within 10 arcsec, 0.12 px.
+        // By the label's own matrix; the lunar series is within 10 arcsec, 0.12 px.
         let rows = label.r_icrf_to_camera.map(Vector3::from);
         let seen = rows.map(|row| row.dot(&theirs));
         let camera = emulator.camera();
@@ -226,19 +230,20 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
         let light = arcsec(unit(moon.ra_deg, moon.dec_deg), centre);
         let apart_px = (px - moon.x_px).hypot(py - moon.y_px);
         let is_inside = light < body.radius_deg * 3600.0;
-        let is_there = apart_px <= light / 77.0 + 0.01;
-        assert!(is_inside && is_there, "{row:?}: {light} {apart_px}");
+        let is_near = apart_px <= light / 77.0 + 0.01;
+        assert!(is_inside && is_near, "{row:?}: {light} {apart_px}");
         (compared, farthest) = (compared + 1, farthest.max(light));
     }
     println!("{compared} Moons; centre of light up to {farthest:.0} arcsec from that of the disc");
     assert!(compared >= 30 && farthest > 300.0, "{compared} {farthest}");
 }
 
-/// Of planets the label's range and phase are geometric, at the middle of the exposure; their directions are apparent.
+/// Labelled range and phase of planets are geometric at mid-exposure; their directions are
+/// apparent.
 #[test]
 fn labels_have_geometric_ranges_and_phases_of_planets() {
-    // X-Val: pyerfa 2.0.1.5, plan94 and epv00 at the epoch (TAI), from the Earth's centre: km, deg. A light time earlier Mercury is up to 28,000 km nearer
-    // or farther.
+    // X-Val: pyerfa 2.0.1.5, plan94 and epv00 at the epoch (TAI), from the Earth's centre: km, deg.
+    // One light time earlier, Mercury is up to 28,000 km nearer or farther.
     let cases = [
         (
             "1905-03-17T06:00:00",
@@ -294,25 +299,27 @@ fn labels_have_geometric_ranges_and_phases_of_planets() {
     }
 }
 
-/// Light time and aberration together move a planet by up to a minute of arc.
+/// Light time and aberration together move a planet by up to one minute of arc.
 #[test]
 fn corrections_move_the_planets() {
     let observer = at_the_earths_centre("2020-07-14T00:00:00");
-    let place = |corrections: &Corrections| {
+    let apparent = |corrections: &Corrections| {
         let planets = planets::seen_by(&observer, corrections);
         planets.iter().map(|p| p.direction).collect::<Vec<_>>()
     };
     let [plain, aberrated, late] =
-        [Corrections::NONE, ABERRATION, LIGHT_TIME].map(|corrections| place(&corrections));
-    // X-Val: Jupiter at opposition: 20.5 arcsec of aberration, and 13.1 km/s for 2066 s at 619 million km: 9 arcsec.
+        [Corrections::NONE, ABERRATION, LIGHT_TIME].map(|corrections| apparent(&corrections));
+    // X-Val: Jupiter at opposition: 20.5 arcsec of aberration; 13.1 km/s for 2066 s at 619 million
+    // km make 9 arcsec.
     assert!((arcsec(aberrated[3], plain[3]) - 20.5).abs() < 0.5);
     assert!((arcsec(late[3], plain[3]) - 9.0).abs() < 0.5);
 }
 
-/// Full Moons and quarters of the almanac: the phase angle, the magnitude at the Moon's mean distance, and the side of the Sun.
+/// Full Moons and quarters of the almanac: phase angle, magnitude at the Moon's mean distance, and
+/// the side of the Sun.
 #[test]
 fn the_moon_goes_through_its_phases() {
-    // X-Val: skyfield 1.55, almanac.moon_phases with DE440; phase angles (deg) from the Earth's centre.
+    // X-Val: skyfield 1.55, almanac.moon_phases with DE440; phase angles (deg), Earth's centre.
     for (epoch, phase_deg, v, tolerance) in [
         ("2019-06-10T05:59:55", 89.866, -10.0, 0.3),
         ("2019-06-17T08:31:17", 1.943, -12.7, 0.2),
@@ -335,7 +342,7 @@ fn the_moon_goes_through_its_phases() {
     }
 }
 
-/// While the shutter is open: what an observer sees at its ends is what one sees who looks then.
+/// The positions at the ends of an exposure equal those of an observer at these times.
 #[test]
 fn moon_and_planets_move_on_during_an_exposure() {
     let mid = at_the_earths_centre("2026-08-10T12:00:00").epoch;

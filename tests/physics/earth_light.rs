@@ -1,4 +1,5 @@
-//! The Earth's disc against the Lambert sphere's closed form, the solar constant, and the limb that the shadow knows.
+//! The Earth's disc against the Lambert sphere's closed form, the solar constant, and the limb of
+//! the shadow model.
 
 use std::f64::consts::PI;
 
@@ -25,13 +26,14 @@ fn from_afar_the_earth_is_a_lambert_sphere_at_every_phase() {
     for phase_deg in [0.5f64, 30.0, 60.0, 90.0, 120.0, 150.0] {
         let (sin, cos) = phase_deg.to_radians().sin_cos();
         let disc = EarthDisc::new(observer, (x * cos + y * sin) * AU_M, earth()).unwrap();
-        // The paper's Eq. (7), (2/3)[(pi - a) cos a + sin a] / pi^2, times albedo and area, over the distance's square.
+        // The paper's Eq. (7), (2/3)[(pi - a) cos a + sin a] / pi^2, times albedo and area, over
+        // the squared distance.
         let expected = EARTH_ALBEDO * area * diffuse_phase(phase_deg.to_radians()) / 4e9f64.powi(2);
         let magnitudes = -2.5 * (total(&disc, 20_000) / expected).log10();
         println!("phase {phase_deg}: {magnitudes:+.4} mag");
-        // The flattening is 0.004 mag of the area, and changes a narrow crescent more than that.
+        // The flattening changes the area by 0.004 mag, and a narrow crescent by more.
         assert!(magnitudes.abs() < 0.02, "{phase_deg}: {magnitudes}");
-        // As few patches as stray light takes.
+        // The number of patches that stray light uses.
         let few = total(&disc, 400) / expected;
         assert!((few - 1.0).abs() < 0.05, "{phase_deg}: {few}");
     }
@@ -39,8 +41,9 @@ fn from_afar_the_earth_is_a_lambert_sphere_at_every_phase() {
 
 #[test]
 fn from_low_orbit_the_irradiance_is_that_of_a_sphere_seen_from_near() {
-    // Sun and observer above the pole: L = A / pi cos(i) over the cap that is seen, on a surface that faces the centre. With the sphere's
-    // i and the observer's nadir angle n, sin(n) = (R/r) sin(n + i): numerically, in steps of cos(n).
+    // Sun and observer above the pole: L = A / pi cos(i) over the visible cap, on a surface that
+    // faces the centre. With the sphere's i and the observer's nadir angle n, sin(n) = (R/r) sin(n
+    // + i): numerically, in steps of cos(n).
     let [_, _, pole] = axes();
     let r = EARTH_RADIUS_M + 700e3;
     let disc = EarthDisc::new(pole * r, pole * AU_M, earth()).unwrap();
@@ -48,21 +51,23 @@ fn from_low_orbit_the_irradiance_is_that_of_a_sphere_seen_from_near() {
     let got: f64 = disc.patches(5_000).iter().map(facing).sum();
     let b = EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING);
     let steps = 100_000;
-    let most = (b / r).asin();
+    let max = (b / r).asin();
     let ring = |k: i32| {
-        let n = (f64::from(k) + 0.5) * most / f64::from(steps);
+        let n = (f64::from(k) + 0.5) * max / f64::from(steps);
         let i = (r / b * n.sin()).min(1.0).asin() - n;
-        EARTH_ALBEDO / PI * i.cos() * n.cos() * 2.0 * PI * n.sin() * most / f64::from(steps)
+        EARTH_ALBEDO / PI * i.cos() * n.cos() * 2.0 * PI * n.sin() * max / f64::from(steps)
     };
     let sum: f64 = (0..steps).map(ring).sum();
-    // The pole lies 21 km deeper than the equator, and the ground falls off less: 2 % more is seen than of a sphere with its radius.
+    // The pole lies 21 km deeper than the equator and the surface is flatter: 2 % more is visible
+    // than of a sphere with the polar radius.
     assert!((got / sum - 1.0).abs() < 0.025, "{got} {sum}");
 }
 
 #[test]
 fn a_frame_full_of_day_has_the_radiance_of_albedo_and_solar_constant() {
-    // X-Val: a black body of 5772 K that gives 1361 W/m^2 (IAU 2015 Resolution B3), integrated in photons: 1.9047e21 ph/s/m^2 over
-    // 650-1100 nm, 1.0084e19 over 629-631 nm. The Sun's lines take some per cent of the latter.
+    // X-Val: a black body of 5772 K that gives 1361 W/m^2 (IAU 2015 Resolution B3), integrated in
+    // photons: 1.9047e21 ph/s/m^2 over 650-1100 nm, 1.0084e19 over 629-631 nm. Fraunhofer lines
+    // remove some per cent of the latter.
     let bands = [(650.0, 1100.0, 1.9047e21), (629.0, 631.0, 1.0084e19)];
     let [x, y, _] = axes();
     let observer = x * (EARTH_RADIUS_M + 600e3);
@@ -75,12 +80,13 @@ fn a_frame_full_of_day_has_the_radiance_of_albedo_and_solar_constant() {
             let radiance = reflectance * band.sun_irradiance();
             let ratio = radiance / (0.3 * solar * cos / PI);
             assert!((ratio - 1.0).abs() < 0.05, "{from}: {ratio}");
-            // The paper's Eq. (3): a magnitude a square arcsecond, and back.
+            // The paper's Eq. (3): magnitude per square arcsecond, and back.
             let arcsec2 = (PI / 648_000.0f64).powi(2);
             let magnitude = SUN_MAGNITUDE - 2.5 * (reflectance * arcsec2).log10();
             let back = photon_irradiance(band.zero_point(), magnitude) / arcsec2;
             assert!((back / radiance - 1.0).abs() < 1e-12);
-            // X-Val: by hand: -26.73 - 2.5 log10(0.3 / pi / 206264.8^2) = 2.392 mag/arcsec^2 with the Sun in the zenith.
+            // X-Val: by hand: -26.73 - 2.5 log10(0.3 / pi / 206264.8^2) = 2.392 mag/arcsec^2 with
+            // the Sun in the zenith.
             let in_zenith = magnitude + 2.5 * cos.log10();
             assert!((in_zenith - 2.392).abs() < 0.001, "{magnitude}");
         }
@@ -106,7 +112,8 @@ fn shading_follows_the_ellipsoids_normal_and_the_suns_distance() {
         let disc = EarthDisc::new(observer, sun, earth()).unwrap();
         disc.reflectance(&-normal)
     };
-    // 85 deg from the zenith, toward the equator and away from it: the same, as it would not be about the radius (4 % apart).
+    // 85 deg from the zenith, toward the equator and away from it: equal. About the radius they
+    // would differ by 4 %.
     let tilt = |deg: f64| {
         let (sin, cos) = deg.to_radians().sin_cos();
         let side = x * -latitude.sin() + pole * latitude.cos();
@@ -122,21 +129,21 @@ fn shading_follows_the_ellipsoids_normal_and_the_suns_distance() {
 fn light_ends_at_the_limb_between_the_edges_from_any_place() {
     let [x, y, pole] = axes();
     let lean = (x * 0.5 + pole).normalize();
-    for place in [x, pole, lean] {
+    for zenith in [x, pole, lean] {
         for altitude in [100e3, 600e3, 35_786e3, 384_400e3] {
-            let observer = place * (EARTH_RADIUS_M + altitude);
-            let disc = EarthDisc::new(observer, (place + y * 0.3) * AU_M, earth()).unwrap();
-            let [least, greatest] = disc.edge();
-            let side = place.cross(&(x * 0.3 + y)).normalize();
+            let observer = zenith * (EARTH_RADIUS_M + altitude);
+            let disc = EarthDisc::new(observer, (zenith + y * 0.3) * AU_M, earth()).unwrap();
+            let [inner_limit, outer_limit] = disc.edge();
+            let side = zenith.cross(&(x * 0.3 + y)).normalize();
             let (mut inner, mut outer) = (PI, 0.0f64);
             for k in 0..1_000 {
                 let turn = k as f64 * 2.0 * PI / 1e3;
-                let out = side * turn.cos() + place.cross(&side) * turn.sin();
-                let at = |angle: f64| out * angle.sin() - place * angle.cos();
-                assert!(!earth().occults_direction(observer, at(greatest + 1e-9)));
-                assert!(earth().occults_direction(observer, at(least - 1e-9)));
+                let out = side * turn.cos() + zenith.cross(&side) * turn.sin();
+                let at = |angle: f64| out * angle.sin() - zenith * angle.cos();
+                assert!(!earth().occults_direction(observer, at(outer_limit + 1e-9)));
+                assert!(earth().occults_direction(observer, at(inner_limit - 1e-9)));
                 // The limb by bisection.
-                let (mut hit, mut miss) = (least, greatest);
+                let (mut hit, mut miss) = (inner_limit, outer_limit);
                 for _ in 0..40 {
                     let middle = (hit + miss) / 2.0;
                     match earth().meets(observer, at(middle)) {
@@ -147,7 +154,7 @@ fn light_ends_at_the_limb_between_the_edges_from_any_place() {
                 (inner, outer) = (inner.min(hit), outer.max(hit));
                 assert_eq!(disc.reflectance(&at(miss + 1e-9)), 0.0);
             }
-            let is_tight = inner - least < 3e-5 && greatest - outer < 3e-5;
+            let is_tight = inner - inner_limit < 3e-5 && outer_limit - outer < 3e-5;
             assert!(is_tight, "{altitude}");
         }
     }

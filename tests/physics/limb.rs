@@ -1,4 +1,4 @@
-//! The atmosphere's light against an independent radiative transfer model and the laws it obeys.
+//! The atmosphere's light against an independent radiative transfer model and physical laws.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -18,7 +18,8 @@ fn band(from_nm: f64, to_nm: f64) -> (Band, Arc<Atmosphere>) {
     (band, atmosphere)
 }
 
-/// A line along the equator past the Earth, its tangent point above `x`: the observer `altitude_m` high, and the direction.
+/// A line along the equator past the Earth, its tangent point above `x`: the observer at
+/// `altitude_m`, and the direction.
 fn past(tangent_m: f64, altitude_m: f64) -> (Vector3<f64>, Vector3<f64>) {
     let [x, y, _] = axes();
     let (p, r) = (EARTH_RADIUS_M + tangent_m, EARTH_RADIUS_M + altitude_m);
@@ -58,9 +59,9 @@ fn the_day_limb_is_that_of_a_full_calculation() {
         let sun_m = (x * up + y * along + pole * across) * AU_M;
         let [scattered, _] = parts(atmosphere, line, sun_m);
         let ratio = scattered / band.sun_irradiance() / number(&row, 5);
-        // Light that is scattered more than once is in part missing, most in the blue.
-        let least = if nm < 500.0 { 0.75 } else { 0.82 };
-        assert!((least..1.05).contains(&ratio), "{row:?}: {ratio}");
+        // Multiple scattering is only partly included; most is missing in the blue.
+        let min = if nm < 500.0 { 0.75 } else { 0.82 };
+        assert!((min..1.05).contains(&ratio), "{row:?}: {ratio}");
         sum += ratio;
         count += 1;
     }
@@ -72,11 +73,12 @@ fn the_day_limb_is_that_of_a_full_calculation() {
 fn above_the_thick_air_the_limb_falls_by_e_a_scale_height() {
     let (_, atmosphere) = band(795.0, 805.0);
     let at = |tangent_m| parts(&atmosphere, past(tangent_m, 800e3), sun(50.0, 70.0))[0];
-    // X-Val: US Standard Atmosphere 1976: 2.135e22, 6.439e21 and 1.722e21 1/m^3 at 50, 60 and 70 km. The air's scale height changes by 10
-    // to 15 % between, of which the line's length has the root.
+    // X-Val: US Standard Atmosphere 1976: 2.135e22, 6.439e21 and 1.722e21 1/m^3 at 50, 60 and 70
+    // km. The scale height changes by 10 to 15 % between them; the path length goes with its root.
     assert!((at(50e3) / at(60e3) / (2.135 / 0.6439) - 1.0).abs() < 0.08);
     assert!((at(60e3) / at(70e3) / (6.439 / 1.722) - 1.0).abs() < 0.08);
-    // Grazing, optically thin, without what comes from below: E s P / (4 pi) n sqrt(2 pi r H), H = 7.5 km from the densities about 60 km.
+    // Grazing, optically thin, without light from below: E s P / (4 pi) n sqrt(2 pi r H), H = 7.5
+    // km from the densities about 60 km.
     let (band, atmosphere) = band(799.0, 801.0);
     let dusk = parts(&atmosphere, past(60e3, 800e3), sun(90.0, 90.0))[0];
     let column = 6.439e21 * (2.0 * PI * (EARTH_RADIUS_M + 60e3) * 7.9e3).sqrt();
@@ -96,11 +98,12 @@ fn straight_down_by_day_the_air_adds_its_optical_depth() {
         let (sin, cos) = zenith_deg.to_radians().sin_cos();
         let observer = x * (EARTH_RADIUS_M + 900e3);
         let [scattered, _] = parts(&atmosphere, (observer, -x), (x * cos + y * sin) * AU_M);
-        // Single scattering in thin air: tau P / (4 pi), and of the day side's light half a sky: tau 2 A cos / (4 pi).
+        // Single scattering in thin air: tau P / (4 pi); plus the day side's light from half the
+        // sky: tau 2 A cos / (4 pi).
         let phase = 0.7603 + (1.4794 - 0.7603) * cos * cos;
         let law = depth / (4.0 * PI) * (phase + 2.0 * 0.3 * cos);
         let ratio = scattered / band.sun_irradiance() / law;
-        // What is attenuated, and the ground's curvature seen from 8 km.
+        // Margin for attenuation and for the curvature of the ground seen from 8 km.
         assert!((0.9..1.0).contains(&ratio), "{zenith_deg}: {ratio}");
     }
 }
@@ -117,7 +120,7 @@ fn with_its_air_the_day_side_keeps_its_albedo() {
             let sun = (x * cos + y * sin) * AU_M;
             let limb = Limb::new(&atmosphere, observer, sun, earth()).unwrap();
             let disc = EarthDisc::new(observer, sun, earth()).unwrap();
-            for (view_deg, most) in [(0.0f64, 0.05), (20.0, 0.08), (40.0, 0.18)] {
+            for (view_deg, max) in [(0.0f64, 0.05), (20.0, 0.08), (40.0, 0.18)] {
                 let (side, down) = view_deg.to_radians().sin_cos();
                 if sun_deg + view_deg > 100.0 {
                     continue; // air outshines the ground there
@@ -126,8 +129,8 @@ fn with_its_air_the_day_side_keeps_its_albedo() {
                 let ground = disc.reflectance(&direction) * band.sun_irradiance();
                 let seen = ground * limb.ground_share(&direction) + limb.radiance(&direction);
                 let (ratio, name) = (seen / ground, band.name());
-                let is_kept = (ratio - 1.0).abs() < most;
-                assert!(is_kept, "{name} {sun_deg} {view_deg}: {ratio}");
+                let is_met = (ratio - 1.0).abs() < max;
+                assert!(is_met, "{name} {sun_deg} {view_deg}: {ratio}");
             }
         }
     }
@@ -136,13 +139,14 @@ fn with_its_air_the_day_side_keeps_its_albedo() {
 #[test]
 fn twilight_climbs_and_night_has_airglow_alone() {
     let (_, atmosphere) = band(600.0, 700.0);
-    // The Sun across the line, 6 deg below the place's horizon: its shadow reaches up to a (1 / cos 6 deg - 1) = 35 km.
+    // The Sun across the line, 6 deg below the local horizon: its shadow reaches up to a (1 / cos 6
+    // deg - 1) = 35 km.
     let at =
         |tangent_m: f64, zenith| parts(&atmosphere, past(tangent_m, 900e3), sun(zenith, 90.0))[0];
     let day = |tangent_m| at(tangent_m, 70.0);
     let [low, high] = [20e3, 70e3].map(|tangent_m| at(tangent_m, 96.0) / day(tangent_m));
     assert!(low < 0.02 && high > 0.5, "{low} {high}");
-    // At 30 deg below all of it is dark but for what lies beyond 700 km.
+    // At 30 deg below the horizon all is dark up to 700 km.
     assert_eq!(at(50e3, 150.0), 0.0);
     let mut before = f64::INFINITY;
     for tenths in 850..1100 {
@@ -173,7 +177,8 @@ fn airglow_is_brightest_at_the_limb_of_its_layer_and_follows_van_rhijn() {
         let observer = x * (EARTH_RADIUS_M + 1_200e3);
         let nadir = parts(&atmosphere, (observer, -x), night)[1];
         assert!((nadir / zenith - 1.0).abs() < 0.02, "{}", nadir / zenith);
-        // Van Rhijn's law for a layer above the tangent point: each altitude counts twice over its cosine, sqrt(1 - (p / r)^2).
+        // Van Rhijn's law for a layer above the tangent point: each altitude counts twice over its
+        // cosine, sqrt(1 - (p / r)^2).
         let p = EARTH_RADIUS_M + 45e3;
         let layer = |k: i32| {
             let h = (f64::from(k) + 0.5) * 100.0;
@@ -187,12 +192,14 @@ fn airglow_is_brightest_at_the_limb_of_its_layer_and_follows_van_rhijn() {
 
 #[test]
 fn the_a_band_shines_at_94_km_as_einsteins_coefficients_say() {
-    // X-Val: 344 R of the (0-1) band by PALACE, 18.65 times that: 6.4 kR in the zenith; 1 R is 7.958e8 ph/s/m^2/sr.
+    // X-Val: 344 R of the (0-1) band by PALACE, times 18.65: 6.4 kR in the zenith. 1 R is 7.958e8
+    // ph/s/m^2/sr.
     let (_, atmosphere) = band(759.0, 769.0);
     let zenith = atmosphere.airglow().zenith() / 7.958e8;
     assert!((6_300.0..6_700.0).contains(&zenith), "{zenith}");
     let glow = |tangent_m| parts(&atmosphere, past(tangent_m, 700e3), sun(160.0, 0.0))[1];
-    // A Chapman layer of scale height H seen on edge: about zenith / (e H) sqrt(2 pi r H) e^(1/2)...: between 50 and 100 times the zenith.
+    // A Chapman layer of scale height H seen on edge: about zenith / (e H) sqrt(2 pi r H)
+    // e^(1/2)...: between 50 and 100 times the zenith.
     let edge = glow(91e3) / 7.958e8 / zenith;
     assert!((50.0..100.0).contains(&edge), "{edge}");
 }
@@ -201,21 +208,23 @@ fn the_a_band_shines_at_94_km_as_einsteins_coefficients_say() {
 fn light_is_even_and_finite_from_any_altitude() {
     let [x, y, pole] = axes();
     let (_, atmosphere) = band(650.0, 1100.0);
-    for place in [x, pole, (x + pole).normalize()] {
+    for position in [x, pole, (x + pole).normalize()] {
         for altitude in [100e3, 325e3, 699e3, 701e3, 1_500e3, 35_786e3, 384_400e3] {
-            for sun_m in [place + y * 0.2, y, y - place * 0.1, -place] {
-                let observer = place * (EARTH_RADIUS_M + altitude);
+            for sun_m in [position + y * 0.2, y, y - position * 0.1, -position] {
+                let observer = position * (EARTH_RADIUS_M + altitude);
                 let limb =
                     Limb::new(&atmosphere, observer, sun_m.normalize() * AU_M, earth()).unwrap();
                 let [_, greatest] = limb.edge();
                 let inside = greatest == PI;
-                let is_low = altitude < 690e3 || (altitude < 700e3 && place == x);
+                let is_low = altitude < 690e3 || (altitude < 700e3 && position == x);
                 assert_eq!(inside, is_low, "{altitude}");
-                let side = place.cross(&(x * 0.3 + y * 0.7)).normalize();
-                let ahead = |angle: f64| side * angle.sin() - place * angle.cos();
+                let side = position.cross(&(x * 0.3 + y * 0.7)).normalize();
+                let ahead = |angle: f64| side * angle.sin() - position * angle.cos();
                 let end = greatest.min(3.0);
-                // The greatest step of a scan, but for those over the ground's edge, behind which the line goes on. A line to the ground
-                // shortens with the root of the angle from the edge: eight times finer, its steps are at least 2.8 times smaller.
+                // The largest step of a scan, except for steps across the ground's edge, where the
+                // line continues behind it. A line to the ground shortens with the root of the
+                // angle from the edge: with steps eight times finer its changes are at least 2.8
+                // times smaller.
                 let jump = |steps: u32| {
                     let at = |k: u32| ahead(end * f64::from(k) / f64::from(steps));
                     let mut before = (limb.radiance(&at(0)), true);

@@ -1,4 +1,5 @@
-//! `look_at`: the target lies where the boresight meets the detector, the image stands as the rule for the roll says, and the rates follow.
+//! `look_at`: the boresight meets the target, the roll rule sets the image orientation, and the
+//! rates follow.
 
 use crate::fixtures::{Frames, unit};
 
@@ -9,14 +10,14 @@ use skyloop::flight;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::load::Folder;
 
-/// Above the equator, 770 km high, along it (km, km/s).
+/// Above the equator, 770 km high, moving along it (km, km/s).
 const EQUATOR: &str = "[7150.0, 0.0, 0.0, 0.0, 7.466, 0.0]";
 /// 770 km high, above RA 129 and Dec -26 deg (km, km/s).
 const SOUTH: &str = "[-4000.0, 5000.0, -3186.0, -5.0, -4.87, -1.37]";
 /// 770 km high, above RA 309 and Dec 26 deg (km, km/s).
 const INCLINED: &str = "[4000.0, -5000.0, 3186.0, 5.0, 4.87, 1.37]";
 
-/// The label of frame `frame` of a scene that looks so.
+/// The label of frame `frame` of a scene with this pointing.
 fn label(epoch: &str, state: &str, pointing: &str, frame: u32) -> Label {
     let text = format!(
         "camera = \"cots-wide\"\n[observer]\nstate = {state}\n[sequence]\nepoch = \"{epoch}\"\nframes = 3\nperiod_s = 60.0\n{pointing}\n"
@@ -34,7 +35,7 @@ fn object<'a>(label: &'a Label, id: &str) -> &'a ObjectLabel {
     found.unwrap_or_else(|| panic!("{id} is not in {:?}", label.objects.len()))
 }
 
-/// Columns and rows from the middle of `cots-wide`, where its boresight is.
+/// Distance from the middle of `cots-wide`, where its boresight is, px.
 fn off_px(object: &ObjectLabel) -> f64 {
     (object.x_px - 639.5).hypot(object.y_px - 511.5)
 }
@@ -49,8 +50,9 @@ fn row(label: &Label, axis: usize) -> Vector3<f64> {
 
 #[test]
 fn a_body_lies_on_the_boresight_in_every_frame_of_a_sequence() {
-    // Jupiter is a point, seen by the same series: what is left is its motion in the exposure. The centre of the Moon's light is not
-    // that of its disc: near full Moon (2026-06-29T23:57, Espenak's table) by less than a tenth of its radius of 0.26 deg, 15 px of 61 arcsec.
+    // Jupiter is a point of the same series: only its motion in the exposure remains. The Moon's
+    // centre of light is not that of its disc: near full Moon (2026-06-29T23:57, Espenak's table)
+    // they differ by less than a tenth of its radius of 0.26 deg, 15 px of 61 arcsec.
     for (epoch, state, target, id, tolerance_px) in [
         ("2026-03-10T06:00:00Z", SOUTH, "Jupiter", "Jupiter", 0.01),
         ("2026-03-10T06:00:00Z", SOUTH, "uranus", "Uranus", 0.01),
@@ -116,26 +118,34 @@ fn directions_velocity_and_the_limb_are_met() {
     let down = label_of("nadir = true");
     assert!((row(&down, 2) + Vector3::x()).norm() < 1e-12);
 
-    // Along the equator the ellipsoid's section is a circle: the line's distance from the centre is its radius (WGS84, 6,378,137 m) and the
-    // height. The pole of date is 0.15 deg from ICRF +Z: 0.15 m of flattening.
+    // Along the equator the ellipsoid's section is a circle: the line's distance from the centre is
+    // its radius (WGS84, 6,378,137 m) plus the height. The pole of date is 0.15 deg from ICRF +Z:
+    // 0.15 m of flattening.
     for (height_km, azimuth_deg) in [(80.0, 0.0), (0.0, 0.0), (300.0, 180.0)] {
-        let look = format!("look_at = \"limb:{height_km},{azimuth_deg}\"");
-        let label = label_of(&look);
+        let pointing = format!("look_at = \"limb:{height_km},{azimuth_deg}\"");
+        let label = label_of(&pointing);
         let position = Vector3::new(7_150e3, 0.0, 0.0);
         let line = row(&label, 2);
         let tangent_m = position.cross(&line).norm();
         let wanted_m = 6_378_137.0 + height_km * 1e3;
-        assert!((tangent_m - wanted_m).abs() < 2.0, "{look}: {tangent_m}");
+        assert!(
+            (tangent_m - wanted_m).abs() < 2.0,
+            "{pointing}: {tangent_m}"
+        );
         let is_ahead = if azimuth_deg == 0.0 { 1.0 } else { -1.0 };
-        assert!(line.y * is_ahead > 0.5 && line.x < 0.0, "{look}: {line}");
+        assert!(
+            line.y * is_ahead > 0.5 && line.x < 0.0,
+            "{pointing}: {line}"
+        );
     }
 }
 
 #[test]
-fn the_image_stands_as_the_rule_says() {
+fn the_roll_rule_sets_the_image_orientation() {
     let epoch = "2026-03-10T06:00:00Z";
     let [x, y] = [Vector3::x(), Vector3::y()];
-    // X-Val: the Sun's RA and Dec on 2026-03-10 at 6 h, Astronomical Almanac's low-precision formulas (0.01 deg), precessed to J2000: 350.174, -4.231 deg.
+    // X-Val: the Sun's RA and Dec on 2026-03-10 at 6 h, Astronomical Almanac's low-precision
+    // formulas (0.01 deg), precessed to J2000: 350.174, -4.231 deg.
     let sun = unit(350.174f64.to_radians(), -4.231f64.to_radians());
     for (rule, up, tolerance) in [
         ("north", Vector3::z(), 1e-12),
@@ -149,7 +159,8 @@ fn the_image_stands_as_the_rule_says() {
             let label = label(epoch, EQUATOR, &pointing, 0);
             let line = row(&label, 2);
             let across = (up - line * up.dot(&line)).normalize();
-            // From north through east is a right turn about the line of sight, seen from behind it: a negative one about the direction.
+            // From north through east is a right turn about the line of sight, seen from behind it:
+            // a negative turn about the direction.
             let turn = Rotation3::new(-line * f64::to_radians(roll_deg));
             let apart = (-row(&label, 1) - turn * across).norm();
             assert!(apart < tolerance, "{rule} {roll_deg}: {apart}");
@@ -157,8 +168,8 @@ fn the_image_stands_as_the_rule_says() {
     }
 }
 
-/// Keys of a sequence. Of `roll` the name's advice is told; the key that is meant is in no line of
-/// the file.
+/// Keys of a sequence. For `roll` only the advice about the name is checked; the intended key is in
+/// no line of the file.
 const REFUSED: &str = r#"
 # none | s.toml:1:1: sequence: give one of
 nadir = true\nradec = [0, 0, 0] | sequence.nadir: given beside sequence.radec
@@ -180,7 +191,7 @@ nadir = true\n[observer]\nstate = [1, 2, 3, 4, 5, 6] | observer.state: 1,2,3,4,5
 "#;
 
 #[test]
-fn a_sequence_has_one_pointing_and_says_what_it_needs() {
+fn a_sequence_has_exactly_one_pointing() {
     let head = "[sequence]\nepoch = \"2026-03-10T06:00:00Z\"\nframes = 1\nperiod_s = 1.0\n";
     let parse =
         |keys: &str| Config::parse("s.toml", &format!("{head}{keys}\n"), &Folder::current());
@@ -193,11 +204,11 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
         assert!(!error.contains("sequence.roll_deg:"), "{keys}: {error}");
         error
     });
-    // From the Earth's centre what has a direction there can be looked at.
+    // From the Earth's centre any target with a direction is accepted.
     let config = parse("look_at = \"Moon\"").unwrap();
     let middle = config.camera.optics.principal_px;
     let label = expose(config, 0);
     let moon = object(&label, "Moon");
-    // To the Moon's light, px of 389 arcsec.
+    // Distance to the Moon's centre of light, px of 389 arcsec.
     assert!((moon.x_px - middle[0]).hypot(moon.y_px - middle[1]) < 15.0);
 }

@@ -1,4 +1,4 @@
-//! Noise against theory: flat fields made of dark charge, and what the draws may and may not depend on.
+//! Noise against theory: flat fields of dark charge, and the dependencies of the draws.
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::sky::catalog::Selection;
 
-/// A blind camera: exposure 1 s, so that the dark current is the mean charge.
+/// A blind camera. The exposure is 1 s, so that the dark current is the mean charge.
 #[derive(Clone, Copy, Debug)]
 struct Flat {
     mean_e: f64,
@@ -50,8 +50,8 @@ impl Flat {
         Emulator::new(&mut config)
     }
 
-    /// The probability of every digit: Poisson charge, clipped at the full well, with normal read noise, rounded and
-    /// clipped by the converter.
+    /// The probability of every DN: Poisson charge, clipped at the full well, with normal read
+    /// noise, rounded and clipped by the converter.
     fn theory(&self) -> Vec<f64> {
         let top = (1usize << self.bits) - 1;
         let mut dn = vec![0.0; top + 1];
@@ -76,7 +76,7 @@ impl Flat {
                 let to = if dn == top { 1.0 } else { end };
                 *digit += p * (to - from);
             }
-            // All of it above the top, or below zero.
+            // The whole interval lies above the top, or below zero.
             if low > top {
                 dn[top] += p;
             } else if at + 12.0 * sigma < 0.0 {
@@ -139,7 +139,7 @@ fn flat_fields_have_the_mean_and_variance_of_theory() {
     println!("worst {worst:.2} standard errors");
 }
 
-/// Half of the draws of 2000 lie above a well of 2000; read noise comes after it.
+/// Half of the draws of mean 2000 exceed a full well of 2000. Read noise is added after clipping.
 #[test]
 fn the_full_well_clips_before_read_noise() {
     let well = Flat {
@@ -198,7 +198,7 @@ fn frames_seeds_and_neighbouring_pixels_are_independent() {
 }
 
 #[test]
-fn the_sequence_number_decides_never_a_count() {
+fn noise_depends_on_the_sequence_number_only() {
     let alone = dn(&mut NOISY.emulator(7), 42);
     let mut busy = NOISY.emulator(7);
     for sequence in [3, 41, 42, 7] {

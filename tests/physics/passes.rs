@@ -1,4 +1,4 @@
-//! Passes through a camera's field: against another program's brute force, and by hand.
+//! Passes through a camera's field, against another program's brute force and by hand.
 
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -91,7 +91,7 @@ fn passes_are_those_of_another_programs_brute_force() {
         for (worst, error) in worst.iter_mut().zip(errors) {
             *worst = worst.max(error);
         }
-        // The least angle is flat: its instant is known less well than its value.
+        // The minimum angle is flat: its instant is less well determined than its value.
         let off_s = after(pass.nearest.point.epoch) - number(&row, 7);
         assert!(off_s.abs() < 0.1, "{id}");
         assert!(!pass.begun_before && !pass.goes_on, "{id}");
@@ -103,7 +103,8 @@ fn passes_are_those_of_another_programs_brute_force() {
     }
 }
 
-/// An object on a straight line at constant speed: its states at both ends of ten minutes around `mid`, m and m/s.
+/// An object on a straight line at constant speed: its states at both ends of ten minutes around
+/// `mid`, m and m/s.
 fn straight(mid: Epoch, position: Vector3<f64>, velocity: Vector3<f64>) -> Object {
     let line = |dt: f64| {
         let at = (position + velocity * dt) * 1e-3;
@@ -126,7 +127,7 @@ fn straight(mid: Epoch, position: Vector3<f64>, velocity: Vector3<f64>) -> Objec
     loaded.objects.into_iter().next().unwrap()
 }
 
-/// A vehicle at rest whose camera looks along `z` with its columns along `x`.
+/// A vehicle at rest with its boresight along `z` and its columns along `x`.
 fn at_rest(position_m: Vector3<f64>, z: Vector3<f64>, x: Vector3<f64>) -> Flight {
     let z = z.normalize();
     let x = (x - z * x.dot(&z)).normalize();
@@ -155,7 +156,7 @@ fn close(value: f64, expected: f64, within: f64) {
     assert!(is_close, "{value}, not {expected}");
 }
 
-/// An equinox: the Sun stands in the plane of the equator.
+/// An equinox: the Sun is in the plane of the equator.
 struct Scene {
     mid: Epoch,
     sun: Vector3<f64>,
@@ -184,22 +185,22 @@ impl Scene {
         (epoch - self.mid).to_seconds()
     }
 
-    /// 8,000 km from the Earth's centre, below the Sun; the camera looks down.
+    /// 8,000 km from the Earth's centre, below the Sun; the camera points down.
     fn flight(&self) -> Flight {
         at_rest(self.sun * 8e6, -self.sun, self.across)
     }
 }
 
-/// Why an object has no states at some times: of the only one.
+/// The reason for missing states of the only such object.
 fn unknown(found: &Passes) -> &str {
     assert_eq!(found.unknown.len(), 1);
     found.unknown.values().next().unwrap()
 }
 
 #[test]
-fn a_straight_way_through_the_boresight_is_as_by_hand() {
+fn a_straight_pass_matches_the_hand_calculation() {
     let scene = scene();
-    // Before the Earth, Sun behind the camera; 1000 km away, 7 km/s along the columns.
+    // In front of the Earth, Sun behind the camera; 1000 km away, 7 km/s along the columns.
     let passed = |search: &Search| {
         let object = straight(scene.mid, scene.sun * 7e6, scene.across * 7e3);
         the_one(found(
@@ -211,8 +212,9 @@ fn a_straight_way_through_the_boresight_is_as_by_hand() {
     };
     let pass = passed(&scene.search(-60.0, 60.0));
     let after = |epoch: Epoch| scene.after(epoch);
-    // X-Val: by hand: f = 13.8 mm / 26 um = 530.769 px; the image is at 127.5 + 530.769 * 7 t / 1000, so that it is at
-    // -0.5 and 255.5 for t = -+128 * 1000 / (530.769 * 7) = -+34.4513 s, and moves 3.71538 px/s.
+    // X-Val: by hand: f = 13.8 mm / 26 um = 530.769 px. The image is at 127.5 + 530.769 * 7 t /
+    // 1000. It is at -0.5 and 255.5 for t = -+128 * 1000 / (530.769 * 7) = -+34.4513 s, and moves
+    // 3.71538 px/s.
     close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
     close(after(pass.exit.point.epoch), 34.4513, 1.1e-3);
     close(pass.entry.place_px[0], -0.5, 5e-3);
@@ -222,18 +224,20 @@ fn a_straight_way_through_the_boresight_is_as_by_hand() {
     close(after(pass.nearest.point.epoch), 0.0, 2e-3);
     close(pass.nearest.off_axis, 0.0, 1e-5);
     close(pass.closest.1, 1e6, 1.0);
-    // X-Val: by hand: phase 0, 1000 km, 10 m: 1.9631 at 1 au; the Sun is at 0.9962 au: 5 log10(0.9962) = -0.0083.
+    // X-Val: by hand: phase 0, 1000 km, 10 m: 1.9631 at 1 au; the Sun is at 0.9962 au: 5
+    // log10(0.9962) = -0.0083.
     let brightest = pass.brightest.unwrap();
     close(brightest.point.mag, 1.9548, 2e-3);
     close(after(brightest.point.epoch), 0.0, 1.0);
-    // X-Val: by hand: the object, 13.56 deg off: 1000 / cos = 1028.7 km, 5 log10 = 0.0614; phase 13.56 deg:
-    // F = 2 / (3 pi^2) ((pi - 0.2367) cos 0.2367 + sin 0.2367) = 0.20654, of 0.21221 -2.5 log10 = 0.0294.
+    // X-Val: by hand: 13.56 deg off axis the object is at 1000 / cos = 1028.7 km, 5 log10 = 0.0614.
+    // Phase 13.56 deg: F = 2 / (3 pi^2) ((pi - 0.2367) cos 0.2367 + sin 0.2367) = 0.20654; against
+    // 0.21221, -2.5 log10 = 0.0294.
     close(pass.entry.point.mag, 1.9548 + 0.0614 + 0.0294, 2e-3);
     assert_eq!(pass.lit.len(), 1);
     assert_eq!(pass.lit[0].hidden, None);
     assert!(!pass.begun_before && !pass.goes_on);
 
-    // A search that begins and ends within the stay says so.
+    // A search that begins and ends within the pass reports both.
     let pass = passed(&scene.search(-10.0, 12.5));
     assert!(pass.begun_before && pass.goes_on);
     close(after(pass.entry.point.epoch), -10.0, 1e-9);
@@ -241,10 +245,10 @@ fn a_straight_way_through_the_boresight_is_as_by_hand() {
 }
 
 #[test]
-fn what_the_earth_hides_crosses_in_the_dark() {
+fn an_occulted_pass_is_never_visible() {
     let scene = scene();
     let Scene { mid, sun, across } = scene;
-    // Through the Earth's centre, across the line to the Sun: lit, and behind the Earth all the time.
+    // Through the Earth's centre, across the line to the Sun: sunlit, and occulted all the time.
     let object = straight(mid, across * -9e6, sun * 7e3);
     let flight = at_rest(across * 8e6, -across, sun);
     let search = scene.search(-250.0, 250.0);
@@ -255,7 +259,7 @@ fn what_the_earth_hides_crosses_in_the_dark() {
 }
 
 #[test]
-fn the_shadow_takes_the_light_where_its_cone_begins() {
+fn light_ends_at_the_shadow_cone() {
     // The shadow has the equator's radius.
     let scene = scene();
     let Scene { mid, sun, across } = scene;
@@ -266,15 +270,16 @@ fn the_shadow_takes_the_light_where_its_cone_begins() {
     let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
     let hidden: Vec<_> = pass.lit.iter().map(|lit| lit.hidden).collect();
     assert_eq!(hidden, [None, Some(Hidden::InShadow)]);
-    // X-Val: by hand: sin alpha = (695700 - 6378.1) / 149.02e6 = 0.0046257; the umbra's radius at 8000 km is
-    // (6378.137 - 8000 sin alpha) / cos alpha = 6341.20 km: reached at mid. 100 m are 0.014 s.
+    // X-Val: by hand: sin alpha = (695700 - 6378.1) / 149.02e6 = 0.0046257; the umbra's radius at
+    // 8000 km is (6378.137 - 8000 sin alpha) / cos alpha = 6341.20 km: reached at mid. 100 m are
+    // 0.014 s.
     close(scene.after(pass.lit[0].to), 0.0, 0.03);
     let brightest = pass.brightest.unwrap();
     assert!(brightest.point.epoch < mid && pass.exit.point.band_mag().is_none());
 }
 
 #[test]
-fn an_object_without_a_state_is_told_and_the_others_are_found() {
+fn an_object_without_a_state_is_reported() {
     let scene = scene();
     let object = |mid: Epoch| straight(mid, scene.sun * 7e6, scene.across * 7e3);
     let mut old = object(scene.mid - Unit::Day * 1.0);
@@ -287,9 +292,9 @@ fn an_object_without_a_state_is_told_and_the_others_are_found() {
     assert_eq!(the_one(found).index, 1);
 }
 
-/// Corners are cut in little time: none that lasts longer than is said is missed, whatever the steps.
+/// Corners are crossed in a short time. No pass longer than the limit is missed, at any step.
 #[test]
-fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
+fn passes_down_to_the_minimum_duration_are_found() {
     let scene = scene();
     let Scene {
         mid,
@@ -297,16 +302,18 @@ fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
         across: x,
     } = scene;
     let y = (-sun).cross(&x);
-    // X-Val: by hand: a corner of the detector is 128 px from its centre in both axes: 128 / 530.769 * 1000 km = 241.159 km each.
+    // X-Val: by hand: a corner is 128 px from the detector's centre in both axes: 128 / 530.769 *
+    // 1000 km = 241.159 km each.
     let corner = 128.0 / 530.769_23 * 1e6;
     for (seconds, at_s) in [(0.06, 3.21), (0.3, 4.999), (2.0, -17.3)] {
-        // Along the diagonal across the corner; a chord of that length at 7 km/s is as far from the corner as half of it.
+        // Along the diagonal across the corner; a chord of that length at 7 km/s is half its length
+        // from the corner.
         let speed = 7e3;
         let depth = speed * seconds / 2.0;
         let out = (x + y) / 2f64.sqrt();
         let along = (x - y) / 2f64.sqrt();
-        let place = sun * 7e6 + (x + y) * corner - out * depth;
-        let object = straight(mid + Unit::Second * at_s, place, along * speed);
+        let position = sun * 7e6 + (x + y) * corner - out * depth;
+        let object = straight(mid + Unit::Second * at_s, position, along * speed);
         let search = scene.search(-60.0, 60.0);
         let pass = the_one(found(
             &search,
@@ -320,16 +327,16 @@ fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
     }
 }
 
-/// As far as its states go, an object is found: from whenever the search begins.
+/// An object is found within the interval of its states, whatever the start of the search.
 #[test]
-fn a_stay_ends_where_states_end() {
+fn a_pass_ends_where_states_end() {
     let scene = scene();
     let Scene { mid, sun, across } = scene;
-    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes around
-    // a time: they end or begin within the stay.
+    // The path of `a_straight_pass_matches_the_hand_calculation`, with states for ten minutes
+    // around a time: they end or begin within the pass.
     let pass_known_around = |after_s: f64, from_s: f64| {
-        let place = sun * 7e6 + across * 7e3 * after_s;
-        let object = straight(mid + Unit::Second * after_s, place, across * 7e3);
+        let position = sun * 7e6 + across * 7e3 * after_s;
+        let object = straight(mid + Unit::Second * after_s, position, across * 7e3);
         let search = scene.search(from_s, 60.0);
         let found = found(&search, &scene.flight(), vec![object], &Corrections::NONE);
         assert!(unknown(&found).contains("outside its ephemeris"));
@@ -351,7 +358,8 @@ fn a_stay_ends_where_states_end() {
     }
 }
 
-/// Elements that nobody has: those of a line of `src/orbit/tests/data/synthetic_elements.txt`, but for what is given.
+/// Invented elements: those of a line of `src/orbit/tests/data/synthetic_elements.txt` with these
+/// values changed.
 fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
     let degrees = f64::to_radians;
     let set = Elements {
@@ -373,11 +381,12 @@ fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
     }
 }
 
-/// Ten seconds around `mid`, for an observer at rest so far above where `object` is then, whose camera looks there.
+/// Ten seconds around `mid`, for an observer at rest `above_m` above the object's position at
+/// `mid`, with its camera pointed at it.
 fn ten_seconds(object: &Object, mid: Epoch, above_m: f64) -> Passes {
-    let place = object.state(mid).unwrap().position_m;
-    let up = place.normalize();
-    let flight = at_rest(place + up * above_m, -up * above_m, Vector3::z());
+    let position = object.state(mid).unwrap().position_m;
+    let up = position.normalize();
+    let flight = at_rest(position + up * above_m, -up * above_m, Vector3::z());
     let search = Search {
         from: mid - Unit::Second * 5.0,
         to: mid + Unit::Second * 5.0,
@@ -388,8 +397,8 @@ fn ten_seconds(object: &Object, mid: Epoch, above_m: f64) -> Passes {
 }
 
 #[test]
-fn an_object_that_decays_within_an_exposure_ends_its_stay_and_not_the_search() {
-    // Made up: a perigee 160 km inside the Earth.
+fn decay_within_an_exposure_ends_the_pass_only() {
+    // Invented: a perigee 160 km inside the Earth.
     let object = elements(0.08, 0.0682, 0.0);
     let epoch = object.sets().next().unwrap().epoch;
     let known = |s: f64| object.state(epoch + Unit::Second * s).is_ok();
@@ -398,13 +407,13 @@ fn an_object_that_decays_within_an_exposure_ends_its_stay_and_not_the_search() {
         let mid = (low + high) / 2.0;
         *(if known(mid) { &mut low } else { &mut high }) = mid;
     }
-    for beside_s in [0.02, 0.7, 2.9] {
-        let mid = epoch + Unit::Second * (low - beside_s);
+    for margin_s in [0.02, 0.7, 2.9] {
+        let mid = epoch + Unit::Second * (low - margin_s);
         let found = ten_seconds(&object, mid, 1e6);
         assert!(unknown(&found).contains("decayed"));
         let pass = the_one(found);
         assert!(pass.begun_before && !pass.goes_on);
-        close((pass.exit.point.epoch - mid).to_seconds(), beside_s, 2.1e-3);
+        close((pass.exit.point.epoch - mid).to_seconds(), margin_s, 2.1e-3);
     }
 }
 
@@ -420,7 +429,7 @@ fn only_times_with_states_are_searched() {
         (&sunk, 20.0, 0),
         (&ephemeris, 2.0, 0),
         (&ephemeris, -40.0, 0),
-        // Its ten minutes and a step on either side.
+        // Its ten minutes, and a step on either side.
         (&ephemeris, -15.0, 70),
     ] {
         let near = if days == 20.0 { epoch } else { start };
@@ -446,10 +455,10 @@ fn only_times_with_states_are_searched() {
     }
 }
 
-/// X-Val: PyPI sgp4 2.27, error code 0: beyond 4e6 km after 177 days, at 0.3 km/s; after 140 days 545,605 km away, at 0.8 km/s,
-/// and 1,535 km further 0.1 s later.
+/// X-Val: PyPI sgp4 2.27, error code 0: beyond 4e6 km after 177 days, at 0.3 km/s; after 140 days
+/// 545,605 km away, at 0.8 km/s, and 1,535 km further 0.1 s later.
 #[test]
-fn what_sgp4_hurls_away_has_no_state() {
+fn diverged_sgp4_has_no_state() {
     let runaway = elements(0.024_079, 15.186_928_66 * PI / 720.0, -0.021_836);
     for (days, km) in [(177.0, 4.036e6), (140.0, 5.456e5)] {
         let mid = utc("2020-11-18T08:34:00Z") + Unit::Day * days;

@@ -1,5 +1,5 @@
-//! What a camera file may not say of its detector, its particles and its timing: refused with file, key and value. And what is only
-//! warned of.
+//! Invalid detector, particle and timing values of camera files are refused with file, key and
+//! value. Doubtful ones give a warning.
 
 use crate::table::check_refusals;
 use skyloop::camera::Camera;
@@ -11,7 +11,7 @@ fn built_in(name: &str) -> String {
     Folder::Embedded("cameras").read(&file).unwrap().1
 }
 
-/// `ccd-transfer` with one key of it set, or added below the table that it belongs to.
+/// `ccd-transfer` with one key set, or added to the table that it belongs to.
 fn with(key: &str, value: &str) -> String {
     let text = built_in("ccd-transfer");
     let (table, key) = key.split_once('.').unwrap();
@@ -35,7 +35,7 @@ fn load(text: &str) -> Result<Camera, String> {
     loaded.map_err(|error| error.to_string())
 }
 
-/// Why `ccd-transfer` with this key and value is refused: one line that names the file.
+/// The refusal of `ccd-transfer` with this key and value: one line that names the file.
 fn refusal(assignment: &str) -> String {
     let (key, value) = assignment.split_once(" = ").unwrap();
     let message = load(&with(key, value)).unwrap_err();
@@ -45,8 +45,8 @@ fn refusal(assignment: &str) -> String {
 }
 
 #[test]
-fn numbers_that_no_camera_has() {
-    for (key, least, most) in [
+fn numbers_out_of_range_are_refused() {
+    for (key, min, max) in [
         ("detector.prnu", "0", "0.3"),
         ("detector.dark_e_s", "0", "1000000000 e-/s"),
         ("detector.dark_reference_c", "-200", "150 deg C"),
@@ -70,20 +70,20 @@ fn numbers_that_no_camera_has() {
     ] {
         check_refusals(
             &format!(
-                "{key} = -300.0 | {key} = -300 | must be {least} to {most}\n\
-                 {key} = 2e9 | {key} = 2000000000 | must be {least} to {most}\n\
-                 {key} = nan | {key} = NaN | must be {least} to {most}\n\
-                 {key} = inf | {key} = inf | must be {least} to {most}\n\
-                 {key} = [true] | {key}: must be | {least} to {most}"
+                "{key} = -300.0 | {key} = -300 | must be {min} to {max}\n\
+                 {key} = 2e9 | {key} = 2000000000 | must be {min} to {max}\n\
+                 {key} = nan | {key} = NaN | must be {min} to {max}\n\
+                 {key} = inf | {key} = inf | must be {min} to {max}\n\
+                 {key} = [true] | {key}: must be | {min} to {max}"
             ),
             refusal,
         );
     }
 }
 
-/// By 150 deg C dark current doubles 28 times above its reference, to 3.4e8 times as much; 1e9
-/// particles are those of 0.59 cm^2 in 0.3 s.
-const WORDS_AND_PLACES: &str = r#"
+/// At 150 deg C dark current has doubled 28 times above its reference, to 3.4e8 times as much. 1e9
+/// particles hit 0.59 cm^2 in 0.3 s.
+const WORDS_AND_POSITIONS: &str = r#"
 detector.blooming = "row" | detector.blooming = "row" | must be one of "none", "column"
 radiation.flux_cm2_s = "leo" | radiation.flux_cm2_s = "leo" | a number or "orbit"
 timing.shutter = "leaf" | timing.shutter = "leaf" | "frame-transfer"
@@ -94,9 +94,9 @@ detector.temperature_c = 150.0 | detector.temperature_c = 150 | dark current and
 radiation.flux_cm2_s = 1e9 | radiation.flux_cm2_s = 1000000000 | particles
 "#;
 
-/// Units that are mistaken for others (metres, per cent, Kelvin, milliseconds), figures that leave
-/// no room, and what is no figure at all.
-const FIGURES: &str = r#"
+/// Mistaken units (metres, per cent, kelvin, milliseconds), values out of range, and values that
+/// are no numbers.
+const VALUES: &str = r#"
 optics.focal_length_mm = 0.036 | optics.focal_length_mm = 0.036 | must be 0.5 to 1000000 mm
 detector.pixel_um = 15e-6 | detector.pixel_um = 0.000015 | must be 0.3 to 1000 um
 detector.prnu = 0.5 | detector.prnu = 0.5 | 0 to 0.3, a share: 0.5 % is 0.005
@@ -113,16 +113,17 @@ detector.hot_fracton = 0.1 | detector.hot_fracton: unknown key `hot_fracton` | d
 "#;
 
 #[test]
-fn words_places_and_figures_that_no_camera_has() {
-    check_refusals(WORDS_AND_PLACES, refusal);
-    check_refusals(FIGURES, refusal);
-    // 17,700 particles, each of which spreads over 68 x 68 pixels at the two steps of its track.
+fn invalid_words_positions_and_values_are_refused() {
+    check_refusals(WORDS_AND_POSITIONS, refusal);
+    check_refusals(VALUES, refusal);
+    // 17,700 particles, each spread over 68 x 68 pixels at the two steps of its track.
     let wide = with("radiation.diffusion_um", "100.0").replace("\"orbit\"", "1e5");
     let message = load(&wide).unwrap_err();
-    let most = "radiation.flux_cm2_s = 100000: must be at most 6.";
-    assert!(message.contains(most), "{message}");
+    let max = "radiation.flux_cm2_s = 100000: must be at most 6.";
+    assert!(message.contains(max), "{message}");
     load(&wide.replace("1e5", "6e4")).unwrap();
-    // 100 px wide on pixels of a micrometre: every step of a track would work on all of the detector.
+    // 100 px wide on pixels of one micrometre: every step of a track would cover the whole
+    // detector.
     let fine = with("radiation.diffusion_um", "100.0").replace("pixel_um = 15.0", "pixel_um = 1.0");
     let thick = fine.replace("thickness_um = 15.0", "thickness_um = 200.0");
     let message = load(&thick).unwrap_err();
@@ -150,7 +151,7 @@ fn without(text: &str, key: &str) -> String {
 }
 
 #[test]
-fn a_key_without_the_one_that_gives_it_meaning() {
+fn a_key_without_its_required_key_is_refused() {
     let text = built_in("ccd-transfer");
     let stuck = with("detector.stuck_dn", "12.0");
     for (text, key, needs) in [
@@ -171,10 +172,10 @@ fn a_key_without_the_one_that_gives_it_meaning() {
         ),
     ] {
         let message = load(&text).unwrap_err();
-        let told = format!(": detector.{key}: needs {needs}");
-        assert!(message.contains(&told), "{message}");
+        let expected = format!(": detector.{key}: needs {needs}");
+        assert!(message.contains(&expected), "{message}");
     }
-    // What is switched off in so many words needs no other key.
+    // An effect that is switched off explicitly needs no other key.
     let off = without(&with("detector.hot_fraction", "0.0"), "hot_e_s");
     assert!(load(&off).is_ok());
     let stuck = with("detector.stuck_dn", "12.0\nstuck_px = []");

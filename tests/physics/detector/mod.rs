@@ -1,5 +1,5 @@
-//! The detector against theory: photon transfer, dark current by temperature, the fixed pattern, spilled charge, particles; and what
-//! labels say stands out of the noise by how much.
+//! The detector against theory: photon transfer, dark current by temperature, the fixed pattern,
+//! blooming and particles. Artifact labels and their signal-to-noise ratios.
 
 mod snr;
 
@@ -49,7 +49,7 @@ fn camera(text: &str) -> Camera {
     Camera::load("probe.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
 }
 
-/// The sky is dark, so that backgrounds are what is set.
+/// The sky is dark, so that the background is the configured one.
 fn emulator(text: &str) -> Emulator {
     let mut config = dark(Config::defaults().unwrap());
     config.camera = camera(text);
@@ -77,8 +77,9 @@ full_well_e = 150000.0
 gain_e_per_dn = 2.5
 offset_dn = 200.0";
 
-/// Variance (of the difference of two frames, halved: the fixed pattern goes out) against mean: the slope is 1 / gain, and what is
-/// left at no charge the read noise with that of whole digits. Janesick 2007, Photon Transfer, ch. 5.
+/// Variance against mean: the slope is 1 / gain. The variance is half that of the difference of two
+/// frames, which removes the fixed pattern. The variance at zero charge is read noise plus
+/// quantisation. Janesick 2007, Photon Transfer, ch. 5.
 #[test]
 fn photon_transfer_recovers_gain_and_read_noise() {
     let pattern = "prnu = 0.02\ndark_nonuniformity = 0.3\nhot_fraction = 0.001\nhot_e_s = 2000.0";
@@ -105,7 +106,7 @@ fn photon_transfer_recovers_gain_and_read_noise() {
         let gain = m / (v - floor);
         assert!((gain / 2.5 - 1.0).abs() < 0.01, "at {m} DN: {gain}");
     }
-    // Linear: a straight line through all of them leaves nothing.
+    // Linear: one straight line fits all points.
     let products = points.iter().map(|(m, v)| m * (v - floor));
     let squares = points.iter().map(|(m, _)| m * m);
     let gain = squares.sum::<f64>() / products.sum::<f64>();
@@ -129,20 +130,20 @@ fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
     for (warm, cold) in all(&warm).iter().zip(all(&cold)) {
         assert!((warm / cold / 4.0 - 1.0).abs() < 1e-6, "{warm} {cold}");
     }
-    // 4000 e-/s and 1 % of 500, in digits, within the scatter of the pattern and of the frame.
+    // 4000 e-/s and 1 % of 500, in DN, within the scatter of the pattern and of the frame.
     let dn = mean(warm.frame.dn.iter().map(|dn| f64::from(*dn))) - 200.0;
     let error = 4000.0 * 0.4 / 51_200f64.sqrt();
     assert!((2.5 * dn - 4005.0).abs() < 5.0 * error, "{dn}");
-    let told = warm.label.background_e_px;
-    assert!((told - mean(all(&warm).iter().map(|e| f64::from(*e)))).abs() < 0.01);
-    assert!((told / cold.label.background_e_px - 4.0).abs() < 1e-6);
-    // Without the keys: the current of the file.
+    let background_e = warm.label.background_e_px;
+    assert!((background_e - mean(all(&warm).iter().map(|e| f64::from(*e)))).abs() < 0.01);
+    assert!((background_e / cold.label.background_e_px - 4.0).abs() < 1e-6);
+    // Without the keys: the dark current of the file.
     let mut plain = emulator(&text(false, PLAIN, ""));
     assert_eq!(expose(&mut plain, 1).label.background_e_px, 4000.0);
 }
 
 #[test]
-fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
+fn dead_and_stuck_pixels_have_their_dn() {
     let keys = format!(
         "{PLAIN}\ndead_px = [[3, 4], [255, 199]]\nstuck_px = [[0, 0], [3, 5]]\n\
          stuck_dn = 12345.0\ndead_fraction = 0.01"
@@ -170,10 +171,10 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
     assert!(stuck.kind == "defect" && stuck.visible && (stuck.x_px, stuck.y_px) == (3.0, 5.0));
 }
 
-/// Of more spots than a label lists it has those that stand out most, and says what it leaves out.
+/// The label lists the artifacts with the highest ratios and counts the rest.
 #[test]
-fn a_list_that_is_cut_says_so() {
-    // Of 51,200 pixels some 4,608 that are dead and as many that are stuck.
+fn a_truncated_artifact_list_counts_the_rest() {
+    // Of 51,200 pixels some 4,608 are dead and as many are stuck.
     let keys = format!("{PLAIN}\ndead_fraction = 0.09\nstuck_fraction = 0.09");
     let whole = expose(&mut emulator(&text(false, &keys, "")), 3);
     assert!(whole.label.objects.spots.len() <= MAX_ARTIFACTS);
@@ -181,29 +182,30 @@ fn a_list_that_is_cut_says_so() {
     let keys = format!("{keys}\nhot_fraction = 0.1\nhot_e_s = 500.0");
     let exposed = expose(&mut emulator(&text(false, &keys, "")), 3);
     let (pattern, label) = (&exposed.camera.detector.pattern, &exposed.label);
-    // Those that show no light hide that they are hot.
+    // Dead and stuck pixels hide that they are hot.
     let blind = |pixel: &u32| pattern.dead().contains(pixel) || pattern.stuck().contains(pixel);
     let hot = pattern.hot().iter().filter(|(pixel, _)| !blind(pixel));
     let all = pattern.dead().len() + pattern.stuck().len() + hot.count();
     assert!(all > MAX_ARTIFACTS + 1000, "{all}");
     assert_eq!(label.objects.spots.len(), MAX_ARTIFACTS);
     assert_eq!(label.spots_left_out, Some(all - MAX_ARTIFACTS));
-    // What is left out are the hot ones that are hardly so: of dead and stuck pixels, far from what they should be, none.
+    // Only weak hot pixels are left out. All dead and stuck pixels, with their large errors, are
+    // listed.
     let spots = &label.objects.spots;
     let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
     let due = (pattern.dead().len(), pattern.stuck().len());
     assert_eq!((named("dead"), named("stuck")), due);
-    let least = spots.iter().map(|spot| spot.snr);
-    let least = least.fold(f64::INFINITY, f64::min);
+    let min = spots.iter().map(|spot| spot.snr);
+    let min = min.fold(f64::INFINITY, f64::min);
     let beyond = label.spots_left_out_snr.unwrap();
-    let is_next = 0.0 < beyond && beyond <= least && least - beyond < 0.1;
-    assert!(is_next, "{beyond} {least}");
+    let is_next = 0.0 < beyond && beyond <= min && min - beyond < 0.1;
+    assert!(is_next, "{beyond} {min}");
     let left_out = all - MAX_ARTIFACTS;
     let written = format!("\"spots_left_out\":{left_out},\"spots_left_out_snr\":");
     assert!(exposed.json.contains(&written));
 }
 
-/// Particles of many pixels each are no more than a label's text has room for.
+/// The total number of listed pixels is limited for particles of many pixels.
 #[test]
 fn a_list_of_wide_particles_is_cut_by_their_pixels() {
     // Some 1,700 particles, each of some 200 pixels: charge diffuses by 3 px.
@@ -219,14 +221,14 @@ fn a_list_of_wide_particles_is_cut_by_their_pixels() {
     );
     assert!(sum > MAX_ARTIFACT_PIXELS * 9 / 10, "{sum}");
     assert!(label.spots_left_out.unwrap() > 100);
-    let least = spots.iter().map(|spot| spot.snr);
-    let least = least.fold(f64::INFINITY, f64::min);
-    assert!(label.spots_left_out_snr.unwrap() <= least);
+    let min = spots.iter().map(|spot| spot.snr);
+    let min = min.fold(f64::INFINITY, f64::min);
+    assert!(label.spots_left_out_snr.unwrap() <= min);
 }
 
-/// More particles than are drawn: the label says how many more.
+/// Above the limit of drawn particles the label counts the rest.
 #[test]
-fn particles_beyond_the_most_that_are_drawn_are_counted() {
+fn particles_beyond_the_limit_are_counted() {
     let table = "[radiation]\nflux_cm2_s = 1e5\nthickness_um = 1.0";
     let mut emulator = emulator(&text(false, PLAIN, table));
     assert_eq!(expose(&mut emulator, 1).label.particles_left_out, None);
@@ -235,15 +237,15 @@ fn particles_beyond_the_most_that_are_drawn_are_counted() {
     // 51,200 pixels of 26 um, 10 s: 1e5 * 0.346112 * 10, of which 1e5 are drawn.
     let left_out = exposed.label.particles_left_out.unwrap();
     assert!((left_out - 246_112.0).abs() < 1.0, "{left_out}");
-    // Of those, the label lists a tenth; some left no whole electron.
+    // The label lists a tenth of those; some left no whole electron.
     assert_eq!(exposed.label.objects.spots.len(), MAX_ARTIFACTS);
     let drawn = exposed.label.spots_left_out.unwrap() + MAX_ARTIFACTS;
     assert!((90_000..101_000).contains(&drawn), "{drawn}");
 }
 
-/// The noise-free frame of stars that spill keeps all the light that fell.
+/// Blooming conserves the charge of the noise-free frame.
 #[test]
-fn stars_that_spill_keep_their_charge() {
+fn blooming_conserves_charge() {
     let charge = |blooming: &str| {
         let keys = format!(
             "dark_e_s = 10.0\nread_noise_e = 0.0\nfull_well_e = 8000.0\ngain_e_per_dn = 1.0\n\
@@ -263,7 +265,7 @@ fn stars_that_spill_keep_their_charge() {
     let off = sum(&spilled) - sum(&expected);
     assert!(off.abs() < 1.0, "{off}");
     assert!(spilled.iter().all(|e| *e < 8001.5) && clipped.iter().all(|e| *e <= 8000.0));
-    // Charge that comes to a pixel comes along its column.
+    // Charge moves along its column only.
     for x in 0..256 {
         let [spilled, expected] = [&spilled, &expected].map(|e| {
             let column = e[x..].iter().step_by(256);
@@ -279,7 +281,7 @@ fn particles(exposed: &ExposedFrame) -> impl Iterator<Item = &ArtifactLabel> {
 }
 
 #[test]
-fn particles_are_in_the_pixels_that_the_label_says() {
+fn particles_are_in_their_labelled_pixels() {
     let table = "[radiation]\nflux_cm2_s = 30.0\nthickness_um = 20.0\ndiffusion_um = 8.0";
     let [mut exposed, mut sheltered] = [table, ""].map(|table| {
         let mut emulator = emulator(&text(false, PLAIN, table));
@@ -291,7 +293,7 @@ fn particles_are_in_the_pixels_that_the_label_says() {
         let with = expose(&mut exposed, sequence);
         let without = expose(&mut sheltered, sequence);
         let charge = |exposed: &ExposedFrame| exposed.frame.charge_e.clone().unwrap().into_iter();
-        // The other noise is the same, so that the difference is the particles' charge alone.
+        // All other noise is the same, so the difference is the particles' charge alone.
         let both = charge(&with).zip(charge(&without));
         let left = both.map(|(with, without)| f64::from(with) - f64::from(without));
         let mut left: Vec<f64> = left.collect();
@@ -315,7 +317,7 @@ fn particles_are_in_the_pixels_that_the_label_says() {
     assert!(is_due, "{all} of {expected}");
     let differ = numbers.iter().any(|n| *n != numbers[0]);
     assert!(differ, "the same in every frame");
-    // The same frame again, and none of it where noise is off.
+    // The same frame again is identical; without noise there are no particles.
     assert_eq!(expose(&mut exposed, 7).frame, expose(&mut exposed, 7).frame);
     exposed.choice.noise = false;
     let calm = expose(&mut exposed, 7);

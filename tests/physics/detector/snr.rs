@@ -1,4 +1,5 @@
-//! Labels' signal-to-noise ratios: of sources the scatter over frames, of particles and defects by hand.
+//! Signal-to-noise ratios of labels: sources by the scatter over frames, particles and defects by
+//! hand.
 
 use std::collections::HashMap;
 
@@ -7,10 +8,10 @@ use skyloop::label::ObjectLabel;
 
 use super::{emulator, expose, mean, text};
 
-/// A star's matched filter, and what it made of the frames.
+/// A star's matched filter, and its amplitudes in the frames.
 struct Filter {
     snr: f64,
-    /// Index, response to the star in read electrons, what it reads without it, weight.
+    /// Index, response to the star in read electrons, signal without it, weight.
     pixels: Vec<(usize, f64, f64, f64)>,
     hot: bool,
     blind: bool,
@@ -18,7 +19,7 @@ struct Filter {
 }
 
 impl Filter {
-    /// That of the star of `snr` at `at`, of the charge that pixels expect, by hand.
+    /// The filter of the star of `snr` at `at`, by hand from the expected charge of the pixels.
     fn new(snr: f64, at: [f64; 2], camera: &Camera, expected: &[f32]) -> Filter {
         let detector = &camera.detector;
         let (well, share) = (detector.full_well_e, detector.nonlinearity);
@@ -55,7 +56,7 @@ impl Filter {
         }
     }
 
-    /// Its ratio times the scatter of the amplitudes: 1.
+    /// The labelled ratio times the scatter of the amplitudes; expected to be 1.
     fn ratio(&self) -> f64 {
         let n = self.amplitudes.len() as f64;
         let centre = mean(self.amplitudes.iter().copied());
@@ -68,8 +69,9 @@ impl Filter {
     }
 }
 
-/// Holds the ratios of isolated stars on a detector to so many frames: the amplitude of each by its matched filter scatters by 1 / snr.
-fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter> {
+/// Checks the ratios of isolated stars on a detector over `frames` frames: the matched-filter
+/// amplitude of each star scatters by 1 / snr.
+fn check_scatter(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter> {
     let mut emulator = emulator(&text(true, keys, ""));
     emulator.camera_mut().exposure_s = exposure_s;
     emulator.keep_expected = true;
@@ -106,7 +108,7 @@ fn scatter_is_the_ratio(keys: &str, exposure_s: f64, frames: u32) -> Vec<Filter>
             filter.amplitudes.push(top / bottom);
         }
     }
-    // Of one star the scatter is known to this part.
+    // The scatter of one star is known to this part.
     let error = 1.0 / (2.0 * f64::from(frames)).sqrt();
     let ratios: Vec<f64> = filters.iter().map(Filter::ratio).collect();
     let all = mean(ratios.iter().copied());
@@ -136,27 +138,29 @@ read_noise_e = 10.0
 full_well_e = 12000.0
 gain_e_per_dn = 20.0
 offset_dn = 100.0";
-    let filters = scatter_is_the_ratio(keys, 1.0, 600);
-    // A hot pixel lies under one of them, and under another one that shows nothing.
+    let filters = check_scatter(keys, 1.0, 600);
+    // One star lies on a hot pixel, another one on a blind pixel.
     assert!(filters.iter().any(|f| f.hot) && filters.iter().any(|f| f.blind));
 }
 
-/// Of faint stars: of a dark pixel's variance, 976 e-^2, read noise makes 576 and a digit of 60 e- 300; charge that differs from pixel to pixel
-/// keeps the digits' errors apart.
+/// Faint stars: of a dark pixel's variance of 976 e-^2, read noise makes 576 and quantisation with
+/// 60 e-/DN makes 300. Charge that differs from pixel to pixel decorrelates the quantisation
+/// errors.
 #[test]
-fn read_noise_and_coarse_digits_are_in_the_signal_to_noise() {
+fn snr_includes_read_noise_and_quantisation() {
     let keys = "dark_e_s = 2000.0
 dark_nonuniformity = 0.5
 read_noise_e = 24.0
 full_well_e = 100000.0
 gain_e_per_dn = 60.0
 offset_dn = 100.0";
-    scatter_is_the_ratio(keys, 0.05, 150);
+    check_scatter(keys, 0.05, 150);
 }
 
-/// `pixels` in e-, which stand out by `e / sqrt(b + 9^2 + 12^2 / 12)` of 9 e- read noise and 12 e- to a digit, each with its b.
+/// Hand calculation: `e / sqrt(b + 9^2 + 12^2 / 12)` with 9 e- read noise, 12 e-/DN and each
+/// pixel's own background b.
 #[test]
-fn spots_stand_out_by_their_charge_over_their_pixels_noise() {
+fn artifact_snr_is_charge_over_pixel_noise() {
     let keys = "dark_e_s = 100.0
 read_noise_e = 9.0
 full_well_e = 150000.0
@@ -204,15 +208,15 @@ stuck_dn = 500.0";
             "stuck" => (3600.0 - held).abs() / noise(held),
             _ => (background - 100.0) / noise(background),
         };
-        let (id, told) = (&spot.id, spot.snr);
-        let is_met = (told / snr - 1.0).abs() < 1e-5;
-        assert!(is_met, "{id}: {told} in the label, {snr} by hand");
+        let (id, labelled) = (&spot.id, spot.snr);
+        let is_met = (labelled / snr - 1.0).abs() < 1e-5;
+        assert!(is_met, "{id}: {labelled} in the label, {snr} by hand");
         let pixel = index(&spot.pixels[0]);
         lit += u32::from(spot.kind == "defect" && f64::from(expected[pixel]) > background + 20.0);
         hit += u32::from(spot.kind == "defect" && struck[pixel] > 20.0);
         *seen.entry(name).or_default() += 1;
     }
-    // Some hundred of each kind; some of the defects under stars and particles.
+    // Some hundred of each kind; some of the defects lie under stars and particles.
     let kinds = ["particle", "dead", "stuck", "hot"];
     assert!(kinds.iter().all(|kind| seen[kind] > 50), "{seen:?}");
     assert!(lit > 5 && hit > 5, "{lit} {hit}");

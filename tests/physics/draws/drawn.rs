@@ -1,50 +1,50 @@
-//! How many of all words draw what, by the places at which a search steps or by counting, and what is due.
+//! Counts of draws over all 2^32 words, measured by search or by counting, and expected.
 
 use super::runs::{ALL, Poissons, RUN, runs};
 use super::theory::Theory;
 use skyloop::rng::poisson::{Switch, poisson};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// The word at a place in (0, 1), counted in parts of 2^-32.
-pub fn word_at(place: u64) -> u32 {
+/// The word at a position in (0, 1), counted in parts of 2^-32.
+pub fn word_at(position: u64) -> u32 {
     const HALF: u64 = 1 << 31;
-    if place < HALF {
-        place as u32
+    if position < HALF {
+        position as u32
     } else {
-        1 << 31 | (2 * HALF - 1 - place) as u32
+        1 << 31 | (2 * HALF - 1 - position) as u32
     }
 }
 
-/// How many of all words draw what, beside what is due.
+/// Counts of draws over all words, and the expected distribution.
 pub struct Drawn {
     pub mean: f32,
     theory: Theory,
-    /// By the draw, from the theory's first on.
+    /// By the draw, from the theory's first one on.
     words: Vec<u64>,
 }
 
 impl Drawn {
-    /// By a search. Its draws rise with the word's place without exception (its sums do, and places are exact), so that the places at which they step
-    /// tell all.
+    /// By search. Draws rise monotonically with the word's position, because sums rise and
+    /// positions are exact. The positions of the steps give all counts.
     pub fn searched(mean: f32, switch: Switch) -> Drawn {
         let theory = Theory::of(mean);
-        let draw = |place| poisson(mean, word_at(place), switch) as usize;
+        let draw = |position| poisson(mean, word_at(position), switch) as usize;
         assert!(draw(0) >= theory.first, "{mean}");
         let (mut before, mut due, mut words) = (0, 0.0, Vec::new());
         for (k, p) in (theory.first..).zip(&theory.probability) {
             due += p * ALL;
             let (mut low, mut high) = (before, 1 << 32);
-            let narrow = |low: &mut u64, high: &mut u64, place| {
-                if draw(place) <= k {
-                    *low = place + 1;
+            let narrow = |low: &mut u64, high: &mut u64, position| {
+                if draw(position) <= k {
+                    *low = position + 1;
                 } else {
-                    *high = place;
+                    *high = position;
                 }
             };
-            // It steps near to where it is due.
-            for place in [(due as u64).saturating_sub(64), due as u64 + 64] {
-                if (low..high).contains(&place) {
-                    narrow(&mut low, &mut high, place);
+            // The step lies near its expected position.
+            for position in [(due as u64).saturating_sub(64), due as u64 + 64] {
+                if (low..high).contains(&position) {
+                    narrow(&mut low, &mut high, position);
                 }
             }
             while low < high {
@@ -62,7 +62,7 @@ impl Drawn {
         }
     }
 
-    /// By the expansion, word by word: its draws do not quite rise with the place.
+    /// By the expansion, word by word: its draws are not monotonic in the position.
     pub fn expanded(means: &[f32]) -> Vec<Drawn> {
         let theories: Vec<Theory> = means.iter().map(|mean| Theory::of(*mean)).collect();
         let none = |theory: &Theory| -> Vec<AtomicU64> {
@@ -103,7 +103,7 @@ impl Drawn {
         apart.sum::<f64>() / 2.0
     }
 
-    /// Words beyond so many standard deviations, and how many are due.
+    /// Measured and expected number of words beyond `sigmas` standard deviations.
     pub fn tail(&self, sigmas: f64) -> [f64; 2] {
         let mean = f64::from(self.mean);
         let edge = mean + sigmas * mean.sqrt();

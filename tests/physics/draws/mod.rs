@@ -1,5 +1,5 @@
-//! Draws of noise: what all words draw against the normal and Poisson's distribution, and the
-//! kernels that draw for many pixels. That the words are Philox's is tested in `src/base/rng/mod.rs`.
+//! Noise draws: all words against the normal and Poisson's distribution, and the kernels that draw
+//! for many pixels. Philox's words are tested in `src/base/rng/mod.rs`.
 
 mod drawn;
 mod runs;
@@ -20,10 +20,10 @@ const KEY: NoiseKey = NoiseKey {
 
 #[test]
 fn every_level_draws_what_single_pixels_draw() {
-    let (none, endless, most) = (f32::NAN, f32::INFINITY, f32::MAX);
+    let (none, infinite, max) = (f32::NAN, f32::INFINITY, f32::MAX);
     let means = [
-        0.0, -1.0, none, endless, 1e-30, 0.5, 3.0, 15.999, 16.0, 50.0, 1e5, 1e9, 1e30, most,
-        -endless,
+        0.0, -1.0, none, infinite, 1e-30, 0.5, 3.0, 15.999, 16.0, 50.0, 1e5, 1e9, 1e30, max,
+        -infinite,
     ];
     let converter = kernels::Converter {
         per_electron: 0.37,
@@ -42,7 +42,7 @@ fn every_level_draws_what_single_pixels_draw() {
         (1 << 22, 257, switches[2]),
     ] {
         let of = |i: usize| match i % 1000 {
-            // Bright and dark ones alone, and all among one another.
+            // Bright and dark means alone, then all of them mixed.
             0..300 => means[5 + i % 3],
             300..600 => means[8 + i % 4],
             _ => means[(i * 7) % means.len()],
@@ -76,7 +76,7 @@ fn every_level_draws_what_single_pixels_draw() {
 }
 
 #[test]
-fn no_mean_draws_nothing() {
+fn invalid_means_draw_nothing() {
     for word in [0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX] {
         for mean in [0.0, -0.0, -5.0, f32::NAN, f32::NEG_INFINITY] {
             assert_eq!(poisson(mean, word, Switch::within(1e-4)), 0.0);

@@ -1,17 +1,17 @@
-//! All 2^32 words, a run at a time, in vectors by `pulp`: seconds where it would take minutes.
+//! All 2^32 words in runs, vectorized by `pulp`: seconds instead of minutes.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use skyloop::rng::normal::normal;
 use skyloop::rng::poisson::expanded;
 
-/// All words.
+/// Number of words.
 pub const ALL: f64 = 4_294_967_296.0;
-/// Words that are drawn at a time, and that a thread takes at a time.
+/// Words per run, and per thread at a time.
 pub const RUN: usize = 1 << 10;
 const PART: usize = 1 << 20;
 
-/// Their normal draws.
+/// Normal draws of a run.
 struct Normals<'a> {
     first: u32,
     z: &'a mut [f32; RUN],
@@ -28,7 +28,7 @@ impl WithSimd for Normals<'_> {
     }
 }
 
-/// The Poisson draws of a mean by those; whether all are the same.
+/// The Poisson draws of a mean from normal draws; returns whether all are the same.
 pub struct Poissons<'a> {
     pub mean: f32,
     pub z: &'a [f32; RUN],
@@ -51,7 +51,7 @@ impl WithSimd for Poissons<'_> {
     }
 }
 
-/// Calls `each` with every run of words, by the first of them and their normal draws.
+/// Calls `each` for every run with its first word and its normal draws.
 pub fn runs(each: impl Fn(Arch, u32, &[f32; RUN]) + Sync) {
     let arch = Arch::new();
     let parts = (0..u32::MAX).into_par_iter().step_by(PART);

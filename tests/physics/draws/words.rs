@@ -1,4 +1,5 @@
-//! What all 2^32 words draw, counted: the normal draw's error, both distributions' tails, and the distance from Poisson's.
+//! Draws of all 2^32 words, counted: the error of the normal draw, the tails of both distributions,
+//! and the distance from Poisson's.
 
 use super::drawn::{Drawn, word_at};
 use super::runs::{ALL, RUN, runs};
@@ -10,7 +11,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 const FRAMES: &str = include_str!("../../../docs/explanation/frames.md");
 
-/// How far normal draws are from `[exact, slope, bend]`, the quantile of the run's middle word and of the others by Taylor's series; the furthest.
+/// The largest error of normal draws against `[exact, slope, bend]`: the quantile of the run's
+/// middle word, and of the others by Taylor's series.
 struct Off<'a> {
     z: &'a [f32; RUN],
     series: [f64; 3],
@@ -26,7 +28,7 @@ impl WithSimd for Off<'_> {
         for i in 0..RUN {
             let d = i as i32 as f64 - (RUN / 2) as f64;
             let off = (f64::from(self.z[i]) - (exact + d * (slope + d * bend))).abs();
-            // Numbers from 0 on are ordered as their bits are.
+            // Non-negative numbers are ordered as their bits are.
             furthest = off.to_bits().max(furthest);
         }
         f64::from_bits(furthest)
@@ -38,13 +40,13 @@ fn beyond(z: f64) -> f64 {
     0.5 * libm::erfc(z / std::f64::consts::SQRT_2)
 }
 
-/// The share of the words beyond one of them, on its side.
+/// The share of the words beyond `word`, on its side.
 fn tail(word: u32) -> f64 {
     (f64::from(word & 0x7FFF_FFFF) + 0.5) / ALL
 }
 
-/// The quantile, without its sign, beyond which lies `tail`, near `z`; its first two derivatives by the tail, the second halved. With
-/// `T' = -phi` and `phi' = -z phi`:
+/// The quantile near `z`, without its sign, beyond which lies `tail`. Also its first derivative by
+/// the tail, and half of the second. With `T' = -phi` and `phi' = -z phi`:
 ///
 /// ```text
 /// z(t + d) = z - d / phi + d^2 z / (2 phi^2) + ...
@@ -61,7 +63,7 @@ fn quantile(tail: f64, z: f64) -> [f64; 3] {
     [z, slope, bend]
 }
 
-/// Draws beyond `sigmas` on either side, of all words.
+/// Number of draws beyond `sigmas`, on either side.
 struct Tail {
     sigmas: f32,
     beyond: [AtomicU64; 2],
@@ -70,9 +72,9 @@ struct Tail {
 /// Reference: the normal distribution by `erfc`.
 #[test]
 fn every_words_normal_draw_is_its_quantile() {
-    /// What is measured is 7.27e-6.
+    /// The measured value is 7.27e-6.
     const WITHIN: f64 = 7.3e-6;
-    // Where so few words lie beyond, each has a quantile of its own.
+    // With so few words beyond, each has a quantile of its own.
     const ENDS: u32 = 1 << 20;
     let worst = AtomicU64::new(0);
     let tails = [3.0, 4.0, 5.0].map(|sigmas| Tail {
@@ -108,15 +110,16 @@ fn every_words_normal_draw_is_its_quantile() {
     let worst = f64::from_bits(worst.into_inner());
     println!("off by {worst:.2e}");
     assert!(worst > WITHIN - 1e-7, "{worst:e}");
-    for said in [FRAMES, include_str!("../../../src/base/rng/normal.rs")] {
-        assert!(said.contains(&format!("within {WITHIN:e} of the exact quantile")));
+    for document in [FRAMES, include_str!("../../../src/base/rng/normal.rs")] {
+        assert!(document.contains(&format!("within {WITHIN:e} of the exact quantile")));
     }
     for tail in tails {
         let due = ALL * beyond(f64::from(tail.sigmas));
         for seen in tail.beyond {
             let seen = seen.into_inner() as f64;
             println!("{} sigma: {seen} for {due:.1}", tail.sigmas);
-            // The tail's logarithm falls by 5.2 a sigma there, times what draws are off by; and one word.
+            // The tail's logarithm falls by 5.2 a sigma there, times the error of draws; and one
+            // word.
             assert!((seen - due).abs() < 4e-5 * due + 1.0, "{seen} for {due}");
         }
     }
@@ -128,17 +131,18 @@ fn every_words_normal_draw_is_its_quantile() {
 }
 
 #[test]
-fn words_have_places() {
-    for place in [0, 1, 12_345, (1 << 31) - 1, 1 << 31, (1 << 32) - 1] {
-        let expected = (place as f64 + 0.5) / ALL;
-        assert_eq!(uniform_of(word_at(place)), expected);
+fn words_have_positions() {
+    for position in [0, 1, 12_345, (1 << 31) - 1, 1 << 31, (1 << 32) - 1] {
+        let expected = (position as f64 + 0.5) / ALL;
+        assert_eq!(uniform_of(word_at(position)), expected);
     }
 }
 
-/// 2^20, from where on the expansion draws whatever the switch.
+/// 2^20: from here on the expansion draws at any switch.
 const TWO_20: f32 = 1_048_576.0;
 
-/// What the expansion draws; the last means have their words near where single precision counts in twos.
+/// Counts of the expansion. The words of the last means lie near the limit where single precision
+/// counts in steps of two.
 static EXPANDED: LazyLock<Vec<Drawn>> = LazyLock::new(|| {
     Drawn::expanded(&[
         6.0, 6.2, 7.7, 9.4, 12.0, 12.3, 16.0, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0,
@@ -146,7 +150,7 @@ static EXPANDED: LazyLock<Vec<Drawn>> = LazyLock::new(|| {
     ])
 });
 
-/// Its distance from Poisson at one of those.
+/// Distance of the expansion from Poisson's distribution at one of these means.
 fn expanded_at(mean: f32) -> f64 {
     let mut drawn = EXPANDED.iter().filter(|drawn| drawn.mean == mean);
     drawn.next().unwrap().variation()
@@ -155,7 +159,7 @@ fn expanded_at(mean: f32) -> f64 {
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
 fn long_draws_are_as_near_poisson_as_the_switch_says() {
-    // The expansion is the worst where it begins.
+    // The expansion is least accurate where it begins.
     let cases = [(1e-4, 12.0, 5e6), (6e-5, 16.0, TWO_20), (5e-4, 6.0, 5e6)];
     for (variation_is, begins, to) in cases {
         let switch = Switch::within(variation_is);
@@ -179,7 +183,8 @@ fn long_draws_are_as_near_poisson_as_the_switch_says() {
     assert_eq!(Switch::within(2e-4), Switch::within(1e-4));
 }
 
-/// The third term leaves out what counts below the mean most: 12 e- are less than four standard deviations from none.
+/// The neglected third term matters most below the mean: 12 e- are less than four standard
+/// deviations from zero.
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
 fn long_expansions_have_poissons_tails() {
@@ -199,11 +204,13 @@ fn long_expansions_have_poissons_tails() {
     }
 }
 
-/// Reference: the same expansion in double precision, where a number has more digits than a mean has electrons.
+/// Reference: the same expansion in double precision, which resolves single electrons at these
+/// means.
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
 fn long_single_precision_bounds_draws_of_large_means() {
-    // Below 2^24 e- (9 sigma above the last mean) each whole number is one of single precision; beyond, draws are multiples of 2, 4, ... e-.
+    // Below 2^24 e- (9 sigma above the last mean) single precision holds each whole number; beyond,
+    // draws are multiples of 2, 4, ... e-.
     for (mean, within) in [(TWO_20, 6e-5), (5e6, 1e-4), (1.67e7, 2e-4)] {
         let apart = expanded_at(mean);
         println!("mean {mean}: {apart:.2e}");
@@ -219,7 +226,8 @@ fn long_single_precision_bounds_draws_of_large_means() {
             let z = f64::from(normal(word));
             let due = m + m.sqrt() * z + 1.0 / 3.0 + z * z / 6.0;
             let off = (f64::from(poisson(mean, word, switch)) - due).abs();
-            // The floor, the sum's last digit (a draw may lie beyond the next power of two), and 5e-6 of the root, which is of two factors.
+            // Terms: the floor; the sum's last digit (a draw may lie beyond the next power of two);
+            // and 5e-6 of the root, a product of two factors.
             let bound = 1.0 + spacing + 6e-6 * (m.sqrt() * z).abs();
             assert!(off < bound, "{mean}, {word:x}: {off}");
         }
@@ -228,7 +236,7 @@ fn long_single_precision_bounds_draws_of_large_means() {
 
 #[test]
 fn searches_are_exact() {
-    // Of all probabilities that are worth a word each is within 2^-32.
+    // Each probability that is worth a word is within 2^-32.
     let small = [1e-6, 0.01, 0.3, 1.0, 4.7, 10.0, 12.0, 15.999, 16.0, 50.0];
     for mean in small.into_iter().chain([1e3, 1e4, 1e5, 1e6, TWO_20 - 1.0]) {
         let drawn = Drawn::searched(mean, Switch::within(0.0));
@@ -236,7 +244,7 @@ fn searches_are_exact() {
         println!("mean {mean}: {exact:.2e}");
         let draws = 13.0 * f64::from(mean).sqrt() + 20.0;
         assert!(exact < draws / 8_589_934_592.0, "{mean}: {exact:e}");
-        // What `poisson_tv` promises at best.
+        // The best bound that `poisson_tv` promises.
         assert!(exact < 1e-6, "{mean}: {exact:e}");
         for sigmas in [-5.0, -4.0, -3.0, 3.0, 4.0, 5.0] {
             let [words, due] = drawn.tail(sigmas);
@@ -248,7 +256,7 @@ fn searches_are_exact() {
 
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_the_documents_distances_are_these() {
+fn long_documented_distances_are_measured() {
     let head = "| mean, e- | total-variation distance |\n|---|---|\n";
     let (_, table) = FRAMES.split_once(head).unwrap();
     let rows = table.lines().take_while(|row| row.starts_with('|'));
@@ -269,8 +277,8 @@ fn long_the_documents_distances_are_these() {
         };
         assert_eq!(cells[2], format!("{apart:.1e}"), "{mean}");
     }
-    // What `reference` draws by.
-    let most = Drawn::searched(TWO_20 - 1.0, Switch::within(0.0)).variation();
-    let told = format!("are within {most:.1e} up to there");
-    assert!(FRAMES.contains(&told), "{told}");
+    // The switch of `reference`.
+    let max = Drawn::searched(TWO_20 - 1.0, Switch::within(0.0)).variation();
+    let text = format!("are within {max:.1e} up to there");
+    assert!(FRAMES.contains(&text), "{text}");
 }

@@ -4,7 +4,8 @@ use skyloop::camera::Camera;
 use skyloop::load::{ConfigError, Folder};
 use std::path::Path;
 
-/// A camera of 200 x 160 pixels of 10 um behind 20 mm f/2, with these lines below `[optics]` and these tables after it.
+/// A camera of 200 x 160 pixels of 10 um with 20 mm f/2 optics; `optics` are lines below
+/// `[optics]`, `tables` follow it.
 pub fn text(optics: &str, tables: &str) -> String {
     format!(
         r#"name = "mine"

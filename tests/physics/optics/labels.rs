@@ -1,4 +1,4 @@
-//! Labels tell where the light is, whatever the point spread function does to it.
+//! Labels have the centre of the light for any point spread function.
 
 use hifitime::Epoch;
 use skyloop::attitude::VehicleState;
@@ -18,14 +18,14 @@ fn turning(deg_s: f64) -> VehicleState {
     VehicleState::new(1, epoch, q, [0.0, deg_s.to_radians(), 0.0], None).unwrap()
 }
 
-/// An image whose light is off its middle moves the light of a source, and its label with it.
+/// A PSF image with an offset centre of light shifts both the light and the label.
 #[test]
-fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
+fn labels_include_the_offset_of_the_psf_centre() {
     let rows = |text: &str| -> Vec<Vec<f64>> {
         let line = |line: &str| line.split(' ').map(|s| s.parse().unwrap()).collect();
         text.split(", ").map(line).collect()
     };
-    // X-Val: its centre is 0.7 - 0.1 = 0.6 cells to the right of its middle and 0.2 below: 0.3 and 0.1 px.
+    // X-Val: its centre is 0.7 - 0.1 = 0.6 cells right of its middle and 0.2 below: 0.3 and 0.1 px.
     let image = Image::new(&rows("0 0 0, 0.1 0 0.7, 0 0.2 0")).unwrap();
     let images = Images::new(2.0, [vec![0.0], vec![0.0]], vec![image]).unwrap();
     let mut config = Config::defaults().unwrap();
@@ -57,7 +57,7 @@ fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
     }
 }
 
-/// A spread that is off its middle by so many px upwards: a Gaussian of 1.2 px in cells of half a pixel.
+/// A PSF offset upwards by `off_px`: a Gaussian of 1.2 px in cells of half a pixel.
 fn coma(off_px: f64) -> Image {
     let cell = |i: i32, off: f64| {
         let edge = |i: f64| libm::erf((i / 2.0 - off) / (1.2 * std::f64::consts::SQRT_2));
@@ -67,12 +67,12 @@ fn coma(off_px: f64) -> Image {
     Image::new(&(-18..=18).map(row).collect::<Vec<Vec<f64>>>()).unwrap()
 }
 
-/// Along a track the light is off by what it is off at each place, not by what it is off at the centre.
+/// Along a track the offset is that of each position, not that of the field centre.
 #[test]
-fn labels_have_the_centre_of_light_that_is_off_by_place() {
+fn labels_follow_offsets_along_a_track() {
     let images = [0.8, 0.0, 0.8].map(coma).to_vec();
-    let places = [vec![-110.0, 0.0, 110.0], vec![0.0]];
-    let images = Images::new(2.0, places, images).unwrap();
+    let positions = [vec![-110.0, 0.0, 110.0], vec![0.0]];
+    let images = Images::new(2.0, positions, images).unwrap();
     let mut config = Config::defaults().unwrap();
     config.sky.selection = Selection::Bsc;
     let mut emulator = Emulator::new(&mut config);
@@ -100,7 +100,7 @@ fn labels_have_the_centre_of_light_that_is_off_by_place() {
         let off = [0, 1].map(|k| source.centroid[k] - centre[k]);
         assert!(off[0].hypot(off[1]) < 1e-3, "{off:?} {:?}", source.body);
         compared += 1;
-        // Of a light that is off by as much everywhere it would be there.
+        // With a constant offset the centroid would be at this position.
         let middle = (source.start[1] + source.end[1]) / 2.0;
         furthest = furthest.max((source.centroid[1] - middle).abs());
     }

@@ -1,4 +1,4 @@
-//! The optics against independent programs, against integration, and what a camera file may not say of them.
+//! The optics against independent programs and integration. Invalid camera files are refused.
 
 mod cameras;
 mod labels;

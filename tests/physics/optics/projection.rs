@@ -40,7 +40,7 @@ fn distortion_is_that_of_opencv() {
     assert_eq!(seen, 7 * 54);
 }
 
-/// Cameras of this file's kind: name of the model and its keys.
+/// Camera models of this file: name and keys.
 const LENSES: &[&str] = &[
     "model = \"pinhole\"",
     "model = \"brown-conrady\"\nk = [-0.28, 0.09, -0.01]\np = [3e-4, -2e-4]",
@@ -57,7 +57,7 @@ fn cameras() -> Vec<Camera> {
     let lenses = LENSES.iter();
     let cameras = lenses.map(|lens| shape(lens, "focal_length_mm = 2.0"));
     let mut cameras: Vec<Camera> = cameras.collect();
-    // 73 degrees from the boresight at a side's middle, 116 in the corners.
+    // 73 degrees from the boresight at the middle of a side, 116 in the corners.
     cameras.push(shape(LENSES[3], "focal_length_mm = 0.63"));
     cameras
 }
@@ -97,7 +97,7 @@ fn the_cone_holds_every_pixel_and_little_more() {
             let edge = camera.detector.edge(margin_px);
             edge.map(angle).fold(0.0, f64::max)
         };
-        // Of a pinhole the corners are moved outwards by the margin, not each side.
+        // For a pinhole the margin moves the corners outwards, not each side.
         let cone = camera.cone_rad(5.0);
         assert!(cone >= widest(3.5), "{cone} {}", widest(3.5));
         assert!(cone < 1.02 * widest(5.0), "{cone} {}", widest(5.0));

@@ -1,4 +1,4 @@
-//! Point spread functions against GalSim's integrals and ours, and what becomes of the light.
+//! Point spread functions against GalSim and against integration; conservation of light.
 
 use super::cameras::{load, load_in, text};
 use crate::reference::{number, rows};
@@ -37,7 +37,8 @@ fn psf(kind: &str, a: f64, b: f64) -> Psf {
     Psf::new(shape(kind, a, b), Variation::default())
 }
 
-/// Shares on `2 n + 1` pixels each way around pixel 0 of a source at `at`, at the middle of the field.
+/// Shares on `2 n + 1` pixels per axis, centred on pixel 0, of a source at `at` in the middle of
+/// the field.
 fn shares(psf: &Psf, n: i64, at: [f64; 2]) -> Vec<f64> {
     let mut stamp = Stamp::default();
     psf.at([0.0; 2], 1.0)
@@ -45,7 +46,7 @@ fn shares(psf: &Psf, n: i64, at: [f64; 2]) -> Vec<f64> {
     stamp.light
 }
 
-/// The greatest difference, as a part of the brightest pixel of `truth`.
+/// The maximum difference, as a part of the brightest pixel of `truth`.
 fn off(image: &[f64], truth: &[f64]) -> f64 {
     assert_eq!(image.len(), truth.len());
     let apart = image.iter().zip(truth).map(|(a, b)| (a - b).abs());
@@ -84,7 +85,7 @@ const GAUSS: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// A density integrated over pixel `[i, j]` in `parts` parts each way.
+/// A density integrated over pixel `[i, j]` in `parts` parts per axis.
 fn integral(density: &dyn Fn(f64) -> f64, i: i64, j: i64, at: [f64; 2], parts: usize) -> f64 {
     let nodes: Vec<(f64, f64)> = (0..parts)
         .flat_map(|k| GAUSS.map(|(x, w)| (((k as f64 + 0.5 + x / 2.0) / parts as f64) - 0.5, w)))
@@ -132,14 +133,15 @@ fn the_tables_are_within_a_ten_thousandth_of_the_peak_of_integration() {
     }
 }
 
-/// The light within a square from -half to half around the origin of a source at `at`, by its encircled energy:
-/// `1/(2 pi) int E(r(phi)) dphi` to the square's edge, by the midpoint rule from corner to corner.
+/// The light within a square of half side `half` around the origin, of a source at `at`, from its
+/// encircled energy: `1/(2 pi) int E(r(phi)) dphi` to the square's edge, by the midpoint rule from
+/// corner to corner.
 fn inside(energy: &dyn Fn(f64) -> f64, half: f64, at: [f64; 2]) -> f64 {
     const STEPS: usize = 4000;
     let sides = [half - at[0], half - at[1], half + at[0], half + at[1]];
     let mut sum = 0.0;
     for k in 0..4 {
-        // This side, and how far along it its two corners are.
+        // This side, and the positions of its two corners along it.
         let (near, left, right) = (sides[k], sides[(k + 3) % 4], sides[(k + 1) % 4]);
         let (from, to) = (-(left / near).atan(), (right / near).atan());
         let step = (to - from) / STEPS as f64;
@@ -151,12 +153,13 @@ fn inside(energy: &dyn Fn(f64) -> f64, half: f64, at: [f64; 2]) -> f64 {
     sum / (2.0 * PI)
 }
 
-/// What is drawn and what, by the profile's own formula, lies outside make all the light: for every width and place.
+/// The drawn light plus the light outside, by the profile's own formula, is the total, for every
+/// width and position.
 #[test]
 fn no_light_is_lost_or_made() {
-    let places = [[0.0, 0.0], [0.5, 0.5], [-0.31, 0.12], [0.499, -0.001]];
+    let positions = [[0.0, 0.0], [0.5, 0.5], [-0.31, 0.12], [0.499, -0.001]];
     let check = |psf: &Psf, energy: &dyn Fn(f64) -> f64, what: &str| {
-        for at in places {
+        for at in positions {
             let n = 24;
             let sum: f64 = shares(psf, n, at).iter().sum();
             let outside = 1.0 - inside(energy, n as f64 + 0.5, at);
@@ -184,13 +187,14 @@ fn no_light_is_lost_or_made() {
         };
         check(&psf("airy", width, 0.0), &energy, &format!("airy {width}"));
     }
-    for at in places {
+    for at in positions {
         let sum: f64 = shares(&psf("image", 4.0, 0.0), 5, at).iter().sum();
         assert!((sum - 1.0).abs() < 1e-12);
     }
 }
 
-/// Of an obscured aperture: the light outside of a large circle is `2 / (pi^2 (1 - e) r)` on the average over its rings.
+/// Obscured aperture: the light outside of a large circle is `2 / (pi^2 (1 - e) r)`, averaged over
+/// the rings.
 #[test]
 fn the_wings_of_an_obscured_aperture_have_their_light() {
     for e in [0.0, 0.3, 0.5, 0.8] {
@@ -202,7 +206,7 @@ fn the_wings_of_an_obscured_aperture_have_their_light() {
     }
 }
 
-/// The light of a still point in the middle of a large detector.
+/// The light of a point at rest in the middle of a large detector.
 fn drawn(camera: &Camera, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> Vec<f64> {
     let wavelength_ratio = 1.0;
     let light = Light {
@@ -238,8 +242,8 @@ fn moments(image: &[f64], width: usize) -> [f64; 3] {
     [sums[0], sums[1] / sums[0], sums[2] / sums[0]]
 }
 
-/// Wings too faint to be drawn where they fall are laid over what is drawn: no light is lost, of a Gaussian but a thousandth of an electron, and no pixel
-/// is off by much.
+/// Wings too faint to be drawn in their pixels are spread over the drawn ones. No light is lost (a
+/// Gaussian loses up to 0.001 e-), and no pixel changes by much.
 #[test]
 fn faint_sources_keep_their_light_and_their_centre() {
     let mut camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
@@ -265,17 +269,18 @@ fn faint_sources_keep_their_light_and_their_centre() {
                 assert!((light - 1.0).abs() < 1e-4, "{what}: {light}");
             }
             if kind == "gaussian" {
-                // 0.001 e-, no more than a ten thousandth; and a millionth in any case.
-                let most = (1e-3 / electrons).clamp(1e-6, 1e-4);
-                assert!(1.0 - light < most, "{what}: {light}");
+                // 0.001 e-, at most a ten-thousandth and at least a millionth.
+                let max = (1e-3 / electrons).clamp(1e-6, 1e-4);
+                assert!(1.0 - light < max, "{what}: {light}");
             }
-            // The centre of what is cut at 256 px is off by as much as its last columns hold.
+            // A stamp cut at 256 px moves the centre by the light of its last columns.
             let from = |[x, y]: [f64; 2]| (faint_x - x).hypot(faint_y - y);
             let moved = from(at).min(from([x, y]));
             println!("{what}: light {:.1e}, {moved:.1e} px", light - all_light);
-            // Of a core narrower than a pixel the pixels' own centre hides the rest's.
-            let most = if a < 0.5 { 1e-2 } else { 1e-3 };
-            assert!(moved < most, "{what}: {faint_x} {faint_y}, of all {x} {y}");
+            // Pixel sampling of a core narrower than a pixel shifts the centre more than the wings
+            // do.
+            let max = if a < 0.5 { 1e-2 } else { 1e-3 };
+            assert!(moved < max, "{what}: {faint_x} {faint_y}, of all {x} {y}");
             let pairs = faint.iter().zip(&all);
             let off = pairs.map(|(a, b)| (a - b).abs() * electrons);
             let off = off.fold(0.0, f64::max);
@@ -318,8 +323,8 @@ fn the_reach_bounds_what_falls_outside() {
                 let (x, y) = ((i % side) as i64 - n - 3, (i / side) as i64 - n - 3);
                 x.abs().max(y.abs()) > n
             });
-            let most = outside.map(|(_, light)| *light).fold(0.0, f64::max);
-            assert!(most < 2.0 * share, "{kind} {a} {b} {share}: {most:e}");
+            let max = outside.map(|(_, light)| *light).fold(0.0, f64::max);
+            assert!(max < 2.0 * share, "{kind} {a} {b} {share}: {max:e}");
         }
         assert!(local.reach_px(1e-30) <= FURTHEST_PX);
     }
@@ -331,10 +336,11 @@ fn an_airy_camera_has_the_width_of_its_wavelength_and_focal_ratio() {
     let width = camera.optics.band.reference_m() * 2.0 / 10e-6;
     // X-Val: 0.598 um (between 500 and 700 nm) at f/2 on 10 um: 0.12 px.
     assert!((width - 0.12).abs() < 0.003, "{width}");
-    // X-Val: GalSim 2.8.5, twice the radius at which Airy(lam_over_diam=1, obscuration=0.3).xValue halves: 0.98111.
+    // X-Val: GalSim 2.8.5, twice the radius at which Airy(lam_over_diam=1, obscuration=0.3).xValue
+    // halves: 0.98111.
     let mono = psf("airy", 1.0, 0.3).core_px() * 2.354_820_045;
     assert!((mono - 0.981_11).abs() < 1e-4, "{mono}");
-    // The mean over a band is led by its blue end.
+    // The blue end dominates the mean over a band.
     let core = camera.optics.psf.at([0.0; 2], 1.0).core_px() * 2.354_820_045;
     assert!((0.93..0.98).contains(&(core / width)), "{}", core / width);
     // Redder light spreads wider, in proportion.
@@ -372,7 +378,7 @@ fn the_width_goes_with_field_and_colour() {
     assert!((psf.reach_px(1e-3) / widest - 1.0).abs() < 1e-9);
 }
 
-/// Straight by angle, where the distance grows as its tangent.
+/// Linear in angle; the distance in pixels grows with the tangent.
 #[test]
 fn the_width_is_straight_between_the_angles_of_its_table() {
     let keys = "[optics.psf]\nkind = \"gaussian\"\nsigma_px = 1.0\nwidth_by_field = [[0.0, 1.0], [40.0, 2.0]]";
@@ -387,7 +393,7 @@ fn the_width_is_straight_between_the_angles_of_its_table() {
 }
 
 #[test]
-fn images_are_mixed_between_their_places() {
+fn images_are_interpolated_between_their_positions() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("dot.csv", "# one pixel\n1.0\n");

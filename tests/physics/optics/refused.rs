@@ -1,8 +1,8 @@
-//! What a camera file may not say of its optics: refused in a line, with file, key and value.
+//! Invalid optics in camera files are refused in one line, with file, key and value.
 
 use super::cameras::{GAUSSIAN, load_in, text};
 
-/// Table, its keys between semicolons, and what the message must have.
+/// Table, its keys between semicolons, and the parts of the message.
 const REFUSED: &str = r#"
 optics.psf | kind = "round" | optics.psf.kind = "round" | "gaussian", "airy", "moffat", "image"
 optics.psf | kind = "gaussian" | optics.psf.sigma_px | missing
@@ -84,13 +84,14 @@ mounting | misalignment_arcsec = [0.0, 0.0, 0.0, 0.0] | mounting.misalignment_ar
 mounting | q_body_to_camera = [0.0, 0.0, 0.0, 1.0, 0.0] | mounting.q_body_to_camera: must have 4 values, not 5
 "#;
 
-/// Why a camera with these lines is refused: one fault, in a line that begins with the file and has these words.
+/// Checks the refusal of a camera with these lines: one line that begins with the file and contains
+/// these words.
 fn refused(text: &str, words: &[&str]) {
     let message = refusal(text, words);
     assert_eq!(message.lines().count(), 1, "{message}");
 }
 
-/// Why a camera with these lines is refused: it begins with the file and has these words.
+/// The refusal of a camera with these lines: it begins with the file and contains these words.
 fn refusal(text: &str, words: &[&str]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
@@ -128,13 +129,13 @@ fn each_wrong_key_is_named_with_what_is_allowed() {
 }
 
 #[test]
-fn widths_that_no_table_has() {
+fn widths_outside_the_tables_are_refused() {
     // Diffraction wider than the tables.
     let slow = text("", "[optics.psf]\nkind = \"airy\"");
     let slow = slow.replace("aperture_mm = 10.0", "aperture_mm = 0.05");
     let words = ["optics.psf.kind", "at most 20 px", "enlarge the aperture"];
     refused(&slow, &words);
-    // Surplus where the optics' own keys are.
+    // An unknown key in the optics' own table.
     for (value, words) in [
         (
             "[1.0, 2.0, 3.0]",
@@ -147,7 +148,7 @@ fn widths_that_no_table_has() {
     }
 }
 
-/// The table that lacks a key is the one named, not the one inside it that has a header.
+/// The message names the table that lacks a key, not a nested table that has a header.
 #[test]
 fn the_table_that_is_not_there_is_named() {
     let whole = text(GAUSSIAN, "[optics.projection]\nmodel = \"pinhole\"");
@@ -165,12 +166,13 @@ fn the_table_that_is_not_there_is_named() {
     assert_eq!(message.lines().count(), 1 + keys.len(), "{message}");
 }
 
-/// A fold says where it is, and a weaker lens that has none: that one loads.
+/// The error about a fold gives its position and a strength without a fold, which loads.
 #[test]
-fn folds() {
+fn lens_folds_are_refused() {
     // x (1 - 100 x^2) turns at x = 0.0577; a corner of the detector is at 0.064.
     let keys = "[optics.projection]\nmodel = \"brown-conrady\"\nk = [-100.0]";
-    // At strength s its image is at 2/3 of 1 / sqrt(300 s): beyond a corner and 4.0 px each way, 133.7 px of 2000, up to s = 0.331.
+    // At strength s the fold's image is at 2/3 of 1 / sqrt(300 s). It lies outside of the corner
+    // plus 4.0 px on each side, 133.7 px of 2000, up to s = 0.331.
     let words = [
         "optics.projection.k = [-100.0]",
         "fold",
@@ -178,7 +180,7 @@ fn folds() {
         "optics.projection.strength = 0.33",
     ];
     refused(&text(GAUSSIAN, keys), &words);
-    // A width at an angle beyond the fold is not to blame.
+    // The message does not blame a width at an angle beyond the fold.
     let psf =
         "psf = { kind = \"gaussian\", sigma_px = 0.8, width_by_field = [[0.0, 1.0], [4.0, 1.2]] }";
     refused(&text(psf, keys), &words[..3]);
@@ -188,8 +190,8 @@ fn folds() {
         load_in(folder.path(), &text(GAUSSIAN, &keys))
     };
     assert!(weaker("0.33").is_ok() && weaker("0.34").is_err());
-    // The fold's image is at 2/3 of 1 / sqrt(3 k): just outside the corner, 127.8 px from the principal point, but
-    // within the reach of the PSF, 4.0 px; then clear of it.
+    // The fold's image is at 2/3 of 1 / sqrt(3 k): just outside the corner, 127.8 px from the
+    // principal point, but within the reach of the PSF, 4.0 px; then clear of it.
     let keys = |radius_px: f64| {
         let k = -(2.0f64 / 3.0 * 2000.0 / radius_px).powi(2) / 3.0;
         format!("[optics.projection]\nmodel = \"brown-conrady\"\nk = [{k:?}]")
@@ -203,7 +205,8 @@ fn folds() {
 fn a_misaligned_camera_is_turned_about_its_own_axes() {
     let folder = tempfile::tempdir().unwrap();
     let load = |mounting: &str| load_in(folder.path(), &text(GAUSSIAN, mounting)).unwrap();
-    // A quarter turn about z, and 60 arcsec about the camera's x: it then looks at its former -y.
+    // A quarter turn about z, and 60 arcsec about the camera's x, which then points along its
+    // former -y.
     let q = "[mounting]\nq_body_to_camera = [0.0, 0.0, 0.7071067811865476, 0.7071067811865476]";
     let straight = load(q).mounting;
     let turned = load(&format!("{q}\nmisalignment_arcsec = [60.0, 0.0, 0.0]")).mounting;

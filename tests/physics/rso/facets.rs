@@ -1,4 +1,4 @@
-//! What facets send and where, by the laws that hold for any of them.
+//! Light of facets: total amount and directions, by laws that hold for all of them.
 
 use nalgebra::{Unit, Vector3};
 use skyloop::sky::bodies::{AU_M, SUN_RADIUS_M};
@@ -14,7 +14,7 @@ pub const BOTH: Ends = Ends {
     top: true,
 };
 
-/// Lossless, of this lobe, `specular` of its light mirrored.
+/// A lossless surface with this lobe; the fraction `specular` of its light is mirrored.
 pub fn lossless(specular: f64, lobe: Lobe) -> Surface {
     Surface {
         reflectance: 1.0,
@@ -38,7 +38,7 @@ pub fn from_z(deg: f64) -> Vector3<f64> {
     Vector3::new(sin, 0.0, cos)
 }
 
-/// A shape of what is added to it.
+/// A shape with the parts that `add` adds.
 pub fn made(add: impl FnOnce(&mut Shape)) -> Shape {
     let mut shape = Shape::default();
     add(&mut shape);
@@ -49,7 +49,8 @@ pub fn one_plate(area_m2: f64, surface: Surface) -> Shape {
     made(|shape| shape.plate(Plate::new(area_m2, Vector3::z_axis()), surface))
 }
 
-/// All light that a shape sends, as an area (m^2): the integral of its reflective area over all directions, in steps of a degree.
+/// All light that a shape reflects, as an area (m^2): the integral of its reflective area over all
+/// directions, in steps of a degree.
 fn sent(shape: &Shape, to_sun: &Vector3<f64>) -> f64 {
     const RINGS: usize = 180;
     let mut sum = 0.0;
@@ -67,7 +68,7 @@ fn sent(shape: &Shape, to_sun: &Vector3<f64>) -> f64 {
     sum
 }
 
-/// The area (m^2) of light that a closed convex shape takes: that of its shadow.
+/// A closed convex shape; the light that it intercepts (m^2) is the area of its shadow.
 struct Solid {
     name: &'static str,
     shape: fn(Surface) -> Shape,
@@ -93,7 +94,7 @@ const SOLIDS: &[Solid] = &[
     Solid {
         name: "cone",
         shape: |surface| made(|of| of.cone(Vector3::z_axis(), [2.0, 0.0], 3.0, BOTH, surface)),
-        // Sides of 10,000 plates, and the base.
+        // A side of 10,000 plates, and the base.
         shadow_m2: |s| {
             let slant = 10f64.sqrt();
             let lit = (0..10_000).map(|i| {
@@ -139,7 +140,8 @@ fn lossless_solids_return_all_the_light_they_take() {
     }
 }
 
-/// A sphere of diameter 2 m as `bands` of plates, twice as many around, each as large as its part of the sphere.
+/// A sphere of diameter 2 m as `bands` of plates, twice as many around, each with the area of its
+/// part of the sphere.
 fn faceted(bands: usize, surface: Surface) -> Shape {
     let mut shape = Shape::default();
     let edge = |i: usize| PI * i as f64 / bands as f64;
@@ -155,7 +157,7 @@ fn faceted(bands: usize, surface: Surface) -> Shape {
     shape
 }
 
-/// The same of rings: cones cut off where the sphere's circles of latitude are.
+/// The same sphere of rings: frusta between the sphere's circles of latitude.
 fn turned(bands: usize, surface: Surface) -> Shape {
     let mut shape = Shape::default();
     let open = Ends {
@@ -172,7 +174,8 @@ fn turned(bands: usize, surface: Surface) -> Shape {
     shape
 }
 
-/// The greatest relative error of `shape` against `phase_function`, with the Sun and the sensor on all sides.
+/// The maximum relative error of `shape` against `phase_function`, with the Sun and the sensor on
+/// all sides.
 fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64) -> f64 {
     let mut worst = 0.0f64;
     let suns = [[1.0, 0.0, 0.0], [0.2, 0.3, 0.9], [-0.4, 0.7, -0.1]];
@@ -191,8 +194,8 @@ fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64)
     worst
 }
 
-/// Reference: Eqs. (7) and (8), of a matt sphere and of one that mirrors. The mirror's lobe covers
-/// several facets; beyond 180 deg less its radius parts of it would come from behind the horizon.
+/// Reference: Eqs. (7) and (8), of a matt and of a mirroring sphere. The mirror's lobe covers
+/// several facets. Beyond 180 deg minus its radius, parts of it would come from behind the horizon.
 #[test]
 fn faceted_spheres_converge_to_the_diffuse_and_the_mirror_one() {
     let (matt, shiny) = (lossless(0.0, Lobe::Mirror), lossless(1.0, glossy(40.0)));
@@ -206,7 +209,7 @@ fn faceted_spheres_converge_to_the_diffuse_and_the_mirror_one() {
             let of = |n| worst(&make(n, surface), phases, phase_function);
             let errors = [8, 16, 32, 64].map(of);
             println!("Eq. ({equation}): {errors:?}");
-            // Halved facets, errors down to a quarter.
+            // Facets of half the size: the error falls to about a quarter.
             let falls = errors.windows(2).all(|pair| pair[1] < 0.4 * pair[0]);
             assert!(falls && errors[3] < 4e-3, "Eq. ({equation}): {errors:?}");
         }
@@ -224,15 +227,16 @@ fn a_glint_carries_the_flux_that_the_suns_solid_angle_demands() {
         let plate = one_plate(3.0, surface);
         let sun = from_z(incidence_deg);
         let wanted = reflectance * 3.0 * incidence_deg.to_radians().cos() / solid_angle;
-        // X-Val: the Sun's radius of 959.63 arcsec is 0.26656 deg. All over the image of its disc, and nothing beside it.
+        // X-Val: the Sun's radius of 959.63 arcsec is 0.26656 deg. Full light over the image of its
+        // disc, none next to it.
         for off in [0.0, 0.2, -0.265] {
             let got = plate.reflective_area(&sun, &from_z(-incidence_deg + off), SUN_RADIUS);
             let is_met = (got / wanted - 1.0).abs() < 1e-4;
             assert!(is_met, "{incidence_deg}, {off}: {got}");
         }
         for off in [0.268, -0.268, 5.0] {
-            let beside = from_z(-incidence_deg + off);
-            assert_eq!(plate.reflective_area(&sun, &beside, SUN_RADIUS), 0.0);
+            let outside = from_z(-incidence_deg + off);
+            assert_eq!(plate.reflective_area(&sun, &outside, SUN_RADIUS), 0.0);
         }
     }
 }
@@ -252,7 +256,7 @@ fn a_glint_lies_where_the_mirror_law_says_and_moves_by_twice_the_plates_turn() {
 }
 
 #[test]
-fn what_faces_away_is_dark() {
+fn back_faces_are_dark() {
     let surface = lossless(0.5, glossy(30.0));
     let light = |shape: &Shape, sun_deg, seen_deg| {
         shape.reflective_area(&from_z(sun_deg), &from_z(seen_deg), SUN_RADIUS)
@@ -290,7 +294,7 @@ fn a_panel_turns_about_its_axis_to_face_the_sun() {
         ("around the axis", Vector3::x_axis(), from_z(60.0), 1.0),
         ("around the axis", Vector3::x_axis(), from_z(135.0), 1.0),
         ("around the axis", Vector3::x_axis(), from_z(270.0), 1.0),
-        // At no less than that by any turn.
+        // No rotation brings the normal nearer than this angle.
         (
             "30 deg off",
             Vector3::x_axis(),

@@ -1,4 +1,4 @@
-//! Attitudes, spins and glints during an exposure, through to labels.
+//! Attitudes, spins and glints during an exposure, up to the labels.
 
 use super::facets::{from_z, glossy, lossless, made, one_plate, unit};
 use hifitime::{Epoch, Unit as Time};
@@ -22,7 +22,7 @@ fn mid() -> Epoch {
     parse_utc("2026-03-01T12:00:00").unwrap()
 }
 
-/// An object at rest, its sensor and the Sun in given directions, for an exposure of some length.
+/// An object at rest, with its sensor and the Sun in given directions, for an exposure.
 struct Still {
     observers: [Observer; 3],
     seen: [ApparentObject; 3],
@@ -70,7 +70,7 @@ impl Still {
     }
 }
 
-/// Turning about ICRF's +Y; at mid-exposure the plate's normal, the body's +Z, points along ICRF's +Z.
+/// Rotation about ICRF +Y; at mid-exposure the plate's normal, the body's +Z, is along ICRF +Z.
 fn spin(rate_deg_s: f64) -> BodyAttitude {
     BodyAttitude::Spin {
         epoch: mid(),
@@ -85,7 +85,8 @@ fn a_matt_plate_that_turns_once_gives_the_mean_over_the_turn() {
     for phase_deg in [0.0, 50.0, 130.0] {
         let scene = Still::new(1.0, from_z(phase_deg), from_z(0.0));
         let got = scene.mean(&plate, spin(360.0));
-        // By hand: the mean of max(cos a, 0) max(cos(a - p), 0) / pi over a is [(pi - p) cos p + sin p] / (4 pi^2).
+        // By hand: the mean of max(cos a, 0) max(cos(a - p), 0) / pi over a is [(pi - p) cos p +
+        // sin p] / (4 pi^2).
         let p = f64::to_radians(phase_deg);
         let wanted = 2.0 * ((PI - p) * p.cos() + p.sin()) / (4.0 * PI * PI);
         let is_met = (got / wanted - 1.0).abs() < 2e-3;
@@ -100,17 +101,18 @@ fn a_glint_that_passes_counts_for_the_time_it_lasts() {
     let inside = 2.0 * f64::to_radians(40.0).cos() / (PI * (SUN_RADIUS_M / AU_M).powi(2));
     for rate_deg_s in [2.0, 7.0, 40.0] {
         let got = scene.mean(&plate, spin(rate_deg_s));
-        // The mirror direction goes twice as fast as the plate past the image of the Sun, 0.5331 deg across.
+        // The mirror direction sweeps the image of the Sun, 0.5331 deg across, at twice the plate's
+        // rate.
         let lasts_s = 2.0 * (SUN_RADIUS_M / AU_M).asin().to_degrees() / (2.0 * rate_deg_s);
         let wanted = inside * lasts_s / 0.5;
         let is_met = (got / wanted - 1.0).abs() < 0.03;
         assert!(is_met, "{rate_deg_s}: {got} {wanted}");
     }
-    // At rest it is there all the time, and a degree beside it never.
+    // At rest the glint lasts for the whole exposure; one degree away there is none.
     let rest = BodyAttitude::Inertial(Attitude::identity());
     assert!((scene.mean(&plate, rest) / inside - 1.0).abs() < 1e-3);
-    let beside = Still::new(0.5, from_z(40.0), from_z(-41.0));
-    assert_eq!(beside.mean(&plate, rest), 0.0);
+    let off_glint = Still::new(0.5, from_z(40.0), from_z(-41.0));
+    assert_eq!(off_glint.mean(&plate, rest), 0.0);
 }
 
 #[test]
@@ -128,7 +130,7 @@ fn a_spin_shows_the_attitude_of_the_time() {
     assert_eq!(away.mean(&plate, turned), 0.0);
 }
 
-/// Object and observer on circular orbits; what the observer sees of a body, or of the paper's
+/// Object and observer on circular orbits: the observed properties of a body, or of the paper's
 /// sphere.
 fn seen(body: Option<Body>, range_km: f64) -> SeenObject {
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
@@ -154,7 +156,8 @@ fn magnitudes_follow_eq_9_with_range_and_phase() {
         let sphere = seen(None, range_km);
         let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
         let to_sun_m = (sun_m - sphere.apparent.seen_at_m).norm();
-        // X-Val: Eqs. (7) and (9) by hand for the paper's sphere: 0.2 * pi * 25 m^2 of diffuse light; m_sun = -26.73.
+        // X-Val: Eqs. (7) and (9) by hand for the paper's sphere: 0.2 * pi * 25 m^2 of diffuse
+        // light; m_sun = -26.73.
         let area = 0.2 * PI * 25.0 * diffuse_phase(sphere.phase);
         let wanted = -26.73 - 2.5 * area.log10() + 5.0 * (to_sun_m / AU_M * range_km * 1e3).log10();
         assert!(
@@ -173,7 +176,7 @@ fn magnitudes_follow_eq_9_with_range_and_phase() {
     }
 }
 
-/// A mirror that is held so that it throws the Sun at the observer: a magnitude from radiance alone.
+/// A mirror that reflects the Sun to the observer: the magnitude follows from radiance alone.
 #[test]
 fn an_aimed_mirror_flashes_and_one_a_degree_off_is_dark() {
     let sphere = seen(None, 200.0);
@@ -187,8 +190,9 @@ fn an_aimed_mirror_flashes_and_one_a_degree_off_is_dark() {
         let attitude = BodyAttitude::Inertial(Attitude::identity());
         seen(Some(Body { shape, attitude }), 200.0).mag
     };
-    // X-Val: the observer sees the Sun's radiance, the same from any distance, over the solid angle of the plate: (A cos i / d^2) / (pi R^2 / a^2)
-    // of the Sun's light at 1 au. The Sun is 0.991 au away: 0.02 mag.
+    // X-Val: the observer sees the Sun's radiance, the same at any distance, over the solid angle
+    // of the plate: (A cos i / d^2) / (pi R^2 / a^2) of the Sun's light at 1 au. The Sun is 0.991
+    // au away: 0.02 mag.
     let cos_i = normal.dot(&to_sun);
     let share = 1.5 * cos_i / 200e3f64.powi(2) / (PI * (SUN_RADIUS_M / AU_M).powi(2));
     let wanted = -26.73 - 2.5 * share.log10();
@@ -197,10 +201,10 @@ fn an_aimed_mirror_flashes_and_one_a_degree_off_is_dark() {
     assert!(flash < -9.0);
     let across = normal.cross(&to_sun).normalize();
     assert_eq!(aimed(normal + across * 0.01, Lobe::Mirror), f64::INFINITY);
-    // A glossy one spreads the same light.
+    // A glossy plate spreads the same light.
     let glossy = aimed(normal, glossy(5.0));
     assert!(glossy > flash + 4.0 && glossy.is_finite(), "{glossy}");
-    // Eq. (9) of what the shape says.
+    // Eq. (9) with the shape's reflective area.
     let area = share * 200e3f64.powi(2);
     assert!((magnitude(area, AU_M, 200e3) - wanted).abs() < 1e-9);
 }

@@ -1,5 +1,5 @@
-//! Resident space objects: shapes by the laws of light, attitudes and glints, population files, published magnitudes, the Earth's shadow,
-//! and light curves.
+//! Resident space objects: shapes by the laws of light, attitudes and glints, population files,
+//! published magnitudes, the Earth's shadow, and light curves.
 
 mod close;
 mod facets;

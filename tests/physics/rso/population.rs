@@ -1,4 +1,4 @@
-//! Population files: who is in them and what they look like, and what is refused, with file, key and value.
+//! Population files: objects and their appearance. Errors name file, key and value.
 
 use super::{DELTA, VANGUARD};
 use crate::fixtures::{self, Frames};
@@ -11,7 +11,7 @@ use skyloop::sky::population::Look;
 
 const PLATE: &str = "{ kind = \"plate\", area_m2 = 2.0, normal = [0, 0, 1] }";
 
-/// A folder with both objects' files, the scene in `text` and the population.
+/// Loads `scene` from a folder with both objects' files and the population.
 fn load(scene: &str, population: &str) -> Result<Config, String> {
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("inner");
@@ -37,7 +37,7 @@ fn shaped(parts: &str, entry: &str) -> String {
 
 const NADIR: &str = "shape = \"thing\"\nattitude = { mode = \"nadir\" }";
 
-/// Why a population is refused: one line that names its file.
+/// The refusal of a population: one line that names its file.
 fn refusal(population: &str) -> String {
     let message = load(SCENE, population).unwrap_err();
     assert!(
@@ -49,7 +49,7 @@ fn refusal(population: &str) -> String {
 }
 
 #[test]
-fn who_has_what() {
+fn entries_assign_bodies_to_objects() {
     let population = shaped(PLATE, NADIR)
         + "[[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 1.5, reflectance = 0.4, diffuse = 0.25, specular = 0.75 }\n";
     let config = load(SCENE, &population).unwrap();
@@ -58,7 +58,7 @@ fn who_has_what() {
         .iter()
         .map(|object| object.id.as_str())
         .collect();
-    // The one that is selected is not taken with its file again; files are looked for beside the population.
+    // A selected object is not read again with its file. Paths are relative to the population file.
     assert_eq!(ids, ["NORAD 5", "NORAD 6251"]);
     assert!(config.rejected.is_empty());
     assert!(matches!(&config.looks["NORAD 5"], Look::Body(_)));
@@ -107,10 +107,10 @@ fn of_sets_in_several_files_the_nearest_to_the_time_counts() {
     assert_eq!(both.objects.len(), 2);
     assert!(both.rejected.is_empty() && both.notices.is_empty());
     let several = several_sets(&both.objects).unwrap();
-    let told = "1 object has several element sets (NORAD 5 (VANGUARD 1)):";
-    assert!(several.starts_with(told), "{several}");
+    let expected = "1 object has several element sets (NORAD 5 (VANGUARD 1)):";
+    assert!(several.starts_with(expected), "{several}");
     assert_eq!(several_sets(&last.objects), None);
-    // Days 179.8 and 189.8 of the year are 27 June and 7 July; 2 July, 18:50 lies between.
+    // Days 179.8 and 189.8 of the year are 27 June and 7 July; 2 July, 18:50 lies between them.
     for (day, nearest, other) in [
         ("06-20", &first, &last),
         ("07-02", &first, &last),
@@ -147,7 +147,7 @@ fn every_kind_of_part_and_attitude_loads() {
     }
 }
 
-/// Keys of a part of a shape; `plate:` and `face:` are plates of 1 m^2, the second with a normal.
+/// Keys of a part of a shape; `plate:` and `face:` are plates of 1 m^2, the latter with a normal.
 const PARTS: &str = r#"
 kind = "plate", normal = [0, 0, 1], area_m2 = 0.0 | .area_m2 = 0: must be 0.000001 to 1000000 m^2
 kind = "plate", normal = [0, 0, 1], area_m2 = -1.0 | .area_m2 = -1: must be 0.000001 to 1000000 m^2
@@ -178,7 +178,7 @@ kind = "cylinder", axis = [0, 0, 1], diameter_m = 1, length_m = 1, ends = "one" 
 "#;
 
 #[test]
-fn parts_that_there_cannot_be() {
+fn invalid_parts_are_refused() {
     check_refusals(PARTS, |keys| {
         let keys = keys.replace("face:", "plate: normal = [0, 0, 1],");
         let keys = keys.replace("plate:", "kind = \"plate\", area_m2 = 1,");
@@ -193,8 +193,8 @@ fn parts_that_there_cannot_be() {
     );
 }
 
-/// Lines of an entry of `[[objects]]`; `one:` is an object of a file, `thing:` one with a shape,
-/// whose attitude is given.
+/// Lines of an entry of `[[objects]]`. `one:` is an object of a file, `thing:` one with a shape and
+/// an attitude.
 const ENTRIES: &str = r#"
 files = ["none.tle"]\nsphere = {} | .files[0] | none.tle | check the path
 object = "none.oem"\nsphere = {} | .object | none.oem | check the path
@@ -232,7 +232,7 @@ shapes = 3\nobjects = [] | shapes: must be a table of keys, not 3
 "#;
 
 #[test]
-fn entries_that_there_cannot_be() {
+fn invalid_entries_are_refused() {
     check_refusals(ENTRIES, |lines| {
         let lines = lines.replace("spin:", "thing: { mode = \"spin\", q = [0, 0, 0, 1],");
         let lines = lines.replace("thing:", "one: shape = \"thing\"\nattitude =");
@@ -247,8 +247,8 @@ fn entries_that_there_cannot_be() {
 
 #[test]
 fn a_population_that_is_not_there_is_the_scenes_error() {
-    let error = load("[objects]\npopulation = \"nobody.toml\"", "objects = []").unwrap_err();
-    for word in [": objects.population", "nobody.toml", "check the path"] {
+    let error = load("[objects]\npopulation = \"missing.toml\"", "objects = []").unwrap_err();
+    for word in [": objects.population", "missing.toml", "check the path"] {
         assert!(error.contains(word), "{error}");
     }
 }
@@ -265,24 +265,25 @@ fn the_scenes_with_populations_load() {
     }
 }
 
-/// What docs/explanation/scenes.md says of geo-belt-stare, by the labels of its first and last frame.
+/// geo-belt-stare as described in docs/explanation/scenes.md, by the labels of its first and last
+/// frame.
 #[test]
-fn satellites_stand_still_and_the_one_given_up_drifts() {
+fn satellites_stand_still_and_the_abandoned_one_drifts() {
     let mut frames = Frames::of(fixtures::scene("geo-belt-stare"));
     let last = frames.mission.frames - 1;
-    let mut places = |number: u32| {
+    let mut positions = |number: u32| {
         let sources = frames.expose(number).label.objects.sources;
         let rsos = sources.into_iter().filter(|source| source.kind == "rso");
         let named = rsos.map(|rso| (rso.names[0].clone(), [rso.x_px, rso.y_px]));
         named.collect::<std::collections::BTreeMap<_, _>>()
     };
-    let (first, last) = (places(0), places(last));
+    let (first, last) = (positions(0), positions(last));
     assert_eq!((first.len(), last.len()), (8, 8));
     for (name, [x, y]) in first {
-        let way = (last[&name][0] - x).hypot(last[&name][1] - y);
+        let moved_px = (last[&name][0] - x).hypot(last[&name][1] - y);
         match name.as_str() {
-            "GEO 8" => assert!((7.0..8.0).contains(&way), "{name}: {way} px"),
-            _ => assert!(way < 0.3, "{name}: {way} px"),
+            "GEO 8" => assert!((7.0..8.0).contains(&moved_px), "{name}: {moved_px} px"),
+            _ => assert!(moved_px < 0.3, "{name}: {moved_px} px"),
         }
     }
 }

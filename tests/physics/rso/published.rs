@@ -1,4 +1,5 @@
-//! Magnitudes that others saw and published, of satellites whose size and material are known: `tests/reference/satellites.csv`.
+//! Published observed magnitudes of satellites of known size and material:
+//! `tests/reference/satellites.csv`.
 
 use super::facets::{SUN_RADIUS, lossless, made, one_plate};
 use crate::reference::{number, rows};
@@ -21,7 +22,7 @@ fn published_magnitudes_are_met_within_one() {
             ("plate", [width_m, height_m]) => one_plate(width_m * height_m, mirror),
             _ => panic!("{row:?}"),
         };
-        // A plate mirrors the Sun to the observer: its normal, +Z, lies halfway.
+        // The plate mirrors the Sun to the observer: its normal, +Z, lies halfway.
         let half = number(&row, 5).to_radians() / 2.0;
         let turned =
             |angle: f64| Rotation3::from_axis_angle(&Vector3::y_axis(), angle) * Vector3::z();

@@ -1,4 +1,4 @@
-//! Sides of cylinders and cones: closed forms, and the bands of light that they mirror.
+//! Sides of cylinders and cones: closed forms, and their mirrored bands of light.
 
 use super::facets::{SUN_RADIUS, glossy, lossless, made, unit};
 use nalgebra::{Unit, Vector3};
@@ -32,7 +32,8 @@ fn a_diffuse_cylinder_is_the_closed_form() {
             direction(15.0 + apart_deg, seen_deg),
         );
         let got = shape.reflective_area(&sun, &seen, SUN_RADIUS);
-        // By hand: r h / pi cos(e_s) cos(e_o) [(pi - d) cos d + sin d] / 2, d the difference of azimuths.
+        // By hand: r h / pi cos(e_s) cos(e_o) [(pi - d) cos d + sin d] / 2, d the difference of
+        // azimuths.
         let d = f64::to_radians(apart_deg);
         let wanted = 5.0 / PI
             * f64::to_radians(sun_deg).cos()
@@ -43,7 +44,8 @@ fn a_diffuse_cylinder_is_the_closed_form() {
     }
 }
 
-/// A mirror keeps the elevation against the axis, turned over, and spreads the Sun around it: over a band as high as the Sun's disc.
+/// A mirror inverts the elevation against the axis and spreads the Sun around it, over a band as
+/// high as the Sun's disc.
 #[test]
 fn a_mirror_cylinder_sends_a_band_around_its_axis() {
     let shape = cylinder(lossless(1.0, Lobe::Mirror));
@@ -56,10 +58,11 @@ fn a_mirror_cylinder_sends_a_band_around_its_axis() {
         };
         assert!(light(-sun_elevation) > 0.0);
         for off in [-1.01, 1.01, 40.0] {
-            let beside = light(-sun_elevation + off * sun_radius_deg);
-            assert_eq!(beside, 0.0, "{azimuth}");
+            let outside = light(-sun_elevation + off * sun_radius_deg);
+            assert_eq!(outside, 0.0, "{azimuth}");
         }
-        // Across the band: r h cos(e_s) cos(d / 2) / 2, by the area of normals between two azimuths of the mirrored light.
+        // Across the band: r h cos(e_s) cos(d / 2) / 2, by the area of normals between two azimuths
+        // of the mirrored light.
         const STEPS: i32 = 400;
         let step = 2.2 * sun_radius_deg / f64::from(STEPS);
         let across = (0..STEPS).map(|i| {
@@ -72,12 +75,12 @@ fn a_mirror_cylinder_sends_a_band_around_its_axis() {
         let is_met = (across / wanted - 1.0).abs() < 2e-3;
         assert!(is_met, "{azimuth}: {across} {wanted}");
     }
-    // Opposite to the Sun's azimuth there is no light but that of grazing normals.
+    // Opposite to the Sun's azimuth only grazing normals reflect light.
     let opposite = shape.reflective_area(&sun, &direction(0.0, 10.0), SUN_RADIUS);
     assert_eq!(opposite, 0.0);
 }
 
-/// A ring against as many plates as it takes.
+/// A ring against the equivalent plates.
 #[test]
 fn a_cone_is_the_sum_of_its_plates() {
     let mut compared = 0;
@@ -113,7 +116,8 @@ fn a_cone_is_the_sum_of_its_plates() {
                 for seen in [mirrored, aside, -back, back] {
                     let got = ring.reflective_area(&sun, &seen, SUN_RADIUS);
                     let wanted = plates.reflective_area(&sun, &seen, SUN_RADIUS);
-                    // A mirror's disc holds some fifty plates, and its edge falls between two of them.
+                    // A mirror's disc covers some fifty plates, and its edge falls between two of
+                    // them.
                     let is_mirror = surface.lobe == Lobe::Mirror;
                     let share = if is_mirror { 2.5e-2 } else { 1e-4 };
                     let is_met = (got - wanted).abs() <= share * wanted.max(1e-3);

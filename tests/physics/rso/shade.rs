@@ -1,4 +1,5 @@
-//! RCM-1 leaves the Earth's shadow around 23:35:30 of the 2019 scene: its light rises smoothly from nothing to all.
+//! RCM-1 leaves the Earth's shadow around 23:35:30 of the 2019 scene: its light rises smoothly from
+//! none to full.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -8,7 +9,7 @@ use skyloop::orbit::two_body;
 use skyloop::sky::bodies::{Bodies, SUN_RADIUS_M};
 use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
 
-/// From the state at 23:35:30, where the ephemeris starts, both ways.
+/// From the state at 23:35:30, the start of the ephemeris, forwards and backwards.
 fn rcm_1(set: &str) -> (Epoch, impl Fn(f64) -> Vector3<f64>) {
     let folder = Folder::Embedded("scenes/rcm-2019-06-15");
     let (file, text) = folder.read(&format!("rcm-1-{set}.oem")).unwrap();
@@ -19,8 +20,8 @@ fn rcm_1(set: &str) -> (Epoch, impl Fn(f64) -> Vector3<f64>) {
     (start, move |s| two_body::propagate_j2(&state, s).position_m)
 }
 
-/// The heights (km) above the Earth of the lowest and the highest ray to the Sun's limb: rays past the sphere that the ellipsoid becomes
-/// when space is stretched along the axis.
+/// The heights (km) above the Earth of the lowest and the highest ray to the Sun's limb. Space is
+/// stretched along the axis, so that the ellipsoid becomes a sphere.
 fn limb_rays(earth: &Earth, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> [f64; 2] {
     let stretch = |v: Vector3<f64>| {
         v + earth.pole() * (v.dot(&earth.pole()) * (1.0 / (1.0 - EARTH_FLATTENING) - 1.0))
@@ -28,7 +29,8 @@ fn limb_rays(earth: &Earth, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> [f64
     let line = sun_m - object_m;
     let first = line.cross(&Vector3::z()).normalize();
     let second = line.cross(&first).normalize();
-    // The cone that touches the Sun meets it in a circle a little nearer and smaller than its limb: by 1e-5 of its radius.
+    // The cone that touches the Sun meets it in a circle slightly nearer and smaller than its limb:
+    // by 1e-5 of its radius.
     let heights = (0..3600).map(|i| {
         let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 3600.0).sin_cos();
         let ray = stretch(line + (first * cos + second * sin) * SUN_RADIUS_M);
@@ -59,7 +61,8 @@ fn rcm_1_comes_out_of_the_shadow_smoothly() {
         let steepest = slopes.iter().copied().fold(0.0, f64::max);
         let rises = slopes.iter().all(|slope| *slope >= 0.0);
         assert!(rises, "set {set}: it falls back");
-        // At the contacts the slope begins as the root of time: 0.04 of the steepest in the first step.
+        // At the contacts the slope begins as the root of time: 0.04 of the steepest in the first
+        // step.
         let kinks = slopes.windows(2).map(|s| (s[1] - s[0]).abs());
         let kink = kinks.fold(0.0, f64::max);
         assert!(kink < 0.05 * steepest, "set {set}: {kink} of {steepest}");

@@ -1,11 +1,12 @@
-//! One object in several files: by catalogue number, by designator, and in several entries of a population.
+//! One object in several files: by catalogue number, by designator, and in several entries of a
+//! population.
 
 use super::{DELTA, VANGUARD};
 use skyloop::config::Config;
 use skyloop::load::Folder;
 use skyloop::sky::population::Look;
 
-/// An ephemeris of an object called so.
+/// An ephemeris of an object with this identifier.
 fn oem(id: &str) -> String {
     format!(
         "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = VANGUARD 1\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
@@ -14,7 +15,7 @@ fn oem(id: &str) -> String {
     )
 }
 
-/// The scene, in a folder with both sets and an ephemeris of an object called so.
+/// The scene, in a folder with both element sets and an ephemeris of the object `id`.
 fn load(scene: &str, population: &str, id: &str) -> Config {
     let folder = tempfile::tempdir().unwrap();
     for (file, text) in [
@@ -35,8 +36,8 @@ fn ids(config: &Config) -> Vec<&str> {
 }
 
 #[test]
-fn an_ephemeris_beside_element_sets_of_the_same_object_is_refused() {
-    // What agencies call it, the catalogue's number, and what a set is called.
+fn an_ephemeris_and_element_sets_of_one_object_are_refused() {
+    // International designator, catalogue number, and the name of an element set.
     for id in ["1958-002B", "5", "NORAD 5"] {
         for files in [
             "\"both.tle\", \"active.oem\"",
@@ -65,7 +66,7 @@ fn an_ephemeris_beside_element_sets_of_the_same_object_is_refused() {
 }
 
 #[test]
-fn an_entry_of_its_own_takes_an_object_out_of_a_catalogue_whatever_it_is_called_there() {
+fn an_entry_excludes_its_object_from_the_catalogue() {
     let population = "[[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 1.0 }\n\
                       [[objects]]\nobject = \"active.oem\"\nsphere = { diameter_m = 2.0 }\n";
     let scene = "[objects]\npopulation = \"population.toml\"\nfiles = [\"both.tle\"]\n";
@@ -79,7 +80,7 @@ fn an_entry_of_its_own_takes_an_object_out_of_a_catalogue_whatever_it_is_called_
 }
 
 #[test]
-fn an_object_of_two_entries_looks_as_the_first_says_and_that_is_told() {
+fn the_first_of_two_entries_applies_with_a_notice() {
     let population = "[[objects]]\nfiles = [\"one.tle\"]\nsphere = { diameter_m = 1.0 }\n\
                       [[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 2.0 }\n";
     let scene = "[objects]\npopulation = \"population.toml\"\n";
