@@ -1,4 +1,4 @@
-//! A whole catalogue before a camera: the same frames whichever way its orbits are computed.
+//! A whole catalogue in front of a camera: the same frames for every method of propagation.
 
 use hifitime::Unit;
 use nalgebra::{Matrix3, Vector3};
@@ -21,7 +21,8 @@ use std::collections::BTreeSet;
 const OBJECTS: usize = 20_000;
 const FRAMES: u32 = 12;
 
-/// The built-in scene's camera before a synthetic catalogue; every third object is as large as a house.
+/// The built-in scene's camera and a synthetic catalogue; every third object is as large as a
+/// house.
 fn scene() -> (Config, Mission) {
     let mut config = Config::builtin().unwrap();
     let mission = flight::mission(&config).unwrap();
@@ -40,7 +41,7 @@ fn scene() -> (Config, Mission) {
     (config, mission)
 }
 
-/// Its labels and digits.
+/// Labels and pixel values of the frames.
 fn frames(orbits: Orbits, off: Option<&'static str>) -> Vec<(Label, Vec<u16>)> {
     let (mut config, mission) = scene();
     config.fidelity.orbits = orbits;
@@ -50,8 +51,8 @@ fn frames(orbits: Orbits, off: Option<&'static str>) -> Vec<(Label, Vec<u16>)> {
     // Forward, and back again: a jump in time.
     let numbers = (0..FRAMES).chain([3, 40]);
     let vehicles = numbers.map(|number| flight::vehicle(&mission, number).unwrap());
-    let shots = vehicles.map(|vehicle| emulator.expose(&vehicle, 0).unwrap());
-    shots
+    let frames = vehicles.map(|vehicle| emulator.expose(&vehicle, 0).unwrap());
+    frames
         .map(|exposed| (exposed.label, exposed.frame.dn))
         .collect()
 }
@@ -67,12 +68,12 @@ fn tracks_sgp4_in_lanes_and_the_scalar_sgp4_give_the_same_frames() {
         [Orbits::Tracked, Orbits::Exact, Orbits::Scalar].map(|orbits| frames(orbits, None));
     let (mut compared, mut worst_px) = (0, 0.0f64);
     for (tracked, exact) in tracked.iter().zip(&exact) {
-        // To the last bit: tracks only say whom to ask.
+        // To the last bit: tracks only select the candidates.
         assert_eq!(tracked.0, exact.0);
         assert!(tracked.1 == exact.1, "pixels differ");
-        // Not all alike: objects are in them.
-        let (least, most) = (exact.1.iter().min(), exact.1.iter().max());
-        assert!(most > least.map(|least| 2 * least).as_ref());
+        // The frames are not uniform: objects are in them.
+        let (min, max) = (exact.1.iter().min(), exact.1.iter().max());
+        assert!(max > min.map(|min| 2 * min).as_ref());
     }
     for ((exact, _), (scalar, _)) in exact.iter().zip(&scalar) {
         assert_eq!(exact.unseen, scalar.unseen);
@@ -85,12 +86,13 @@ fn tracks_sgp4_in_lanes_and_the_scalar_sgp4_give_the_same_frames() {
         }
     }
     println!("{compared} objects: at most {worst_px:.1e} px");
-    // What is promised; measured: at most 9.2e-10 px.
+    // The promised bound; measured: at most 9.2e-10 px.
     assert!(worst_px <= 1e-6, "{worst_px} px");
     assert!(compared > 500, "{compared}");
 }
 
-/// From low orbits to the Moon's, where light takes more than a second, with light time and without.
+/// From low orbits to the Moon's, where light takes more than a second; with and without light
+/// time.
 #[test]
 fn tracks_and_the_scalar_sgp4_agree_from_far_away() {
     let mid = parse_utc("2026-03-01T12:00:00").unwrap();
@@ -130,14 +132,15 @@ fn tracks_and_the_scalar_sgp4_agree_from_far_away() {
             }
             let seen = tracked.len();
             println!("{km} km, light time {light_time}: {seen} objects, {worst:.1e} rad");
-            // X-Val: the promise: 1e-6 px, of 1.8 mrad each.
+            // X-Val: the promised 1e-6 px, of 1.8 mrad each.
             assert!(worst <= 1.8e-9 && seen > 500, "{km} km: {worst:e}");
         }
     }
 }
 
-/// Who stands on the detector, a pixel from its edges at least, by the scalar SGP4 and the label's own state, attitude and focal length;
-/// neither light time (7.5 km/s / c: 0.02 px) nor aberration counts.
+/// The objects on the detector, at least a pixel from its edges, by the scalar SGP4 and the label's
+/// own state, attitude and focal length. Light time (7.5 km/s / c: 0.02 px) and aberration are
+/// ignored.
 fn on_detector(label: &Label, config: &Config) -> BTreeSet<String> {
     let camera = &config.camera;
     let t = parse_utc(&label.epoch_mid).unwrap();
@@ -148,17 +151,17 @@ fn on_detector(label: &Label, config: &Config) -> BTreeSet<String> {
             return false;
         };
         let seen = turn * (state.position_m * 1e-3 - Vector3::new(x, y, z));
-        let place = |axis: usize| camera.optics.focal_px * seen[axis] / seen.z + 127.5;
+        let position = |axis: usize| camera.optics.focal_px * seen[axis] / seen.z + 127.5;
         let inside = |px: f64| (0.5..254.5).contains(&px);
-        // X-Val: 1.8 mrad a pixel: within 1 km nobody's place is known well enough.
-        seen.z > 0.0 && seen.norm() > 1.0 && inside(place(0)) && inside(place(1))
+        // X-Val: 1.8 mrad a pixel: within 1 km positions are not accurate enough.
+        seen.z > 0.0 && seen.norm() > 1.0 && inside(position(0)) && inside(position(1))
     };
     let on = config.objects.iter().filter(is_on);
     on.map(|object| object.id.clone()).collect()
 }
 
 #[test]
-fn whoever_is_before_the_camera_stands_in_the_label_once() {
+fn objects_in_the_field_are_labelled_once() {
     let (config, _) = scene();
     for label in labels(Orbits::Tracked, None) {
         let on = on_detector(&label, &config);

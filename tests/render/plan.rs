@@ -1,5 +1,6 @@
-//! The planner's promises, on every scene of `configs/scenes/`: what it leaves out lies below what it declares, what it
-//! declares is near the truth, and an effect that is switched off takes its own contribution with it and no more.
+//! The planner's promises, on every scene of `configs/scenes/`. The skipped part lies below the
+//! declared error. The declared error is near the true one. A disabled effect removes its own
+//! contribution and no more.
 
 use std::path::Path;
 
@@ -52,7 +53,7 @@ fn quiet() -> Choice {
     }
 }
 
-/// Everything, whether it is called for or not.
+/// All effects, whether needed or not.
 fn all(noise: bool) -> Choice {
     Choice {
         all: true,
@@ -61,7 +62,7 @@ fn all(noise: bool) -> Choice {
     }
 }
 
-/// The effects with what a plan of `choice` says of them.
+/// The effects with their labels in a plan of `choice`.
 fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectLabel)> {
     let verdicts = bench.verdicts(choice).unwrap();
     EFFECTS.iter().zip(verdicts).collect()
@@ -77,26 +78,26 @@ fn charge(bench: &Bench<'_>, choice: &Choice) -> Vec<f32> {
     bench.frame(choice, 0).unwrap().charge_e.unwrap()
 }
 
-/// Greatest difference of two frames' charge, and the greatest charge.
+/// Maximum difference of two frames' charge, and the maximum charge.
 fn difference(a: &[f32], b: &[f32]) -> (f64, f64) {
     let pairs = a.iter().zip(b);
     let apart = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
-    let most = a.iter().chain(b).copied().fold(0.0, f32::max);
-    (apart.fold(0.0, f64::max), f64::from(most))
+    let max = a.iter().chain(b).copied().fold(0.0, f32::max);
+    (apart.fold(0.0, f64::max), f64::from(max))
 }
 
-/// What sums of f32 may round by, of the brightest pixel.
+/// Rounding error of f32 sums, relative to the brightest pixel.
 const ROUNDING: f64 = 1e-6;
 
 #[test]
-fn what_is_skipped_changes_less_than_was_declared() {
+fn skipped_effects_stay_below_their_declared_error() {
     each_scene(|name, bench| {
         let skipped = verdicts(bench, &quiet()).into_iter();
         let skipped = skipped.filter(|(effect, verdict)| !verdict.run && !effect.random);
         let declared: f64 = skipped.map(|(_, verdict)| verdict.error_e.unwrap()).sum();
-        let (apart, most) = difference(&charge(bench, &quiet()), &charge(bench, &all(false)));
+        let (apart, max) = difference(&charge(bench, &quiet()), &charge(bench, &all(false)));
         let what = format!("{name}: {apart} e- apart, {declared} e- declared");
-        assert!(apart <= declared + ROUNDING * most, "{what}");
+        assert!(apart <= declared + ROUNDING * max, "{what}");
     });
 }
 
@@ -106,9 +107,9 @@ fn long_declared_errors_are_bounds_and_near_the_measured() {
     let mut wrong = String::new();
     each_scene(|name, bench| {
         let all = all(true);
-        // The rms of many large frames takes long, and would be that of small ones.
+        // The rms of many large frames takes long and equals that of small ones.
         let small = bench.camera.detector.pixels() < 100_000;
-        let most = f64::from(charge(bench, &quiet()).iter().copied().fold(0.0, f32::max));
+        let max = f64::from(charge(bench, &quiet()).iter().copied().fold(0.0, f32::max));
         let effects = verdicts(bench, &all).into_iter();
         for (effect, verdict) in
             effects.filter(|(effect, _)| small || !effect.random || effect.name == "radiation")
@@ -117,7 +118,7 @@ fn long_declared_errors_are_bounds_and_near_the_measured() {
             let declared = verdict.error_e.unwrap();
             // An rms over 12 frames is some 20 % uncertain.
             let slack = if effect.random { 1.6 } else { 1.0 };
-            let is_bound = measured <= slack * declared + ROUNDING * most.max(measured);
+            let is_bound = measured <= slack * declared + ROUNDING * max.max(measured);
             let is_near = measured <= 1e-3 || declared <= 10.0 * measured;
             if !(is_bound && is_near) {
                 let effect = effect.name;
@@ -144,13 +145,13 @@ fn long_declared_errors_are_bounds_and_near_the_measured() {
 /// Where an effect changes no expectation, the noise of a pixel is the same with and without it.
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_an_effect_takes_nothing_but_its_own_with_it() {
+fn long_a_disabled_effect_removes_only_its_contribution() {
     each_scene(|name, bench| {
-        // Large frames take long, and do what small ones do.
+        // Large frames take long and give the same result.
         if bench.camera.detector.pixels() > 300_000 {
             return;
         }
-        // Where charge is clipped, spilt or compressed, contributions do not add up.
+        // Contributions do not add up where charge is clipped, bloomed or compressed.
         let choice = Choice {
             off: vec!["full well", "non-linearity"],
             ..Choice::default()
@@ -168,7 +169,7 @@ fn long_an_effect_takes_nothing_but_its_own_with_it() {
             let off = without(&choice, effect);
             let (noisy_without, without) = (charge(bench, &off), expected(&off));
             if effect.random {
-                // What it drew: the same, whatever else there is.
+                // Its contribution is the same with any other effects.
                 let alone = |choice: &Choice| {
                     let others = EFFECTS.iter();
                     let others = others.filter(|of| of.random && of.name != effect.name);
@@ -179,11 +180,12 @@ fn long_an_effect_takes_nothing_but_its_own_with_it() {
                 let (drawn, none) = (alone(&choice), alone(&off));
                 for (i, drawn) in drawn.iter().enumerate() {
                     let own = f64::from(*drawn) - f64::from(none[i]);
-                    let here = f64::from(noisy[i]) - f64::from(noisy_without[i]);
-                    let is_same = (own - here).abs() <= 1e-3 + 3e-7 * f64::from(noisy[i].abs());
+                    let difference_e = f64::from(noisy[i]) - f64::from(noisy_without[i]);
+                    let is_same =
+                        (own - difference_e).abs() <= 1e-3 + 3e-7 * f64::from(noisy[i].abs());
                     assert!(
                         is_same,
-                        "{what}: pixel {i}: {own} e- alone, {here} among others"
+                        "{what}: pixel {i}: {own} e- alone, {difference_e} among others"
                     );
                 }
             } else {
@@ -235,9 +237,10 @@ fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_no
     assert_eq!(last, Some(Stage::Dn));
 }
 
-/// What is not in a frame because nobody wants it there is not in its label, but the plan has it: as if the frame had it, or had noise.
+/// An effect that is switched off has no declared error in the label, but the planner estimates it
+/// as if the frame had the effect, or noise.
 #[test]
-fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
+fn a_disabled_effect_keeps_its_estimated_error() {
     let particles = "radiation";
     let (mut emulator, [vehicle, _]) = scene("south-atlantic-anomaly.toml");
     let bench = bench(&emulator, &vehicle);
@@ -246,17 +249,20 @@ fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
     let errors = |of: &EffectLabel| (of.error_e, of.error_px);
     for ((effect, usual), silent) in EFFECTS.iter().zip(usual).zip(silent) {
         let choice = without(&Choice::default(), effect);
-        let told = bench.verdicts(&choice).unwrap();
-        let told = told.iter().find(|told| told.effect == effect.name).unwrap();
-        assert_eq!((told.run, told.price_ms), (false, None));
-        assert_eq!(told.why, "it is switched off");
-        assert_eq!(errors(told), errors(&usual), "{}", effect.name);
+        let off = bench.verdicts(&choice).unwrap();
+        let off = off
+            .iter()
+            .find(|label| label.effect == effect.name)
+            .unwrap();
+        assert_eq!((off.run, off.price_ms), (false, None));
+        assert_eq!(off.why, "it is switched off");
+        assert_eq!(errors(off), errors(&usual), "{}", effect.name);
         if effect.random {
             assert_eq!(silent.why, "noise is switched off");
             assert_eq!(errors(&silent), errors(&usual), "{}", effect.name);
         }
         if effect.name == particles {
-            let declared = told.error_e.unwrap();
+            let declared = off.error_e.unwrap();
             let measured = bench.error_e(effect, &choice).unwrap();
             let bounds = declared / (10.0 * (1.0 + ROUNDING))..=declared * (1.0 + ROUNDING);
             assert!(bounds.contains(&measured), "{measured} e- of {declared}");
@@ -272,7 +278,7 @@ fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
 }
 
 #[test]
-fn what_has_nothing_to_work_on_is_not_called_for() {
+fn effects_without_input_are_skipped() {
     each_scene(|name, bench| {
         let off = |names: &[&'static str]| {
             let choice = Choice {
@@ -282,7 +288,7 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
             bench.verdicts(&choice).unwrap()
         };
         let shapes = EFFECTS.iter().filter(|e| e.stage == Stage::Images).count();
-        // Rows that are exposed in turn see the same where nothing moves.
+        // Without motion, rows exposed in turn see the same.
         let still = off(&["smear", "aberration drift"]);
         let rolling = still.iter().find(|v| v.effect == "rolling shutter");
         assert!(rolling.is_some_and(|verdict| !verdict.run), "{name}");
@@ -298,7 +304,7 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
     });
 }
 
-/// However thinly light is spread, its electrons come whole: a label's signal is in the frame.
+/// However thinly light is spread, its electrons are whole: a label's signal is in the frame.
 #[test]
 fn light_too_thin_for_any_pixel_is_drawn() {
     let (emulator, [vehicle, _]) = scene("fast-slew.toml");

@@ -1,19 +1,19 @@
-//! Prices against the processor's time that effects take, wherever the tests run.
+//! Prices of effects against measured processor time, on any machine.
 #![cfg(target_os = "linux")]
 
 use crate::fixtures::Frames;
 use skyloop::measure::Bench;
 
-/// What takes less than this (ms) is below what a clock and its caches can tell.
+/// Shorter times (ms) are below the resolution of clock and caches.
 const MIN_MS: f64 = 0.02;
-/// These only add to tracks: differences of times that are much longer.
+/// These only add to tracks: differences of much longer times.
 const ONLY_TRACKS: [&str; 2] = ["distortion", "vignetting"];
-/// A price is within this of what the frame's others say, either way.
+/// Maximum factor between a price and the median of its frame.
 const MAX_OFF: f64 = 5.0;
-/// Prices are those of an optimised build on a common core; so much dearer or cheaper may all of them be together.
+/// Prices hold for an optimised build on a common core; this is the permitted range of the median.
 const MACHINES: std::ops::Range<f64> = 0.05..4.0;
 
-/// Prices and times of a frame's effects, where these can be told: (name, price / time).
+/// Ratios of price and time of a frame's measurable effects: (name, price / time).
 fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
     let frames = Frames::of(crate::fixtures::scene(scene));
     let emulator = &frames.emulator;
@@ -25,18 +25,19 @@ fn ratios(scene: &str) -> Vec<(&'static str, f64)> {
     let verdicts = bench.verdicts(&emulator.choice).unwrap().into_iter();
     let costs = bench.costs(&emulator.choice).unwrap().into_iter();
     let priced = verdicts.zip(costs).filter_map(|(verdict, cost)| {
-        let told = cost.ms >= MIN_MS && !ONLY_TRACKS.contains(&verdict.effect);
-        let price = verdict.price_ms.filter(|_| told)?;
+        let is_measurable = cost.ms >= MIN_MS && !ONLY_TRACKS.contains(&verdict.effect);
+        let price = verdict.price_ms.filter(|_| is_measurable)?;
         Some((verdict.effect, price / cost.ms))
     });
     priced.collect()
 }
 
-/// `benches/plan.rs` holds prices to a factor of two on a quiet machine. Here the build, the processor and what else it does are anyone's: they
-/// slow all effects down alike, about, so that each price is held to the median of its frame. Times are those of the thread.
+/// `benches/plan.rs` limits prices to a factor of two on a quiet machine. Build, processor and load
+/// of this test are unknown, but slow all effects down about equally. So each price is compared
+/// with the median of its frame. Times are thread times.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_no_price_is_far_from_what_the_others_say() {
+fn timed_prices_agree_within_a_frame() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let mut seen = Vec::new();
     for scene in [

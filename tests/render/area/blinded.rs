@@ -1,4 +1,4 @@
-//! Frames full of light: a label without objects always says why.
+//! Frames full of light: a label without objects always gives the reason.
 
 use super::frames::only;
 use crate::fixtures::{Frames, camera, cropped, scene, towards};
@@ -11,7 +11,8 @@ use skyloop::sky::bodies::Bodies;
 
 const EPOCH: &str = "2031-01-27T18:11:12.5 UTC";
 
-/// A frame of a small part of a camera, 150 degrees from the Sun, whose optics scatter this part of its light.
+/// A frame of a small part of a camera, 150 degrees from the Sun, whose optics scatter the fraction
+/// `scatter` of its light.
 fn expose(mut camera: Camera, scatter: f64, off: &[&'static str]) -> ExposedFrame {
     camera.optics.stray = Stray::new(&[[0.1, scatter], [3.1, scatter]], 0.0);
     let mut config = Config::defaults().unwrap();
@@ -29,22 +30,22 @@ fn expose(mut camera: Camera, scatter: f64, off: &[&'static str]) -> ExposedFram
     emulator.expose(&vehicle, 0).unwrap()
 }
 
-/// Charge from which a pixel shows no more, e-.
+/// Charge at which a pixel saturates, e-.
 fn full_e(camera: &Camera) -> f64 {
     let detector = &camera.detector;
     let reach = (f64::from(detector.max_dn()) - detector.offset_dn) * detector.gain_e_per_dn;
     detector.full_well_e.min(reach)
 }
 
-/// The rules of every label, `floods` being the effect that the light comes from. Whether the frame is full is seen by its own expected
-/// electrons, which are before any full well.
+/// Checks the rules of every label; `floods` is the effect that brings the light. The frame's
+/// expected electrons, before any full well, show whether it is full.
 fn check(exposed: &ExposedFrame, floods: &str, what: &str) {
     let label = &exposed.label;
     let expected = exposed.frame.expected_e.as_ref().unwrap();
-    let least = f64::from(expected.iter().copied().fold(f32::INFINITY, f32::min));
-    let is_full = least >= full_e(&exposed.camera);
+    let min = f64::from(expected.iter().copied().fold(f32::INFINITY, f32::min));
+    let is_full = min >= full_e(&exposed.camera);
     let flooded_by = is_full.then_some(floods);
-    assert_eq!(label.flooded_by, flooded_by, "{what}: {least}");
+    assert_eq!(label.flooded_by, flooded_by, "{what}: {min}");
     let is_empty = label.objects.is_empty();
     assert_eq!(label.no_objects.is_some(), is_empty, "{what}");
     assert_eq!(
@@ -80,13 +81,14 @@ fn a_label_without_objects_says_why_at_every_level_of_light() {
             seeing += u32::from(!is_empty && wells < 1.0);
         }
     }
-    // Or nothing was seen of the levels between one full well and two, and of labels with objects.
+    // The test must cover levels between one and two full wells, and labels with objects.
     assert!(blinded > 8 && seeing > 8, "{blinded} {seeing}");
 }
 
-/// Dark charge fills wells too; and where a part of the pixels is full and the rest has no object, the label tells how many are.
+/// Dark charge fills wells too. Of a partly full frame without objects the label gives the number
+/// of full pixels.
 #[test]
-fn dark_charge_and_frames_that_are_full_in_part_are_told() {
+fn dark_charge_and_partly_full_frames_are_reported() {
     let mut camera = camera("cots-wide");
     for wells in [0.9, 1.1] {
         camera.exposure_s = wells * full_e(&camera) / camera.detector.dark_e_s;

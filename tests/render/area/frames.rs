@@ -1,4 +1,4 @@
-//! Whole frames: what the paper's equations, geometry and the labels say of them.
+//! Whole frames against the paper's equations, geometry and the labels.
 
 use crate::fixtures::{self, Frames, camera, cropped, towards};
 use nalgebra::Vector3;
@@ -12,7 +12,7 @@ use skyloop::sky::bodies::Bodies;
 use skyloop::sky::{Corrections, Observer};
 use std::f64::consts::PI;
 
-/// A frame of one scene with those effects alone.
+/// A frame of one scene with these effects only.
 fn expose(scene: &str, frame: u32, effects: &[&str]) -> ExposedFrame {
     let mut frames = Frames::of(fixtures::scene(scene));
     only(&mut frames.emulator, effects);
@@ -22,12 +22,17 @@ fn expose(scene: &str, frame: u32, effects: &[&str]) -> ExposedFrame {
 pub fn only(emulator: &mut Emulator, effects: &[&str]) {
     emulator.keep_expected = true;
     let others = EFFECTS.iter().map(|effect| effect.name);
-    let kept = |name: &&str| !effects.contains(name) && *name != "readout";
-    emulator.choice.off = others.filter(kept).collect();
+    let is_off = |name: &&str| !effects.contains(name) && *name != "readout";
+    emulator.choice.off = others.filter(is_off).collect();
 }
 
-/// A frame of a small camera at the Earth's centre that looks along `direction`.
-fn look(camera: Camera, epoch: &str, direction: Vector3<f64>, effects: &[&str]) -> ExposedFrame {
+/// A frame of a small camera at the Earth's centre, pointed along `direction`.
+fn expose_towards(
+    camera: Camera,
+    epoch: &str,
+    direction: Vector3<f64>,
+    effects: &[&str],
+) -> ExposedFrame {
     let mut config = Config::defaults().unwrap();
     config.camera = camera;
     let mut emulator = Emulator::new(&mut config);
@@ -37,7 +42,7 @@ fn look(camera: Camera, epoch: &str, direction: Vector3<f64>, effects: &[&str]) 
     emulator.expose(&vehicle, 0).unwrap()
 }
 
-/// An observer at rest at a place (GCRF, m).
+/// An observer at rest at a position (GCRF, m).
 pub fn observer(epoch: &str, position_m: Vector3<f64>) -> Observer {
     let epoch = epoch.parse().unwrap();
     Observer {
@@ -63,8 +68,7 @@ pub fn moon(exposed: &ExposedFrame) -> &ObjectLabel {
     objects.find(|object| object.kind == "moon").unwrap()
 }
 
-/// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs.
-/// (1), (2).
+/// Electrons of all the Moon's light, by the label's magnitude: Clark et al. 2021, Eqs. (1), (2).
 pub fn all_e(exposed: &ExposedFrame) -> f64 {
     let camera = &exposed.camera;
     let light = 10f64.powf(-0.4 * moon(exposed).mag);
@@ -91,7 +95,7 @@ pub fn moments(exposed: &ExposedFrame) -> (f64, [f64; 2]) {
     (sum, centre.map(|c| c / sum))
 }
 
-/// The Sun as it is seen from the Earth's centre: ecliptic directions follow from it.
+/// The Sun seen from the Earth's centre; ecliptic directions follow from it.
 fn sun(epoch: &str) -> Vector3<f64> {
     let observer = observer(epoch, Vector3::zeros());
     observer.sun_m(&Corrections::default()).normalize()
@@ -107,7 +111,8 @@ fn zodiacal_light_is_the_tables_in_electrons() {
     let sun = sun(EPOCH);
     let aside = pole.cross(&sun).normalize();
     let anti = -(sun - pole * sun.dot(&pole)).normalize();
-    // X-Val: Leinert et al. 1998, Table 16 (Levasseur-Regourd & Dumont 1980): S10 at the pole, 90 and 180 deg from the Sun in the ecliptic.
+    // X-Val: Leinert et al. 1998, Table 16 (Levasseur-Regourd & Dumont 1980): S10 at the pole, 90
+    // and 180 deg from the Sun in the ecliptic.
     for (direction, s10) in [(pole, 60.0), (aside, 202.0), (-aside, 202.0), (anti, 180.0)] {
         let camera = rigel();
         // m = 27.78 - 2.5 log10(S10); L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2.
@@ -115,21 +120,22 @@ fn zodiacal_light_is_the_tables_in_electrons() {
         let arcsec2 = (180.0 * 3600.0 / PI).powi(2);
         let radiance = camera.optics.band.zero_point() * 10f64.powf(-0.4 * m) * arcsec2;
         let e = of_radiance(radiance, &camera);
-        let exposed = look(camera, EPOCH, direction, &["zodiacal light"]);
+        let exposed = expose_towards(camera, EPOCH, direction, &["zodiacal light"]);
         let seen = f64::from(expected(&exposed)[32 * 64 + 32]);
-        // The Earth was 1.014 au from the Sun: 2.3 times that is 3 % less.
+        // The Earth was at 1.014 au from the Sun: to the power of 2.3, that is 3 % less.
         let is_met = (seen / e / 0.968 - 1.0).abs() < 0.02;
         assert!(is_met, "{s10}: {seen} e-, {e} by hand");
         assert!(exposed.label.background_e_px > 0.9 * seen);
     }
 }
 
-/// Albedo times the solar constant in the band, of a Lambert surface, as it is seen from straight above.
+/// A Lambert surface seen from straight above: albedo times the solar constant in the band.
 #[test]
-fn the_day_earth_fills_a_frame_with_what_its_albedo_demands() {
+fn the_day_earth_has_the_radiance_of_its_albedo() {
     let exposed = expose("earth-by-day.toml", 0, &["earth", "limb"]);
     let (camera, detector) = (&exposed.camera, &exposed.camera.detector);
-    // X-Val: Meftah et al. 2018 (A&A 611, A1): 1361 W/m^2, of which a black body of 5772 K has its photons.
+    // X-Val: Meftah et al. 2018 (A&A 611, A1): 1361 W/m^2, with the photons of a black body of 5772
+    // K.
     let planck =
         |w: f64| 2.0 * PI * 299_792_458.0 / w.powi(4) / (0.014_387_768_77 / (w * 5772.0)).exp_m1();
     let dilution = 1361.0 / (5.670_374e-8 * 5772f64.powi(4));
@@ -160,7 +166,7 @@ fn the_moons_light_and_centre_are_its_labels() {
     }
 }
 
-/// No light of the sky comes through the Earth, and stars below the limb are hidden.
+/// The Earth blocks all light of the sky; stars below the limb are hidden.
 #[test]
 fn the_earth_hides_what_is_behind_it() {
     let effects = ["zodiacal light", "starlight", "stars"];
@@ -176,7 +182,7 @@ fn the_earth_hides_what_is_behind_it() {
     let below = hidden.map(|star| star.y_px).fold(f64::INFINITY, f64::min);
     let seen = stars().filter(|star| star.visible);
     let above = seen.map(|star| star.y_px).fold(0.0, f64::max);
-    // The limb is curved: over 128 px it falls some 20.
+    // The limb is curved: over 128 px it falls by some 20 px.
     let is_curved = below > 120.0 && (below - above).abs() < 30.0;
     assert!(is_curved, "{below} {above}");
 }
@@ -199,7 +205,7 @@ fn within_its_exclusion_angle_the_sun_fills_every_pixel_and_the_label_says_so() 
             .all(|dn| *dn >= detector.saturation_dn());
         assert_eq!(full, is_inside);
     }
-    // Nothing is seen in it.
+    // No object is visible in it.
     assert!(inside.label.objects.iter().all(|object| !object.visible));
     // The veil outside: the same on all pixels, E PST A QE t.
     let veil = expose("near-sun.toml", 0, &["sunlight"]);

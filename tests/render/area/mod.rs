@@ -1,8 +1,8 @@
-//! Area light on the pixels, against integration from figures alone.
+//! Area light on the pixels, against integration from the camera's constants.
 
 mod blinded;
 mod frames;
-mod laid;
 mod moon;
 mod moved;
+mod rasterized;
 mod skipped;

@@ -1,4 +1,5 @@
-//! The Moon's disc at sizes of hundreds and thousands of pixels: the law of Lommel and Seeliger, pixel by pixel.
+//! The Moon's disc at sizes of hundreds and thousands of pixels against the Lommel-Seeliger law,
+//! pixel by pixel.
 
 use super::frames::{all_e, expected, moments, moon, observer, only};
 use crate::fixtures::{camera, cropped, towards};
@@ -17,26 +18,28 @@ const QUARTER: &str = "2026-06-21T22:00:00 UTC";
 /// 163 deg of phase: 28 h before new Moon, 2026-06-15 02:54 UTC (USNO).
 const CRESCENT: &str = "2026-06-13T23:00:00 UTC";
 
-/// The middle of the first partial phase of the eclipse of 3 March 2026. X-Val: penumbra 8:44, umbra 9:50, totality 11:04 UTC (NASA).
+/// The middle of the first partial phase of the eclipse of 3 March 2026. X-Val: penumbra 8:44,
+/// umbra 9:50, totality 11:04 UTC (NASA).
 const ECLIPSE: &str = "2026-03-03T10:27:00 UTC";
 
-/// The Moon from a place, GCRF, m.
+/// The Moon seen from a position (GCRF, m).
 fn disc(epoch: &str, position_m: Vector3<f64>) -> MoonDisc {
     MoonDisc::seen_by(&observer(epoch, position_m), &Corrections::default())
 }
 
-/// Exposure time in which no pixel fills, s: labels count what is not full.
+/// Exposure time in which no pixel saturates, s: labels count unsaturated pixels only.
 const SHORT_S: f64 = 1e-3;
 
-/// A camera that has the Moon so many pixels across in the middle of so many, and moves by some; at the Earth's centre, or at a place.
+/// A frame of `pixels` x `pixels` with the Moon `across_px` wide in its middle, moving by
+/// `motion_px`. The observer is at `position`, or at the Earth's centre.
 fn expose_from(
-    place: Option<Vector3<f64>>,
+    position: Option<Vector3<f64>>,
     epoch: &str,
     across_px: f64,
     pixels: usize,
     [motion_px, exposure_s]: [f64; 2],
 ) -> ExposedFrame {
-    let disc = disc(epoch, place.unwrap_or(Vector3::zeros()));
+    let disc = disc(epoch, position.unwrap_or(Vector3::zeros()));
     let mut camera = cropped(camera("rigel-l"), pixels);
     camera.optics.focal_px = across_px / (2.0 * disc.angular_radius);
     camera.exposure_s = exposure_s;
@@ -46,7 +49,7 @@ fn expose_from(
     let mut emulator = Emulator::new(&mut config);
     only(&mut emulator, &["moon", "smear"]);
     let q = towards(&disc.direction);
-    let orbit = place.map(|position| (position.into(), [0.0; 3]));
+    let orbit = position.map(|position| (position.into(), [0.0; 3]));
     let epoch = epoch.parse().unwrap();
     let vehicle = VehicleState::new(0, epoch, q, [0.0, rate, 0.0], orbit).unwrap();
     emulator.expose(&vehicle, 0).unwrap()
@@ -56,7 +59,7 @@ fn expose(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> Exposed
     expose_from(None, epoch, across_px, pixels, [motion_px, SHORT_S])
 }
 
-/// `mu0 / (mu0 + mu)` over its integral, for a place on the disc (radii of it, camera axes).
+/// `mu0 / (mu0 + mu)` over its integral, at a position on the disc (in radii, camera axes).
 fn law(disc: &MoonDisc, to_sun: &Vector3<f64>, [x, y]: [f64; 2]) -> f64 {
     let mu = (1.0 - x * x - y * y).max(0.0).sqrt();
     let mu0 = Vector3::new(x, y, -mu).dot(to_sun);
@@ -66,8 +69,8 @@ fn law(disc: &MoonDisc, to_sun: &Vector3<f64>, [x, y]: [f64; 2]) -> f64 {
     mu0.max(0.0) / (mu0.max(0.0) + mu) / all
 }
 
-/// The greatest difference between pixels and the law, of what it has in the middle; of those that are further than some pixels from limb and
-/// terminator, where it bends.
+/// The maximum difference between pixels and the law, relative to the law in the middle. Pixels
+/// near the limb and the terminator, where the law bends, are left out.
 fn worst(exposed: &ExposedFrame, epoch: &str, across_px: f64) -> (f64, usize) {
     let disc = disc(epoch, Vector3::zeros());
     let q = exposed.label.q_icrf_to_body;
@@ -104,11 +107,12 @@ fn a_large_disc_is_as_smooth_as_its_law() {
     }
 }
 
-/// Made of points below some size and laid as an area above it: the same light, around the same place, and dark beside it.
+/// The Moon is made of points below some size, and rasterized as an area above it. Light and centre
+/// are the same, and the sky next to the disc is dark.
 #[test]
 fn a_large_disc_has_the_light_and_the_centre_of_its_label() {
-    // While it moves, even light is taken as it is in the middle of its time: towards the terminator it bends.
-    // A crescent of 10 px at its widest is coarse for areas.
+    // A moving area takes its light at mid-exposure, which is inexact towards the terminator. A
+    // crescent of 10 px at its widest is coarse for areas.
     for (epoch, motion_px, off_px, tolerance) in [
         (FULL, 0.0, 0.01, 1e-3),
         (FULL, 26.0, 0.1, 1e-3),
@@ -124,20 +128,21 @@ fn a_large_disc_has_the_light_and_the_centre_of_its_label() {
             println!("{what}");
             assert!(light.abs() < tolerance && off < off_px, "{what}");
             assert!((moon.electrons / all_e(&exposed) - 1.0).abs() < 1e-6);
-            // Ten pixels beside the limb, across the motion.
+            // Ten pixels from the limb, across the motion.
             let row = (pixels as f64 / 2.0 - across_px / 2.0 - 10.0) as usize;
             let e = expected(&exposed);
-            let beside = e[row * pixels + centre[0] as usize];
+            let sky = e[row * pixels + centre[0] as usize];
             let brightest = e.iter().copied().fold(0.0, f32::max);
-            assert!(beside < 1e-3 * brightest, "{beside} {brightest}");
+            assert!(sky < 1e-3 * brightest, "{sky} {brightest}");
         }
     }
 }
 
-/// Half behind the Earth, and half in its shadow: what is laid is what the label says arrives, around the same place.
+/// Half occulted, and half in the Earth's shadow: the rasterized light and its centre are the
+/// label's.
 #[test]
-fn the_earth_takes_of_a_large_disc_what_the_label_says() {
-    // 700 km high, so far around the Earth that its limb stands before the middle of the Moon.
+fn occulted_and_eclipsed_discs_match_the_label() {
+    // 700 km high, so far around the Earth that its limb crosses the middle of the Moon.
     let geocentric = disc(FULL, Vector3::zeros()).direction;
     let across = geocentric.cross(&Vector3::z()).normalize();
     let at = |depth: f64| (across * depth.cos() - geocentric * depth.sin()) * 7078e3;
@@ -148,9 +153,9 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
         let middle = 0.5 * (up + down);
         *(if is_up(middle) { &mut up } else { &mut down }) = middle;
     }
-    let place = at(up);
-    for (place, epoch) in [(Some(place), FULL), (None, ECLIPSE)] {
-        let exposed = expose_from(place, epoch, 480.0, 560, [0.0, SHORT_S]);
+    let position = at(up);
+    for (position, epoch) in [(Some(position), FULL), (None, ECLIPSE)] {
+        let exposed = expose_from(position, epoch, 480.0, 560, [0.0, SHORT_S]);
         let (sum, centre) = moments(&exposed);
         let moon = moon(&exposed);
         let part = moon.electrons / all_e(&exposed);
@@ -167,8 +172,8 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
 fn a_moon_that_fills_the_frame_is_in_the_label() {
     for (exposure_s, is_full) in [(SHORT_S, false), (1.0, true)] {
         let exposed = expose_from(None, FULL, 1000.0, 256, [0.0, exposure_s]);
-        let most = (1u32 << exposed.camera.detector.bits) - 1;
-        let full = exposed.frame.dn.iter().all(|dn| u32::from(*dn) == most);
+        let max = (1u32 << exposed.camera.detector.bits) - 1;
+        let full = exposed.frame.dn.iter().all(|dn| u32::from(*dn) == max);
         assert_eq!(full, is_full);
         assert_eq!(moon(&exposed).snr == 0.0, is_full);
     }

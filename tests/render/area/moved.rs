@@ -1,6 +1,6 @@
-//! Area light with detail that moves: each pixel has the mean of its time.
+//! Moving area light with detail: each pixel gets the mean over the exposure.
 
-use super::laid::{LEVEL, lit, scale_e, view};
+use super::rasterized::{LEVEL, lit, scale_e, view};
 use crate::fixtures::{camera, cropped};
 use nalgebra::Vector3;
 use skyloop::scene::{EffectId, EffectSet, Radiance};
@@ -21,7 +21,7 @@ impl Radiance for Layer {
 }
 
 #[test]
-fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
+fn a_moving_thin_layer_gives_the_time_mean() {
     let mut camera = cropped(camera("rigel-l"), 192);
     camera.exposure_s = 0.1;
     let pixel = 1.0 / camera.optics.focal_px;
@@ -38,7 +38,7 @@ fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
         let smeared = EffectSet::default().with(EffectId::Smear);
         let light = lit(&view, layer(), &smeared);
         let (layer, optics) = (layer(), &view.camera.optics);
-        let most = light.most_e;
+        let max = light.most_e;
         const STEPS: usize = 500;
         let turned = (0..STEPS).map(|i| {
             let part = (i as f64 + 0.5) / STEPS as f64 - 0.5;
@@ -54,7 +54,7 @@ fn a_thin_layer_that_moves_far_is_the_mean_of_what_passes() {
             let sum: f64 = turned.iter().map(|sky| layer.toward(&(sky * seen))).sum();
             let taken = optics.projection.solid_angle(&seen) / (optics.focal_px * optics.focal_px);
             let expected = sum / STEPS as f64 * taken * scale_e(&view) / LEVEL;
-            worst = worst.max((f64::from(*e) - expected).abs() / most);
+            worst = worst.max((f64::from(*e) - expected).abs() / max);
         }
         assert!(worst < 0.01, "{moved_px} px, {width_px} px wide: {worst}");
     }

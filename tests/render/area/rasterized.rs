@@ -1,4 +1,4 @@
-//! Radiances that are known in closed form, laid on the pixels of real cameras.
+//! Radiances known in closed form, rasterized on the pixels of real cameras.
 
 use crate::fixtures::camera;
 use nalgebra::Vector3;
@@ -10,10 +10,11 @@ use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::scene::{Area, AreaLight, Edge, EffectId, EffectSet, Full, Radiance, View, lit_by};
 use std::sync::Arc;
 
-/// ph/s/m^2/sr, so that pixels get some thousand electrons.
+/// ph/s/m^2/sr; gives pixels some thousand electrons.
 pub const LEVEL: f64 = 1e13;
 
-/// A disc of even light around a direction, with all of the sky as its extreme; grows by `slope` a radian from its middle.
+/// A disc of uniform light around a direction; the whole sky is its extreme case. Its light grows
+/// by `slope` per radian from its middle.
 #[derive(Debug)]
 struct Disc {
     axis: Vector3<f64>,
@@ -71,7 +72,7 @@ pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &EffectSet
     )
 }
 
-/// Electrons of one pixel at a steradian of the level.
+/// Electrons of one pixel per steradian at [`LEVEL`].
 pub fn scale_e(view: &View) -> f64 {
     let (camera, seconds) = (&view.camera, view.exposure.duration_s);
     let optics = &camera.optics;
@@ -87,13 +88,13 @@ fn boresight(view: &View) -> Vector3<f64> {
     view.pointing(0.0).matrix().transpose() * Vector3::z()
 }
 
-/// What shapes the light of areas.
+/// The effects that shape area light.
 fn shapes() -> EffectSet {
     let all = [EffectId::Distortion, EffectId::Vignetting, EffectId::Smear];
     all.into_iter().fold(EffectSet::default(), EffectSet::with)
 }
 
-/// Of a pinhole a pixel takes `cos^3 / f^2` sr; with `cos^4` the law of the thin lens, that and no more.
+/// A pixel of a pinhole covers `cos^3 / f^2` sr; times `cos^4`, the law of the thin lens.
 #[test]
 fn an_even_sky_gives_each_pixel_its_solid_angle() {
     for (cos4, power) in [(false, 3), (true, 4)] {
@@ -119,7 +120,8 @@ fn an_even_sky_gives_each_pixel_its_solid_angle() {
     }
 }
 
-/// All light of a disc is `2 pi (1 - cos r)` sr of it, its centre in the middle, whatever the projection.
+/// The light of a disc is that of `2 pi (1 - cos r)` sr, its centre in the middle, in any
+/// projection.
 #[test]
 fn a_disc_keeps_its_light_and_its_centre() {
     for (name, radius, at) in [
@@ -155,7 +157,7 @@ fn a_disc_keeps_its_light_and_its_centre() {
             }
         }
         assert_eq!(light.e().len() % width, 0);
-        // Off the boresight, projections move the centre of an area a little.
+        // Off the boresight, projections move the centre of an area slightly.
         let off = (centre[0] - at[0]).hypot(centre[1] - at[1]);
         let allowed = if name == "all-sky" && at[0] > 300.0 {
             0.05 * radius_px
@@ -166,9 +168,9 @@ fn a_disc_keeps_its_light_and_its_centre() {
     }
 }
 
-/// Where light is uneven, the grid follows it.
+/// The grid adapts to uneven light.
 #[test]
-fn uneven_light_is_what_it_is_in_the_middle_of_pixels() {
+fn uneven_light_equals_its_value_at_pixel_centres() {
     let mut camera = camera("cmos-rolling");
     camera.optics.vignetting = Vignetting::Table(vec![[0.0, 1.0], [0.3, 0.5]]);
     let view = view(camera, [0.0; 3]);
@@ -198,7 +200,7 @@ fn uneven_light_is_what_it_is_in_the_middle_of_pixels() {
     assert!(worst < 1e-3, "{worst}");
 }
 
-/// An edge that crosses n pixels leaves a ramp n pixels long: its light is the mean over the exposure.
+/// An edge that crosses n pixels gives a ramp n pixels long: the mean over the exposure.
 #[test]
 fn an_edge_is_smeared_evenly() {
     let mut camera = camera("fai-nir");

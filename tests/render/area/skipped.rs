@@ -1,4 +1,4 @@
-//! What of area light is skipped: what a flood of other light hides, and what is lost in noise.
+//! Skipped area light: hidden by a frame full of other light, or lost in noise.
 
 use super::frames::expected;
 use crate::fixtures::{Frames, cropped, scene};
@@ -19,7 +19,7 @@ fn runs(exposed: &ExposedFrame, name: &str) -> (bool, String) {
 }
 
 #[test]
-fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
+fn effects_hidden_by_a_full_frame_are_skipped() {
     let mut near_sun = Frames::of(scene("near-sun.toml"));
     let exposed = expose(&mut near_sun, 7);
     assert_eq!(exposed.label.flooded_by, Some("sunlight"));
@@ -33,7 +33,7 @@ fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
     let all = expose(&mut near_sun, 7);
     assert!(runs(&all, "stars").0 && all.frame.dn == exposed.frame.dn);
 
-    // What alone fills the frame is never skipped for another that does too.
+    // An effect that fills the frame alone is never skipped because of another one that does too.
     let mut twice = Frames::of(scene("near-sun.toml"));
     twice.emulator.choice.off = vec!["sunlight"];
     let without = expose(&mut twice, 7);
@@ -41,7 +41,8 @@ fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
     assert!(runs(&without, "stars").0 && runs(&without, "zodiacal light").0);
 }
 
-/// A veil of sunlight that no pixel would miss, told from noise by all pixels together and not.
+/// A veil of sunlight below the noise of each pixel, but above and below that of all pixels
+/// together.
 #[test]
 fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     let veil = |pst: f64| {
@@ -65,21 +66,23 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     };
     let ((run, _), e) = veil(1e-6);
     assert!(run && e > 0.1, "{e}");
-    // The least e- of a pixel for a signal-to-noise ratio over all: e sqrt(pixels / (e + read^2 + gain^2 / 12)).
+    // The electrons of a pixel for a signal-to-noise ratio over all: e sqrt(pixels / (e + read^2 +
+    // gain^2 / 12)).
     let of_snr = |snr: f64| snr * (100.0 + 1.0 / 12.0f64).sqrt() / 64.0;
     let at = |wanted: f64| veil(1e-6 * wanted / e);
-    let ((run, why), told) = at(of_snr(0.2));
+    let ((run, why), e_px) = at(of_snr(0.2));
     assert!(run, "{why}");
-    let is_met = (told / of_snr(0.2) - 1.0).abs() < 1e-3;
-    assert!(is_met && told < 0.05, "{told}");
+    let is_met = (e_px / of_snr(0.2) - 1.0).abs() < 1e-3;
+    assert!(is_met && e_px < 0.05, "{e_px}");
     let ((run, why), lost) = at(of_snr(0.02));
     assert!(!run && why.contains("within the tolerance"), "{why}");
     assert_eq!(lost, 0.0);
 }
 
-/// Where area light fills all pixels it is not computed how full they would be, and what a pixel holds is as if it were.
+/// Where area light saturates all pixels, the excess is not computed, and the pixel values are
+/// unchanged.
 #[test]
-fn what_full_pixels_lose_is_not_worked_out() {
+fn area_light_beyond_saturation_is_not_computed() {
     let held = |full_well_e: f64, fidelity: Fidelity| {
         let mut config = scene("limb-by-day.toml");
         config.camera = scene("deep-sky.toml").camera;
@@ -107,7 +110,7 @@ fn what_full_pixels_lose_is_not_worked_out() {
     let some = full.iter().filter(|e| **e >= 2e4).count();
     assert!(some > full.len() / 4 && some < full.len(), "{some}");
     for (i, (full, exact)) in full.iter().zip(&exact).enumerate() {
-        // Four kinds of light and its kinks, each off by no more than its bound (`fidelity`).
+        // Four kinds of light and its kinks, each within its bound (`fidelity`).
         let bound = 4.0 * 8.0 * (tolerances.area_e + tolerances.area_part * f64::from(*exact));
         let off = f64::from(full - exact).abs();
         assert!(off <= bound, "pixel {i}: {full} and not {exact} e-");

@@ -1,4 +1,5 @@
-//! Cameras, attitudes and rates by chance: small frames that have a little of everything, most of it at odd figures.
+//! Random cameras, attitudes and rates: small frames with a little of everything, mostly at unusual
+//! values.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -12,7 +13,7 @@ use skyloop::fidelity::Choice;
 use skyloop::load::Folder;
 use skyloop::rng::{NoiseKey, PixelStream};
 
-/// Where the observer is (km, km/s), and where objects near it are to be found from there (km).
+/// Position and velocity of the observer (km, km/s), and of objects near it relative to it.
 pub const ORBIT: ([f64; 3], [f64; 3]) = ([2500.0, 6500.0, 100.0], [-7.0, 2.7, 0.3]);
 pub const OBJECTS: [([f64; 3], [f64; 3]); 3] = [
     ([-3.0, 4.0, 2.0], [0.02, 0.1, -0.05]),
@@ -29,18 +30,18 @@ const BRIGHT: [[f64; 2]; 6] = [
     [310.36, 45.28],
 ];
 
-/// One frame by chance.
+/// One random frame.
 pub struct Case {
     pub camera: Camera,
     pub vehicle: VehicleState,
     pub choice: Choice,
-    /// Whether the field is wide, and holds many stars.
+    /// Whether the field is wide and contains many stars.
     pub wide: bool,
-    /// The camera's file, for whom a case fails.
+    /// The camera's file, printed when a case fails.
     pub text: String,
 }
 
-/// Chance, the same for the same seed.
+/// Random numbers, the same for the same seed.
 pub struct Chance(PixelStream);
 
 impl Chance {
@@ -57,7 +58,7 @@ impl Chance {
         low + (high - low) * self.0.uniform()
     }
 
-    /// Evenly in the logarithm.
+    /// Uniform in the logarithm.
     fn of_any_size(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
@@ -66,7 +67,7 @@ impl Chance {
         self.0.uniform() * n < 1.0
     }
 
-    /// Once in so many times 0, else of any size.
+    /// Once in `n` times 0, else log-uniform.
     fn or_none(&mut self, n: f64, low: f64, high: f64) -> f64 {
         if self.once_in(n) {
             0.0
@@ -84,7 +85,7 @@ impl Chance {
     }
 }
 
-/// The frame of a seed; none where no camera can be like that.
+/// The frame of a seed; none where such a camera is invalid.
 pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
     let mut chance = Chance::new(seed);
     let c = &mut chance;
@@ -124,9 +125,9 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
         ),
     };
     let listed = |c: &mut Chance| {
-        let mut place = |side| c.between(0.0, f64::from(side)) as u32;
+        let mut coordinate = |side| c.between(0.0, f64::from(side)) as u32;
         let mut pixels = [[width, height]; 6]
-            .map(|sides| sides.map(&mut place))
+            .map(|sides| sides.map(&mut coordinate))
             .to_vec();
         pixels.truncate(if c.once_in(2.0) { 6 } else { 0 });
         format!("{pixels:?}")
@@ -176,7 +177,7 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
     let camera = Camera::load("chance.toml", &Folder::Disk(folder.to_path_buf())).ok()?;
 
     let vehicle = vehicle(c, epoch, seed as u32, &camera, field_deg)?;
-    // Other effects are there or not, and one that has gone has its share in what the others do.
+    // Other effects are on or off. One that is off changes the contributions of the others.
     let mut choice = Choice {
         all: true,
         ..Choice::default()
@@ -196,7 +197,7 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
 }
 
 fn projection(c: &mut Chance, fisheye: bool, field_deg: f64) -> String {
-    // What of the field's edge it moves.
+    // Relative displacement at the field's edge.
     let half = (field_deg / 2.0).to_radians();
     let strength = c.of_any_size(1e-5, 0.2) * if c.once_in(2.0) { -1.0 } else { 1.0 };
     if fisheye {
@@ -237,7 +238,7 @@ fn psf(c: &mut Chance, folder: &Path) -> String {
     }
 }
 
-/// Blobs side by side, as coma or a ghost gives them.
+/// Blobs side by side, as of coma or a ghost.
 fn image(c: &mut Chance, folder: &Path) -> String {
     const SIDE: usize = 24;
     let blobs: Vec<[f64; 4]> = (0..3)
@@ -284,7 +285,7 @@ fn vehicle(
     };
     let aside = c.direction() * (c.between(0.0, 0.7) * field_deg.to_radians());
     let q = look_at(towards + aside, c.between(0.0, TAU));
-    // Images move by so many pixels in the exposure and the readout.
+    // Image motion during the exposure and the readout, px.
     let open_s = camera.exposure_s + camera.readout_s();
     let rate = c.or_none(5.0, 1e-4, 60.0) / camera.optics.focal_px / open_s;
     let mut axis = c.direction();

@@ -1,4 +1,5 @@
-//! A star that no pixel sees, for the lens's distortion moves it off the detector: without distortion all its light is there.
+//! A star that the lens's distortion moves off the detector. Without distortion all its light is on
+//! it.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use skyloop::sky::catalog::Selection;
 use super::{emulator, epoch, verdicts};
 use crate::fixtures::{self, cropped, unit};
 
-/// X-Val: Sirius, J2000, Hipparcos (ESA 1997): right ascension 101.287 deg, declination -16.716 deg.
+/// X-Val: Sirius, J2000, Hipparcos (ESA 1997): RA 101.287 deg, declination -16.716 deg.
 const SIRIUS_DEG: [f64; 2] = [101.287, -16.716];
 
 fn camera() -> Camera {
@@ -24,7 +25,7 @@ fn camera() -> Camera {
 
     optics.vignetting = Vignetting::None;
     optics.psf = Psf::new(Shape::Gaussian(0.7), Variation::default());
-    // A fifth more at the edge, 46 px from the middle at 2200 px: Sirius stands 9 px further out.
+    // A fifth more at the edge, 46 px from the middle at 2200 px: Sirius moves 9 px outwards.
     optics.projection = Projection::new(Model::BrownConrady {
         k: [450.0, 0.0, 0.0],
         p: [0.0, 0.0],
@@ -32,7 +33,7 @@ fn camera() -> Camera {
     camera
 }
 
-/// The attitude that has Sirius at `at` (px) of an ideal lens.
+/// The attitude that images Sirius at `at` (px) through an ideal lens.
 pub fn towards_sirius(camera: &Camera, at: [f64; 2]) -> [f64; 4] {
     let [ra, dec] = SIRIUS_DEG.map(f64::to_radians);
     let star = unit(ra, dec);
@@ -45,7 +46,7 @@ pub fn towards_sirius(camera: &Camera, at: [f64; 2]) -> [f64; 4] {
 }
 
 #[test]
-fn a_star_that_distortion_keeps_out_is_in_its_bound() {
+fn a_star_moved_out_by_distortion_is_within_the_bound() {
     let camera = Arc::new(camera());
     let attitude = towards_sirius(&camera, [92.0, 47.5]);
     let vehicle = VehicleState::new(7, epoch(), attitude, [0.0; 3], None).unwrap();
@@ -62,7 +63,7 @@ fn a_star_that_distortion_keeps_out_is_in_its_bound() {
     let (effect, verdict) = verdicts(&bench, &choice).swap_remove(0);
     let measured = bench.error_e(effect, &choice).unwrap();
     assert_eq!(effect.name, "distortion");
-    // All that the frame has is faint beside it, which fills a pixel.
+    // All other light of the frame is faint compared with the star, which saturates a pixel.
     assert!(measured > 10.0 * brightest, "{measured} {brightest}");
     let declared = verdict.error_e.unwrap();
     let bounds = measured..=10.0 * measured;

@@ -1,5 +1,5 @@
-//! Declared errors are bounds for cameras, attitudes and rates by chance too: what leaving an effect out changes in a small frame is never
-//! more than what was declared, and seldom less than a tenth of it.
+//! Declared errors are bounds for random cameras, attitudes and rates. Leaving an effect out of a
+//! small frame never changes it by more than was declared, and seldom by less than a tenth of it.
 
 mod chance;
 mod entering;
@@ -23,7 +23,8 @@ use skyloop::sky::catalog::Selection;
 
 use chance::{Case, OBJECTS, ORBIT, case};
 
-/// What sums of f32 may round by, of the brightest pixel; and of digits and sums that are nearly nothing, e-.
+/// Rounding error of f32 sums: relative to the brightest pixel, and absolute for DN and sums that
+/// are nearly zero, e-.
 const ROUNDING: f64 = 1e-6;
 
 fn epoch() -> Epoch {
@@ -35,9 +36,9 @@ fn emulator(stars: Selection) -> Emulator {
     config.sky.selection = stars;
     config.camera = crate::fixtures::camera("cmos-rolling");
     let [position, velocity] = [ORBIT.0, ORBIT.1].map(Vector3::from);
-    for (i, (place, motion)) in OBJECTS.iter().enumerate() {
-        let [place, motion] = [place, motion].map(|v| Vector3::from(*v));
-        let state = crate::oem::falling(position + place, velocity + motion);
+    for (i, (offset, motion)) in OBJECTS.iter().enumerate() {
+        let [offset, motion] = [offset, motion].map(|v| Vector3::from(*v));
+        let state = crate::oem::falling(position + offset, velocity + motion);
         let object = crate::oem::oem(&format!("OBJECT {i}"), epoch(), state);
         config.objects.extend(object);
     }
@@ -72,7 +73,7 @@ fn without(choice: &Choice, effect: &Effect) -> Choice {
     choice
 }
 
-/// Charge and digits of a frame without noise, and the charge before wells fill, e-.
+/// Charge and DN of a frame without noise, and the charge before saturation, e-.
 fn frame(bench: &Bench<'_>, choice: &Choice) -> [Vec<f64>; 3] {
     let quiet = Choice {
         noise: false,
@@ -88,7 +89,7 @@ fn frame(bench: &Bench<'_>, choice: &Choice) -> [Vec<f64>; 3] {
     [charge, dn.collect(), expected]
 }
 
-fn most(e: &[f64]) -> f64 {
+fn maximum(e: &[f64]) -> f64 {
     e.iter().copied().fold(0.0, f64::max)
 }
 
@@ -97,12 +98,12 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
     apart.fold(0.0, f64::max)
 }
 
-/// Errors of no more than this are of no interest, e-.
+/// Errors below this are ignored, e-.
 const LARGE_E: f64 = 1e-3;
-/// So many of the others (1) are declared as more than ten times of what is measured, at most.
+/// At most this part of the larger errors is declared as more than ten times of the measured one.
 const MAX_FAR: f64 = 0.02;
 
-/// How many were more than that, and how many of them were declared as no more than ten times of it.
+/// Number of larger errors, and of those declared within ten times of the measured one.
 #[derive(Default)]
 struct Nearness {
     large: u32,
@@ -124,26 +125,26 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
             } else {
                 let kind = usize::from(effect.stage == Stage::Dn);
                 let off = frame(bench, &without(&case.choice, effect));
-                let brightest = most(&with[2]).max(most(&off[2]));
+                let brightest = maximum(&with[2]).max(maximum(&off[2]));
                 (difference(&with[kind], &off[kind]), brightest)
             };
             let declared = verdict.error_e.unwrap();
             let name = effect.name;
-            let told = format!("seed {seed}, {name}: measured {measured} e-, declared {declared}");
+            let line = format!("seed {seed}, {name}: measured {measured} e-, declared {declared}");
             if measured > declared + ROUNDING * (1.0 + brightest) {
-                wrong += &format!("{told}\n{}\n", case.text);
+                wrong += &format!("{line}\n{}\n", case.text);
             }
             if measured > LARGE_E {
                 let nearness = nearness.entry(name).or_default();
                 nearness.large += 1;
                 nearness.near += u32::from(declared <= 10.0 * measured);
                 if declared > 10.0 * measured {
-                    println!("{told}");
+                    println!("{line}");
                 }
             }
         }
 
-        // What is left out where nothing calls for it.
+        // Effects left out by the planner.
         let tolerant = Choice {
             all: false,
             noise: false,
@@ -153,7 +154,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
         let skipped = skipped.filter(|(effect, verdict)| !verdict.run && !effect.random);
         let declared: f64 = skipped.map(|(_, verdict)| verdict.error_e.unwrap()).sum();
         let apart = difference(&with[0], &frame(bench, &tolerant)[0]);
-        if apart > declared + ROUNDING * (1.0 + most(&with[2])) {
+        if apart > declared + ROUNDING * (1.0 + maximum(&with[2])) {
             let text = &case.text;
             wrong += &format!("seed {seed}: {apart} e- skipped, {declared} declared\n{text}\n");
         }
@@ -184,7 +185,7 @@ fn declared_errors_are_bounds_for_more_cameras_by_chance() {
     declared_errors_are_bounds(seeds("MORE_BOUNDS", 1000..1045));
 }
 
-/// `from..past` of the environment, for a longer hunt.
+/// `from..past` of the environment, for a longer search.
 fn seeds(name: &str, usual: Range<u64>) -> Range<u64> {
     let given = std::env::var(name).ok();
     let given = given.as_deref().and_then(|text| text.split_once(".."));
@@ -192,7 +193,7 @@ fn seeds(name: &str, usual: Range<u64>) -> Range<u64> {
     given.unwrap_or(usual)
 }
 
-/// Also where charge spills, and takes its noise to other pixels.
+/// Includes blooming, which moves charge and its noise to other pixels.
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
 fn long_the_noise_of_small_frames_is_no_more_than_declared() {

@@ -1,4 +1,4 @@
-//! Effects that are skipped: of wide images, too large to be made once more, the bound alone is declared.
+//! Skipped effects: images too wide to be rendered twice declare the bound alone.
 
 use std::sync::Arc;
 
@@ -14,12 +14,12 @@ use super::entering::towards_sirius;
 use super::{ORBIT, epoch, verdicts};
 use crate::plain_camera;
 
-/// Images may be off by so much before anything is called for, px.
+/// Image displacement below which an effect is skipped, px.
 const SKIP_PX: f64 = 0.2;
-/// No bound is this many times what is measured.
+/// No bound exceeds this many times the measured error.
 const NEAR: f64 = 3.0;
 
-/// 40,000 px to the radian, and images 30 px wide; with these keys.
+/// 40,000 px per radian, and images 30 px wide; with these keys.
 fn camera(keys: &str) -> Camera {
     plain_camera::camera(&format!(
         "optics.focal_length_mm = 400.0; optics.transmission = 1e-3; optics.band = \"silicon\"; \
@@ -30,23 +30,23 @@ fn camera(keys: &str) -> Camera {
     ))
 }
 
-/// What is left out of a frame, and what it may change: `[skip_e, skip_px]`.
+/// A skipped effect and the tolerances: `[skip_e, skip_px]`.
 struct Case {
     effect: &'static str,
     camera: Camera,
     tolerance: [Option<f64>; 2],
-    /// Where Sirius is, px.
+    /// Position of Sirius, px.
     sirius_px: [f64; 2],
     /// Turning about +Y, rad/s.
     rate: f64,
     in_orbit: bool,
     choice: Choice,
-    /// At least so much must be measured, e-.
+    /// Minimum measured error, e-.
     least_e: f64,
 }
 
-/// The effect is skipped, and its bound is more than what is measured without any tolerance (where
-/// the shortest tracks are drawn), but not much more.
+/// The effect is skipped. Its bound exceeds the error measured without any tolerance (where the
+/// shortest tracks are drawn), but not by much.
 fn bound_is_near(case: &Case) {
     let emulator = |[skip_e, skip_px]: [Option<f64>; 2]| {
         let mut config = Config::defaults().unwrap();
@@ -85,7 +85,7 @@ fn bound_is_near(case: &Case) {
     assert!((measured..NEAR * measured).contains(&declared), "{what}");
 }
 
-/// A frame of Sirius, near the last rows; of it a pixel gets some 9,000 e-, which f32 round by a
+/// A frame of Sirius, near the last rows. A pixel gets some 9,000 e-, which f32 rounds by a
 /// thousandth.
 fn of_a_star(effect: &'static str, timing: &str, px_s: f64, in_orbit: bool) -> Case {
     let camera = camera(timing);
@@ -110,22 +110,22 @@ fn the_bounds_of_images_that_move_are_near() {
     // exposed up to 25 s early and late.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 526_000.0";
     bound_is_near(&of_a_star("aberration drift", rolling, 0.0, true));
-    // Rows together: only the spread along the way is left, and its bend.
+    // All rows together: only the spread along the path remains, and its bend.
     bound_is_near(&of_a_star("aberration drift", "", 0.0, true));
-    // Streaks of 2 px; the last row is exposed 2.5 s late, for which they move by 0.05 px.
+    // Streaks of 2 px; the last row is exposed 2.5 s late, in which they move by 0.05 px.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 52_600.0";
     bound_is_near(&of_a_star("rolling shutter", rolling, 0.02, false));
 }
 
-/// Frames in which no star shines, of a fisheye with this `k1`; pixels get 5 e-.
+/// Frames without stars, through a fisheye with this `k1`; pixels get 5 e-.
 #[test]
 fn the_bounds_of_area_light_have_the_solid_angle_of_pixels() {
     for (effect, vignetting, k1) in [
-        // Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less
-        // of the sky there and 15 % less in the corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for
-        // `cos^4`, which stands for it and is 1 to 3e-6.
+        // Images are 2 % further out at the sides, 1.2e-3 rad from the axis. Pixels cover 8 % less
+        // of the sky there and 15 % less in the corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`. `cos^4`
+        // is skipped in its place and is 1 to 3e-6.
         ("vignetting", Vignetting::Cos4, 14_000.0),
-        // Images are 0.4 px further out in the corners: pixels take 2.5 % less of the sky there.
+        // Images are 0.4 px further out in the corners: pixels cover 2.5 % less of the sky there.
         ("distortion", Vignetting::None, 2_200.0),
     ] {
         let mut camera = camera("optics.transmission = 1.0");

@@ -1,4 +1,4 @@
-//! The key `fidelity` of a configuration: a preset, or single knobs of it.
+//! The key `fidelity` of a configuration: a preset, or single tolerances.
 
 use crate::table::check_refusals;
 use skyloop::config::{Config, OnOverrun, Run};
@@ -14,7 +14,7 @@ fn read(text: &str) -> Result<Fidelity, String> {
 }
 
 #[test]
-fn presets_and_single_knobs_are_read() {
+fn presets_and_single_tolerances_are_read() {
     assert_eq!(read("").unwrap(), Fidelity::REALTIME);
     for (name, fidelity) in PRESETS {
         for key in ["fidelity", "fidelity.preset"] {
@@ -32,7 +32,7 @@ fn presets_and_single_knobs_are_read() {
 }
 
 #[test]
-fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
+fn every_tolerance_accepts_only_its_range() {
     for tolerance in TOLERANCES {
         for (name, fidelity) in PRESETS {
             let value = (tolerance.get)(fidelity);
@@ -43,16 +43,16 @@ fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
             let read = read(&text).unwrap_or_else(|error| panic!("{name}, {text}: {error}"));
             assert_eq!((tolerance.get)(&read), value, "{text}");
         }
-        let Allowed::Numbers([least, most]) = tolerance.allowed else {
+        let Allowed::Numbers([min, max]) = tolerance.allowed else {
             continue;
         };
-        assert!(least < most, "{}", tolerance.name);
-        for beyond in [most * 1.01, -1.0, f64::NAN] {
+        assert!(min < max, "{}", tolerance.name);
+        for beyond in [max * 1.01, -1.0, f64::NAN] {
             let (name, value) = (tolerance.name, format!("{beyond:?}").to_lowercase());
             let error = read(&format!("[fidelity]\n{name} = {value}")).unwrap_err();
             let key = format!("run.toml:2:{}: fidelity.{name} = ", name.len() + 4);
-            let is_told = error.starts_with(&key) && error.contains(&format!(" to {most}"));
-            assert!(is_told, "{error}");
+            let is_range_given = error.starts_with(&key) && error.contains(&format!(" to {max}"));
+            assert!(is_range_given, "{error}");
         }
     }
 }
@@ -75,7 +75,7 @@ fidelity = 3 | run.toml:1:12: fidelity: must be one of "fast", "realtime", "refe
 "#;
 
 #[test]
-fn what_cannot_be_meant_is_refused() {
+fn invalid_values_are_refused() {
     check_refusals(REFUSED, |text| {
         let error = read(text).unwrap_err();
         assert_eq!(error.lines().count(), 1, "{error}");
@@ -83,7 +83,7 @@ fn what_cannot_be_meant_is_refused() {
     });
 }
 
-/// What the steps of `run.coarsen` come to, one after another.
+/// The fidelities after each step of `run.coarsen`.
 fn coarsened(run: &Run, fidelity: Fidelity) -> Vec<Fidelity> {
     let steps = run.coarsen.iter().scan(fidelity, |before, step| {
         *before = step.than(before);
@@ -93,7 +93,7 @@ fn coarsened(run: &Run, fidelity: Fidelity) -> Vec<Fidelity> {
 }
 
 #[test]
-fn what_is_done_about_late_frames_is_read_in_its_order() {
+fn steps_for_late_frames_keep_their_order() {
     let usual = parse("").unwrap().run;
     assert_eq!(usual.on_overrun, OnOverrun::Late);
     assert_eq!(coarsened(&usual, Fidelity::REALTIME), [Fidelity::FAST]);
@@ -122,7 +122,7 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
 }
 
 #[test]
-fn labels_say_what_differs_from_the_nearest_preset() {
+fn labels_list_differences_from_the_nearest_preset() {
     for (name, fidelity) in PRESETS {
         assert_eq!(fidelity.nearest_preset(), (*name, Vec::new()));
     }

@@ -1,4 +1,4 @@
-//! How each knob's error is measured, in the unit that its bound is stated in.
+//! Measurement of each tolerance's error, in the unit of its stated bound.
 
 use super::Lights;
 use skyloop::effect::{Assess, Decision, Stage};
@@ -8,37 +8,37 @@ use skyloop::plan::{Plan, Step};
 use skyloop::scene::{EffectId, Scene, Source};
 use std::collections::{HashMap, HashSet};
 
-/// One knob's measurement.
+/// The measurement of one tolerance.
 pub struct Case {
     pub tolerance: &'static str,
-    /// Those that must be moved with it to have an effect.
+    /// Tolerances that must change with it to have an effect.
     pub also: &'static [&'static str],
     pub lights: Lights,
     pub measure: Measure,
 }
 
 pub enum Measure {
-    /// By the scene of the reference and that with the knob moved.
+    /// By the scenes of the reference and of the changed tolerance.
     Scenes(fn(&Scene, &Scene, &Fidelity) -> f64),
-    /// By what is skipped with the knob moved.
+    /// By the effects skipped with the changed tolerance.
     Skipped(fn(&Bench<'_>) -> f64),
 }
 
 const fn case(
-    knob: &'static str,
+    tolerance: &'static str,
     also: &'static [&'static str],
     lights: Lights,
     measure: Measure,
 ) -> Case {
     Case {
-        tolerance: knob,
+        tolerance,
         also,
         lights,
         measure,
     }
 }
 
-/// Of images, by the scene of the reference and that with the knob moved.
+/// Errors of images, by the scenes of the reference and of the changed tolerance.
 const fn points(tolerance: &'static str, measure: fn(&Scene, &Scene, &Fidelity) -> f64) -> Case {
     case(tolerance, &[], Lights::Points, Measure::Scenes(measure))
 }
@@ -99,7 +99,7 @@ fn pixels(source: &Source, rows: usize) -> Pixels {
     pixels
 }
 
-/// Images that both scenes have.
+/// Images in both scenes.
 fn both<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s Source; 2]> {
     let of = |source: &'s Source| (source.body.identity(), source);
     let coarse: HashMap<_, _> = coarse.sources.iter().map(of).collect();
@@ -107,7 +107,7 @@ fn both<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s So
     found.filter_map(move |source| Some([source, *coarse.get(&source.body.identity())?]))
 }
 
-/// Images that both scenes have, whole on the detector.
+/// Images in both scenes, whole on the detector.
 fn whole<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s Source; 2]> {
     let sides = truth.view.camera.detector.sides();
     both(truth, coarse).filter(move |[source, _]| {
@@ -122,7 +122,7 @@ fn whole<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s S
     })
 }
 
-/// The greatest share of an image that is lost, times `scale` of the image.
+/// The maximum lost share of an image, times `scale` of the image.
 fn lost(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source) -> f64) -> f64 {
     let share = |source: &Source| -> f64 {
         let shares = source.footprint.shares().iter();
@@ -133,10 +133,11 @@ fn lost(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source) -> f64) -> f64 {
     lost.fold(0.0, f64::max)
 }
 
-/// What sums of f32 of as many panels as a long streak has may be off by, of all its light.
+/// Rounding error of f32 sums of as many panels as a long streak has, relative to all its light.
 const ROUNDING: f64 = 1e-7;
 
-/// The greatest difference of an image's share on a pixel, times `scale` of the image and of its greatest share.
+/// The maximum difference of an image's share on a pixel, times `scale` of the image and of its
+/// maximum share.
 fn off(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source, f64) -> f64) -> f64 {
     let rows = truth.view.camera.detector.height;
     let differences = whole(truth, coarse).map(|[source, other]| {
@@ -145,15 +146,15 @@ fn off(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source, f64) -> f64) -> f6
         }
         let (a, b) = (pixels(source, rows), pixels(other, rows));
         let share = |of: &Pixels, at| of.get(at).copied().unwrap_or(0.0);
-        let places = a.keys().chain(b.keys());
-        let most = places.map(|at| (share(&a, at) - share(&b, at)).abs());
+        let positions = a.keys().chain(b.keys());
+        let max = positions.map(|at| (share(&a, at) - share(&b, at)).abs());
         let highest = a.values().copied().fold(f64::MIN_POSITIVE, f64::max);
-        (most.fold(0.0, f64::max) - ROUNDING).max(0.0) * scale(source, highest)
+        (max.fold(0.0, f64::max) - ROUNDING).max(0.0) * scale(source, highest)
     });
     differences.fold(0.0, f64::max)
 }
 
-/// The greatest move of an image, px.
+/// The maximum displacement of an image, px.
 fn moved(truth: &Scene, coarse: &Scene) -> f64 {
     let moves = both(truth, coarse).map(|[a, b]| {
         let ends = [(a.start, b.start), (a.centroid, b.centroid), (a.end, b.end)];
@@ -163,32 +164,33 @@ fn moved(truth: &Scene, coarse: &Scene) -> f64 {
     moves.fold(0.0, f64::max)
 }
 
-/// How many times what both tolerances allow together a pixel of an area's light is off by at most: of those where the part decides, or the others.
+/// The maximum error of a pixel's area light, in units of the sum of both tolerances. `of_parts`
+/// selects the pixels where the relative tolerance dominates, else the others.
 fn area(truth: &Scene, coarse: &Scene, by: &Fidelity, of_parts: bool) -> f64 {
-    let mut most = 0.0f64;
+    let mut max = 0.0f64;
     for (truth, coarse) in truth.areas.iter().zip(&coarse.areas) {
         for (e, other) in truth.e().iter().zip(coarse.e()) {
             let (e, other) = (f64::from(*e), f64::from(*other));
             let part_e = by.area_part * e;
             if (part_e > by.area_e) == of_parts {
-                most = most.max((e - other).abs() / (by.area_e + part_e));
+                max = max.max((e - other).abs() / (by.area_e + part_e));
             }
         }
     }
-    most
+    max
 }
 
-/// Of pixels where the least electrons decide, e-.
+/// Of pixels where the absolute tolerance dominates, e-.
 fn area_e(truth: &Scene, coarse: &Scene, by: &Fidelity) -> f64 {
     by.area_e * area(truth, coarse, by, false)
 }
 
-/// Of pixels where the part decides.
+/// Of pixels where the relative tolerance dominates.
 fn area_part(truth: &Scene, coarse: &Scene, by: &Fidelity) -> f64 {
     by.area_part * area(truth, coarse, by, true)
 }
 
-/// The greatest signal-to-noise ratio of an image that `coarse` does not have.
+/// The maximum signal-to-noise ratio of an image that `coarse` lacks.
 fn missing_snr(truth: &Scene, coarse: &Scene) -> f64 {
     let found = coarse.sources.iter().map(|source| source.body.identity());
     let found: HashSet<_> = found.collect();
@@ -197,7 +199,7 @@ fn missing_snr(truth: &Scene, coarse: &Scene) -> f64 {
     missing.map(|source| source.clear_snr).fold(0.0, f64::max)
 }
 
-/// The same of objects, and of all light of an area that is skipped.
+/// The same for objects, and for all light of a skipped area.
 fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
     let skipped = |scene: &Scene, fidelity: &Fidelity| -> Vec<EffectId> {
         let plan = Plan::new(scene, fidelity, &Choice::default());
@@ -223,7 +225,7 @@ fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
     snr.fold(missing_snr(truth, coarse), f64::max)
 }
 
-/// The effects that are skipped though they would do something, with the frame's own choice.
+/// The effects that are skipped with the frame's own choice although they would change it.
 fn skipped(bench: &Bench<'_>) -> Vec<&'static skyloop::effect::Effect> {
     let emulator = bench.emulator;
     let choice = Choice::default();
@@ -245,16 +247,17 @@ const ALL: Choice = Choice {
     all: true,
 };
 
-/// The greatest change of a pixel's expectation by an effect that is skipped.
+/// The maximum change of a pixel's expectation by a skipped effect.
 fn skipped_e(bench: &Bench<'_>) -> f64 {
     let effects = skipped(bench).into_iter();
-    // What is random is an rms of many frames (tests/render/plan.rs); what shapes images is judged by pixels.
+    // Random effects are the rms of many frames (tests/render/plan.rs). Effects on images are
+    // measured in pixels.
     let effects = effects.filter(|effect| !effect.random && effect.stage != Stage::Images);
     let errors = effects.map(|effect| bench.error_e(effect, &ALL).unwrap());
     errors.fold(0.0, f64::max)
 }
 
-/// How far an effect that is skipped would move an image at most.
+/// The maximum image displacement by a skipped effect.
 fn skipped_px(bench: &Bench<'_>) -> f64 {
     let effects = skipped(bench).into_iter();
     let images = effects.filter(|effect| {

@@ -1,8 +1,9 @@
-//! What the knobs of `Fidelity` promise, on every scene of `configs/scenes/` and some beside them: each stated bound holds against `reference`,
-//! and is at most ten times what is measured somewhere.
+//! The promises of the tolerances of `Fidelity`, on every scene of `configs/scenes/` and some
+//! additional ones. Each stated bound holds against `reference`, and somewhere is at most ten times
+//! the measured error.
 
-mod beside;
 mod configured;
+mod extra_scenes;
 mod measured;
 
 use crate::fixtures::Frames;
@@ -16,7 +17,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::sync::Mutex;
 
-/// Which lights a case is about.
+/// Light sources of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Lights {
     Points,
@@ -25,7 +26,7 @@ enum Lights {
 }
 
 impl Lights {
-    /// All effects but the lights of the other kind.
+    /// All effects except the lights of the other kind.
     fn choice(self) -> Choice {
         use EffectId::{Moon, Planets, Rsos, Stars};
         let is_among = |light: EffectId| {
@@ -47,7 +48,7 @@ impl Lights {
     }
 }
 
-/// `base` with the case's knobs where `preset` has them.
+/// `base` with the case's tolerances set as in `preset`.
 fn moved(base: Fidelity, case: &Case, preset: &Fidelity) -> Fidelity {
     let mut fidelity = base;
     for name in case.also.iter().chain([&case.tolerance]) {
@@ -57,7 +58,7 @@ fn moved(base: Fidelity, case: &Case, preset: &Fidelity) -> Fidelity {
     fidelity
 }
 
-/// What a value of a knob stands for.
+/// The stated bound of a tolerance's value.
 fn bound(tolerance: &Tolerance, preset: &Fidelity) -> f64 {
     match (tolerance.get)(preset) {
         Value::Number(value) => (tolerance.bound)(value),
@@ -65,7 +66,7 @@ fn bound(tolerance: &Tolerance, preset: &Fidelity) -> f64 {
     }
 }
 
-/// The greatest errors by knob and preset, each with its scene.
+/// The maximum errors by tolerance and preset, each with its scene.
 #[derive(Default)]
 struct Worst(BTreeMap<(&'static str, &'static str), (f64, String)>);
 
@@ -106,7 +107,7 @@ impl Worst {
                             measure(truth, &scene(moved), &moved)
                         }
                         Measure::Skipped(measure) => {
-                            // What is left out is the same however finely the rest is drawn.
+                            // The skipped part is the same for any accuracy of the rest.
                             emulator.set_fidelity(moved(Fidelity::REALTIME, case, values));
                             measure(&Bench {
                                 emulator: &emulator,
@@ -129,9 +130,9 @@ fn long_bounds_hold_and_are_near_the_truth() {
     let mut waiting: Vec<(String, Config)> = shipped
         .map(|path| (path.display().to_string(), Config::load(&path).unwrap()))
         .collect();
-    waiting.extend(beside::scenes());
+    waiting.extend(extra_scenes::scenes());
     let (waiting, worst) = (Mutex::new(waiting), Mutex::new(Worst::default()));
-    // Scenes have too little in them for all threads.
+    // One scene is too small for all threads.
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..workers {
@@ -145,7 +146,7 @@ fn long_bounds_hold_and_are_near_the_truth() {
         }
     });
     let worst = worst.into_inner().unwrap();
-    let (mut wrong, mut told) = (String::new(), String::new());
+    let (mut wrong, mut report) = (String::new(), String::new());
     for ((name, preset), (error, scene)) in &worst.0 {
         let values = Fidelity::preset(preset).unwrap();
         let tolerance = Tolerance::named(name).unwrap();
@@ -154,17 +155,17 @@ fn long_bounds_hold_and_are_near_the_truth() {
         if *error > bound || bound > 10.0 * error {
             wrong.push_str(&line);
         }
-        write!(told, "{line}").unwrap();
+        write!(report, "{line}").unwrap();
     }
-    println!("{told}");
+    println!("{report}");
     assert!(wrong.is_empty(), "{wrong}");
 }
 
-/// What is no error of a scene: measured in tests/physics/draws.
+/// Tolerances without an error per scene, measured in tests/physics/draws.
 const ELSEWHERE: &[&str] = &["poisson_tv"];
 
 #[test]
-fn every_knob_is_measured() {
+fn every_tolerance_is_measured() {
     let tolerances = TOLERANCES
         .iter()
         .filter(|tolerance| !ELSEWHERE.contains(&tolerance.name));

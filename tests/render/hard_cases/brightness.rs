@@ -1,5 +1,5 @@
-//! Light at its ends: phase angles of 0 and pi, magnitudes from -30 to +40, point spread functions from a hundredth of a pixel to a hundred,
-//! and a million sources.
+//! Extreme light: phase angles of 0 and pi, magnitudes from -30 to +40, point spread functions from
+//! a hundredth of a pixel to a hundred, and a million sources.
 
 use super::stage::{
     LOW_KM, LOW_KM_S, Light, Lit, alone, behind, camera, check_numbers, drawn, emulator, falling,
@@ -32,7 +32,7 @@ const PHASES: [(f64, f64); 16] = [
     (3.0, 6.378_799_621_198_976e-5),
     (3.1, 1.619_804_105_178_274_4e-6),
     (3.13, 3.507_764_915_108_937_7e-8),
-    // On either side of where the series takes over.
+    // On either side of the switch to the series.
     (3.131_592_653_589_793_3, 2.251_559_342_980_382_2e-8),
     (3.1316, 2.246_600_757_005_345_7e-8),
     (3.14, 9.096_024_158_834_268e-11),
@@ -44,7 +44,8 @@ const PHASES: [(f64, f64); 16] = [
     (3.141_592_653_589_793, 4.128_599_408_394_566e-50),
 ];
 
-/// 1e-10 of the value, and what the last digit of pi is worth there: it goes by the cube of what is left to pi.
+/// Tolerance: 1e-10 of the value, and the last digit of pi, which counts with the cube of the rest
+/// to pi.
 #[test]
 fn the_phase_function_keeps_its_digits_up_to_pi() {
     for (phase, truth) in PHASES {
@@ -57,15 +58,14 @@ fn the_phase_function_keeps_its_digits_up_to_pi() {
         );
         assert!(found >= 0.0);
     }
-    // A sphere that shows its night side alone has no magnitude and gives no light.
+    // A sphere seen from its night side has no magnitude and gives no light.
     let sphere = Sphere::default();
     assert_eq!(sphere.magnitude(PI, 1.5e11, 1e6), f64::INFINITY);
     assert_eq!(photon_irradiance(1e10, f64::INFINITY), 0.0);
     assert!(sphere.magnitude(PI - 1e-12, 1.5e11, 1e6) > 80.0);
 }
 
-/// A sphere of that diameter, 1,000 km before the camera; labels list it from a signal-to-noise
-/// ratio on.
+/// A sphere of that diameter, 1,000 km in front of the camera; labels list it from `label_snr` on.
 fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> ExposedFrame {
     let mut emulator = emulator(camera(""), Fidelity::REALTIME, |config| {
         config.objects = oem("LIGHT", noon(), falling(LOW_KM * 8.0 / 7.0, LOW_KM_S));
@@ -80,14 +80,15 @@ fn sphere(diameter_m: f64, noise: bool, label_snr: f64) -> ExposedFrame {
     emulator.expose(&in_low_orbit(), 0).unwrap()
 }
 
-/// A sphere of such a diameter that it has that magnitude.
+/// A sphere with the diameter that gives this magnitude.
 fn object_of(mag: f64, noise: bool) -> ExposedFrame {
     let ten_metres = sphere(10.0, false, 0.0).label.objects[0].mag;
-    // Light goes by the square of the diameter.
+    // Light goes with the square of the diameter.
     sphere(10.0 * 10f64.powf((ten_metres - mag) / 5.0), noise, 0.0)
 }
 
-/// Reference: Pogson's law, `10^(-0.4 m)`, from the object of magnitude 5; 1e-9. What fills every pixel that it lights is in the label all the same, and why
+/// Reference: Pogson's law, `10^(-0.4 m)`, from the object of magnitude 5; 1e-9. An object that
+/// saturates all its pixels is listed, with the reason for its missing signal-to-noise ratio.
 /// it has no signal-to-noise ratio.
 #[test]
 fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
@@ -101,31 +102,34 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
             assert!((object.mag - mag).abs() < 1e-9, "{}", object.mag);
             let miss = object.electrons / expected - 1.0;
             assert!(miss.abs() < 1e-9, "{mag}: {}", object.electrons);
-            let most = *exposed.frame.dn.iter().max().unwrap();
+            let max = *exposed.frame.dn.iter().max().unwrap();
             // X-Val: the plain camera: 60,000 e- at 1 e-/DN, over an offset of 100 DN.
             const OFFSET: u16 = 100;
             const FULL: u16 = 60_000 + OFFSET;
             match mag {
-                ..=-10.0 => assert_eq!(most, FULL),
-                20.0.. => assert_eq!(most, OFFSET),
+                ..=-10.0 => assert_eq!(max, FULL),
+                20.0.. => assert_eq!(max, OFFSET),
                 _ => {}
             }
         }
     }
-    // 10^20 e- fill every pixel that a Gaussian of 0.8 px gives anything.
+    // 10^20 e- saturate every pixel that a Gaussian of 0.8 px reaches.
     let exposed = object_of(-40.0, false);
     let listed = &exposed.label.objects[0];
     assert!(listed.electrons > 1e19 && listed.snr == 0.0 && !listed.visible);
     let reason = listed.reason.as_deref();
     assert_eq!(reason, Some("every pixel that it lights is full"));
-    // It is in lists that leave faint objects out.
+    // It is also in labels that leave out faint objects.
     let label = sphere(1e11, false, 3.0).label;
     assert_eq!(label.objects.len(), 1, "{:?}", label.unseen);
 }
 
-/// Numbers so small that processors slow down (below 1e-38 in f32; their roots, where light is squared) take no longer than others: images, pixels, and what signal-to-noise ratios are summed of, two million shares.
-/// Twice, at most, as chance has it on a shared machine, of the best of rounds by turns, 200 if need be; of squares without a guard it is more than that on one processor and far more on others. As not all slow down where others do, no such number may
-/// be in a frame, either.
+/// Denormal numbers (below 1e-38 in f32, or roots of such squares) slow some processors down. They
+/// must not slow down images, pixels, or sums of two million shares for signal-to-noise ratios.
+/// ///
+/// /// Limit: twice the time, as a shared machine is noisy. Measured is the best of up to 200
+/// alternating rounds. Unguarded squares exceed the limit on one processor and far more on others.
+/// Not all processors slow down, so no denormal number may be in a frame, either.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
@@ -134,11 +138,11 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
     emulator.choice.all = true;
     let attitude = Attitude::identity();
     let of = |electrons: f64| {
-        let places = (0..400).map(|i| {
+        let positions = (0..400).map(|i| {
             let (column, row) = (f64::from(i % 20), f64::from(i / 20));
             [column * 9.1 + 41.2, row * 9.1 + 41.4]
         });
-        let lights = places.map(|at| Light::new(behind(&camera, &attitude, at), electrons));
+        let lights = positions.map(|at| Light::new(behind(&camera, &attitude, at), electrons));
         let lights: Vec<Light> = lights.collect();
         light(&emulator, &still(&attitude), &lights)
     };
@@ -194,8 +198,8 @@ fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
     }
 }
 
-// X-Val: mpmath 1.4.1: the product of (erf((x + 1/2) / (sqrt 2 sigma)) - erf((x - 1/2) / (sqrt 2 sigma))) / 2 for (x, y) =
-// (0, 0), (0.25, 0.4375) and (2.25, -1.5625).
+// X-Val: mpmath 1.4.1: the product of (erf((x + 1/2) / (sqrt 2 sigma)) - erf((x - 1/2) / (sqrt 2
+// sigma))) / 2 for (x, y) = (0, 0), (0.25, 0.4375) and (2.25, -1.5625).
 #[expect(clippy::excessive_precision, reason = "digits as they were worked out")]
 const SHARES: [(f64, [f64; 3]); 8] = [
     (0.01, [1.0, 0.999_999_999_794_773_7, 0.0]),
@@ -250,14 +254,14 @@ const SHARES: [(f64, [f64; 3]); 8] = [
     ),
 ];
 
-/// The table's 2e-13 an edge, four of them.
+/// Tolerance: the table's 2e-13 per edge, four edges.
 #[test]
 fn gaussians_from_a_hundredth_of_a_pixel_to_a_hundred_have_their_shares() {
     let mut stamp = Stamp::default();
     for (sigma, truth) in SHARES {
         let psf = Psf::new(Shape::Gaussian(sigma), Variation::default());
-        let places = [[0.0, 0.0], [0.25, 0.4375], [2.25, -1.5625]];
-        for ([x, y], truth) in places.into_iter().zip(truth) {
+        let positions = [[0.0, 0.0], [0.25, 0.4375], [2.25, -1.5625]];
+        for ([x, y], truth) in positions.into_iter().zip(truth) {
             let found = psf.at([0.0; 2], 1.0).on_pixel([-x, -y], &mut stamp);
             let miss = (found - truth).abs();
             assert!(miss < 1e-12, "{sigma} {x} {y}: {found:e} {truth:e}");
@@ -265,7 +269,8 @@ fn gaussians_from_a_hundredth_of_a_pixel_to_a_hundred_have_their_shares() {
     }
 }
 
-/// No pixel is negative, and all light is there but what may fall outside (a millionth); the centre is the source's, of what is wider than half a pixel.
+/// No pixel is negative. All light is on the detector except a millionth. Images wider than half a
+/// pixel have the centre of the source.
 #[test]
 fn frames_keep_the_light_of_gaussians_of_any_width() {
     for (sigma, side) in [
@@ -300,15 +305,16 @@ fn frames_keep_the_light_of_gaussians_of_any_width() {
     }
 }
 
-/// A million faint sources among bright ones, added up forwards, backwards and by their light. Reference: the sum in f64. Each sum of a pixel is off by at most half of a last digit of f32
-/// (6e-8) for every source on it, some hundred here; what differs between orders is twice that.
+/// A million faint sources among bright ones, added forwards, backwards and by brightness.
+/// Reference: the sum in f64. Each source on a pixel adds a rounding error of half a last digit of
+/// f32 (6e-8), for some hundred sources; two orders differ by twice that.
 #[test]
 fn a_million_sources_add_up_in_any_order() {
     const SOURCES: usize = 1_000_000;
     let camera = square(256, "optics.psf.sigma_px = 0.2");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
-    // Weyl's sequence: even over the square, and never twice the same.
+    // Weyl's sequence: uniform over the square, without repetition.
     let part = |i: usize, irrational: f64| (i as f64 * irrational).fract();
     let lights = (0..SOURCES).map(|i| {
         let at = [

@@ -1,4 +1,5 @@
-//! The camera's functions and those of tracks and footprints, with numbers that are none: see `functions`.
+//! The camera's functions, and those of tracks and footprints, with non-finite numbers: see
+//! `functions`.
 
 use super::functions::Gives::{self, Anything, Finite, LightOrNone};
 use super::functions::{check, corrupted};
@@ -15,7 +16,7 @@ use skyloop::rng::{NoiseKey, PixelStream};
 use skyloop::track::{Even, Place, Rows, Track, TrackSpec, Window};
 use std::sync::{Arc, LazyLock};
 
-/// All that a spread of light answers, of places and sources at the edges too.
+/// All functions of a point spread function, at extreme positions and sources too.
 fn requested(psf: &Psf, bad: f64) -> Vec<f64> {
     let mut stamp = Stamp::default();
     let fidelity = Fidelity::REALTIME;
@@ -47,13 +48,13 @@ const KEY: NoiseKey = NoiseKey {
     repeat: 0,
 };
 
-/// A spread that is the same all over the field.
+/// A point spread function constant over the field.
 fn even(shape: Spread) -> Psf {
     Psf::new(shape, Variation::default())
 }
 
 #[test]
-fn spreads_of_no_width() {
+fn spreads_with_non_finite_widths() {
     check(&[
         ("Psf::new, Gaussian", LightOrNone, |bad| {
             let widths = [bad, 0.01, 1.0, 100.0].into_iter();
@@ -100,7 +101,8 @@ fn spreads_of_no_width() {
             psfs.each_ref().map(|psf| requested(psf, 0.5)).concat()
         }),
         ("Footprint, of any tolerance", Gives::Light, |bad| {
-            // A Gaussian that is the same everywhere, and one that goes by the wavelength: drawn in lines, and in squares.
+            // A constant Gaussian, and one that depends on the wavelength: drawn in lines, and in
+            // squares.
             let varied = Variation {
                 wavelength_exponent: 1.0,
                 ..Variation::default()
@@ -132,7 +134,7 @@ fn spreads_of_no_width() {
                                 None,
                             );
                             let shares = footprint.shares().iter().map(|s| f64::from(*s));
-                            // Of a loss that is none, and of the finest, all light is drawn.
+                            // With zero loss, and with the smallest, all light is drawn.
                             let all: f64 = shares.clone().sum();
                             let is_lost = bad > 0.0 || electrons.to_bits() == bad.to_bits();
                             assert!(is_lost || (all - 1.0).abs() < 1e-3, "{bad:e} {all}");
@@ -146,12 +148,12 @@ fn spreads_of_no_width() {
     ]);
 }
 
-/// A track of 60 px through the frame: the shares of its light.
+/// The light shares of a track of 60 px through the frame.
 fn drawn(change: impl FnOnce(&mut TrackSpec, &mut Fidelity)) -> Vec<f64> {
     drawn_along(|t| ([2.0 + 60.0 * t, 30.0 + 3.0 * t * t], 1.0), 1.0, change)
 }
 
-/// The shares of the light of any track of places and lights, of a source of so many electrons.
+/// The light shares of any track of positions and intensities, of a source of `electrons`.
 fn drawn_along(
     along: impl Fn(f64) -> ([f64; 2], f64),
     electrons: f64,
@@ -170,11 +172,11 @@ fn drawn_along(
         rows: Rows::together(64),
     };
     change(&mut course, &mut fidelity);
-    let place = |t: f64| {
+    let position = |t: f64| {
         let (at, light) = along(t);
         Some(Place { at, light })
     };
-    let Some(track) = Track::sample(place, &course, &fidelity) else {
+    let Some(track) = Track::sample(position, &course, &fidelity) else {
         return Vec::new();
     };
     let light = footprint::Light {
@@ -193,7 +195,7 @@ fn drawn_along(
 }
 
 #[test]
-fn tracks_of_no_step() {
+fn tracks_with_non_finite_steps() {
     check(&[
         ("Course.step_px", Gives::Light, |bad| {
             drawn(|course, _| course.step_px = bad)
@@ -218,11 +220,11 @@ fn tracks_of_no_step() {
                         course.rows = *rows
                     }));
                 }
-                // Light that is no number on the track's second part.
+                // Non-finite light on the second part of the track.
                 let along = |t: f64| ([20.0 + 5.0 * t, 30.0], if t > 0.4 { bad } else { 1.0 });
                 light.extend(drawn_along(along, 1.0, |course, _| course.rows = *rows));
             }
-            // Infinite numbers are no infinite light.
+            // Infinite parameters do not give infinite light.
             if !bad.is_finite() {
                 let infinite = light.iter_mut().filter(|e| e.is_infinite());
                 infinite.for_each(|e| *e = f64::NAN);
@@ -279,7 +281,7 @@ fn tracks_of_no_step() {
 }
 
 #[test]
-fn detectors_of_no_numbers() {
+fn detectors_with_non_finite_numbers() {
     check(&[
         ("Pattern::new", Finite, |bad| {
             let plain = PatternStats {
@@ -371,20 +373,20 @@ fn detectors_of_no_numbers() {
 }
 
 #[test]
-fn cameras_of_no_numbers() {
+fn cameras_with_non_finite_numbers() {
     check(&[
         ("Band::top_hat", Finite, |bad| {
             let light = |from_m: f64, to_m: f64| {
                 let band = Band::top_hat(from_m, to_m);
                 let v = Band::named("v").unwrap();
                 assert!(band.zero_point() >= 0.0 && band.response(6e-7) >= 0.0);
-                let [least, most] = band.wavelength_ratios();
+                let [min, max] = band.wavelength_ratios();
                 vec![
                     band.zero_point(),
                     band.reference_m(),
                     band.colour_term(0.3, &v),
-                    least,
-                    most,
+                    min,
+                    max,
                 ]
             };
             [light(bad, 7e-7), light(6e-7, bad), light(bad, bad)].concat()
@@ -419,8 +421,8 @@ fn cameras_of_no_numbers() {
                 law.end();
                 law.change_across(&Vector3::new(0.1, 0.2, 1.0), bad);
                 law.range(bad);
-                let ways = corrupted(Vector3::new(0.1, 0.2, 1.0), bad);
-                ways.map(|way| law.transmission(&way))
+                let directions = corrupted(Vector3::new(0.1, 0.2, 1.0), bad);
+                directions.map(|direction| law.transmission(&direction))
             });
             light.collect()
         }),

@@ -13,7 +13,7 @@ use skyloop::scene::Source;
 use std::cell::Cell;
 use std::f64::consts::{PI, TAU};
 
-/// Light, and its centre (px), of a source's own image on the detector.
+/// Light and its centre (px) of a source's own image on the detector.
 fn image(source: &Source) -> (f64, [f64; 2]) {
     let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
     for (row, column, shares) in source.footprint.rows(0..usize::MAX) {
@@ -27,20 +27,21 @@ fn image(source: &Source) -> (f64, [f64; 2]) {
     (sum, [x / sum, y / sum])
 }
 
-/// Labels' centroids are those of the noise-free image, to 0.005 px, of all whose light is on the detector but for a ten thousandth: of any optics, shutter and rate. Of cores narrower than half a pixel's sigma
-/// the pixels have a centre of their own (below); and of less than a tenth of an electron
-/// wide wings (Moffat's) are spread evenly over too few pixels to be centred: a tenth of a pixel.
+/// Labelled centroids match the noise-free image to 0.005 px, for any optics, shutter and rate,
+/// when all but a ten-thousandth of the light is on the detector. Exceptions: pixel sampling shifts
+/// cores narrower than half a pixel's sigma (below). Wide Moffat wings below a tenth of an electron
+/// are spread over too few pixels: a tenth of a pixel.
 #[test]
 fn labels_centroids_are_those_of_the_light() {
     let [faintest, worst] = [(); 2].map(|()| Worst::default());
     let compared = Cell::new(0);
-    check(160, scenes(), |(which, attitude, rates, places)| {
+    check(160, scenes(), |(which, attitude, rates, positions)| {
         let camera = &cameras()[which];
         let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
         let lit = light(
             &emulator,
             &vehicle(&attitude, rates),
-            &put(camera, &attitude, &places, 1.0),
+            &put(camera, &attitude, &positions, 1.0),
         );
         for source in &lit.scene.sources {
             let (sum, centre) = image(source);
@@ -64,10 +65,14 @@ fn labels_centroids_are_those_of_the_light() {
     assert!(compared > 500, "{compared}");
 }
 
-/// Pixels of a narrow core have a centre of their own, for a camera as for an image. Reference: Poisson's summation of the Gaussian that a pixel integrates, `P(k) = exp(-2 pi^2 sigma^2 k^2) sin(pi k) / (pi k)`, of
-/// which only the slope is left at whole k: `sum (n - x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`, a coordinate; its first term is what docs/explanation/labels.md states.
+/// Pixel sampling shifts the centre of a narrow core, for a camera as for an image.
+/// ///
+/// /// Reference: Poisson's summation of the Gaussian that a pixel integrates, `P(k) = exp(-2 pi^2
+/// sigma^2 k^2) sin(pi k) / (pi k)`. At whole k only its slope remains. Per coordinate: `sum (n -
+/// x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`. Its
+/// first term is stated in docs/explanation/labels.md.
 #[test]
-fn centroids_of_narrow_cores_miss_by_what_sampling_leaves() {
+fn centroids_of_narrow_cores_have_the_sampling_error() {
     let attitude = Attitude::identity();
     for sigma in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6] {
         let camera = camera(&format!("optics.psf.sigma_px = {sigma}"));
@@ -77,7 +82,7 @@ fn centroids_of_narrow_cores_miss_by_what_sampling_leaves() {
             sign * (-2.0 * (PI * sigma * k).powi(2)).exp() * (TAU * k * x).sin() / (PI * k)
         };
         let series = |x: f64| (1..40).map(|k| of(f64::from(k), x)).sum::<f64>();
-        let mut most = 0.0_f64;
+        let mut max = 0.0_f64;
         for i in 0..24 {
             let off = [
                 f64::from(i) / 24.0 - 0.5,
@@ -94,19 +99,19 @@ fn centroids_of_narrow_cores_miss_by_what_sampling_leaves() {
                     (miss - series(off[axis])).abs() < 1e-6,
                     "{sigma} {off:?}: {miss}"
                 );
-                most = most.max(miss.abs());
+                max = max.max(miss.abs());
             }
         }
-        let told = (-2.0 * (PI * sigma).powi(2)).exp() / PI;
-        println!("{sigma} px: {most:.4} px, {told:.4} by the first term");
+        let first_term = (-2.0 * (PI * sigma).powi(2)).exp() / PI;
+        println!("{sigma} px: {max:.4} px, {first_term:.4} by the first term");
         assert!(
-            sigma < 0.2 || (most / told - 1.0).abs() < 0.02,
-            "{sigma}: {most} {told}"
+            sigma < 0.2 || (max / first_term - 1.0).abs() < 0.02,
+            "{sigma}: {max} {first_term}"
         );
     }
 }
 
-/// The same through the emulator itself: stars of the catalogue in the frame's own pixels, one at a time.
+/// The same through the emulator: stars of the catalogue in the frame's own pixels, one at a time.
 #[test]
 fn a_stars_label_is_the_centroid_of_its_frame() {
     let camera = square(128, "optics.focal_length_mm = 60.0");

@@ -1,4 +1,5 @@
-//! Charge at its ends: expectations from nothing to 10^9 electrons, full wells, and converters of 1 to 16 bits.
+//! Extreme charge: expectations from 0 to 10^9 electrons, full wells, and converters of 1 to 16
+//! bits.
 
 use super::stage::{emulator, square, still};
 use skyloop::attitude::Attitude;
@@ -10,7 +11,8 @@ use std::sync::Arc;
 /// Pixels of a frame.
 const PIXELS: usize = 256 * 256;
 
-/// A blind detector of 256 x 256 px whose dark current brings that many electrons, with these keys and without these effects.
+/// A blind detector of 256 x 256 px with a dark charge of `mean_e`, with these keys and without
+/// these effects.
 fn dark(mean_e: f64, keys: &str, off: &[&'static str]) -> Emulator {
     let camera = square(
         256,
@@ -24,7 +26,7 @@ fn dark(mean_e: f64, keys: &str, off: &[&'static str]) -> Emulator {
         config.choice.off.extend(off);
     });
     emulator.choice.noise = true;
-    // Noise of less than 0.05 e- is left out else.
+    // Otherwise noise of less than 0.05 e- is left out.
     emulator.choice.all = true;
     emulator
 }
@@ -34,7 +36,7 @@ fn expose(emulator: &mut Emulator) -> ExposedFrame {
     emulator.expose(&vehicle, 0).unwrap()
 }
 
-/// Of no expectation comes no electron, and none that is negative or infinite of any.
+/// Zero expectation gives no electron; no expectation gives negative or infinite charge.
 #[test]
 fn without_expectation_there_is_no_charge() {
     let mut emulator = dark(0.0, "", &[]);
@@ -43,8 +45,9 @@ fn without_expectation_there_is_no_charge() {
     assert!(exposed.frame.dn.iter().all(|dn| *dn == 100));
 }
 
-/// Reference: `DN = round(N / gain + offset)`, held to what the bits hold, and N to the full well. Without noise, every digit, but for what the
-/// product with 1 / gain may round the other way at a half: within 1e-9 of the value.
+/// Reference: `DN = round(N / gain + offset)`, clipped to the converter's range, and N to the full
+/// well. Without noise every DN is exact, unless the product with 1 / gain lies within 1e-9 of a
+/// half and rounds in the other direction.
 #[test]
 fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
     let size = "detector.width_px = 4; detector.height_px = 3";
@@ -96,14 +99,16 @@ fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
     }
 }
 
-/// Read noise below the offset does not wrap around at 0: it stays there. Reference: a normal distribution has half of its draws below its middle.
+/// Read noise below the offset is clipped at 0 and does not wrap around. Reference: half of a
+/// normal distribution lies below its middle.
 #[test]
-fn what_is_read_below_nothing_is_nothing() {
+fn negative_readout_is_clipped_to_zero() {
     let keys = "detector.read_noise_e = 50.0; detector.offset_dn = 0.0";
     let mut emulator = dark(0.0, keys, &[]);
     let dn = expose(&mut emulator).frame.dn;
     let none = dn.iter().filter(|dn| **dn == 0).count() as f64 / PIXELS as f64;
-    // What rounds to 0 reaches up to half a digit: 1/2 + 0.5 / (50 sqrt(2 pi)) = 0.5040, five standard errors of 0.002.
+    // Values below half a DN round to 0: 1/2 + 0.5 / (50 sqrt(2 pi)) = 0.5040, with a tolerance of
+    // five standard errors of 0.002.
     assert!((none - 0.5040).abs() < 0.01, "{none}");
     assert!(dn.iter().all(|dn| *dn < 400));
 }

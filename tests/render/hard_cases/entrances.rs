@@ -1,4 +1,5 @@
-//! NaN, infinities and the greatest numbers at public entrances: an error, or a documented value; no panic, no frame with a number that is none.
+//! NaN, infinities and the largest numbers at public entry points: an error or a documented value,
+//! no panic, and no frame with non-finite numbers.
 
 use super::functions::corrupted;
 use super::stage::{
@@ -20,9 +21,9 @@ use skyloop_firmware_sim::profile::Profile;
 use std::path::Path;
 use std::sync::Arc;
 
-const NO_NUMBERS: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+const NON_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 
-/// Every place of a TOML table that holds a number.
+/// All paths of numbers in a TOML table.
 fn numbers(value: &toml::Value, path: &mut Vec<String>, found: &mut Vec<Vec<String>>) {
     let mut enter = |key: String, value: &toml::Value| {
         path.push(key);
@@ -49,22 +50,22 @@ fn at<'a>(value: &'a mut toml::Value, path: &[String]) -> &'a mut toml::Value {
     })
 }
 
-/// A file's text with each of its numbers in turn replaced by each of [`NO_NUMBERS`]: key and text.
+/// A file's text with each of its numbers in turn replaced by each of [`NON_FINITE`]: key and text.
 fn corrupted_files(text: &str) -> Vec<(String, String)> {
     let whole = toml::Value::Table(text.parse().unwrap());
-    let mut places = Vec::new();
-    numbers(&whole, &mut Vec::new(), &mut places);
-    let spoil = |path: &Vec<String>| {
-        NO_NUMBERS.map(|bad| {
+    let mut paths = Vec::new();
+    numbers(&whole, &mut Vec::new(), &mut paths);
+    let corrupt = |path: &Vec<String>| {
+        NON_FINITE.map(|bad| {
             let mut copy = whole.clone();
             *at(&mut copy, path) = toml::Value::Float(bad);
             (path.join("."), toml::to_string(&copy).unwrap())
         })
     };
-    places.iter().flat_map(spoil).collect()
+    paths.iter().flat_map(corrupt).collect()
 }
 
-/// The last name of a path of names and places in lists.
+/// The last name of a path of names and list indices.
 fn last_name(path: &str) -> &str {
     let mut parts = path.rsplit('.');
     parts
@@ -76,9 +77,10 @@ fn shipped(path: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
 }
 
-/// Every numeric key of the cameras that between them have all that ship. Reference: an error that names the key.
+/// Every numeric key of a set of cameras that together have all shipped keys. Reference: an error
+/// that names the key.
 #[test]
-fn no_key_of_a_camera_takes_what_is_no_number() {
+fn camera_keys_refuse_non_finite_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let disk = Folder::Disk(folder.path().to_path_buf());
     let rest = "[mounting]\nq_body_to_camera = [0.0, 0.0, 0.0, 1.0]\nmisalignment_arcsec = [1.0, 2.0, 3.0]\n";
@@ -111,7 +113,8 @@ fn no_key_of_a_camera_takes_what_is_no_number() {
     assert!(keys > 200, "{keys}");
 }
 
-/// The shipped scene with all of its keys, but for those that name files of the user's: keys that are comments are keys.
+/// The shipped scene with all keys, including commented ones, except those that name the user's
+/// files.
 fn scene_of_all_keys() -> String {
     const FILES: [&str; 2] = ["population", "orbit"];
     let bare = |line: &str| -> Option<String> {
@@ -130,7 +133,7 @@ fn scene_of_all_keys() -> String {
 
 /// Every numeric key of a scene and of its run. Reference: an error that names the key.
 #[test]
-fn no_key_of_a_scene_takes_what_is_no_number() {
+fn scene_keys_refuse_non_finite_numbers() {
     let text = scene_of_all_keys();
     if let Err(error) = Config::parse("scene", &text, &Folder::current()) {
         panic!("{error}");
@@ -144,7 +147,7 @@ fn no_key_of_a_scene_takes_what_is_no_number() {
         assert!(error.contains(last_name(&key)), "{key}: {error}");
         keys.push(key);
     }
-    // Those of the tolerances, of objects, of a sequence and of a run, and the seed.
+    // Keys of the tolerances, of objects, of a sequence and of a run, and the seed.
     let tolerances = TOLERANCES
         .iter()
         .filter(|tolerance| tolerance.name != "orbits");
@@ -162,9 +165,9 @@ fn no_key_of_a_scene_takes_what_is_no_number() {
     }
 }
 
-/// Every component of everything that a vehicle says.
+/// Every component of a vehicle state.
 #[test]
-fn no_component_of_a_state_is_anything_but_a_number() {
+fn state_components_refuse_non_finite_numbers() {
     let good = [
         0.0, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3, 7e6, 0.0, 0.0, 0.0, 7.5e3, 0.0,
     ];
@@ -175,14 +178,14 @@ fn no_component_of_a_state_is_anything_but_a_number() {
     };
     assert!(state(good).is_ok());
     for i in 0..13 {
-        for bad in NO_NUMBERS.into_iter().chain([1e300, -1e160, f64::MAX]) {
+        for bad in NON_FINITE.into_iter().chain([1e300, -1e160, f64::MAX]) {
             let mut c = good;
             c[i] = bad;
             let error = state(c).unwrap_err().to_string();
             assert!(error.len() < 300, "{error}");
         }
     }
-    // What is hardly a number is one.
+    // Denormal numbers and negative zero are valid.
     for tiny in [5e-324, -0.0, f64::MIN_POSITIVE] {
         let mut c = good;
         (c[0], c[4], c[8]) = (tiny, tiny, tiny);
@@ -191,9 +194,9 @@ fn no_component_of_a_state_is_anything_but_a_number() {
     }
 }
 
-/// Directions and places that are not finite have no image and no direction, of any lens.
+/// Non-finite directions and positions have no image and no direction, for any lens.
 #[test]
-fn lenses_image_numbers_only() {
+fn lenses_refuse_non_finite_directions() {
     let fisheye = Projection::new(Model::Fisheye {
         k: [-0.02, 3e-3, 0.0, 0.0],
     });
@@ -202,7 +205,7 @@ fn lenses_image_numbers_only() {
         p: [1e-3, 0.0],
     });
     for lens in [Projection::PINHOLE, brown, fisheye] {
-        for bad in NO_NUMBERS {
+        for bad in NON_FINITE {
             for direction in corrupted(Vector3::new(0.1, 0.2, 1.0), bad) {
                 let image = lens.image(&direction);
                 let finite = image.is_none_or(|at| at.iter().all(|x| x.is_finite()));
@@ -213,7 +216,7 @@ fn lenses_image_numbers_only() {
                 assert!(seen.is_none(), "{lens:?} {at:?}: {seen:?}");
             }
         }
-        // The greatest numbers are a direction like any other, or none.
+        // The largest numbers are a valid direction, or none.
         for scale in [1e-320, 1e-160, 1e160, 1e300] {
             let image = lens.image(&(Vector3::new(0.1, 0.2, 1.0) * scale));
             let is_near = image.is_none_or(|at| (at[0] - 0.1).abs() < 0.1 && at[1].is_finite());
@@ -224,9 +227,10 @@ fn lenses_image_numbers_only() {
     assert!(direction.iter().all(|x| x.is_finite()));
 }
 
-/// A light whose direction or whose electrons are no number lights nothing, and leaves its neighbours alone. Reference: the frame without it.
+/// A light with non-finite direction or electrons adds nothing and does not affect its neighbours.
+/// Reference: the frame without it.
 #[test]
-fn lights_that_are_no_numbers_light_nothing() {
+fn non_finite_lights_add_nothing() {
     let camera = camera("");
     let attitude = Attitude::identity();
     let good = Light::new(behind(&camera, &attitude, [30.2, 31.7]), 1e4);
@@ -234,7 +238,7 @@ fn lights_that_are_no_numbers_light_nothing() {
         let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
         let vehicle = vehicle(&attitude, rates);
         let alone = light(&emulator, &vehicle, &[good]);
-        for bad in NO_NUMBERS {
+        for bad in NON_FINITE {
             for direction in corrupted(good.direction, bad) {
                 let off = Light::new(direction, good.electrons);
                 let both = light(&emulator, &vehicle, &[off, good]);
@@ -248,9 +252,10 @@ fn lights_that_are_no_numbers_light_nothing() {
     }
 }
 
-/// Objects whose messages put them at the ends of numbers: refused when they are read, unknown, or out of sight; frames have numbers only.
+/// Objects with extreme numbers in their messages are refused when read, unknown, or out of sight.
+/// Frames stay finite.
 #[test]
-fn objects_at_the_ends_of_numbers_leave_frames_whole() {
+fn extreme_objects_keep_frames_finite() {
     for far_km in [1e9, 1e30, 1e77, 1e120] {
         for fast_km_s in [0.0, 1e6, 1e30] {
             for axis in [Vector3::x(), Vector3::new(1.0, 1e-3, 0.0)] {
@@ -266,14 +271,14 @@ fn objects_at_the_ends_of_numbers_leave_frames_whole() {
     }
 }
 
-/// What the documentation says: a state or an interval that is not finite gives a state that is not.
+/// As documented: a non-finite state or interval gives a non-finite state.
 #[test]
-fn orbits_of_no_number_are_no_number() {
+fn non_finite_orbits_give_non_finite_states() {
     let state = StateVector {
         position_m: Vector3::new(7e6, 0.0, 0.0),
         velocity_m_s: Vector3::new(0.0, 7.5e3, 0.0),
     };
-    for bad in NO_NUMBERS {
+    for bad in NON_FINITE {
         assert!(!propagate_j2(&state, bad).is_finite());
         let mut corrupted = state;
         corrupted.position_m.x = bad;
@@ -281,9 +286,9 @@ fn orbits_of_no_number_are_no_number() {
     }
 }
 
-/// Shadow and occultation: of what is no place no light, no occultation and no panic.
+/// Shadow and occultation of a non-finite position: no light, no occultation and no panic.
 #[test]
-fn shadows_of_no_place() {
+fn shadows_with_non_finite_positions() {
     let earth = Earth::at(noon());
     let good = Vector3::new(7e6, 0.0, 0.0);
     for bad in [f64::NAN, f64::INFINITY, 1e200, 0.0] {
@@ -305,13 +310,14 @@ fn shadows_of_no_place() {
     }
 }
 
-/// A search for stays of any length ends: of NaN, of none and of less than none it is a microsecond's.
+/// A pass search of any minimum duration ends. NaN, zero and negative durations count as a
+/// microsecond.
 #[test]
-fn searches_for_stays_of_no_length_end() {
-    let place = LOW_KM + Vector3::new(500.0, -2.0, 0.0);
-    let way = falling(place, Vector3::new(0.0, 8.5, 0.0));
+fn pass_searches_of_any_duration_end() {
+    let position = LOW_KM + Vector3::new(500.0, -2.0, 0.0);
+    let path = falling(position, Vector3::new(0.0, 8.5, 0.0));
     let mut config = Config::defaults().unwrap();
-    config.objects = oem("PASSER", noon(), way);
+    config.objects = oem("PASSER", noon(), path);
     let population = config.take_population();
     let state = StateVector {
         position_m: LOW_KM * 1e3,
@@ -345,6 +351,6 @@ fn searches_for_stays_of_no_length_end() {
     for shortest_s in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
         assert_eq!(search(shortest_s).unwrap(), usual, "{shortest_s}");
     }
-    // So long a stay is an error, or not looked for closely.
+    // An infinite duration gives an error or a coarse search.
     let _ = search(f64::INFINITY);
 }

@@ -1,5 +1,5 @@
-//! Edges of the field: what is behind and beside the camera, corners of pixels, bands and detectors, fields from a tenth of a degree to half of
-//! the sky, and lenses next to their fold.
+//! Edges of the field: directions behind and next to the camera, corners of pixels, bands and
+//! detectors, fields from a tenth of a degree to half of the sky, and lenses close to their fold.
 
 use super::stage::{
     Light, alone, behind, camera, emulator, epoch, light, moments, noon, square, starry, still,
@@ -25,9 +25,10 @@ fn off_axis(angle: f64, around: f64) -> Vector3<f64> {
     Vector3::new(sin * x, sin * y, cos)
 }
 
-/// Nothing of what stands behind the camera or across its boresight is in a frame, however bright. Reference: none.
+/// Sources behind the camera or across its boresight give no light, however bright. Reference:
+/// zero.
 #[test]
-fn what_is_behind_or_beside_a_pinhole_gives_no_light() {
+fn light_behind_or_across_a_pinhole_is_excluded() {
     let camera = camera("");
     let emulator = emulator(camera, Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
@@ -43,10 +44,11 @@ fn what_is_behind_or_beside_a_pinhole_gives_no_light() {
     }
 }
 
-/// What comes from behind into the field during an exposure leaves the light of the part in which it is there. Reference: the field of
-/// 1.83 deg that 64 px of 2,000 px a radian are, by the rate of 300 deg/s times 0.1 s: the exposure's share of any star that crosses is `64 / (2000 * 0.5236)` of its light.
+/// A source that enters the field from behind during an exposure gives light for its time in the
+/// field. Reference: 64 px at 2,000 px per radian are a field of 1.83 deg. At 300 deg/s for 0.1 s
+/// any crossing star gives `64 / (2000 * 0.5236)` of its light.
 #[test]
-fn what_swings_through_the_field_leaves_its_share_of_light() {
+fn a_star_that_sweeps_the_field_gives_its_share_of_light() {
     let camera = camera("");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     let attitude = Attitude::identity();
@@ -59,8 +61,9 @@ fn what_swings_through_the_field_leaves_its_share_of_light() {
     assert!((sum / expected - 1.0).abs() < 1e-5, "{sum} {expected}");
 }
 
-/// Lights on corners and edges of pixels, on the seams of bands (32 rows) and on the detector's own edges. Reference: the Gaussian integrated in closed form over every
-/// pixel; tolerance: a millionth of the light, `psf_loss`, and f32.
+/// Lights on corners and edges of pixels, on the seams of bands (32 rows) and on the detector's
+/// edges. Reference: the Gaussian integrated in closed form over every pixel. Tolerance: a
+/// millionth of the light, `psf_loss`, and f32.
 #[test]
 fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
     let camera = camera("detector.width_px = 70; detector.height_px = 66");
@@ -91,14 +94,15 @@ fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
         }
         let source = &lit.scene.sources[0];
         let inside = camera.detector.contains(at);
-        // To the last digit of a place on the detector.
+        // To the last digit of a position on the detector.
         let [x, y] = source.centroid;
         assert!((x - at[0]).hypot(y - at[1]) < 1e-11, "{at:?}");
         assert!(inside || at[0] >= 69.5, "{at:?}");
     }
 }
 
-/// A star that is a last digit beyond the upper edge is not in the frame, one on the lower edge is. Reference: the contract, `[-0.5, columns - 0.5)`.
+/// A star one last digit beyond the upper edge is not in the frame; one on the lower edge is.
+/// Reference: the contract, `[-0.5, columns - 0.5)`.
 #[test]
 fn the_last_pixels_edge_belongs_to_no_pixel() {
     let detector = camera("").detector;
@@ -119,7 +123,8 @@ fn cameras() -> Vec<(f64, Camera)> {
     narrow.into_iter().chain(wide).collect()
 }
 
-/// Reference: the projections' closed forms, `f tan` and `f` times the angle; 1e-9 px, and 1e-16 rad times the scale of the narrowest.
+/// Reference: the projections' closed forms, `f tan` and `f` times the angle; 1e-9 px, and 1e-16
+/// rad times the scale of the narrowest.
 #[test]
 fn fields_of_a_tenth_of_a_degree_to_half_the_sky_image_as_their_formula() {
     for (deg, camera) in cameras() {
@@ -149,7 +154,8 @@ fn fields_of_a_tenth_of_a_degree_to_half_the_sky_image_as_their_formula() {
     }
 }
 
-/// At the very edge of the field an image stands on the detector's edge, which has half of its light. Reference: the same closed forms, and a half; `psf_loss` and f32.
+/// At half the field angle the image is on the detector's edge, which gets half of its light.
+/// Reference: the same closed forms, and a half. Tolerance: `psf_loss` and f32.
 #[test]
 fn at_half_the_field_an_image_stands_on_the_detectors_edge() {
     for (deg, camera) in cameras() {
@@ -168,7 +174,8 @@ fn at_half_the_field_an_image_stands_on_the_detectors_edge() {
     }
 }
 
-/// The scale decides whether images move: what it is wrong by, smear is. Reference: a pinhole's scale in the middle is f, and at its corners `f (1 + tan^2)`; 1e-6.
+/// The scale decides whether images move; its error is an error of smear. Reference: a pinhole's
+/// scale is f in the middle and `f (1 + tan^2)` at the corners; 1e-6.
 #[test]
 fn the_scale_of_a_narrow_field_is_its_focal_length() {
     for mm in ["20.0", "1000.0", "20000.0", "1e6"] {
@@ -183,7 +190,8 @@ fn the_scale_of_a_narrow_field_is_its_focal_length() {
     }
 }
 
-/// All stars that the closed form puts on a detector of half the sky are in its frame, and no other. Reference: the catalogue's apparent directions, one by one.
+/// A frame of half the sky contains all stars that the closed form puts on its detector, and no
+/// other. Reference: the catalogue's apparent directions, one by one.
 #[test]
 fn half_the_sky_has_all_its_stars() {
     let (_, camera) = cameras().pop().unwrap();
@@ -211,18 +219,19 @@ fn half_the_sky_has_all_its_stars() {
     let found = scene.sources.iter().filter(|source| on(source.centroid));
     let found: Vec<usize> = found.map(|source| source.body.identity().1).collect();
     assert_eq!(found, expected.map(|star| star.index).collect::<Vec<_>>());
-    // X-Val: the catalogue's own places, carried along by their proper motions, one by one: what aberration (20.5 arcsec), parallax and the light's deflection leave out is less than 30 arcsec, a fortieth of a pixel.
+    // X-Val: the catalogue's own positions with proper motion, one by one. The neglected aberration
+    // (20.5 arcsec), parallax and light deflection are less than 30 arcsec, a fortieth of a pixel.
     let years = (noon() - epoch("1991-04-02T13:30:00")).to_unit(hifitime::Unit::Century) * 100.0;
     let stars = emulator.world().stars.catalog().stars().iter();
-    let beside = stars.map(|star| {
+    let margins = stars.map(|star| {
         let ra = star.ra_rad + star.pm_ra_cosdec_rad_yr * years / star.dec_rad.cos();
         let dec = star.dec_rad + star.pm_dec_rad_yr * years;
-        // How far (px) it stands beyond the nearest edge.
+        // Distance (px) beyond the nearest edge.
         let [x, y] = image(&unit(ra, dec));
         x.abs().max(y.abs()) - 256.0
     });
     assert!(found.is_sorted());
-    for (index, beyond) in beside.enumerate() {
+    for (index, beyond) in margins.enumerate() {
         let is_found = found.binary_search(&index).is_ok();
         assert!(
             beyond.abs() <= 0.03 || is_found == (beyond < 0.0),
@@ -231,10 +240,13 @@ fn half_the_sky_has_all_its_stars() {
     }
 }
 
-/// Up to the last digit before the fold what has an image has a direction, whose image it is; further out nothing has.
+/// Up to the last digit before the fold, an image has a direction with that image. Beyond it there
+/// is no direction.
 ///
-/// Reference: the image itself, to 1e-13 focal lengths; and the direction. The image's last digits, `e = eps (1 + r)`, are worth `e / r'` there, and at a part d of all the way from the fold, where the image turns
-/// around as a parabola, `r' = 2 d r / end`: `e / (2 r d)` of the way, which next to the fold itself is no more than `(e / r)^(1/2)`. (The other root, as far behind the fold, is `2 d` off.)
+/// Reference: the image, to 1e-13 focal lengths; and the direction. The image's last digits, `e =
+/// eps (1 + r)`, are worth `e / r'`. At the fraction d of the range from the fold the image turns
+/// as a parabola, `r' = 2 d r / end`: `e / (2 r d)` of the range, and at most `(e / r)^(1/2)` next
+/// to the fold. (The other root, as far behind the fold, is off by `2 d`.)
 #[test]
 fn next_to_the_fold_the_inverse_is_one() {
     let mut worst = 0.0_f64;
@@ -265,15 +277,15 @@ fn next_to_the_fold_the_inverse_is_one() {
                 assert!(miss <= 1e-13 * (1.0 + radius), "{what}: {miss:e}");
                 let off = (back - direction).norm();
                 let dn = f64::EPSILON * (1.0 + radius) / radius;
-                let most = (dn / (2.0 * 10f64.powi(-i))).min(dn.sqrt());
-                worst = worst.max(off / end / most);
-                assert!(off <= 4.0 * most * end, "{what}: {off:e}");
+                let bound = (dn / (2.0 * 10f64.powi(-i))).min(dn.sqrt());
+                worst = worst.max(off / end / bound);
+                assert!(off <= 4.0 * bound * end, "{what}: {off:e}");
             }
         }
-        // Beyond, none.
+        // Beyond the fold, none.
         for around in [0.0, 0.11, 1.97, 3.83, 5.69_f64] {
             let edge = lens.image(&off_axis(end * (1.0 - 1e-9), around));
-            // Straight behind there is no beyond.
+            // At 180 deg nothing lies beyond.
             let beyond = lens.image(&off_axis(end * (1.0 + 1e-9), around));
             assert!(beyond.is_none() || end == PI, "{lens:?} {beyond:?}");
             for further in [1.0001, 1.1, 2.0, 1e3, 1e300] {

@@ -1,40 +1,45 @@
-//! Public functions that take real numbers, and numbers that are none or at their ends: they come back within a bounded time and without a panic; light is never negative, and where it is
-//! no number the function's documentation says so. The rows: `sky_functions`, `camera_functions`. Files, states, lenses, lights and shadows: `entrances`; whole frames under such settings: `settings`.
+//! Public functions of real numbers, with non-finite and extreme arguments. They return within a
+//! bounded time and without a panic. Light is never negative; where it is not a number, the
+//! function's documentation states it. Rows: `sky_functions`, `camera_functions`. Files, states,
+//! lenses, lights and shadows: `entrances`. Whole frames under such settings: `settings`.
 //!
-//! Left out, because nothing but what these have made reaches them: `plan`, `render`, `label`, `effect` and most of `scene`, which take a `View` or a `Scene`; `measure`, `stats`, `cli`, and of `output`
-//! all but plots; the loops of `kernels`, which the footprints call. Orbits have tests of their own (`src/orbit/tests`).
+//! Left out, because they only get values made by the tested functions: `plan`, `render`, `label`,
+//! `effect` and most of `scene`, which take a `View` or a `Scene`; `measure`, `stats`, `cli`;
+//! `output` except plots; and the loops of `kernels`, called by the footprints. Orbits have their
+//! own tests (`src/orbit/tests`).
 
 use nalgebra::Vector3;
 use std::panic::{RefUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-/// No numbers, none at all and less than none, the greatest and the least, and an angle beyond pi.
+/// Non-finite numbers, zeros, negative numbers, the largest and the smallest, and an angle above
+/// pi.
 pub const EDGES: [f64; 13] = [
-    NAN, ENDLESS, -ENDLESS, 0.0, -0.0, -1.0, 4.0, 1e300, -1e300, MAX, 1e-300, 5e-324, -1e-9,
+    NAN, INFINITE, -INFINITE, 0.0, -0.0, -1.0, 4.0, 1e300, -1e300, MAX, 1e-300, 5e-324, -1e-9,
 ];
 const NAN: f64 = f64::NAN;
-const ENDLESS: f64 = f64::INFINITY;
+const INFINITE: f64 = f64::INFINITY;
 const MAX: f64 = f64::MAX;
 
-/// How long the values of one row may take together: all take milliseconds, of a slow machine's seconds.
+/// Time limit for all values of one row. They take milliseconds, or seconds on a slow machine.
 const BOUND: Duration = Duration::from_secs(30);
 
-/// What may come out.
+/// Permitted results.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Gives {
-    /// A number from 0 up, infinite perhaps.
+    /// A non-negative number, possibly infinite.
     Light,
-    /// That or, as documented, no number.
+    /// The same or, as documented, NaN.
     LightOrNone,
     /// Finite numbers.
     Finite,
-    /// Anything: it comes back.
+    /// Anything: the function returns.
     Anything,
 }
 
 pub type Row = (&'static str, Gives, fn(f64) -> Vec<f64>);
 
-/// Fails with every row that does not come back, panics, or gives what it must not.
+/// Fails with every row that does not return, panics, or gives a result that is not permitted.
 pub fn check(rows: &[Row]) {
     let wrong: Vec<String> = rows
         .iter()
@@ -43,7 +48,7 @@ pub fn check(rows: &[Row]) {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// What is wrong with what `of` gives, tried in a thread of its own.
+/// The fault of the results of `of`, run in a thread of its own.
 pub fn fault(
     name: &'static str,
     gives: Gives,
@@ -64,7 +69,7 @@ pub fn fault(
             let value = values.into_iter().find(is_wrong)?;
             Some(format!("{name}: {bad:e} gives {value:e}"))
         });
-        // Nobody waits any more where it took too long.
+        // After a timeout the receiver is gone.
         let _ = done.send(wrong);
     });
     let late = |_| Some(format!("{name} takes more than {BOUND:?}"));

@@ -1,5 +1,5 @@
-//! Numbers at their edges: each case with an independent reference (a closed form, mpmath's digits, another library's numbers) and a
-//! stated tolerance. Cases of other files are not repeated here:
+//! Extreme numbers: each case with an independent reference (a closed form, mpmath's digits,
+//! another library's numbers) and a stated tolerance. Cases of other files are not repeated here:
 //!
 //! | case | tested in |
 //! |---|---|
@@ -10,12 +10,12 @@
 //! | rates from 0 through 1e-12 to 100 deg/s | `motion`; every length of a streak against integration: `tests/render/truth/smear.rs` |
 //! | exposures of 0, 1e-9 and 10^4 s, ends below a nanosecond | `motion` |
 //! | phase angle 0 and pi | `brightness` |
-//! | object at 1 m, at the sensor's own position, at 10^6 km | `near`; at the observer's place without direction: `tests/physics/apparent.rs`, nearer than its own way: `tests/physics/rso/close.rs` |
+//! | object at 1 m, at the sensor's own position, at 10^6 km | `near`; at the observer's place without direction: `tests/physics/apparent.rs`, nearer than its own path: `tests/physics/rso/close.rs` |
 //! | magnitudes -30 to +40 | `brightness` |
 //! | PSF sigma 0.01 to 100 px | `brightness`; other profiles against GalSim and integration: `tests/physics/optics/psf.rs` |
-//! | the dearest exposures, turns, spreads and particles under a limit of work | `work` |
+//! | the costliest exposures, turns, spreads and particles under a limit of work | `work` |
 //! | Poisson means 0 to 10^9 | all words: `tests/physics/draws`; digits against theory: `tests/physics/noise.rs` |
-//! | full well, converter and 16-bit saturation | `charge`; with noise: `tests/physics/noise.rs`, spilling: `tests/physics/detector` |
+//! | full well, converter and 16-bit saturation | `charge`; with noise: `tests/physics/noise.rs`, blooming: `tests/physics/detector` |
 //! | grazing penumbra | `near`; against rays on the ellipsoid, contact: `tests/physics/shadow.rs` |
 //! | leap seconds, years 1950 to 2100 | `time`; a century of SGP4: `src/orbit/tests/batch_edges.rs`; epochs beyond the series: `tests/physics/apparent.rs` |
 //! | 10^7 steps of clock and attitude | `time`, `pointing` |

@@ -1,4 +1,5 @@
-//! Rates from nothing to 100 deg/s, on which the still and the smeared image meet, and exposures from nothing to hours.
+//! Rates from 0 to 100 deg/s, where the still and the smeared image must agree, and exposures from
+//! 0 to hours.
 
 use super::stage::{
     alone, behind, camera, check_numbers, emulator, epoch, expected, noon, orbiter, square, starry,
@@ -30,8 +31,9 @@ fn simpson(k: usize, steps: usize) -> f64 {
     weight / (3.0 * steps as f64)
 }
 
-/// The image (128 x 128 px) of a light that a turn about the rows' axis takes along its row: the closed form of every pixel, integrated over the exposure by Simpson's rule in steps of
-/// an eightieth of a pixel, where its error is 1e-9.
+/// The image (128 x 128 px) of a light that moves along its row by a turn about the column axis:
+/// the closed form of every pixel, integrated over the exposure by Simpson's rule. Steps of an
+/// eightieth of a pixel have an error of 1e-9.
 fn streak(camera: &Camera, at: [f64; 2], rate_rad_s: f64, electrons: f64) -> Vec<f64> {
     let f = camera.optics.focal_px;
     let [cx, _] = camera.optics.principal_px;
@@ -62,8 +64,9 @@ fn streak(camera: &Camera, at: [f64; 2], rate_rad_s: f64, electrons: f64) -> Vec
     image
 }
 
-/// No rate has a step beside it: each frame is within the tolerances of its closed form. Of `realtime`: 0.05 e-, and 3e-5 of the peak;
-/// of `reference` a hundredth of an electron, f32's last digits of a peak of 24,000 e-.
+/// Frames are continuous in the rate: each is within the tolerances of its closed form. `realtime`:
+/// 0.05 e-, and 3e-5 of the peak. `reference`: a hundredth of an electron, f32's last digits of a
+/// peak of 24,000 e-.
 #[test]
 fn every_rate_from_nothing_to_100_deg_s_gives_the_closed_form() {
     let camera = square(128, "");
@@ -92,7 +95,7 @@ fn every_rate_from_nothing_to_100_deg_s_gives_the_closed_form() {
     }
 }
 
-/// What hardly moves costs what stands still costs: below 1e-9 px a way is what rounding makes of none. Reference: two points a star.
+/// Motion below 1e-9 px is rounding and costs no more than rest. Reference: two points a star.
 #[test]
 fn next_to_rest_a_track_has_no_more_points_than_at_rest() {
     let camera = camera("optics.focal_length_mm = 5.0");
@@ -119,9 +122,9 @@ fn next_to_rest_a_track_has_no_more_points_than_at_rest() {
     }
 }
 
-/// 100 deg/s turn a body by 1 rad in 0.57 s: what turns further is refused, and says so.
+/// At 100 deg/s a body turns by 1 rad in 0.57 s; larger turns are refused with a message.
 #[test]
-fn what_turns_further_than_can_be_shown_is_refused() {
+fn turns_beyond_the_limit_are_refused() {
     for (exposure_s, shown) in [(0.5, true), (0.572, true), (0.574, false), (1e4, false)] {
         let mut camera = camera("");
         camera.exposure_s = exposure_s;
@@ -135,7 +138,8 @@ fn what_turns_further_than_can_be_shown_is_refused() {
     }
 }
 
-/// Who looks: nobody in orbit; from 830 km up, across the orbit's plane, so that the Earth never stands before the field; from half a million km.
+/// The observer: not in orbit; at an altitude of 830 km, looking across the orbit's plane, so that
+/// the Earth is never in the field; half a million km away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum From {
     Nowhere,
@@ -149,8 +153,10 @@ const LOW_M_S: f64 = 7500.0;
 /// So short that no star drifts in it, s.
 const STILL_S: f64 = 1e-3;
 
-/// What pixels are off by (a part of the brightest) from a low orbit, where velocities run as a parabola through three instants (`effect::drift`) and orbits do not: a Gaussian's steepest slope, by the parabola's
-/// miss of a circular orbit's velocity: `v n^3 T^3 / (6 * 27^(1/2) / 2)` for T on either side, and no more than all its change.
+/// Pixel error (a part of the brightest) from a low orbit. Velocities follow a parabola through
+/// three instants (`effect::drift`), orbits do not. The error is a Gaussian's steepest slope, times
+/// the parabola's error of a circular orbit's velocity: `v n^3 T^3 / (6 * 27^(1/2) / 2)` for T on
+/// either side, and at most the whole change.
 fn off_the_parabola(exposure_s: f64) -> f64 {
     let rate = LOW_M_S / LOW_M;
     let third = (rate * exposure_s / 2.0).powi(3) / (3.0 * 27f64.sqrt());
@@ -181,7 +187,7 @@ fn stationary() -> Vec<Object> {
     set.unwrap().objects
 }
 
-/// Where it is then, m.
+/// Its position at that time, m.
 fn stationary_m() -> Vector3<f64> {
     stationary()[0].state(noon()).unwrap().position_m
 }
@@ -193,8 +199,8 @@ fn still_at(vehicle: &VehicleState, off_s: f64) -> VehicleState {
     still
 }
 
-/// The light (e-/s) that an exposure is the mean of: frames of [`STILL_S`] at rest along its course, by Simpson's rule in steps of a twentieth of a pixel, where its error is 3e-7 of
-/// the brightest.
+/// The mean light (e-/s) of an exposure: frames of [`STILL_S`] at rest along the motion, by
+/// Simpson's rule. Steps of a twentieth of a pixel have an error of 3e-7 of the brightest pixel.
 fn mean_of_stills(
     still_one: &mut Emulator,
     vehicle: &VehicleState,
@@ -213,13 +219,16 @@ fn mean_of_stills(
     mean
 }
 
-/// Light goes by the exposure, from none to hours, and nothing else does: the electrons of labels over the time are the same to 1e-12, and each pixel's are those of the mean of frames
-/// at rest, tracks run from where the star stands at rest as the shutter opens to where it does as it closes, and velocities are that way by the time. In orbit, at rest and turning.
-///
-/// Of `reference` pixels are compared to 1e-6 (f32) and 1e-6 of the brightest (the rule's sum); of `realtime` to what it may leave out: 1e-4 of a source's light, of which
-/// the brightest pixel has a quarter, and an effect of 0.05 e-, all stars among them.
+/// Light is proportional to the exposure time, from 0 to hours, and nothing else depends on it.
+/// Labelled electrons over time agree to 1e-12. Pixels match the mean of frames at rest. Tracks run
+/// between the star's positions at rest when the shutter opens and closes; velocities are this path
+/// over time. In orbit, at rest and turning.
+/// ///
+/// /// `reference`: pixels agree to 1e-6 (f32) and 1e-6 of the brightest (the rule's sum).
+/// `realtime`: to its tolerances, 1e-4 of a source's light (a quarter of it in the brightest
+/// pixel), and an effect of 0.05 e-, all stars together.
 #[test]
-fn exposures_from_nothing_to_hours_give_light_by_their_time() {
+fn light_is_proportional_to_any_exposure_time() {
     let of = |exposure_s: f64, fidelity: Fidelity| {
         let mut camera = camera("");
         camera.exposure_s = exposure_s;
@@ -252,26 +261,30 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
                 let light = found.electrons / one.electrons * STILL_S;
                 let miss = (light - exposure_s).abs();
                 assert!(miss <= 1e-12 * exposure_s, "{what}: {light}");
-                // 1e-4 deg/s for 10^4 s are a degree, 35 px of 2,000 px a radian; aberration's drift is 26 arcsec at most.
+                // 1e-4 deg/s for 10^4 s are one degree, 35 px at 2,000 px per radian; aberration's
+                // drift is at most 26 arcsec.
                 let [dx, dy] = [found.x1_px - found.x0_px, found.y1_px - found.y0_px];
-                let way = rate.to_radians() * exposure_s * 2000.0;
-                assert!(dx.hypot(dy) < 1.001 * way + 0.26, "{what}: {dx} {dy}");
+                let path_px = rate.to_radians() * exposure_s * 2000.0;
+                assert!(dx.hypot(dy) < 1.001 * path_px + 0.26, "{what}: {dx} {dy}");
 
-                // The ends of the track, but for what is skipped of it, a place to half a nanosecond, and what the drift of aberration leaves out: the Earth's own acceleration, 0.0061 m/s^2 at
-                // perihelion, and the second order (the Earth's v / c, 1e-4) of the low orbit's 7.8 m/s^2.
+                // The ends of the track, except for what is skipped, a position to half a
+                // nanosecond, and the neglected drift of aberration: the Earth's own acceleration,
+                // 0.0061 m/s^2 at perihelion, and the second order (the Earth's v / c, 1e-4) of the
+                // low orbit's 7.8 m/s^2.
                 let left_px = (0.0061 + 7.8e-4) * exposure_s / 2.0 / 299_792_458.0 * 2000.0;
                 let off_px = fidelity.skip_px + 1e-11 + left_px;
                 for (end, part) in [
                     ([found.x0_px, found.y0_px], -0.5),
                     ([found.x1_px, found.y1_px], 0.5),
                 ] {
-                    let there = at_rest(part * exposure_s);
-                    let miss = (end[0] - there.x_px).hypot(end[1] - there.y_px);
+                    let expected = at_rest(part * exposure_s);
+                    let miss = (end[0] - expected.x_px).hypot(end[1] - expected.y_px);
                     assert!(miss < off_px, "{what}: {miss:e} px");
                 }
                 let [vx, vy] = [found.vx_px_s, found.vy_px_s];
                 assert!(vx.abs() < 1.0 && vy.abs() < 1.0, "{what}");
-                // Over the second around the middle a star goes straight on; rates of a longer exposure are means.
+                // In the second around the middle a star moves uniformly; rates of a longer
+                // exposure are means.
                 let around = exposure_s.clamp(1.0, 1e4);
                 let [from, to] = [-0.5, 0.5].map(|part| at_rest(part * around));
                 let [to_x, to_y] = [to.x_px - from.x_px, to.y_px - from.y_px];
@@ -284,9 +297,9 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
                     assert!(pixels.iter().all(|e| *e == 0.0));
                     continue;
                 }
-                let truth = mean_of_stills(&mut still_one, &vehicle, exposure_s, way + 0.26);
+                let truth = mean_of_stills(&mut still_one, &vehicle, exposure_s, path_px + 0.26);
                 let brightest = truth.iter().copied().fold(0.0, f64::max);
-                // Ends of streaks have the slope of their height by the Gaussian's own.
+                // Ends of streaks have the slope of the Gaussian.
                 let part = part + left_px / (0.8 * TAU.sqrt());
                 let part = match observed_from {
                     From::Low => part + off_the_parabola(exposure_s),
@@ -304,10 +317,13 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
     }
 }
 
-/// 10^4 s of what is no star: each frame is numbers, with and without noise, and its light that of a second by the time. Reference: the law of dark current, `d t`; else the second's own frame, to the tolerances of
-/// `reference`: 8 times `area_e` and `area_part` of area light, and 1e-6. The Earth's disc (51 px wide) moves by half a pixel meanwhile, and its sum by less than a five-hundredth. An object is as bright all the time as in the middle.
+/// 10^4 s of all light except stars: frames are finite, with and without noise, and the light is
+/// that of one second times the duration. Reference: dark current `d t`; otherwise the frame of one
+/// second, to the tolerances of `reference`: 8 times `area_e` and `area_part` of area light, and
+/// 1e-6. The Earth's disc (51 px wide) moves by half a pixel meanwhile; its sum changes by less
+/// than a five-hundredth. An object's brightness is that of mid-exposure.
 #[test]
-fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() {
+fn other_light_is_proportional_to_hours_of_exposure() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
     let at_rest = still(&attitude);
     let exposed = |keys: &str, vehicle: &VehicleState, lights: &[&str], exposure_s: f64| {
@@ -371,18 +387,18 @@ fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() 
     assert!((hours / one / 1e4 - 1.0).abs() < 2e-3, "{one} {hours}");
 
     // 1,000 km over the ring.
-    let place = stationary_m();
-    let velocity = Vector3::z().cross(&place).normalize() * 3e3;
-    let over = orbiter(&towards(&-place), place * (43.2 / 42.2), velocity);
-    let shots = [1.0, 1e4].map(|s| exposed("", &over, &["rsos"], s));
-    let [one, hours] = [0, 1].map(|i| shots[i].label.objects[0].electrons);
+    let position = stationary_m();
+    let velocity = Vector3::z().cross(&position).normalize() * 3e3;
+    let over = orbiter(&towards(&-position), position * (43.2 / 42.2), velocity);
+    let frames = [1.0, 1e4].map(|s| exposed("", &over, &["rsos"], s));
+    let [one, hours] = [0, 1].map(|i| frames[i].label.objects[0].electrons);
     assert!((hours / one / 1e4 - 1.0).abs() < 1e-12, "{hours}");
-    let [_, exposed] = shots;
+    let [_, exposed] = frames;
     let sum: f64 = expected(exposed).iter().sum();
     assert!(sum <= hours * (1.0 + 1e-6), "{sum}");
 }
 
-/// Reference: the contract; the ends are whole nanoseconds, to the nearest.
+/// Reference: the contract; the ends are rounded to the nearest whole nanosecond.
 #[test]
 fn exposures_end_at_the_nearest_nanosecond() {
     for (duration_s, ns) in [
@@ -400,7 +416,7 @@ fn exposures_end_at_the_nearest_nanosecond() {
         assert_eq!(exposure.end - exposure.mid, exposure.mid - exposure.start);
         assert_eq!(exposure.duration_s, duration_s);
     }
-    // Across a leap second an exposure is as long as any other.
+    // An exposure across a leap second has its usual length.
     let mid = epoch("2016-12-31T23:59:60");
     let exposure = Exposure::around(mid, 2.0);
     let text = [exposure.start, exposure.end].map(skyloop::orbit::time::utc_text);
@@ -410,9 +426,9 @@ fn exposures_end_at_the_nearest_nanosecond() {
     );
 }
 
-/// An exposure that is no number is refused before anything is made of it.
+/// A non-finite exposure time is refused before any work.
 #[test]
-fn an_exposure_that_is_no_time_is_refused() {
+fn a_non_finite_exposure_time_is_refused() {
     for exposure_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, -1e-9] {
         let mut emulator = emulator(camera(""), Fidelity::REALTIME, |_| {});
         emulator.camera_mut().exposure_s = exposure_s;

@@ -1,4 +1,5 @@
-//! Objects at the sensor's own place, a metre before it and a million kilometres away; and sunlight past the Earth's limb, grazing.
+//! Objects at the sensor's own position, a metre away and a million kilometres away; and sunlight
+//! grazing the Earth's limb.
 
 use super::stage::{
     LOW_KM, LOW_KM_S, camera, check_numbers, emulator, falling, in_low_orbit, noon, oem,
@@ -9,7 +10,7 @@ use skyloop::fidelity::{Fidelity, Orbits};
 use skyloop::sky::shadow::{EARTH_RADIUS_M, Earth};
 use std::f64::consts::PI;
 
-/// An object `off_m` from the observer, at rest beside it, 7,000 km from the Earth's centre.
+/// An object `off_m` from the observer, at rest relative to it, 7,000 km from the Earth's centre.
 fn exposed(off_m: Vector3<f64>, orbits: Orbits) -> ExposedFrame {
     let fidelity = Fidelity {
         orbits,
@@ -23,7 +24,7 @@ fn exposed(off_m: Vector3<f64>, orbits: Orbits) -> ExposedFrame {
     exposed
 }
 
-/// Where the Sun stands in the sky from the Earth's centre at [`noon`], km.
+/// The Sun's direction from the Earth's centre at [`noon`], km.
 // X-Val: pyerfa 2.0.1.5: epv00 of TT (UTC and 69.184 s), and ab by the barycentric velocity.
 const SUN_KM: [f64; 3] = [139_759_283.114_9, -45_306_996.999_3, -19_640_426.505_6];
 /// The Sun's magnitude.
@@ -33,7 +34,8 @@ const SUN_MAG: f64 = -26.73;
 // X-Val: IAU 2012, Resolution B2.
 const AU_KM: f64 = 149_597_870.7;
 
-/// Reference: Eq. (9) of Clark et al. 2021 by hand from the label's own phase angle; 1e-7 mag. In frames all numbers are numbers, whatever fills up.
+/// Reference: Eq. (9) of Clark et al. 2021 by hand from the label's own phase angle; 1e-7 mag.
+/// Frames stay finite at any saturation.
 #[test]
 fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
     for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
@@ -58,14 +60,15 @@ fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
                 "{range_m} m: {} {mag}",
                 object.mag
             );
-            // Straight before the camera; of what moves by 100 um of its own pull in the exposure, the way.
+            // Straight ahead of the camera, within its motion of 100 um by gravity in the exposure.
             let miss = (object.x_px - 31.5).hypot(object.y_px - 31.5);
             assert!(miss < 1e-3, "{range_m} m: {miss} px");
         }
     }
 }
 
-/// Who is nearer than a metre is the vehicle itself: it has no image, hides nothing and costs nothing. Reference: the frame without it, bit by bit.
+/// An object nearer than one metre is the vehicle itself: it has no image, hides nothing and costs
+/// nothing. Reference: the frame without it, bit by bit.
 #[test]
 fn an_object_at_the_sensors_own_place_is_the_sensor() {
     let far = exposed(Vector3::new(-1e6, 0.0, 0.0), Orbits::Tracked);
@@ -81,10 +84,12 @@ fn an_object_at_the_sensors_own_place_is_the_sensor() {
     }
 }
 
-/// The Sun's share that an object at 7,000 km, 150 million km from the Sun, sees past the Earth, where its disc dips behind the limb by this part of its radius; and
-/// what is left of it where it comes out by as much.
-// X-Val: mpmath 1.4.1, 50 digits: the intersection of two caps of the sphere, radii asin(6378137 / 7e6) and asin(6.957e8 / 1.5e11), by Gauss and
-// Bonnet: 2 (pi - C - A cos a - B cos b), over the Sun's.
+/// Grazing sunlight past the Earth, for an object at 7,000 km, 150 million km from the Sun: a part
+/// of the Sun's radius; the covered share when the disc dips behind the limb by this part; the
+/// visible share when it emerges by this part.
+// X-Val: mpmath 1.4.1, 50 digits: the intersection of two caps of the sphere, radii asin(6378137 /
+// 7e6) and asin(6.957e8 / 1.5e11), by Gauss and Bonnet: 2 (pi - C - A cos a - B cos b), over the
+// Sun's.
 const GRAZING: [(f64, f64, f64); 8] = [
     (0.5, 0.195_357_047_700_375_95, 0.195_646_139_870_903_15),
     (0.1, 0.018_674_716_913_590_222, 0.018_711_578_867_820_825),
@@ -96,8 +101,9 @@ const GRAZING: [(f64, f64, f64); 8] = [
     (1e-9, 1.896_056_278_344_001e-14, 1.900_037_296_345_165_5e-14),
 ];
 
-/// 1e-5 of what is covered or left: the limb drawn as a plane circle is off by a quarter of the square of the Sun's radius, 5.4e-6 (a straight limb: by 1e-3); and
-/// 3e-16 of the whole, the last digit.
+/// 1e-5 of the covered or visible part: the limb drawn as a plane circle has an error of a quarter
+/// of the Sun's squared radius, 5.4e-6 (a straight limb: 1e-3). And 3e-16 of the whole, the last
+/// digit.
 #[test]
 fn the_penumbra_begins_and_ends_as_the_closed_form_says() {
     let earth = Earth::at(noon());
@@ -108,7 +114,7 @@ fn the_penumbra_begins_and_ends_as_the_closed_form_says() {
     let (d, sun_d): (f64, f64) = (7e6, 1.5e11);
     let (limb, sun) = ((EARTH_RADIUS_M / d).asin(), (6.957e8 / sun_d).asin());
     let lit = |separation: f64| {
-        // The Earth's centre stands at -x of the object.
+        // The Earth's centre is at -x of the object.
         let to_sun = x * -separation.cos() + y * separation.sin();
         earth.illumination(x * d, x * d + to_sun * sun_d)
     };
@@ -120,7 +126,7 @@ fn the_penumbra_begins_and_ends_as_the_closed_form_says() {
             assert!((found - due).abs() <= bound, "{part}: {found:e} {due:e}");
         }
     }
-    // On either side of contact light is whole, or none, and never more or less.
+    // On either side of the contacts light is whole or zero, and always in range.
     for beyond in [0.0, 1e-15, 1e-9, 1e-3, 0.1] {
         assert_eq!(lit(limb + sun * (1.0 + 1e-12) + beyond), 1.0);
         assert_eq!(lit(limb - sun * (1.0 + 1e-12) - beyond), 0.0);

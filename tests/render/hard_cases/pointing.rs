@@ -1,4 +1,5 @@
-//! Poles, the wrap of right ascension, half turns, signs of quaternions, slerps next to nothing and next to half a turn, and ten million steps.
+//! Poles, the wrap of right ascension, half turns, signs of quaternions, slerps near zero and near
+//! half a turn, and ten million steps.
 
 use super::stage::{alone, behind, camera, emulator, noon, square, starry, still, unit, vehicle};
 use hifitime::Unit;
@@ -8,7 +9,7 @@ use skyloop::fidelity::Fidelity;
 use skyloop_firmware_sim::attitude_list::AttitudeList;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// The boresights that coordinates are worst at: poles, a hair beside them, the wrap.
+/// The worst boresights for coordinates: poles, directions very near them, the wrap.
 fn boresights() -> Vec<[f64; 2]> {
     let mut all = Vec::new();
     let pole = FRAC_PI_2;
@@ -20,10 +21,10 @@ fn boresights() -> Vec<[f64; 2]> {
     all
 }
 
-/// The angle that an image moves by when its direction does must be the same everywhere on the sky: a light that is put behind a pixel is
-/// there. Reference: the pixel itself. 1e-9 px: 1e-16 of 2,000 px a radian, times the roundings.
+/// A light placed behind a pixel is imaged on it, everywhere on the sky. Reference: the pixel
+/// itself. 1e-9 px: 1e-16 of 2,000 px per radian, times the roundings.
 #[test]
-fn at_poles_and_across_the_wrap_a_light_is_where_it_is_put() {
+fn lights_at_poles_and_across_the_wrap_are_imaged_exactly() {
     let camera = camera("");
     let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     for [ra, dec] in boresights() {
@@ -41,7 +42,8 @@ fn at_poles_and_across_the_wrap_a_light_is_where_it_is_put() {
     }
 }
 
-/// Labels' right ascension is from 0 to below 360, in the text too. Reference: docs/explanation/labels.md.
+/// Labelled right ascension is from 0 to below 360, in the text too. Reference:
+/// docs/explanation/labels.md.
 #[test]
 fn right_ascensions_are_below_a_whole_turn() {
     for (angle, degrees) in [
@@ -55,7 +57,8 @@ fn right_ascensions_are_below_a_whole_turn() {
         assert_eq!(degrees_of_turn(angle), degrees, "{angle:e}");
     }
     assert!(degrees_of_turn(-1e-15) < 360.0);
-    // A star a millionth of a degree on either side of the wrap: of the label's nine decimals none makes a whole turn of it.
+    // A star a millionth of a degree on either side of the wrap: rounding to nine decimals never
+    // gives a whole turn.
     let mut emulator = starry(camera("optics.focal_length_mm = 5.0"), Fidelity::REALTIME);
     let mut found = 0;
     for dec in [-1.2, -0.6, 0.0, 0.5, 1.0, 1.5] {
@@ -64,7 +67,7 @@ fn right_ascensions_are_below_a_whole_turn() {
         let ras: Vec<f64> = label.objects.iter().map(|o| o.ra_deg).collect();
         assert!(ras.iter().all(|ra| (0.0..360.0).contains(ra)));
         found += ras.iter().filter(|ra| **ra > 350.0).count();
-        // The text of a label whose star stands there.
+        // The text of a label whose star is at that position.
         for (ra, text) in [
             (359.999_999_999_7, "\"ra_deg\":0.0,"),
             (359.999_999_999, "\"ra_deg\":359.999999999,"),
@@ -72,15 +75,15 @@ fn right_ascensions_are_below_a_whole_turn() {
             let mut label = label.clone();
             let objects = label.objects.iter_mut();
             objects.for_each(|object| object.ra_deg = ra);
-            let is_told = label.to_json().contains(text);
-            assert!(label.objects.is_empty() || is_told, "{ra}");
+            let is_listed = label.to_json().contains(text);
+            assert!(label.objects.is_empty() || is_listed, "{ra}");
         }
     }
     assert!(found > 5, "{found}");
 }
 
-/// The hidden danger is the choice of a root: near half a turn the scalar part is next to nothing. Reference: the matrix of the conventions,
-/// `diag(1, -1, -1)` and its like, and rotating back.
+/// Near half a turn the scalar part is nearly zero, and the choice of the root matters. Reference:
+/// the matrix of the conventions, `diag(1, -1, -1)` and the like, and rotating back.
 #[test]
 fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
     for axis in 0..3 {
@@ -114,14 +117,14 @@ fn half_turns_and_signs_of_quaternions_give_the_same_rotation() {
     }
 }
 
-/// Reference: the closed form, a turn about one axis by the part of the angle that the time is, the shorter way round. 4e-16 rad is a
-/// quaternion's last digit.
+/// Reference: the closed form, a turn about one axis by the fraction of the angle, in the shorter
+/// direction. 4e-16 rad is a quaternion's last digit.
 #[test]
-fn slerps_next_to_nothing_and_next_to_half_a_turn_are_turns() {
+fn slerps_near_zero_and_half_a_turn_are_turns() {
     let start = UnitQuaternion::from_euler_angles(0.3, -1.0, 2.0);
-    let beside_pi = [-1e-6, -1e-12, 0.0, 1e-9, 0.1].map(|off| PI + off);
+    let near_pi = [-1e-6, -1e-12, 0.0, 1e-9, 0.1].map(|off| PI + off);
     let others = [0.0, 1e-300, 1e-17, 1e-12, 1e-8, 1e-4, 1.0, 3.0, 6.25];
-    for angle in beside_pi.into_iter().chain(others) {
+    for angle in near_pi.into_iter().chain(others) {
         let short = angle.min(TAU - angle);
         for axis in [Vector3::x(), Vector3::z(), Vector3::new(0.6, 0.0, -0.8)] {
             let end = UnitQuaternion::from_scaled_axis(axis * angle) * start;
@@ -143,8 +146,8 @@ fn slerps_next_to_nothing_and_next_to_half_a_turn_are_turns() {
     }
 }
 
-/// Reference: `R(t) = exp(-[w x] t) R(0)` in one step. The body makes 1,986 turns: 1e-14 of them are 1.2e-10 rad. The norm, which all else rests
-/// on, stays to its last digit.
+/// Reference: `R(t) = exp(-[w x] t) R(0)` in one step. The body makes 1,986 turns: 1e-14 of them
+/// are 1.2e-10 rad. The norm stays exact to its last digit.
 #[test]
 fn ten_million_steps_of_clock_and_attitude_do_not_drift() {
     const STEPS: i64 = 10_000_000;
@@ -167,7 +170,8 @@ fn ten_million_steps_of_clock_and_attitude_do_not_drift() {
     assert!(apart.norm() < 1.2e-10, "{:e}", apart.norm());
 }
 
-/// Reference: chords, 2 asin(|a - b| / 2), in numbers that hold them. An arc cosine gives 0, or 1.5e-8, for all of the small ones.
+/// Reference: chords, 2 asin(|a - b| / 2), in exact numbers. An arc cosine gives 0, or 1.5e-8, for
+/// all small angles.
 #[test]
 fn angles_between_directions_keep_their_digits() {
     for angle in [1e-100, 1e-17, 1e-12, 1e-9, 1e-5, 1.0, 3.0, PI - 1e-9, PI] {

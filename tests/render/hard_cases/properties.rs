@@ -1,4 +1,5 @@
-//! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, and light scales.
+//! Properties of any scene: turning camera and sky together changes nothing, an exposure is the sum
+//! of its halves, and light scales.
 
 use super::stage::{
     Light, Lit, behind, emulator, expected as pixels, light, square, starry, vehicle,
@@ -12,7 +13,7 @@ use skyloop::fidelity::Fidelity;
 use std::cell::Cell;
 use std::sync::OnceLock;
 
-/// Runs a property on so many cases, the same ones every time.
+/// Runs a property on a number of cases, the same ones every time.
 pub fn check<S: Strategy>(
     cases: u32,
     strategy: S,
@@ -48,7 +49,7 @@ fn rates() -> impl Strategy<Value = [f64; 3]> {
     ]
 }
 
-/// Places on and around a detector of 128 px, and their light.
+/// Positions on and around a detector of 128 px, and their light.
 fn lights() -> impl Strategy<Value = Vec<([f64; 2], f64)>> {
     let one = (prop::array::uniform2(-6.0..134.0_f64), -3.0..5.0_f64);
     prop::collection::vec(one.prop_map(|(at, power)| (at, 10f64.powf(power))), 1..24)
@@ -72,38 +73,39 @@ pub fn cameras() -> &'static [Camera] {
     CAMERAS.get_or_init(|| keys.map(|keys| square(128, keys)).into())
 }
 
-/// What one shot of a scene takes: camera, attitude, rates (deg/s), places (px) of lights and their electrons.
+/// The parameters of one exposure: camera, attitude, rates (deg/s), positions (px) of lights and
+/// their electrons.
 pub type Taken = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
 
 pub fn scenes() -> impl Strategy<Value = Taken> {
     (0..cameras().len(), rotations(), rates(), lights())
 }
 
-/// Lights at these places, each `factor` times as bright.
+/// Lights at these positions, each `factor` times as bright.
 pub fn put(
     camera: &Camera,
     attitude: &Attitude,
-    places: &[([f64; 2], f64)],
+    positions: &[([f64; 2], f64)],
     factor: f64,
 ) -> Vec<Light> {
     let light = |(at, electrons): &([f64; 2], f64)| {
         Light::new(behind(camera, attitude, *at), electrons * factor)
     };
-    places.iter().map(light).collect()
+    positions.iter().map(light).collect()
 }
 
-/// What was found worst of some cases.
+/// The worst value of some cases.
 #[derive(Default)]
 pub struct Worst(Cell<f64>);
 
 impl Worst {
-    /// Keeps the greater, and gives what it was asked.
+    /// Stores the maximum and returns the argument.
     pub fn of(&self, found: f64) -> f64 {
         self.0.set(self.0.get().max(found));
         found
     }
 
-    /// What was found.
+    /// The worst value.
     pub fn get(&self) -> f64 {
         self.0.get()
     }
@@ -115,49 +117,52 @@ impl std::fmt::Display for Worst {
     }
 }
 
-/// Turning camera and sky together: light to 1e-9 and places to 1e-11, relative, signal-to-noise ratios to 1e-9, and each pixel to 1e-6 of its own light: the last digits of shares and sums in f32, of
-/// which the smallest normal number is the floor.
+/// Turning camera and sky together: light to 1e-9 and positions to 1e-11, relative, signal-to-noise
+/// ratios to 1e-9. Each pixel agrees to 1e-6 of its own light: the last digits of shares and sums
+/// in f32, with its smallest normal number as the floor.
 #[test]
 fn turning_camera_and_sky_together_changes_nothing() {
-    let [way, ratio, pixel] = [(); 3].map(|()| Worst::default());
+    let [position, ratio, pixel] = [(); 3].map(|()| Worst::default());
     check(
         128,
         (scenes(), rotations()),
-        |((which, attitude, rates, places), turn)| {
+        |((which, attitude, rates, positions), turn)| {
             let camera = &cameras()[which];
             let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
-            let lights = put(camera, &attitude, &places, 1.0);
-            let here = light(&emulator, &vehicle(&attitude, rates), &lights);
-            // The sky turned by R is seen alike by q R^-1.
+            let lights = put(camera, &attitude, &positions, 1.0);
+            let original = light(&emulator, &vehicle(&attitude, rates), &lights);
+            // The sky turned by R looks the same through q R^-1.
             let turned = lights.iter();
             let turned = turned.map(|one| Light::new(turn.rotate(&one.direction), one.electrons));
             let turned: Vec<Light> = turned.collect();
-            let there = vehicle(&turn.inverse().then(&attitude), rates);
-            let there = light(&emulator, &there, &turned);
-            prop_assert_eq!(here.scene.sources.len(), there.scene.sources.len());
-            for (a, b) in here.scene.sources.iter().zip(&there.scene.sources) {
+            let rotated = vehicle(&turn.inverse().then(&attitude), rates);
+            let rotated = light(&emulator, &rotated, &turned);
+            prop_assert_eq!(original.scene.sources.len(), rotated.scene.sources.len());
+            for (a, b) in original.scene.sources.iter().zip(&rotated.scene.sources) {
                 prop_assert!((a.electrons / b.electrons - 1.0).abs() < 1e-9);
                 for (a, b) in [(a.start, b.start), (a.end, b.end), (a.centroid, b.centroid)] {
                     let miss = (a[0] - b[0]).hypot(a[1] - b[1]) / (1.0 + a[0].hypot(a[1]));
-                    prop_assert!(way.of(miss) < 1e-11, "{:e}", miss);
+                    prop_assert!(position.of(miss) < 1e-11, "{:e}", miss);
                 }
                 let miss = (a.snr - b.snr).abs() / a.snr.max(f64::MIN_POSITIVE);
                 prop_assert!(ratio.of(miss) <= 1e-9, "{} {}", a.snr, b.snr);
             }
-            for (a, b) in here.expected_e.iter().zip(&there.expected_e) {
+            for (a, b) in original.expected_e.iter().zip(&rotated.expected_e) {
                 let miss = (a - b).abs() / a.max(f64::from(f32::MIN_POSITIVE));
                 prop_assert!(pixel.of(miss) <= 1e-6, "{:e} {:e}", a, b);
             }
             Ok(())
         },
     );
-    println!("places {way}, ratios {ratio}, pixels {pixel} of their own light");
+    println!("positions {position}, ratios {ratio}, pixels {pixel} of their own light");
 }
 
-/// The frame of an exposure is the sum of those of its two halves, with all that stars do in it (objects and area light: `whole_sky`). Of `reference` within 0.02 e- a pixel and 2e-6 of it: what the sums of three frames lose in
-/// f32; of `realtime` within three times what a track, a wing and an effect that is skipped may leave out (0.01, 0.02 and 0.05 e-) and three times its 2e-5 of the brightest.
+/// The frame of an exposure is the sum of those of its two halves, for all effects of stars
+/// (objects and area light: `whole_sky`). `reference`: within 0.02 e- a pixel and 2e-6 of it, the
+/// f32 rounding of three frames. `realtime`: within three times the tolerances of a track, a wing
+/// and a skipped effect (0.01, 0.02 and 0.05 e-) and three times its 2e-5 of the brightest.
 #[test]
-fn an_exposure_in_two_adds_up() {
+fn two_halves_add_up_to_an_exposure() {
     let exposures = -3.0..0.0_f64;
     for (fidelity, cases, most_e, part) in [
         (Fidelity::REFERENCE, 24, 0.02, 2e-6),
@@ -199,17 +204,19 @@ fn an_exposure_in_two_adds_up() {
     }
 }
 
-/// All fluxes times a factor are the frame times that factor, with tolerances in electrons that go with them: each pixel to 1e-6 of its light, what f32 is worth in shares and sums, of
-/// any optics and both fidelities.
+/// All fluxes times a factor give the frame times that factor, when the tolerances in electrons
+/// scale with them. Each pixel agrees to 1e-6 of its light, the f32 rounding of shares and sums,
+/// for any optics and both fidelities.
 #[test]
 fn scaling_all_fluxes_scales_the_frame() {
-    /// So much brighter is the frame that others are held against: the tolerances of all of them are within their ranges.
+    /// The factor of the reference frame; the tolerances of all other frames stay within their
+    /// ranges.
     const BRIGHT: f64 = 100.0;
     let worst = Worst::default();
     check(
         64,
         (scenes(), -2.0..2.6_f64),
-        |((which, attitude, rates, places), power)| {
+        |((which, attitude, rates, positions), power)| {
             let camera = &cameras()[which];
             let factor = 10f64.powf(power);
             for fidelity in [Fidelity::REFERENCE, Fidelity::REALTIME] {
@@ -223,7 +230,7 @@ fn scaling_all_fluxes_scales_the_frame() {
                     };
                     let mut emulator = emulator(camera.clone(), fidelity, |_| {});
                     emulator.choice.all = true;
-                    let lights = put(camera, &attitude, &places, factor);
+                    let lights = put(camera, &attitude, &positions, factor);
                     light(&emulator, &vehicle(&attitude, rates), &lights).expected_e
                 };
                 for (a, b) in by(1.0).iter().zip(&by(factor)) {
@@ -237,14 +244,15 @@ fn scaling_all_fluxes_scales_the_frame() {
     println!("pixels {worst} of their own light");
 }
 
-/// The same where tolerances stay as they are: each source leaves out up to twice `wing_e`, `loss_e` and `track_e`, in both frames; of Gaussians `reference` leaves out nothing.
+/// The same with constant tolerances: each source leaves out up to twice `wing_e`, `loss_e` and
+/// `track_e`, in both frames. `reference` leaves out nothing of Gaussians.
 #[test]
-fn scaling_all_fluxes_alone_changes_what_tolerances_allow() {
+fn scaling_fluxes_alone_stays_within_the_tolerances() {
     let worst = Worst::default();
     check(
         40,
         (scenes(), -2.0..4.0_f64),
-        |((which, attitude, rates, places), power)| {
+        |((which, attitude, rates, positions), power)| {
             let camera = &cameras()[which];
             let factor = 10f64.powf(power);
             for fidelity in [Fidelity::REFERENCE, Fidelity::REALTIME] {
@@ -252,7 +260,7 @@ fn scaling_all_fluxes_alone_changes_what_tolerances_allow() {
                 emulator.choice.all = true;
                 let vehicle = vehicle(&attitude, rates);
                 let [one, other]: [Lit; 2] = [1.0, factor].map(|factor| {
-                    let lights = put(camera, &attitude, &places, factor);
+                    let lights = put(camera, &attitude, &positions, factor);
                     light(&emulator, &vehicle, &lights)
                 });
                 let gaussian = ![3, 4].contains(&which);
@@ -261,11 +269,11 @@ fn scaling_all_fluxes_alone_changes_what_tolerances_allow() {
                     false => 2.0 * fidelity.wing_e + fidelity.loss_e + fidelity.track_e,
                 };
                 // In units of the fainter frame, in which one of the two leaves out less.
-                let least = factor.min(1.0);
-                let most_e = leaves_e * places.len() as f64 * (1.0 + factor.min(1.0 / factor));
+                let min = factor.min(1.0);
+                let most_e = leaves_e * positions.len() as f64 * (1.0 + factor.min(1.0 / factor));
                 for (a, b) in one.expected_e.iter().zip(&other.expected_e) {
-                    let miss = (a - b / factor).abs() * least;
-                    let bound = most_e + 2e-5 * a * least;
+                    let miss = (a - b / factor).abs() * min;
+                    let bound = most_e + 2e-5 * a * min;
                     worst.of(miss / bound.max(f64::MIN_POSITIVE));
                     prop_assert!(miss <= bound, "{} e- of {}", miss, a);
                 }

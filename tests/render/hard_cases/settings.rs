@@ -1,4 +1,5 @@
-//! Whole frames under settings that are no numbers, which files and commands refuse but callers of the library can make: no panic, a bounded time, and a frame of numbers or an error.
+//! Whole frames under non-finite settings, which files and commands refuse but callers of the
+//! library can make: no panic, a bounded time, and a finite frame or an error.
 
 use super::functions::{EDGES, Gives, fault};
 use super::stage::{camera, check_numbers, emulator, expected, starry, towards};
@@ -34,10 +35,10 @@ fn stage() -> Emulator {
 }
 
 #[test]
-fn frames_of_tolerances_out_of_their_ranges() {
+fn frames_with_tolerances_out_of_range() {
     let mut emulator = stage();
     for tolerance in TOLERANCES {
-        let Allowed::Numbers([least, most]) = tolerance.allowed else {
+        let Allowed::Numbers([min, max]) = tolerance.allowed else {
             continue;
         };
         for bad in EDGES {
@@ -47,7 +48,7 @@ fn frames_of_tolerances_out_of_their_ranges() {
             let Value::Number(set) = (tolerance.get)(emulator.fidelity()) else {
                 unreachable!()
             };
-            assert!((least..=most).contains(&set), "{} = {bad}", tolerance.name);
+            assert!((min..=max).contains(&set), "{} = {bad}", tolerance.name);
             let started = Instant::now();
             let exposed = emulator.expose(&vehicle(), 0).unwrap();
             assert!(started.elapsed() < BOUND, "{} = {bad}", tolerance.name);
@@ -55,7 +56,7 @@ fn frames_of_tolerances_out_of_their_ranges() {
             assert!(exposed.json.contains("\"objects\":[{"), "no star is seen");
         }
     }
-    // As few steps as may be, all at once: what there is to do does not grow without bound.
+    // Minimum steps, all at once: the work does not grow without bound.
     emulator.set_fidelity(Fidelity {
         psf_loss: 0.0,
         loss_e: 0.0,
@@ -71,9 +72,9 @@ fn frames_of_tolerances_out_of_their_ranges() {
     check_numbers(&exposed, "all of them 0");
 }
 
-/// Every real number of a camera that `camera_mut` gives out.
+/// Every real number of a camera that `camera_mut` exposes.
 #[test]
-fn frames_of_cameras_that_are_no_numbers() {
+fn frames_of_cameras_with_non_finite_numbers() {
     type Field = (&'static str, fn(&mut Camera, f64));
     const FIELDS: [Field; 20] = [
         ("exposure_s", |c, bad| c.exposure_s = bad),
@@ -127,7 +128,7 @@ fn frames_of_cameras_that_are_no_numbers() {
             let exposed = emulator.expose(&vehicle(), 0);
             let dn = exposed.map_or(0, |exposed| exposed.frame.dn.len());
             assert!(dn == 0 || dn == 64 * 64);
-            // What comes after is not the worse for it.
+            // Later frames are unaffected.
             emulator.camera_mut().clone_from(&configured);
             expected(emulator.expose(&vehicle(), 0).unwrap())
         })
@@ -138,7 +139,7 @@ fn frames_of_cameras_that_are_no_numbers() {
 
 /// As documented, labels then list all objects.
 #[test]
-fn a_label_of_no_least_ratio_lists_all() {
+fn a_label_without_a_minimum_snr_lists_all() {
     let listed = |label_snr: f64| {
         let camera = stage().camera().as_ref().clone();
         let mut emulator = emulator(camera, Fidelity::REALTIME, |config| {
@@ -159,7 +160,7 @@ fn a_label_of_no_least_ratio_lists_all() {
 }
 
 #[test]
-fn servers_of_cameras_without_a_rate() {
+fn servers_of_cameras_with_a_non_finite_rate() {
     for bad in EDGES {
         let mut emulator = stage();
         emulator.camera_mut().rate_hz = bad;

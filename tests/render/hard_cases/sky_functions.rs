@@ -1,4 +1,4 @@
-//! The sky's functions, attitudes and plots, with numbers that are none: see `functions`.
+//! The sky's functions, attitudes and plots, with non-finite numbers: see `functions`.
 
 use super::functions::Gives::{self, Anything, Finite, LightOrNone};
 use super::functions::{check, corrupted};
@@ -38,11 +38,11 @@ fn sun_m() -> Vector3<f64> {
 }
 
 /// 500 km above the ground.
-fn here_m() -> Vector3<f64> {
+fn observer_m() -> Vector3<f64> {
     Vector3::new(6.87e6, 1e5, 2e5)
 }
 
-/// Two vectors, with one or the other spoilt.
+/// Two vectors, with one or the other corrupted.
 fn either_corrupted(
     a: Vector3<f64>,
     b: Vector3<f64>,
@@ -52,9 +52,9 @@ fn either_corrupted(
     [first, corrupted(b, bad).map(|corrupted| (a, corrupted))].concat()
 }
 
-/// What an Earth, a Moon or an atmosphere is seen along.
-fn ways() -> [Vector3<f64>; 4] {
-    let down = -here_m().normalize();
+/// Lines of sight to an Earth, a Moon or an atmosphere.
+fn lines_of_sight() -> [Vector3<f64>; 4] {
+    let down = -observer_m().normalize();
     [
         down,
         Vector3::new(0.1, 0.9, 0.4),
@@ -64,7 +64,7 @@ fn ways() -> [Vector3<f64>; 4] {
 }
 
 #[test]
-fn photometry_of_no_numbers() {
+fn photometry_with_non_finite_numbers() {
     check(&[
         ("diffuse_phase", Gives::Light, |bad| {
             vec![diffuse_phase(bad)]
@@ -99,39 +99,41 @@ fn photometry_of_no_numbers() {
 }
 
 #[test]
-fn light_of_earth_air_moon_and_sky_from_nowhere() {
+fn sky_light_with_non_finite_positions() {
     check(&[
         ("EarthDisc", Gives::Light, |bad| {
             let mut light = Vec::new();
-            for (at, sun) in either_corrupted(here_m(), sun_m(), bad) {
+            for (at, sun) in either_corrupted(observer_m(), sun_m(), bad) {
                 let Some(disc) = EarthDisc::new(at, sun, earth()) else {
                     continue;
                 };
-                light.extend(ways().map(|way| disc.reflectance(&way)));
+                light.extend(lines_of_sight().map(|line| disc.reflectance(&line)));
                 light.extend(disc.patches(20).iter().map(|patch| patch.irradiance));
                 disc.edge();
             }
-            let disc = EarthDisc::new(here_m(), sun_m(), earth()).unwrap();
-            light.extend(corrupted(ways()[0], bad).map(|way| disc.reflectance(&way)));
+            let disc = EarthDisc::new(observer_m(), sun_m(), earth()).unwrap();
+            light.extend(corrupted(lines_of_sight()[0], bad).map(|line| disc.reflectance(&line)));
             light
         }),
         ("Limb", LightOrNone, |bad| {
             static AIR: LazyLock<Arc<Atmosphere>> =
                 LazyLock::new(|| Arc::new(Atmosphere::of(&Band::named("v").unwrap())));
             let mut light = Vec::new();
-            let mut look = |limb: &Limb, way: &Vector3<f64>| {
-                light.extend(limb.parts(way));
-                light.extend([limb.radiance(way), limb.ground_share(way)]);
+            let mut evaluate = |limb: &Limb, line: &Vector3<f64>| {
+                light.extend(limb.parts(line));
+                light.extend([limb.radiance(line), limb.ground_share(line)]);
             };
-            for (at, sun) in either_corrupted(here_m(), sun_m(), bad) {
+            for (at, sun) in either_corrupted(observer_m(), sun_m(), bad) {
                 if let Some(limb) = Limb::new(&AIR, at, sun, earth()) {
-                    ways().iter().for_each(|way| look(&limb, way));
+                    lines_of_sight()
+                        .iter()
+                        .for_each(|line| evaluate(&limb, line));
                     limb.edge();
                 }
             }
-            let limb = Limb::new(&AIR, here_m(), sun_m(), earth()).unwrap();
-            let ways = corrupted(ways()[3], bad);
-            ways.iter().for_each(|way| look(&limb, way));
+            let limb = Limb::new(&AIR, observer_m(), sun_m(), earth()).unwrap();
+            let lines_of_sight = corrupted(lines_of_sight()[3], bad);
+            lines_of_sight.iter().for_each(|line| evaluate(&limb, line));
             light
         }),
         ("Air, Airglow", LightOrNone, |bad| {
@@ -173,21 +175,21 @@ fn light_of_earth_air_moon_and_sky_from_nowhere() {
                 ZodiacalLight::new(&sun_m()),
                 StarLight::new(Selection::Hipparcos),
             );
-            let ways = corrupted(Vector3::y(), bad);
-            let light = ways.map(|way| [zodiac.s10(&way), stars.s10(&way)]);
+            let lines_of_sight = corrupted(Vector3::y(), bad);
+            let light = lines_of_sight.map(|line| [zodiac.s10(&line), stars.s10(&line)]);
             [light.as_flattened(), &[distance_factor(bad)]].concat()
         }),
         ("sky::radiation::flux", Gives::Light, |bad| {
-            corrupted(here_m(), bad)
+            corrupted(observer_m(), bad)
                 .map(|at| flux(&at, noon()))
                 .to_vec()
         }),
     ]);
-    // Of what is no place, as documented.
+    // For a non-finite position, as documented.
     assert_eq!(flux(&Vector3::repeat(f64::NAN), noon()), 1.8);
 }
 
-/// A cylinder with ends, a box, a hinged plate and a ball, of such a surface.
+/// A cylinder with ends, a box, a hinged plate and a ball, of that surface.
 fn body(length_m: f64, surface: Surface) -> Shape {
     let mut shape = Shape::default();
     let ends = Ends {
@@ -206,7 +208,7 @@ fn body(length_m: f64, surface: Surface) -> Shape {
 }
 
 #[test]
-fn shapes_and_light_curves_of_no_numbers() {
+fn shapes_and_light_curves_with_non_finite_numbers() {
     const PAINT: Surface = Surface {
         reflectance: 0.2,
         diffuse: 0.7,
@@ -259,9 +261,9 @@ fn shapes_and_light_curves_of_no_numbers() {
                 point_from(&population, 0, state, corrections, noon(), exposure_s)
             };
             let v = Vector3::new(0.0, 7.5e3, 0.0);
-            let mut points = vec![at(here_m(), v, bad)];
-            points.extend(corrupted(here_m(), bad).map(|r| at(r, v, 0.1)));
-            points.extend(corrupted(v, bad).map(|v| at(here_m(), v, 0.1)));
+            let mut points = vec![at(observer_m(), v, bad)];
+            points.extend(corrupted(observer_m(), bad).map(|r| at(r, v, 0.1)));
+            points.extend(corrupted(v, bad).map(|v| at(observer_m(), v, 0.1)));
             for point in points.into_iter().flatten() {
                 let seen = [point.range_m, point.phase, point.illumination];
                 assert!(seen.iter().all(|x| *x >= 0.0), "{bad:e}: {point:?}");
@@ -273,7 +275,7 @@ fn shapes_and_light_curves_of_no_numbers() {
 }
 
 #[test]
-fn attitudes_and_angles_of_no_numbers() {
+fn attitudes_and_angles_with_non_finite_numbers() {
     check(&[
         ("Attitude::towards, turned", Finite, |bad| {
             let base = Attitude::towards(0.3, 0.4, 0.5);
@@ -307,7 +309,7 @@ fn attitudes_and_angles_of_no_numbers() {
 }
 
 #[test]
-fn directions_of_no_place() {
+fn directions_with_non_finite_positions() {
     check(&[
         ("sky::apparent, planets, StarField", Anything, |bad| {
             static STARS: LazyLock<StarField> = LazyLock::new(|| {
@@ -316,7 +318,7 @@ fn directions_of_no_place() {
             });
             let bodies = Bodies::at(noon()).unwrap();
             let (v, corrections) = (Vector3::new(0.0, 7.5e3, 0.0), Corrections::default());
-            for (position_m, velocity_m_s) in either_corrupted(here_m(), v, bad) {
+            for (position_m, velocity_m_s) in either_corrupted(observer_m(), v, bad) {
                 let observer = Observer {
                     epoch: noon(),
                     position_m,
@@ -331,7 +333,7 @@ fn directions_of_no_place() {
             }
             let observer = Observer {
                 epoch: noon(),
-                position_m: here_m(),
+                position_m: observer_m(),
                 velocity_m_s: v,
                 bodies,
             };
@@ -343,14 +345,14 @@ fn directions_of_no_place() {
                 let mut figures = [1.0, 0.5, 1e-6, 1e-6, 1e-6];
                 figures[k] = bad;
                 let [ra_rad, dec_rad, parallax_rad, east, north] = figures;
-                let place = StarPlace {
+                let star_place = StarPlace {
                     ra_rad,
                     dec_rad,
                     parallax_rad,
                     pm_ra_cosdec_rad_yr: east,
                     pm_dec_rad_yr: north,
                 };
-                Sight::of(&observer, &corrections).of_star(&StarMotion::of(&place));
+                Sight::of(&observer, &corrections).of_star(&StarMotion::of(&star_place));
             }
             Vec::new()
         }),
@@ -367,7 +369,7 @@ fn directions_of_no_place() {
                     rates: bad,
                 };
                 for attitude in [spin, BodyAttitude::Nadir(Attitude::identity())] {
-                    for state in [state(bad, v), state(here_m(), bad)] {
+                    for state in [state(bad, v), state(observer_m(), bad)] {
                         let later = noon() + hifitime::Unit::Day * 9;
                         attitude.matrix(later, &state);
                         attitude.rate(&state);
@@ -380,7 +382,7 @@ fn directions_of_no_place() {
 }
 
 #[test]
-fn plots_of_no_numbers() {
+fn plots_with_non_finite_numbers() {
     check(&[
         ("write_light_curve, Span", Anything, |bad| {
             let folder = tempfile::tempdir().unwrap();

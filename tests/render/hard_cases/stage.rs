@@ -1,4 +1,4 @@
-//! A camera, a vehicle and lights to order: what the cases are played with.
+//! Cameras, vehicles and lights for the cases.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -24,7 +24,7 @@ pub fn epoch(text: &str) -> Epoch {
     skyloop::orbit::time::parse_utc(text).unwrap()
 }
 
-/// When nothing else matters.
+/// The default time.
 pub fn noon() -> Epoch {
     epoch("2026-03-01T12:00:00")
 }
@@ -44,7 +44,7 @@ pub fn still(attitude: &Attitude) -> VehicleState {
 pub const LOW_KM: Vector3<f64> = Vector3::new(7000.0, 0.0, 0.0);
 pub const LOW_KM_S: Vector3<f64> = Vector3::new(0.0, 7.5, 0.0);
 
-/// The vehicle in that orbit, which looks away from the Earth.
+/// The vehicle in that orbit, pointed away from the Earth.
 pub fn in_low_orbit() -> VehicleState {
     orbiter(&towards(&LOW_KM), LOW_KM * 1e3, LOW_KM_S * 1e3)
 }
@@ -59,7 +59,7 @@ pub fn orbiter(
     VehicleState::new(7, noon(), attitude.xyzw(), [0.0; 3], orbit).unwrap()
 }
 
-/// The attitude that looks along `direction`.
+/// The attitude with the boresight along `direction`.
 pub fn towards(direction: &Vector3<f64>) -> Attitude {
     let (ra, dec) = (
         direction.y.atan2(direction.x),
@@ -75,8 +75,8 @@ pub fn square(side: usize, keys: &str) -> Camera {
     ))
 }
 
-/// An emulator without noise, with nothing in the sky but objects and what is put there; all is
-/// labelled and expected electrons are kept.
+/// An emulator without noise, with only objects and the added lights in the sky. Labels list
+/// everything, and expected electrons are stored.
 pub fn emulator(camera: Camera, fidelity: Fidelity, with: impl FnOnce(&mut Config)) -> Emulator {
     let mut config = dark(Config::defaults().unwrap());
     config.camera = camera;
@@ -109,7 +109,7 @@ impl Light {
     }
 }
 
-/// A star's candidate, to be made another of.
+/// A star's candidate, the template of others.
 fn template() -> Candidate {
     static STAR: OnceLock<Candidate> = OnceLock::new();
     let star = || {
@@ -124,7 +124,7 @@ fn template() -> Candidate {
     STAR.get_or_init(star).clone()
 }
 
-/// A frame of these lights alone: its scene, expected electrons and digits.
+/// A frame of these lights alone: its scene, expected electrons and DN.
 pub struct Lit {
     pub scene: Scene,
     pub expected_e: Vec<f64>,
@@ -149,7 +149,7 @@ pub fn expected(exposed: ExposedFrame) -> Vec<f64> {
     pixels.into_iter().map(f64::from).collect()
 }
 
-/// Puts `lights` before the camera of `emulator`.
+/// Puts `lights` in front of the camera of `emulator`.
 pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> Lit {
     let mut choice = emulator.choice.clone();
     choice.off.retain(|name| *name != "stars");
@@ -185,7 +185,7 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
     }
 }
 
-/// The frame of a plan, its expected electrons kept.
+/// The frame of a plan, with its expected electrons.
 pub fn drawn(plan: &Plan<'_>, scene: &Scene) -> Frame {
     render(
         plan,
@@ -214,7 +214,7 @@ pub fn moments(image: &[f64], width: usize) -> (f64, [f64; 2]) {
     (sum, [x / sum, y / sum])
 }
 
-/// Fails where a frame or its label holds a number that is none.
+/// Fails where a frame or its label contains a non-finite number.
 pub fn check_numbers(exposed: &ExposedFrame, what: &str) {
     let expected = exposed.frame.expected_e.iter().flatten();
     assert!(

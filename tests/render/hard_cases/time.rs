@@ -24,7 +24,8 @@ const LEAPS: &str = "\
     1992-06-30 1993-06-30 1994-06-30 1995-12-31 1997-06-30 1998-12-31 2005-12-31 2008-12-31 \
     2012-06-30 2015-06-30 2016-12-31";
 
-/// Every nanosecond around every leap second has its own text, which reads back as that nanosecond. Reference: the count of nanoseconds from the second before the leap second.
+/// Every nanosecond around every leap second has its own text, which parses to that nanosecond.
+/// Reference: the count of nanoseconds from the second before the leap second.
 #[test]
 fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
     assert_eq!(LEAPS.split(' ').count(), 27);
@@ -51,7 +52,7 @@ fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
         let year: i32 = text[..4].parse().unwrap();
         let month = if text[4..].starts_with("-01") { 1 } else { 7 };
         assert_eq!(text[4..], format!("-{month:02}-01T00:00:00.000Z"));
-        // UTC's days have 86,400 s: a second of UTC is one of TAI, but for the leap second.
+        // UTC days have 86,400 s: a second of UTC is one of TAI, except for the leap second.
         let utc_after = utc_duration(after);
         for seconds in [-86_400, -40, -36, -10, -2, 0, 10, 40] {
             let at = after + Unit::Second * seconds;
@@ -69,7 +70,8 @@ fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
     }
 }
 
-/// Before 1972 UTC counts as TAI: no leap seconds were there to tell them apart by. Reference: TAI - UTC was 10 s on 1 January 1972.
+/// Before 1972 there were no leap seconds, and UTC counts as TAI. Reference: TAI - UTC was 10 s on
+/// 1 January 1972.
 #[test]
 fn before_1972_utc_is_tai() {
     let last = epoch("1971-12-31T23:59:59");
@@ -78,7 +80,7 @@ fn before_1972_utc_is_tai() {
     assert_eq!(utc_text(last), "1971-12-31T23:59:59.000Z");
 }
 
-/// Any nanosecond of three centuries, on either side of nothing in particular, comes back from its text.
+/// Any nanosecond of three centuries, also far from leap seconds, round-trips through its text.
 #[test]
 fn text_is_exact_from_1900_to_2199() {
     let start = Epoch::from_tai_duration(Duration::ZERO);
@@ -89,7 +91,8 @@ fn text_is_exact_from_1900_to_2199() {
     }
 }
 
-/// Frames from 1950 to 2100, and on leap seconds: the same stars stand in the field but for their own ways, and all numbers are numbers; beyond the series they are refused.
+/// Frames from 1950 to 2100, and on leap seconds: the field has the same stars except for proper
+/// motion, and all numbers are finite. Epochs beyond the series are refused.
 #[test]
 fn frames_of_the_years_1950_to_2100() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
@@ -110,7 +113,8 @@ fn frames_of_the_years_1950_to_2100() {
         "2050-06-15T12:00:00",
         "2099-12-31T23:59:59",
         "2100-01-01T00:00:00",
-        // A Julian century, 36,525 days of TT, from J2000.0; UTC is 69.184 s behind as long as no leap second comes.
+        // A Julian century, 36,525 days of TT, from J2000.0; UTC is 69.184 s behind until the next
+        // leap second.
         "2100-01-01T11:58:50",
     ] {
         let exposed = expose(epoch(text)).unwrap();
@@ -122,8 +126,8 @@ fn frames_of_the_years_1950_to_2100() {
             assert!(object.electrons.is_finite() && object.snr.is_finite());
         }
     }
-    let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
-    assert!(*least > 10 && most - least <= 3, "{counts:?}");
+    let (min, max) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+    assert!(*min > 10 && max - min <= 3, "{counts:?}");
     for text in [
         "1899-06-01T00:00:00",
         "2100-01-01T11:58:51",
@@ -134,16 +138,20 @@ fn frames_of_the_years_1950_to_2100() {
         let refused = expose(epoch(text));
         assert!(matches!(refused, Err(Unobservable::Epoch(_))), "{text}");
     }
-    // No text, and no end of time, stops anything.
+    // No text and no extreme time fails.
     for at in [Duration::MAX, Duration::MIN].map(Epoch::from_tai_duration) {
         assert!(utc_text(at).len() > 20);
         assert!(expose(at).is_err());
     }
 }
 
-/// The whole sky, in two halves, of those years: an object 300 km over the vehicle, the Moon and all planets are in it, and stand where they may. Reference: the geometry, for the object; a Moon within 5.3 deg of
-/// the ecliptic, by a degree more from low orbit, 356,000 to 407,000 km from the Earth's centre; Mercury within 28.4 deg and Venus within 47.9 of the Sun; planets within 9 deg of the ecliptic (Venus at its nearest).
-// X-Val: J. Meeus, Astronomical Algorithms, 2nd ed., 1998, chapters 36 and 50 (elongations, perigees and apogees).
+/// The whole sky, in two halves, of those years: an object 300 km above the vehicle, the Moon and
+/// all planets are in it, in their possible range. Reference: geometry, for the object. The Moon is
+/// within 5.3 deg of the ecliptic, one degree more from low orbit, 356,000 to 407,000 km from the
+/// Earth's centre. Mercury is within 28.4 deg of the Sun, Venus within 47.9; planets are within 9
+/// deg of the ecliptic (Venus at its nearest).
+// X-Val: J. Meeus, Astronomical Algorithms, 2nd ed., 1998, chapters 36 and 50 (elongations,
+// perigees and apogees).
 #[test]
 fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
     let optics = "optics.focal_length_mm = 1.6; optics.aperture_mm = 1.0; \
@@ -209,7 +217,7 @@ fn seconds_are_the_nearest_nanosecond() {
         (0.4e-9, 0),
         (-1.6e-9, -2),
         (0.1 + 0.2, 300_000_000),
-        // A last digit below 29, which hifitime cuts off to 28.999999999.
+        // A last digit below 29, which hifitime truncates to 28.999999999.
         (100.0 * 0.29, 29_000_000_000),
         (-100.0 * 0.29, -29_000_000_000),
         (1e9 + 0.25, 1_000_000_000_250_000_000),
@@ -222,8 +230,8 @@ fn seconds_are_the_nearest_nanosecond() {
     assert_eq!(seconds(1e300), Duration::MAX);
 }
 
-/// Ten million periods on, a mission's clock is where the product is, to the nanosecond, for periods that a binary number has and that it has not.
-/// Reference: integers.
+/// After ten million periods a mission's clock equals the product, to the nanosecond, for periods
+/// with and without an exact binary representation. Reference: integers.
 #[test]
 fn ten_million_periods_do_not_drift() {
     for (period_s, period_ns) in [

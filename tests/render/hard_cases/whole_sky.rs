@@ -1,4 +1,5 @@
-//! The whole sky, turned with its camera and exposed in two: stars, objects, the Moon, the light of Earth, air, dust and faint stars, and what the optics scatter.
+//! The whole sky, turned with its camera, and exposed in two halves: stars, objects, the Moon, the
+//! light of Earth, air, dust and faint stars, and stray light.
 
 use super::properties::{Worst, check, rotations};
 use super::stage::{camera, drawn, emulator, falling, noon, oem, orbiter};
@@ -16,7 +17,7 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Light whose sky is turned.
+/// Light with a rotated sky.
 #[derive(Debug)]
 struct Turned {
     of: Arc<dyn Radiance>,
@@ -24,14 +25,14 @@ struct Turned {
 }
 
 impl Turned {
-    fn there(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+    fn unrotated(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         self.turn.inverse().rotate(direction)
     }
 }
 
 impl Radiance for Turned {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
-        self.of.toward(&self.there(direction))
+        self.of.toward(&self.unrotated(direction))
     }
 
     fn is_hidden_inside(&self) -> bool {
@@ -58,7 +59,7 @@ impl Radiance for Turned {
 impl Edge for Turned {
     fn angle(&self, direction: &Vector3<f64>) -> f64 {
         let edge = self.of.edge();
-        edge.map_or(f64::NAN, |edge| edge.angle(&self.there(direction)))
+        edge.map_or(f64::NAN, |edge| edge.angle(&self.unrotated(direction)))
     }
 
     fn radius(&self) -> f64 {
@@ -66,15 +67,15 @@ impl Edge for Turned {
     }
 }
 
-/// What `vehicle` has before it, all of it.
+/// The view of `vehicle` with all its contents.
 fn view(emulator: &Emulator, vehicle: &VehicleState) -> View {
     let scene = emulator.scene(&emulator.camera(), vehicle, 0, &emulator.choice);
     scene.unwrap().view
 }
 
-/// That view with all that is in it, and who looks, turned.
-fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
-    let mut vehicle = here.vehicle.clone();
+/// That view with its contents and its observer rotated.
+fn turned(emulator: &Emulator, original: &View, turn: &Attitude) -> View {
+    let mut vehicle = original.vehicle.clone();
     vehicle.attitude = turn.inverse().then(&vehicle.attitude);
     if let Some(state) = &mut vehicle.orbit {
         state.position_m = turn.rotate(&state.position_m);
@@ -87,18 +88,18 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
         floor_e: 0.0,
     };
     let (world, fidelity) = (emulator.world(), emulator.fidelity());
-    let there = build_view(
+    let rotated = build_view(
         world,
-        &here.camera,
+        &original.camera,
         &vehicle,
-        here.exposure,
+        original.exposure,
         fidelity,
-        here.key,
+        original.key,
         all,
     );
-    let mut there = there.unwrap();
-    there.candidates.clone_from(&here.candidates);
-    for candidate in &mut there.candidates {
+    let mut rotated = rotated.unwrap();
+    rotated.candidates.clone_from(&original.candidates);
+    for candidate in &mut rotated.candidates {
         match &mut candidate.body {
             Body::Star(star) => star.direction = turn.rotate(&star.direction),
             Body::Rso(object) => {
@@ -115,8 +116,8 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
             }
         }
     }
-    // How far its candidates swing is asked anew; the light of the sky as it stands is not its own.
-    let mut there = add_areas(there, world, area_kinds(), &allowed(&emulator.choice));
+    // The spread of its candidates is computed anew; its own sky light is replaced.
+    let mut rotated = add_areas(rotated, world, area_kinds(), &allowed(&emulator.choice));
     let area = |area: &Area| Area {
         radiance: area.radiance.clone().map(|of| {
             let turn = *turn;
@@ -124,10 +125,12 @@ fn turned(emulator: &Emulator, here: &View, turn: &Attitude) -> View {
         }),
         ..area.clone()
     };
-    there.areas = here.areas.iter().map(area).collect();
-    there.velocity_change_m_s = here.velocity_change_m_s.map(|change| turn.rotate(&change));
-    there.sun = here.sun;
-    there
+    rotated.areas = original.areas.iter().map(area).collect();
+    rotated.velocity_change_m_s = original
+        .velocity_change_m_s
+        .map(|change| turn.rotate(&change));
+    rotated.sun = original.sun;
+    rotated
 }
 
 /// Cameras of 7 to 9 deg.
@@ -146,8 +149,9 @@ fn cameras() -> [Camera; 3] {
     })
 }
 
-/// From 622 km up: the day's limb, the night's, and the Moon over the terminator; two objects before each, and each by all cameras.
-fn looks(fidelity: Fidelity) -> Vec<(Emulator, VehicleState)> {
+/// From an altitude of 622 km: the day limb, the night limb, and the Moon over the terminator. Each
+/// view has two objects in front and is taken by all cameras.
+fn views(fidelity: Fidelity) -> Vec<(Emulator, VehicleState)> {
     let bodies = Bodies::at(noon()).unwrap();
     let [sun, moon] = [bodies.sun_apparent_m(), bodies.moon_geocentric_m].map(|m| m.normalize());
     let aside = sun.cross(&Vector3::z()).normalize();
@@ -155,11 +159,11 @@ fn looks(fidelity: Fidelity) -> Vec<(Emulator, VehicleState)> {
     let (sin, cos) = 65.67_f64.to_radians().sin_cos();
     // Up, a direction, and one across it, away from the Earth.
     let over = |up: Vector3<f64>| (up, aside * sin - up * cos, up * sin + aside * cos);
-    let looks = [over(sun), over(-sun), (aside, moon, moon.cross(&aside))];
-    let looks = looks
+    let views = [over(sun), over(-sun), (aside, moon, moon.cross(&aside))];
+    let views = views
         .iter()
-        .flat_map(|look| cameras().map(|camera| (camera, *look)));
-    let looks = looks.map(|(camera, (up, towards, away))| {
+        .flat_map(|axes| cameras().map(|camera| (camera, *axes)));
+    let views = views.map(|(camera, (up, towards, away))| {
         let (r, v) = (up * 7000.0, up.cross(&away).normalize() * 7.5);
         let object = |id: &str, off_km: Vector3<f64>, by_km_s: Vector3<f64>| {
             oem(id, noon(), falling(r + off_km, v + by_km_s))
@@ -179,40 +183,41 @@ fn looks(fidelity: Fidelity) -> Vec<(Emulator, VehicleState)> {
             orbiter(&super::stage::towards(&towards), r * 1e3, v * 1e3),
         )
     });
-    looks.collect()
+    views.collect()
 }
 
-/// Places to 1e-11 and signal-to-noise ratios to 1e-9, relative, and each pixel to 1e-6 of its own light.
+/// Positions to 1e-11 and signal-to-noise ratios to 1e-9, relative; each pixel to 1e-6 of its own
+/// light.
 #[test]
 fn turning_the_whole_sky_changes_nothing() {
-    let looks = looks(Fidelity::REALTIME);
-    let [way, pixel] = [(); 2].map(|()| Worst::default());
+    let views = views(Fidelity::REALTIME);
+    let [position, pixel] = [(); 2].map(|()| Worst::default());
     let lit = RefCell::new(BTreeSet::new());
     let rates = prop::array::uniform3(-1.0..1.0_f64);
     check(
         48,
-        (0..looks.len(), rates, rotations()),
+        (0..views.len(), rates, rotations()),
         |(which, rates, turn)| {
-            let (emulator, vehicle) = &looks[which];
+            let (emulator, vehicle) = &views[which];
             let mut vehicle = vehicle.clone();
             vehicle.rates = Vector3::from(rates.map(f64::to_radians));
-            let here = view(emulator, &vehicle);
-            let there = turned(emulator, &here, &turn);
-            let [here, there] = [here, there].map(|view| {
+            let original = view(emulator, &vehicle);
+            let rotated = turned(emulator, &original, &turn);
+            let [original, rotated] = [original, rotated].map(|view| {
                 let simulated = simulated(&view, emulator.fidelity(), &emulator.choice);
                 build_scene(view, simulated, emulator.fidelity())
             });
-            prop_assert_eq!(here.simulated, there.simulated);
-            prop_assert_eq!(here.sources.len(), there.sources.len());
-            for (a, b) in here.sources.iter().zip(&there.sources) {
+            prop_assert_eq!(original.simulated, rotated.simulated);
+            prop_assert_eq!(original.sources.len(), rotated.sources.len());
+            for (a, b) in original.sources.iter().zip(&rotated.sources) {
                 prop_assert!((a.electrons - b.electrons).abs() <= 1e-9 * a.electrons);
                 for (a, b) in [(a.start, b.start), (a.end, b.end), (a.centroid, b.centroid)] {
                     let miss = (a[0] - b[0]).hypot(a[1] - b[1]) / (1.0 + a[0].hypot(a[1]));
-                    prop_assert!(way.of(miss) < 1e-11, "{:e}", miss);
+                    prop_assert!(position.of(miss) < 1e-11, "{:e}", miss);
                 }
                 prop_assert!((a.snr - b.snr).abs() <= 1e-9 * a.snr, "{} {}", a.snr, b.snr);
             }
-            let [a, b] = [&here, &there].map(|scene| {
+            let [a, b] = [&original, &rotated].map(|scene| {
                 let plan = Plan::new(scene, emulator.fidelity(), &emulator.choice);
                 drawn(&plan, scene).expected_e.unwrap()
             });
@@ -220,25 +225,28 @@ fn turning_the_whole_sky_changes_nothing() {
                 let miss = (a - b).abs() / a.max(f32::MIN_POSITIVE);
                 prop_assert!(pixel.of(f64::from(miss)) <= 1e-6, "{:e} {:e}", a, b);
             }
-            let areas = here.areas.iter().filter(|area| area.electrons > 0.0);
+            let areas = original.areas.iter().filter(|area| area.electrons > 0.0);
             lit.borrow_mut()
                 .extend(areas.map(|area| name_of(area.effect)));
-            let sources = here.sources.iter().filter(|source| source.electrons > 0.0);
+            let sources = original
+                .sources
+                .iter()
+                .filter(|source| source.electrons > 0.0);
             lit.borrow_mut()
                 .extend(sources.map(|source| source.body.identity().0));
             Ok(())
         },
     );
-    println!("places {way}, pixels {pixel} of their own light");
+    println!("positions {position}, pixels {pixel} of their own light");
     let all = area_kinds()
         .map(|kind| name_of(kind.effect))
         .chain(["star", "rso", "Moon"]);
     assert_eq!(lit.into_inner(), all.collect());
 }
 
-/// The pixels of a frame that an edge of area light comes near to.
-fn beside_edges(emulator: &Emulator, vehicle: &VehicleState) -> Vec<bool> {
-    // What is blurred, and what moves in a second by 1.7 deg at most.
+/// The pixels near an edge of area light.
+fn near_edges(emulator: &Emulator, vehicle: &VehicleState) -> Vec<bool> {
+    // Blur, and the motion in a second at 1.7 deg/s.
     const NEAR_PX: f64 = 8.0;
     let (view, camera) = (view(emulator, vehicle), emulator.camera());
     let (scale, _) = camera.scale_and_corner_px();
@@ -257,21 +265,23 @@ fn beside_edges(emulator: &Emulator, vehicle: &VehicleState) -> Vec<bool> {
     is_near.collect()
 }
 
-/// The frame of an exposure is the sum of those of its halves, but for what three frames may leave out: of a kind of area light 8 times `area_e` and `area_part`, of sources `track_e`, `loss_e`, twice `wing_e` and
-/// their profile, of an effect `skip_e`, and f32. Beside the Earth's edge each is off by up to 0.7 % of the step for such a PSF (docs/explanation/limits.md).
+/// The frame of an exposure is the sum of those of its halves, within the tolerances of three
+/// frames. Per kind of area light: 8 times `area_e` and `area_part`. Of sources: `track_e`,
+/// `loss_e`, twice `wing_e` and their profile. Of an effect: `skip_e`. And f32. Next to the Earth's
+/// edge each has an error of up to 0.7 % of the step for such a PSF (docs/explanation/limits.md).
 #[test]
-fn an_exposure_of_the_whole_sky_in_two_adds_up() {
+fn two_halves_of_the_whole_sky_add_up() {
     for fidelity in [Fidelity::REALTIME, Fidelity::REFERENCE] {
-        let looks = RefCell::new(looks(fidelity));
-        let places = 0..looks.borrow().len();
+        let views = RefCell::new(views(fidelity));
+        let indices = 0..views.borrow().len();
         let rates = prop::array::uniform3(-1.0..1.0_f64);
         let [worst, off, step] = [(); 3].map(|()| Worst::default());
         check(
             16,
-            (places, rates, -3.0..0.0_f64),
+            (indices, rates, -3.0..0.0_f64),
             |(which, rates, power)| {
                 let exposure_s = 10f64.powf(power);
-                let (emulator, vehicle) = &mut looks.borrow_mut()[which];
+                let (emulator, vehicle) = &mut views.borrow_mut()[which];
                 let mut vehicle = vehicle.clone();
                 vehicle.rates = Vector3::from(rates.map(f64::to_radians));
                 let mut exposed = |exposure_s: f64, off_s: f64| {
@@ -282,7 +292,7 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 let [first, second] =
                     [-0.25, 0.25].map(|part| exposed(exposure_s / 2.0, part * exposure_s));
                 let whole = exposed(exposure_s, 0.0);
-                let is_near = beside_edges(emulator, &vehicle);
+                let is_near = near_edges(emulator, &vehicle);
                 let points = ["stars", "rsos", "planets", "moon"];
                 emulator.choice.off.extend(points);
                 let areas = emulator
@@ -301,29 +311,36 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 let (brightest, object) = (most_of(|_| true), most_of(|kind| kind == "rso"));
                 // X-Val: 1 / (2 pi 0.8^2): the brightest pixel's share; step^4 / 3086.
                 let profile = 0.25 * brightest * fidelity.track_step_sigma.powi(4) / 3086.0;
-                // Objects are as bright all the time as in the middle (docs/explanation/limits.md): by the square of their way in a quarter of it, 9 km/s of 1,000 km.
+                // Objects have the brightness of mid-exposure (docs/explanation/limits.md). The
+                // error is the square of their path in a quarter of the exposure: 9 km/s of 1,000
+                // km.
                 let swept = object * (9.0 * exposure_s / 4.0 / 1000.0).powi(2);
                 let source =
                     fidelity.track_e + fidelity.loss_e + 2.0 * fidelity.wing_e + profile + swept;
                 let [whole, first, second] =
                     [whole, first, second].map(|exposed| exposed.frame.expected_e.unwrap());
-                let most = f64::from(whole.iter().copied().fold(0.0, f32::max));
-                // What moves by no more than a pixel stands still (`scene::area`): of air that falls by 1 / e within d px that leaves out way^2 / 24 d^2; 1 px of 2 mrad is 5.8 km at the limb, less than a scale height.
-                let way = (rates.iter().map(|w| w * w).sum::<f64>().sqrt().to_radians() + 1.1e-3)
+                let max = f64::from(whole.iter().copied().fold(0.0, f32::max));
+                // Light that moves by no more than a pixel is drawn at rest (`scene::area`). For
+                // air that falls by 1 / e within d px this leaves out path^2 / 24 d^2. 1 px of 2
+                // mrad is 5.8 km at the limb, less than a scale height.
+                let path_px = (rates.iter().map(|w| w * w).sum::<f64>().sqrt().to_radians()
+                    + 1.1e-3)
                     * exposure_s
                     * 500.0;
-                let frozen = match way {
+                let frozen = match path_px {
                     2.0.. => 0.0,
-                    _ => way.min(1.0).powi(2) * 1.25 / 24.0,
+                    _ => path_px.min(1.0).powi(2) * 1.25 / 24.0,
                 };
-                // Area light, too, is that of the middle, turned: over the flattened Earth (21.4 km in a quarter of an orbit) its limb sinks or rises by up to 23 m/s, of a scale height of 8 km.
+                // Area light, too, is that of mid-exposure, turned. Over the flattened Earth (21.4
+                // km in a quarter of an orbit) its limb moves vertically by up to 23 m/s, of a
+                // scale height of 8 km.
                 let sunk = 23.0 * exposure_s / 4.0 / 8e3;
                 for (i, whole) in whole.iter().enumerate() {
                     let [whole, a, b, area] =
                         [*whole, first[i], second[i], areas[i]].map(f64::from);
                     let miss = (whole - a - b).abs();
                     if is_near[i] {
-                        prop_assert!(step.of(miss / most) < 2.0 * 7e-3, "{} of {}", miss, most);
+                        prop_assert!(step.of(miss / max) < 2.0 * 7e-3, "{} of {}", miss, max);
                         continue;
                     }
                     let drawn = 8.0 * (3.0 * fidelity.area_e + 2.0 * fidelity.area_part * area);
@@ -334,7 +351,7 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                     off.of(miss);
                     prop_assert!(
                         worst.of(miss / bound) <= 1.0,
-                        "look {}: {} of {}",
+                        "view {}: {} of {}",
                         which,
                         miss,
                         whole
@@ -343,6 +360,6 @@ fn an_exposure_of_the_whole_sky_in_two_adds_up() {
                 Ok(())
             },
         );
-        println!("{off} e-, {worst} of what is allowed; beside edges {step} of the step");
+        println!("{off} e-, {worst} of what is allowed; near edges {step} of the step");
     }
 }

@@ -1,4 +1,5 @@
-//! The dearest cameras, exposures, rates and settings that files and commands may have, under a limit of work: each frame is made within it, or refused.
+//! The costliest cameras, exposures, rates and settings that files and commands may have, under a
+//! work limit. Each frame is rendered within it, or refused.
 
 use super::stage::{camera, noon, square, towards};
 use nalgebra::Vector3;
@@ -10,14 +11,14 @@ use skyloop::fidelity::Fidelity;
 use skyloop::scene::Unobservable;
 use std::time::{Duration, Instant};
 
-/// What a frame may cost, s on one core.
+/// The work limit of a frame, s on one core.
 const LIMIT_S: f64 = 0.3;
 
-/// What is set of the plain camera that exposes for a second, where it points (ICRF) and how fast
-/// the body turns (deg/s, x and y).
+/// Keys set in the plain camera with an exposure of one second, its pointing (ICRF) and body rates
+/// (deg/s, x and y).
 type Corner = (&'static str, &'static [&'static str], [f64; 3], f64);
 
-/// Stars, zodiacal light and the Milky Way; the Moon; the Earth's limb by day.
+/// Directions: stars, zodiacal light and the Milky Way; the Moon; the Earth's day limb.
 const SKY: [f64; 3] = [0.1, 1.0, -0.02];
 const MOON: [f64; 3] = [-0.7231, 0.6150, 0.3145];
 const LIMB: [f64; 3] = [0.9140, -0.4057, 0.0];
@@ -26,11 +27,11 @@ const SHORT: &str = "timing.exposure_s = 1.1e-3";
 const LONGEST: &str = "timing.exposure_s = 1e4; timing.rate_hz = 1e-4";
 /// 1.5e6 e- a pixel, twenty times the full well.
 const DARK: &str = "detector.dark_e_s = 150.0";
-/// Zodiacal light of some 3e4 e- a pixel fills all.
+/// Zodiacal light of some 3e4 e- a pixel saturates all pixels.
 const BRIGHT: &str = "timing.exposure_s = 1e3; timing.rate_hz = 1e-3; \
     optics.focal_length_mm = 100.0; optics.aperture_mm = 200.0; optics.psf.sigma_px = 25.0; \
     detector.full_well_e = 1000.0";
-const SPILLING: &str = "detector.blooming = \"column\"";
+const BLOOMING: &str = "detector.blooming = \"column\"";
 const LONG_ROWS: &str = "detector.width_px = 4096";
 const WIDEST: &str = "optics.aperture_mm = 18.0; optics.psf.sigma_px = 100.0";
 const ROLLING: &str = "timing.shutter = \"rolling\"; timing.row_us = 3000.0";
@@ -45,9 +46,9 @@ const SHIFTED: &str = "timing.rate_hz = 0.5; timing.shutter = \"frame-transfer\"
     timing.row_us = 1.0";
 const STRAY: &str = "optics.stray = { pst = [[1.0, 1e-1], [90.0, 1e-6], [180.0, 1e-9]] }";
 
-/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1, whose frames are made at this
-/// limit. Which are follows from the counted work: a change of prices shows here.
-const MADE: &[Corner] = &[
+/// The ends of the ranges of protocols/docs/icd.md, section 5.3.1, with frames rendered at this
+/// limit. The counted work decides: a change of prices shows here.
+const RENDERED: &[Corner] = &[
     ("at rest", &[], SKY, 0.0),
     ("a slow turn", &[], SKY, 1.0),
     ("the furthest turn", &[], SKY, 40.0),
@@ -56,14 +57,14 @@ const MADE: &[Corner] = &[
     ("light fills all", &[BRIGHT], SKY, 0.02),
     (
         "light fills all, and spills",
-        &[BRIGHT, SPILLING],
+        &[BRIGHT, BLOOMING],
         SKY,
         0.02,
     ),
     ("rows in turn, turning", &[ROLLING], SKY, 1.0),
     ("a distorting lens, turning", &[DISTORTED], SKY, 20.0),
     ("8192 rows in turn", &[TALL], SKY, 1.0),
-    ("columns that spill", &[SPILLING], MOON, 0.0),
+    ("columns that spill", &[BLOOMING], MOON, 0.0),
     ("frame transfer, turning", &[SHIFTED], SKY, 5.0),
     ("stray light", &[STRAY], MOON, 1.0),
     ("the Moon, turning", &[], MOON, 5.0),
@@ -72,7 +73,7 @@ const MADE: &[Corner] = &[
     ("the limb, turning", &[], LIMB, 5.0),
 ];
 
-/// Those whose frames are refused.
+/// Cases with refused frames.
 const REFUSED: &[Corner] = &[
     ("the longest exposure", &[LONGEST], SKY, 0.0),
     ("the longest exposure, turning", &[LONGEST], SKY, 4e-3),
@@ -84,7 +85,8 @@ const REFUSED: &[Corner] = &[
     ("Airy's rings, turning", &[AIRY], SKY, 5.0),
 ];
 
-/// An emulator of that camera with 256 x 256 pixels and the effects of a run, and a vehicle 630 km above the Earth.
+/// An emulator of that camera with 256 x 256 pixels and the effects of a run, and a vehicle 630 km
+/// above the Earth.
 fn stage(corner: &Corner, fidelity: Fidelity) -> (Emulator, VehicleState) {
     let (_, keys, direction, rate_deg_s) = corner;
     let mut config = Config::builtin().unwrap();
@@ -102,8 +104,8 @@ fn vehicle(direction: [f64; 3], rate: f64) -> VehicleState {
     VehicleState::new(7, noon(), attitude, [rate, rate, 0.0], orbit).unwrap()
 }
 
-/// Whether its frame is made, on so many threads.
-fn is_made(corner: &Corner, fidelity: Fidelity, threads: usize) -> bool {
+/// Whether the frame is rendered, on this number of threads.
+fn is_rendered(corner: &Corner, fidelity: Fidelity, threads: usize) -> bool {
     let (mut emulator, vehicle) = stage(corner, fidelity);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     let exposed = pool
@@ -121,11 +123,11 @@ fn is_made(corner: &Corner, fidelity: Fidelity, threads: usize) -> bool {
 }
 
 #[test]
-fn the_dearest_frames_are_made_within_the_limit_or_refused_on_any_number_of_threads() {
+fn costly_frames_are_rendered_or_refused_on_any_threads() {
     for threads in [1, 3] {
-        for (corners, due) in [(MADE, true), (REFUSED, false)] {
+        for (corners, due) in [(RENDERED, true), (REFUSED, false)] {
             for corner in corners {
-                let made = is_made(corner, Fidelity::REALTIME, threads);
+                let made = is_rendered(corner, Fidelity::REALTIME, threads);
                 assert_eq!(made, due, "{}, {threads} threads", corner.0);
             }
         }
@@ -153,12 +155,12 @@ fn too_many_objects_are_refused_before_the_search() {
     }
 }
 
-/// By each setting, on one thread.
+/// With each setting, on one thread.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_no_frame_takes_much_longer_than_the_limit() {
     for fidelity in [Fidelity::FAST, Fidelity::REALTIME, Fidelity::REFERENCE] {
-        for corner in MADE.iter().chain(REFUSED) {
+        for corner in RENDERED.iter().chain(REFUSED) {
             let (mut emulator, vehicle) = stage(corner, fidelity);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
             let pool = pool.build().unwrap();
@@ -166,13 +168,13 @@ fn timed_no_frame_takes_much_longer_than_the_limit() {
             let made = pool.install(|| emulator.expose(&vehicle, 0)).is_ok();
             let took_s = began.elapsed().as_secs_f64();
             println!("{}: made {made}, {took_s:.3} s", corner.0);
-            // The work is counted to a factor of two; what is not counted is the same for all.
+            // The work is counted to a factor of two; the uncounted part is the same for all.
             assert!(took_s < 2.0 * LIMIT_S + 0.2, "{}: {took_s} s", corner.0);
         }
     }
 }
 
-/// Cameras of more pixels, whose frames take long, and where they point.
+/// Cameras of more pixels, with long frame times, and their pointing.
 const LARGE: &[Corner] = &[
     ("4 Mpx, the limb by day", &[FOUR_MPX], LIMB, 0.0),
     ("16 Mpx, the limb by day", &[SENSITIVE], LIMB, 0.0),
@@ -185,7 +187,7 @@ const NIGHT: [f64; 3] = [-0.9140, -0.4057, 0.0];
 const FOUR_MPX: &str = "timing.exposure_s = 1e-4; detector.width_px = 2048; \
     detector.height_px = 2048";
 
-/// All columns fill up, with maps of response and dark current.
+/// All columns saturate, with maps of response and dark current.
 const UNEVEN: &str = "timing.exposure_s = 0.3; timing.rate_hz = 0.5; \
     timing.shutter = \"frame-transfer\"; timing.row_us = 5.0; \
     detector.width_px = 4096; detector.height_px = 4096; detector.blooming = \"column\"; \
@@ -201,7 +203,8 @@ const SENSITIVE: &str = "timing.exposure_s = 1.0; \
     optics.stray = { pst = [[15.0, 1e-3], [30.0, 1e-7], [60.0, 1e-9], [105.0, 1e-12]], \
     sun_exclusion_deg = 60.0 }";
 
-/// Whatever is under way: the end of a run waits for it, and is to come within 100 ms of a signal.
+/// At any stage of the work: the end of a run waits for it, and must come within 100 ms of a
+/// signal.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_cancelled_frame_ends_soon() {
@@ -211,8 +214,8 @@ fn timed_a_cancelled_frame_ends_soon() {
         let (mut emulator, vehicle) = stage(corner, Fidelity::REALTIME);
         emulator.work_limit_s = None;
         expose(&mut emulator, &vehicle, None);
-        let (is_made, whole) = expose(&mut emulator, &vehicle, None);
-        assert!(is_made, "{name}");
+        let (is_rendered, whole) = expose(&mut emulator, &vehicle, None);
+        assert!(is_rendered, "{name}");
         let late = (1..PARTS).map(|part| {
             let after = whole * part / PARTS;
             let (_, took) = expose(&mut emulator, &vehicle, Some(after));
@@ -225,7 +228,7 @@ fn timed_a_cancelled_frame_ends_soon() {
     }
 }
 
-/// Whether a frame is made, and how long that takes; it may be cancelled after some time.
+/// Whether a frame is rendered, and its duration; it may be cancelled after some time.
 fn expose(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
@@ -241,7 +244,7 @@ fn expose(
                 abort.set();
             });
         }
-        let is_made = emulator.expose(vehicle, 0).is_ok();
-        (is_made, began.elapsed())
+        let is_rendered = emulator.expose(vehicle, 0).is_ok();
+        (is_rendered, began.elapsed())
     })
 }

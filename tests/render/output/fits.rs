@@ -55,10 +55,10 @@ fn number(hdu: &fitsrs::fits::HDU<Image>, key: &str) -> f64 {
 }
 
 #[test]
-fn digits_and_electrons_come_back_with_what_describes_them() {
+fn dn_electrons_and_headers_round_trip() {
     let mut numbers = Numbers(1);
     let mut camera = camera("fai-nir");
-    // As a command would have set it.
+    // As set by a command.
     camera.detector.gain_e_per_dn = 3.7;
     let mut label = label(&camera, 7, &numbers.attitude());
     label.objects = field(&camera, 20, &mut numbers).into();
@@ -140,7 +140,7 @@ fn any_size_and_any_seed_make_a_whole_file() {
     }
 }
 
-/// The sum of a polynomial of SIP at (u, v); nothing where the header has none.
+/// The sum of a SIP polynomial at (u, v); zero where the header has none.
 fn polynomial(hdu: &fitsrs::fits::HDU<Image>, name: &str, u: f64, v: f64) -> f64 {
     let given = |key: String| hdu.get_header().get(&key).map(|_| number(hdu, &key));
     let Some(order) = given(format!("{name}_ORDER")) else {
@@ -155,8 +155,9 @@ fn polynomial(hdu: &fitsrs::fits::HDU<Image>, name: &str, u: f64, v: f64) -> f64
     all.map(term).sum()
 }
 
-/// The direction that the header's numbers give to a pixel counted from 0: Calabretta & Greisen 2002,
-/// Sections 2, 5.1.3 and 5.1.5, step by step over native longitude and latitude, with the polynomials of SIP.
+/// The direction of a pixel, counted from 0, by the header's numbers: Calabretta & Greisen 2002,
+/// Sections 2, 5.1.3 and 5.1.5, step by step over native longitude and latitude, with the SIP
+/// polynomials.
 fn direction_by_header(hdu: &fitsrs::fits::HDU<Image>, [x, y]: [f64; 2]) -> Vector3<f64> {
     let key = |key: &str| number(hdu, key);
     let (dx, dy) = (x + 1.0 - key("CRPIX1"), y + 1.0 - key("CRPIX2"));
@@ -202,12 +203,12 @@ fn the_wcs_gives_every_pixel_the_direction_that_the_camera_does() {
     for (i, attitude) in attitudes.iter().enumerate() {
         let mut camera = camera(["fai-nir", "cots-wide"][i % 2]);
         camera.mounting = numbers.attitude();
-        // The boresight is the camera's: take the mounting out of the attitude.
+        // The boresight is the camera's: the mounting is removed from the attitude.
         let [x, y, z, w] = camera.mounting.xyzw();
         let back = Attitude::from_xyzw([-x, -y, -z, w]).unwrap();
         camera.optics.principal_px[0] += 13.7;
         let label = label(&camera, 0, &attitude.then(&back));
-        // The header alone matters: one row of the detector keeps files and panels small.
+        // Only the header matters: one row of the detector keeps files and panels small.
         let size = [camera.detector.width as f64, camera.detector.height as f64];
         (camera.detector.width, camera.detector.height) = (600, 1);
         write(dir.path(), &camera, &label, &flat(600, 1));
@@ -218,13 +219,13 @@ fn the_wcs_gives_every_pixel_the_direction_that_the_camera_does() {
         for _ in 0..50 {
             let pixel = size.map(|n| n * numbers.next() - 0.5);
             let truth = matrix.transpose() * camera.optics.direction(pixel);
-            // Pixels of FITS, counted from 1.
+            // FITS pixels are counted from 1.
             let at = ImgXY::new(pixel[0] + 1.0, pixel[1] + 1.0);
             let lonlat = wcs.unproj_lonlat(&at).unwrap();
             let (sin_d, cos_d) = lonlat.lat().sin_cos();
             let (sin_a, cos_a) = lonlat.lon().sin_cos();
             let theirs = Vector3::new(cos_d * cos_a, cos_d * sin_a, sin_d);
-            // Theirs is bound to 1e-9 rad; a latitude near the pole loses half its digits.
+            // The library is accurate to 1e-9 rad; a latitude near the pole loses half its digits.
             let ours = direction_by_header(&hdu, pixel);
             for (found, within) in [(ours, 1e-12), (theirs, 1e-7)] {
                 let off = (found - truth).norm();
@@ -240,7 +241,8 @@ fn matrix(label: &Label) -> Matrix3<f64> {
     Matrix3::from_fn(|row, column| rows[row][column])
 }
 
-/// Distorted lenses: by the header's polynomials every pixel has its direction within 0.01 px, and back.
+/// Distorted lenses: the header's polynomials give every pixel its direction within 0.01 px, and
+/// back.
 #[test]
 fn the_wcs_of_a_distorted_lens_is_within_a_hundredth_of_a_pixel() {
     let brown = |k, p| Projection::new(Model::BrownConrady { k, p });
@@ -279,11 +281,11 @@ fn the_wcs_of_a_distorted_lens_is_within_a_hundredth_of_a_pixel() {
         let mut worst = [0.0f64; 2];
         for _ in 0..400 {
             let pixel = size.map(|n| n * numbers.next() - 0.5);
-            // The pixel that truly has the direction which the header gives.
+            // The pixel with the true direction given by the header.
             let seen = matrix * direction_by_header(&hdu, pixel);
             let [x, y] = camera.optics.project(&seen).unwrap();
             worst[0] = worst[0].max((x - pixel[0]).hypot(y - pixel[1]));
-            // Backwards: the ideal image of the true direction to the pixel.
+            // Inverse: from the ideal image of the true direction to the pixel.
             let optics = &camera.optics;
             let (lens, direction) = (optics.projection.ideal(), optics.direction(pixel));
             let ideal = optics.project_by(&lens, &direction).unwrap();

@@ -1,4 +1,4 @@
-//! The folder of a run: names, labels, what of earlier runs goes and what stays, errors.
+//! The folder of a run: names, labels, removed and retained files of earlier runs, errors.
 
 use super::synthetic::{Numbers, camera, frame, label};
 use skyloop::attitude::Attitude;
@@ -35,7 +35,7 @@ fn set(names: &[&str]) -> BTreeSet<String> {
 #[test]
 fn a_run_replaces_the_files_of_an_earlier_one_and_nothing_else() {
     let temp = tempfile::tempdir().unwrap();
-    // Folders in between are created too.
+    // Intermediate folders are created too.
     let dir = temp.path().join("a/b");
     run(&dir, 3, true).unwrap();
     let foreign = [
@@ -62,8 +62,8 @@ fn a_run_replaces_the_files_of_an_earlier_one_and_nothing_else() {
     }
 }
 
-/// Names of a run's files that the run did not write: behind its last frame, and electrons that it did not keep. A frame without a label is
-/// what a killed run leaves.
+/// Files with names of a run that the run did not write: after its last frame, or electrons that it
+/// did not store. A killed run leaves a frame without a label.
 #[test]
 fn files_that_the_run_did_not_write_stop_the_next_one() {
     let dir = tempfile::tempdir().unwrap();
@@ -132,7 +132,7 @@ fn lines_are_the_labels_given_and_the_frames_files_and_whole_before_the_end() {
 }
 
 #[test]
-fn a_folder_in_place_of_a_file_is_named_and_kept() {
+fn a_folder_in_place_of_a_file_is_reported_and_retained() {
     let dir = tempfile::tempdir().unwrap();
     fs::create_dir(dir.path().join("frame_00000.png")).unwrap();
     let message = run(dir.path(), 1, false).unwrap_err().to_string();
@@ -142,7 +142,7 @@ fn a_folder_in_place_of_a_file_is_named_and_kept() {
     assert!(dir.path().join("frame_00000.png").is_dir());
 }
 
-/// What fits a buffer fails only when the buffer is flushed: `/dev/full` takes nothing.
+/// Data that fit a buffer fail only when it is flushed: `/dev/full` accepts nothing.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_reported_and_leaves_no_part_of_a_file() {

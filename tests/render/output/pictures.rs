@@ -8,7 +8,7 @@ use skyloop::frame::Frame;
 use skyloop::label::ObjectLabel;
 use skyloop::output::Writer;
 
-/// As on the sheet.
+/// Colours of the sheet.
 const STAR: [u8; 3] = [110, 190, 255];
 const RSO: [u8; 3] = [255, 170, 50];
 const HIDDEN: [u8; 3] = [255, 110, 150];
@@ -26,7 +26,7 @@ fn sheet_of(camera: &Camera, frames: &[(Vec<ObjectLabel>, Frame)]) -> RgbImage {
     sheet.unwrap().into_rgb8()
 }
 
-/// Pixels of a colour in the square of `half` around a place of the picture's first panel.
+/// Pixels of a colour in the square of `half` around a position in the picture's first panel.
 fn count(sheet: &RgbImage, color: [u8; 3], [x, y]: [f64; 2], half: i32) -> usize {
     let (x, y) = (12 + x.round() as i32, 64 + y.round() as i32);
     (y - half..=y + half)
@@ -36,7 +36,7 @@ fn count(sheet: &RgbImage, color: [u8; 3], [x, y]: [f64; 2], half: i32) -> usize
 }
 
 #[test]
-fn the_png_holds_the_digits_row_0_first() {
+fn the_png_contains_the_dn_row_0_first() {
     let dir = tempfile::tempdir().unwrap();
     let mut numbers = Numbers(10);
     let camera = camera("cots-wide");
@@ -52,7 +52,7 @@ fn the_png_holds_the_digits_row_0_first() {
     };
     assert_eq!((picture.width(), picture.height()), (1280, 1024));
     assert_eq!(picture.as_raw(), &frame.dn);
-    // The preview: the same pixels in 8 bits, black at no light and white where they are full.
+    // The preview: the same pixels in 8 bits, black without light and white at saturation.
     let DynamicImage::ImageLuma8(preview) = open("frame_00000_preview.png") else {
         panic!("not 8-bit grey");
     };
@@ -73,7 +73,7 @@ fn every_kind_of_object_has_its_ring_and_its_name() {
         star("HIP 2".into(), &[], [200.0, 200.0], 100.0),
     ];
     let sheet = sheet_of(&camera, &[(objects, flat(256, 256))]);
-    // Two pixels of the panel a pixel; centres of first pixels coincide.
+    // Two panel pixels per pixel; centres of first pixels coincide.
     let at = |x: f64, y: f64| [2.0 * x + 0.5, 2.0 * y + 0.5];
     assert!(count(&sheet, STAR, at(40.0, 40.0), 9) > 8);
     let whole = count(&sheet, RSO, at(120.0, 60.0), 18);
@@ -91,18 +91,18 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
     let camera = camera("fai-nir");
     let mut label = label(&camera, 0, &Attitude::identity());
     let (read, gain) = (camera.detector.read_noise_e, camera.detector.gain_e_per_dn);
-    // In a pixel; the light of a star lies on about four.
+    // In one pixel; the light of a star covers about four.
     let noise_e = (label.background_e_px + read * read + gain * gain / 12.0).sqrt();
-    let places = (0..16).map(|i| [i % 4, i / 4].map(|i| 20.0 + 50.0 * f64::from(i)));
-    let places: Vec<[f64; 2]> = places.collect();
-    // Not labelled, so that no ring covers what is measured.
-    let stars = places.iter();
+    let positions = (0..16).map(|i| [i % 4, i / 4].map(|i| 20.0 + 50.0 * f64::from(i)));
+    let positions: Vec<[f64; 2]> = positions.collect();
+    // Unlabelled, so that no ring covers the measured pixels.
+    let stars = positions.iter();
     let stars = stars.map(|at| star("HIP 1".into(), &[], *at, 10.0 * noise_e));
     label.objects = stars.collect::<Vec<_>>().into();
     let frame = frame(&camera, &label, &mut numbers);
     let sheet = sheet_of(&camera, &[(Vec::new(), frame)]);
     let grey = |off: f64| {
-        let grey = places.iter().map(|at| {
+        let grey = positions.iter().map(|at| {
             let [x, y] = at.map(|x| (2.0 * (x + off)) as u32);
             f64::from(sheet.get_pixel(12 + x, 64 + y).0[0])
         });
@@ -112,7 +112,7 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
     assert!(sky < 70.0 && stars > sky + 30.0, "sky {sky}, stars {stars}");
 }
 
-/// The last of the legend is the widest of a small sheet.
+/// The last entry of the legend is the widest of a small sheet.
 #[test]
 fn the_legend_fits_on_the_sheet_of_one_small_frame() {
     let camera = camera("fai-nir");

@@ -1,4 +1,4 @@
-//! Labelled frames made without the renderer: what output is given does not depend on it.
+//! Labelled frames made without the renderer, so that output tests do not depend on it.
 
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;
@@ -7,7 +7,7 @@ use skyloop::frame::Frame;
 use skyloop::label::{FidelityLabel, Label, ObjectLabel, RsoLabel};
 use skyloop::load::Folder;
 
-/// A small generator of numbers in 0..1 (SplitMix64), so that frames are the same in every run.
+/// A small generator of numbers in 0..1 (SplitMix64): the same frames in every run.
 pub struct Numbers(pub u64);
 
 impl Numbers {
@@ -19,7 +19,7 @@ impl Numbers {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Mean 0, standard deviation 1, near enough normal.
+    /// Mean 0, standard deviation 1, approximately normal.
     pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.next()).sum::<f64>() - 6.0
     }
@@ -35,7 +35,7 @@ pub fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::Embedded("cameras")).unwrap()
 }
 
-/// A frame of one digit everywhere.
+/// A frame of one DN everywhere.
 pub fn flat(width: usize, height: usize) -> Frame {
     Frame {
         width,
@@ -91,7 +91,7 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
     }
 }
 
-/// A star of `electrons` at a place.
+/// A star of `electrons` at a position.
 pub fn star(id: String, names: &[&str], [x, y]: [f64; 2], electrons: f64) -> ObjectLabel {
     ObjectLabel {
         kind: "star",
@@ -119,7 +119,7 @@ pub fn star(id: String, names: &[&str], [x, y]: [f64; 2], electrons: f64) -> Obj
     }
 }
 
-/// An RSO with a track of some pixels; not visible for a reason, if one is given.
+/// An RSO with a track of some pixels; invisible for `reason`, if given.
 pub fn rso(name: &str, [x, y]: [f64; 2], electrons: f64, reason: Option<&str>) -> ObjectLabel {
     ObjectLabel {
         kind: "rso",
@@ -167,7 +167,7 @@ pub fn field(camera: &Camera, stars: usize, numbers: &mut Numbers) -> Vec<Object
     objects
 }
 
-/// The frame that shows the objects of `label`: Gaussian images along their tracks, with noise.
+/// The frame with the objects of `label`: Gaussian images along their tracks, with noise.
 pub fn frame(camera: &Camera, label: &Label, numbers: &mut Numbers) -> Frame {
     let (width, height) = (camera.detector.width, camera.detector.height);
     let mut electrons = vec![label.background_e_px; width * height];

@@ -1,4 +1,4 @@
-//! What a frame must hold, reckoned from its label and the camera's figures alone, the slow and obvious way. Nothing
+//! The contents of a frame by brute force, from its label and the camera's constants alone. Nothing
 //! here calls the renderer's projection, point spread function, tracks or footprints.
 
 use std::str::FromStr;
@@ -29,7 +29,7 @@ pub fn epoch(text: &str) -> Epoch {
     Epoch::from_str(&format!("{text} UTC")).unwrap()
 }
 
-/// An emulator without noise that labels everything and keeps the expected electrons.
+/// An emulator without noise that labels everything and stores the expected electrons.
 pub fn emulator(
     camera: &str,
     stars: Selection,
@@ -44,7 +44,7 @@ pub fn emulator(
     noise_free(config)
 }
 
-/// One frame: attitude `[x, y, z, w]` of any length but 0, rates in deg/s.
+/// One frame: attitude `[x, y, z, w]` of any non-zero length, rates in deg/s.
 pub fn expose(
     emulator: &mut Emulator,
     at: Epoch,
@@ -56,13 +56,13 @@ pub fn expose(
     emulator.expose(&vehicle, 0).unwrap()
 }
 
-/// The vehicle of a frame of `fai-nir`, turning so fast (deg/s).
+/// The vehicle of a frame of `fai-nir`, turning at these rates (deg/s).
 pub fn turning(rates_deg_s: [f64; 3]) -> VehicleState {
     let at = epoch("2026-02-11T18:22:41.25");
     vehicle(at, [0.1, 0.2, -0.3, 0.9], rates_deg_s, None)
 }
 
-/// Bright stars before a changed `fai-nir`.
+/// Bright stars in front of a modified `fai-nir`.
 pub fn changed_fai(change: impl FnOnce(&mut Emulator)) -> Emulator {
     let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     change(&mut emulator);
@@ -76,12 +76,12 @@ pub fn builtin() -> Config {
     config
 }
 
-/// The greatest of some values, and 0.
-pub fn most(values: impl IntoIterator<Item = f64>) -> f64 {
+/// The maximum of some values, and 0.
+pub fn maximum(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, f64::max)
 }
 
-/// What [`shoot`] shoots from.
+/// The vehicle state of [`expose`].
 pub fn vehicle(
     at: Epoch,
     q: [f64; 4],
@@ -93,7 +93,7 @@ pub fn vehicle(
     VehicleState::new(5, at, q.map(|c| c / norm), rates, orbit).unwrap()
 }
 
-/// What a frame's plan says of `effect`, with what leaving it out would cost.
+/// The plan's label of `effect`, with the error of leaving it out.
 pub fn verdict(emulator: &Emulator, vehicle: &VehicleState, effect: &str) -> EffectLabel {
     let bench = Bench {
         emulator,
@@ -105,7 +105,8 @@ pub fn verdict(emulator: &Emulator, vehicle: &VehicleState, effect: &str) -> Eff
     verdicts.find(|verdict| verdict.effect == effect).unwrap()
 }
 
-/// Electrons that all of an object's light which arrives in the exposure would give: Clark et al. 2021, Eqs. (2), (11).
+/// Electrons of all of an object's light that arrives in the exposure: Clark et al. 2021, Eqs. (2),
+/// (11).
 pub fn arriving_e(label: &Label, object: &ObjectLabel, camera: &Camera) -> f64 {
     let area = std::f64::consts::PI * camera.optics.aperture_m.powi(2) / 4.0;
     let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
@@ -128,7 +129,7 @@ pub fn matrix([x, y, z, w]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// ICRF to camera, `t` seconds after mid-exposure, as the label has it: `M exp(-[w x] t) R(q)`.
+/// ICRF to camera, `t` seconds after mid-exposure, as in the label: `M exp(-[w x] t) R(q)`.
 pub fn pointing(label: &Label, t: f64) -> Matrix3<f64> {
     let w = Vector3::from(label.rates_rad_s);
     let angle = w.norm() * t;
@@ -145,8 +146,9 @@ pub fn apparent(object: &ObjectLabel) -> Vector3<f64> {
     unit(object.ra_deg.to_radians(), object.dec_deg.to_radians())
 }
 
-/// Where an object stands `t` seconds after mid-exposure, unit vector: light time and first-order aberration by the
-/// geocentric velocity for objects in orbit, from the label's states and the Earth's pull.
+/// The direction of an object `t` seconds after mid-exposure, unit vector: for objects in orbit
+/// light time and first-order aberration by the geocentric velocity, from the label's states and
+/// the Earth's gravity.
 fn direction(label: &Label, object: &ObjectLabel, t: f64) -> Vector3<f64> {
     let Some(rso) = &object.rso else {
         return apparent(object);
@@ -157,15 +159,15 @@ fn direction(label: &Label, object: &ObjectLabel, t: f64) -> Vector3<f64> {
     let [x, y, z, vx, vy, vz] = label.state_gcrf_km;
     let (r, v) = (Vector3::new(x, y, z), Vector3::new(vx, vy, vz));
     let velocity = v - r * (GM / r.norm().powi(3) * t);
-    let [place, motion] = [rso.position_gcrf_km, rso.velocity_gcrf_km_s].map(Vector3::from);
-    let target = |t| fall(place, motion, t);
-    let here = fall(r, v, t);
-    let light_time = (target(t) - here).norm() / LIGHT_KM_S;
-    let line = target(t - light_time) - here;
+    let [position, motion] = [rso.position_gcrf_km, rso.velocity_gcrf_km_s].map(Vector3::from);
+    let target = |t| fall(position, motion, t);
+    let observer = fall(r, v, t);
+    let light_time = (target(t) - observer).norm() / LIGHT_KM_S;
+    let line = target(t - light_time) - observer;
     (line.normalize() + velocity / LIGHT_KM_S).normalize()
 }
 
-/// Where its image is `t` seconds after mid-exposure, px.
+/// The position of its image `t` seconds after mid-exposure, px.
 pub fn pixel(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> [f64; 2] {
     let seen = pointing(label, t) * direction(label, object, t);
     let [cx, cy] = camera.optics.principal_px;
@@ -173,14 +175,15 @@ pub fn pixel(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> [f
     [cx + f * seen.x / seen.z, cy + f * seen.y / seen.z]
 }
 
-/// The image's place at 65 instants of the exposure, and the greatest distance (px) between two that follow each other.
+/// The image's position at 65 instants of the exposure, and the maximum distance (px) between
+/// consecutive ones.
 fn track(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Vec<[f64; 2]>, f64) {
     let instants = (0..=64).map(|i| (f64::from(i) / 64.0 - 0.5) * label.exposure_s);
     let points: Vec<[f64; 2]> = instants.map(|t| pixel(label, object, camera, t)).collect();
     let gaps = points
         .windows(2)
         .map(|ends| (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]));
-    let gap = most(gaps);
+    let gap = maximum(gaps);
     (points, gap)
 }
 
@@ -199,13 +202,13 @@ pub struct Box2 {
 }
 
 impl Box2 {
-    /// Where nearly all light of `object` falls: its track, widened by 6 sigma.
+    /// The box of nearly all light of `object`: its track, widened by 6 sigma.
     pub fn of(label: &Label, object: &ObjectLabel, camera: &Camera) -> Box2 {
         let (points, gap) = track(label, object, camera);
-        // Between two points it bends by less than an eighth of their distance.
+        // Between two points the track bends by less than an eighth of their distance.
         let pad = 6.0 * camera.optics.psf.core_px() + 0.5 + gap / 8.0;
-        let bound = |k: usize, start: f64, most: fn(f64, f64) -> f64| {
-            points.iter().map(|at| at[k]).fold(start, most)
+        let bound = |k: usize, start: f64, maximum: fn(f64, f64) -> f64| {
+            points.iter().map(|at| at[k]).fold(start, maximum)
         };
         Box2 {
             low: [0, 1].map(|k| (bound(k, f64::MAX, f64::min) - pad).floor() as i64),
@@ -246,13 +249,13 @@ impl Image {
     }
 
     pub fn peak(&self) -> f64 {
-        most(self.e.iter().copied())
+        maximum(self.e.iter().copied())
     }
 
-    /// The greatest difference from `truth`, as a part of its brightest pixel.
+    /// The maximum difference from `truth`, as a part of its brightest pixel.
     pub fn off(&self, truth: &[f64]) -> f64 {
         let off = self.e.iter().zip(truth).map(|(a, b)| (a - b).abs());
-        most(off) / most(truth.iter().copied())
+        maximum(off) / maximum(truth.iter().copied())
     }
 
     /// Light, and its centre (px), inside a box.
@@ -271,8 +274,8 @@ impl Image {
     }
 }
 
-/// `electrons` of `object` on each pixel of the part of its box that lies on the detector, row by row: the Gaussian
-/// integrated over every pixel and over time by Simpson's rule.
+/// `electrons` of `object` on each pixel of the part of its box on the detector, row by row: the
+/// Gaussian integrated over every pixel, and over time by Simpson's rule.
 pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec<f64>) {
     let size = [camera.detector.width, camera.detector.height];
     let region = Box2::of(label, object, camera).clipped(size[0], size[1]);
@@ -286,7 +289,7 @@ pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec
         let t = (i as f64 / steps as f64 - 0.5) * label.exposure_s;
         let at = pixel(label, object, camera, t);
         let weight = simpson(i, steps) / steps as f64 * object.electrons;
-        // Beyond 7 sigma and half a pixel nothing falls.
+        // No light beyond 7 sigma and half a pixel.
         let pad = 7.0 * camera.optics.psf.core_px() + 0.5;
         let near = Box2 {
             low: [0, 1].map(|k| ((at[k] - pad) as i64).max(region.low[k])),
@@ -346,7 +349,7 @@ pub fn simpson(i: usize, n: usize) -> f64 {
     }
 }
 
-/// `(position m, velocity m/s)` as a vehicle state takes it, from km and km/s.
+/// `(position m, velocity m/s)` for a vehicle state, from km and km/s.
 pub fn orbit(r: Vector3<f64>, v: Vector3<f64>) -> Option<([f64; 3], [f64; 3])> {
     Some(((r * 1e3).into(), (v * 1e3).into()))
 }

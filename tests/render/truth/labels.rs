@@ -1,4 +1,4 @@
-//! The label's fields: their names, and each against what it is defined by.
+//! The label's fields: their names, and each against its definition.
 
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
@@ -28,7 +28,7 @@ fn near(a: f64, b: f64, bound: f64, what: &str) {
     assert!((a - b).abs() <= bound, "{what}: {a} against {b}");
 }
 
-/// Every rule that holds for every object of every frame.
+/// Checks the rules for every object of every frame.
 fn check(exposed: &ExposedFrame) {
     let (label, camera) = (&exposed.label, &exposed.camera);
     let dark = camera.detector.dark_e_s * label.exposure_s;
@@ -38,7 +38,7 @@ fn check(exposed: &ExposedFrame) {
         assert!((turned.row(i).transpose() - Vector3::from(*row)).norm() < 1e-14);
     }
     assert!((turned - pointing(label, 0.0)).norm() < 1e-14);
-    // What `--radec` makes of the boresight's angles.
+    // The inverse of `--radec`.
     let angles = [label.ra_deg, label.dec_deg, label.roll_deg].map(f64::to_radians);
     let [ra, dec, roll] = angles;
     assert!((Attitude::towards(ra, dec, roll).matrix() - turned).norm() < 1e-13);
@@ -73,7 +73,7 @@ fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
         None => assert_eq!(o.electrons, 0.0),
     }
 
-    // sqrt(sum s^2 / (s + b + read^2 + gain^2 / 12)) over the pixels of the detector that are not full.
+    // sqrt(sum s^2 / (s + b + read^2 + gain^2 / 12)) over the unsaturated pixels of the detector.
     let detector = &camera.detector;
     let quantisation = detector.gain_e_per_dn.powi(2) / 12.0;
     let floor = label.background_e_px + detector.read_noise_e.powi(2) + quantisation;
@@ -96,8 +96,8 @@ fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
             "behind the Earth" | "in the Earth's shadow" => !shines,
             faint => {
                 let dimmed = o.rso.as_ref().is_some_and(|rso| rso.illumination < 1.0);
-                let told = faint.starts_with("too faint") && faint.contains("penumbra") == dimmed;
-                told && shines && o.snr < 3.0
+                let is_dim = faint.starts_with("too faint") && faint.contains("penumbra") == dimmed;
+                is_dim && shines && o.snr < 3.0
             }
         };
         assert!(fits, "{o:?}");
@@ -108,7 +108,7 @@ fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
     let seen = label.r_icrf_to_camera.map(|row| Vector3::from(row).dot(&d));
     let at =
         [0, 1].map(|k| camera.optics.principal_px[k] + camera.optics.focal_px * seen[k] / seen[2]);
-    // At rest it is the centroid; on a track it lies off the mean by what the track bends.
+    // At rest it is the centroid; the bend of a track moves it off the mean.
     near(at[0], o.x_px, 1e-6 + 1e-2 * length, "x of ra, dec");
     near(at[1], o.y_px, 1e-6 + 1e-2 * length, "y of ra, dec");
     assert!((0.0..360.0).contains(&o.ra_deg) && o.dec_deg.abs() <= 90.0);
@@ -127,7 +127,8 @@ fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
     near(rso.phase_deg, phi.to_degrees(), 2e-3, "phase");
     let f = 2.0 / (3.0 * PI * PI) * ((PI - phi) * phi.cos() + phi.sin());
     let reflected = 0.2 * PI * 25.0 * f;
-    // 1 au^2 of the two distances cancels the reflector's: m = -26.73 - 2.5 log10(rho A F / d^2) + 5 log10(D / au).
+    // 1 au^2 of the two distances cancels the reflector's: m = -26.73 - 2.5 log10(rho A F / d^2) +
+    // 5 log10(D / au).
     let d2 = (line.norm() * 1e3).powi(2);
     let au = 149_597_870.7;
     let mag = -26.73 - 2.5 * (reflected / d2).log10() + 5.0 * (to_sun.norm() / au).log10();
@@ -137,7 +138,7 @@ fn check_object(exposed: &ExposedFrame, o: &ObjectLabel) {
     }
 }
 
-/// The line of text has the contract's names, and the values but for their last decimals.
+/// The JSON line has the contract's names, and the values except for their last decimals.
 fn check_json(exposed: &ExposedFrame) {
     let json: Value = serde_json::from_str(&exposed.json).unwrap();
     let keys = |value: &Value| -> BTreeSet<String> {
@@ -168,7 +169,7 @@ fn check_json(exposed: &ExposedFrame) {
 }
 
 #[test]
-fn every_field_is_what_it_is_defined_to_be() {
+fn every_field_matches_its_definition() {
     let orbit = Some(([2.1e6, -5.4e6, 3.9e6], [6.3e3, 3.7e3, 1.8e3]));
     for camera in ["fai-nir", "fai-630", "rigel-l", "cots-wide"] {
         let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
@@ -205,7 +206,8 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
             let off = epoch(text.trim_end_matches('Z')) - vehicle.epoch;
             near(off.to_seconds(), dt, 1e-9, "epochs");
         }
-        // A tenth of a second to either side: an error of h^2/6 of the third derivative, and of digits.
+        // A tenth of a second to either side: an error of h^2/6 of the third derivative, and
+        // rounding.
         let step = hifitime::Duration::from_seconds(0.1);
         let [before, after] = [-step, step].map(|dt| {
             let mut moved: VehicleState = vehicle.at(vehicle.epoch + dt);
@@ -220,10 +222,10 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
         for o in label.objects.iter().filter(|o| o.kind == "rso") {
             let rso = o.rso.as_ref().unwrap();
             let object = objects.iter().find(|object| object.id == o.id).unwrap();
-            let there = object.state(vehicle.epoch).unwrap();
+            let expected = object.state(vehicle.epoch).unwrap();
             for (label, state) in [
-                (rso.position_gcrf_km, there.position_m),
-                (rso.velocity_gcrf_km_s, there.velocity_m_s),
+                (rso.position_gcrf_km, expected.position_m),
+                (rso.velocity_gcrf_km_s, expected.velocity_m_s),
             ] {
                 assert!((state * 1e-3 - Vector3::from(label)).norm() < 1e-12);
             }
@@ -236,7 +238,7 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
 }
 
 #[test]
-fn the_list_ends_at_the_asked_signal_to_noise_ratio() {
+fn the_list_ends_at_the_requested_snr() {
     assert_eq!(Config::defaults().unwrap().label_snr, 1.0);
     let list = |snr: f64| {
         let mut config = Config {

@@ -1,4 +1,4 @@
-//! Noise-free light: what is on the pixels against what the label says.
+//! Noise-free light: pixels against the label.
 
 use crate::fixtures::noise_free;
 use std::collections::HashSet;
@@ -15,7 +15,7 @@ use super::brute::{
     unit,
 };
 
-/// What a frame showed of its objects.
+/// The errors of a frame's objects.
 #[derive(Default, Debug)]
 pub struct Tally {
     /// Isolated and wholly on the detector.
@@ -25,11 +25,12 @@ pub struct Tally {
     pub worst_centroid_px: f64,
     /// Of the total, against the label.
     pub worst_light: f64,
-    /// What lies on the detector of those partly off it, against brute force, as a part of the object's total.
+    /// The light on the detector of objects partly off it, against brute force, as a part of the
+    /// object's total.
     pub worst_part: f64,
-    /// Any pixel against brute force, as a part of the brightest pixel,
+    /// Any pixel against brute force, as a part of the brightest pixel.
     pub worst_pixel: f64,
-    /// and as far as it is off by more than `track_e` of live frames.
+    /// The same, less `track_e` of live frames.
     pub worst_beyond: f64,
 }
 
@@ -95,9 +96,9 @@ const RATES: [[f64; 3]; 6] = [
 /// A low orbit, m and m/s.
 const ORBIT: ([f64; 3], [f64; 3]) = ([2.1e6, -5.4e6, 3.9e6], [6.3e3, 3.7e3, 1.8e3]);
 
-/// At rest at several epochs, and turning; every other camera that turns is mounted askew.
+/// At rest at several epochs, and turning; every second turning camera has a rotated mounting.
 #[test]
-fn stars_stand_where_the_label_says_with_the_light_it_says() {
+fn stars_match_their_labels() {
     const CLARK: [f64; 4] = [-0.070834, -0.644137, 0.733522, -0.204975];
     for (camera, stars) in CAMERAS {
         let mut emulator = emulator(camera, stars, Vec::new(), Fidelity::REALTIME);
@@ -126,7 +127,7 @@ fn stars_stand_where_the_label_says_with_the_light_it_says() {
     }
 }
 
-/// Every star of the catalogue whose path crosses the detector while the shutter is open is in the label.
+/// Every catalogue star whose path crosses the detector while the shutter is open is in the label.
 #[test]
 fn no_star_is_missing() {
     let catalog = Catalog::embedded(Selection::Hipparcos);
@@ -164,7 +165,7 @@ fn no_star_is_missing() {
 
 /// The three satellites of the built-in scene, seen by its own camera at rest and turning.
 #[test]
-fn objects_in_orbit_do_too() {
+fn objects_in_orbit_match_their_labels() {
     let config = builtin();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = noise_free(config);
@@ -186,7 +187,7 @@ fn objects_in_orbit_do_too() {
     assert_eq!(rsos, 18);
 }
 
-/// A neighbour that crosses the field at 30 degrees a second: long, uneven tracks.
+/// A nearby object that crosses the field at 30 degrees a second: long, uneven tracks.
 #[test]
 fn a_near_pass_is_a_long_streak_with_its_own_centre() {
     let at = epoch("2020-01-02T03:04:05.6");

@@ -1,4 +1,5 @@
-//! Vignetting and distortion of moving images, against integration from the label and the camera's figures.
+//! Vignetting and distortion of moving images, against integration from the label and the camera's
+//! constants.
 
 use skyloop::camera::{Camera, Model, Projection, Vignetting};
 use skyloop::engine::ExposedFrame;
@@ -10,8 +11,9 @@ use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turnin
 const K: [f64; 3] = [-0.3, 0.05, 0.0];
 const P: [f64; 2] = [1e-3, -5e-4];
 
-/// Where the image is, and what of its light passes: cos^4 of its angle, and Brown-Conrady's equations written out.
-fn place(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> ([f64; 2], f64) {
+/// The image's position, and its transmission: cos^4 of its angle. Brown-Conrady's equations
+/// written out.
+fn position(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> ([f64; 2], f64) {
     let (c, f) = (camera.optics.principal_px, camera.optics.focal_px);
     let at = pixel(label, object, camera, t);
     let (x, y) = ((at[0] - c[0]) / f, (at[1] - c[1]) / f);
@@ -37,7 +39,7 @@ fn compare(exposed: &ExposedFrame) -> [f64; 3] {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         for i in 0..=steps {
             let t = (i as f64 / steps as f64 - 0.5) * label.exposure_s;
-            let (at, passes) = place(label, o, camera, t);
+            let (at, passes) = position(label, o, camera, t);
             let weight = simpson(i, steps) / steps as f64 * passes;
             light += weight;
             moments = [0, 1].map(|k| moments[k] + weight * at[k]);
@@ -65,7 +67,7 @@ fn compare(exposed: &ExposedFrame) -> [f64; 3] {
 }
 
 #[test]
-fn light_passes_and_bends_as_the_lens_says_at_rest_and_on_tracks() {
+fn vignetting_and_distortion_match_the_lens_model() {
     for rates in [
         [0.0; 3],
         [30.0, 0.0, 0.0],
@@ -84,8 +86,8 @@ fn light_passes_and_bends_as_the_lens_says_at_rest_and_on_tracks() {
     }
 }
 
-/// What optics let pass of a streak that leaves the detector is told as well as of one that stays on it, where the transmission breaks
-/// too: on a detector that goes on where the other ends its label is the same.
+/// The labelled transmission of a streak that leaves the detector is as accurate as that of one on
+/// it, also where the transmission has a kink: a larger detector gives the same label.
 #[test]
 fn labels_of_streaks_that_leave_the_detector_do_not_depend_on_where_it_ends() {
     let labels = |more_rows: usize| {

@@ -1,4 +1,4 @@
-//! Rolling shutter against integration row by row, from the label and the camera's figures alone.
+//! Rolling shutter against integration row by row, from the label and the camera's constants alone.
 
 use skyloop::camera::{Camera, Shutter};
 use skyloop::engine::ExposedFrame;
@@ -6,8 +6,8 @@ use skyloop::label::{Label, ObjectLabel};
 
 use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
 
-/// What the rows collect of one object whose light is 1 in an exposure: on the detector, and of all light its sum and
-/// centre. Rows beyond the detector are exposed with the row at its edge.
+/// The light that the rows collect of one object of unit light per exposure: on the detector, and
+/// in all its sum and centre. Rows beyond the detector are exposed with the row at its edge.
 fn collected(
     label: &Label,
     object: &ObjectLabel,
@@ -22,7 +22,7 @@ fn collected(
     let mut image = vec![0.0; (width * height) as usize];
     let (mut light, mut moments) = (0.0, [0.0; 2]);
     let readout = last * row_s;
-    // Where the image is at some instant of the whole time; rows further than this get nothing.
+    // The image position over the whole time; rows further away get nothing.
     let ys: Vec<f64> = (0..=200)
         .map(|i| (f64::from(i) / 200.0 - 0.5) * (label.exposure_s + readout))
         .map(|t| pixel(label, object, camera, t)[1])
@@ -67,22 +67,22 @@ fn compare(exposed: &ExposedFrame, row_s: f64) -> (f64, f64, f64) {
     for object in label.objects.iter().filter(|o| o.electrons > 0.0) {
         let (image, light, centre) = collected(label, object, camera, row_s);
         let arriving = arriving_e(label, object, camera);
-        // Of faint sources tracks are sampled coarsely: `Fidelity::track_e`.
+        // Tracks of faint sources are sampled coarsely: `Fidelity::track_e`.
         let off_e = (object.electrons - arriving * light).abs();
         off_light = off_light.max(off_e / (arriving * light).max(1000.0));
         off_px = off_px.max((object.x_px - centre[0]).hypot(object.y_px - centre[1]));
         for (sum, e) in truth.iter_mut().zip(image) {
             *sum += arriving * e;
         }
-        // Where it is when its own row opens and closes.
+        // Its position when its own row opens and closes.
         for (at, edge) in [
             ([object.x0_px, object.y0_px], -0.5),
             ([object.x1_px, object.y1_px], 0.5),
         ] {
             let last = camera.detector.height as f64 - 1.0;
             let t = (at[1].clamp(0.0, last) - last / 2.0) * row_s + edge * label.exposure_s;
-            let there = pixel(label, object, camera, t);
-            let off = (there[0] - at[0]).hypot(there[1] - at[1]);
+            let expected = pixel(label, object, camera, t);
+            let off = (expected[0] - at[0]).hypot(expected[1] - at[1]);
             assert!(off < 1e-5, "{off} {object:?}");
         }
     }
@@ -103,7 +103,8 @@ fn exposed(shutter: Shutter, exposure_s: f64, rates: [f64; 3]) -> ExposedFrame {
 fn rows_collect_what_falls_on_them_while_they_are_open() {
     let mut longer = 0.0f64;
     for row_us in [200.0, 1500.0] {
-        // deg/s; 30 of them move images by 28 px in the exposure, with the rows, against them, along them, about the boresight.
+        // deg/s; 30 of them move images by 28 px in the exposure, with the rows, against them,
+        // along them, about the boresight.
         for rates in [
             [0.02, 0.0, 0.0],
             [30.0, 0.0, 0.0],
@@ -131,7 +132,7 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
     assert!(longer > 0.5, "{longer}");
 }
 
-/// A still scene does not care in which order its rows are exposed.
+/// A scene at rest does not depend on the order in which its rows are exposed.
 #[test]
 fn at_rest_it_is_the_global_shutter() {
     let shutters = [Shutter::Rolling { row_s: 1e-4 }, Shutter::Global];

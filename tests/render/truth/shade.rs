@@ -1,4 +1,4 @@
-//! The Earth's shadow and the Earth in the way, as frames and labels show them.
+//! The Earth's shadow and occultation by the Earth, in frames and labels.
 
 use crate::fixtures::{dark, noise_free};
 use nalgebra::Vector3;
@@ -20,21 +20,21 @@ fn sun() -> (Vector3<f64>, Vector3<f64>) {
     (sun, sun.cross(&Vector3::z()).normalize())
 }
 
-/// FAI looks at `target` (km, km/s) from `from`; labels as by default. With the paper's sphere.
-fn look(
+/// FAI at `from`, pointed at `target` (km, km/s); labels as by default. With the paper's sphere.
+fn expose_target(
     from: (Vector3<f64>, Vector3<f64>),
     target: (Vector3<f64>, Vector3<f64>),
     roll: f64,
 ) -> (ExposedFrame, ObjectLabel) {
     let objects = oem("TARGET", epoch(AT), falling(target.0, target.1));
-    let exposed = shot_of(from, objects, target.0 - from.0, roll);
+    let exposed = expose_objects(from, objects, target.0 - from.0, roll);
     let objects = &exposed.label.objects;
     let target = objects.iter().find(|o| o.id == "TARGET").cloned();
     let target = target.expect("objects that would be bright are listed, lit or not");
     (exposed, target)
 }
 
-fn shot_of(
+fn expose_objects(
     from: (Vector3<f64>, Vector3<f64>),
     objects: Vec<Object>,
     aim: Vector3<f64>,
@@ -63,7 +63,7 @@ fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
     let (sun, across) = sun();
     let velocity = across * 7.5;
     let from = (-sun * 7000.0, velocity);
-    let (exposed, o) = look(from, (-sun * 7300.0 + across * 40.0, velocity), 0.1);
+    let (exposed, o) = expose_target(from, (-sun * 7300.0 + across * 40.0, velocity), 0.1);
     let rso = o.rso.as_ref().unwrap();
     let light = (rso.illumination, o.electrons, o.snr, o.band_mag);
     assert_eq!(light, (0.0, 0.0, 0.0, None));
@@ -72,9 +72,9 @@ fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
     assert!(exposed.json.contains("\"band_mag\":null"));
     let light = pixel(&exposed, &o) - exposed.label.background_e_px;
     assert!(light.abs() < 0.5, "no star stands there");
-    // The same, on the other side of the Earth, shines.
+    // The same object on the other side of the Earth shines.
     let target = (sun * 7000.0 + across * 40.0, velocity);
-    let (exposed, o) = look((sun * 7300.0, velocity), target, 0.1);
+    let (exposed, o) = expose_target((sun * 7300.0, velocity), target, 0.1);
     assert!(o.rso.unwrap().illumination == 1.0 && o.electrons > 1e3);
     assert!(!exposed.json.contains("Earth's shadow"));
 }
@@ -85,7 +85,8 @@ fn sunlit_part(at: Vector3<f64>) -> f64 {
     let line = sun - at;
     let (u, radius) = (line.cross(&Vector3::z()).normalize(), SUN_RADIUS_M * 1e-3);
     let v = u.cross(&line).normalize();
-    // Stretched along the axis (here the GCRF's: 0.1 degree from the pole of date, some 40 m at the limb).
+    // Stretched along the axis (here the GCRF's: 0.1 degree from the pole of date, some 40 m at the
+    // limb).
     let stretch = |p: Vector3<f64>| Vector3::new(p.x, p.y, p.z * EQUATOR_KM / POLE_KM);
     let (mut free, mut all) = (0, 0);
     const N: i32 = 400;
@@ -110,17 +111,17 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
     let velocity = sun.cross(&across) * 7.5;
     let (mut partial, mut last) = (0, 1.0);
     let at = |offset: f64| {
-        let place = -sun * 2500.0 + across * offset;
-        let from = (place + (across - sun).normalize() * 300.0, velocity);
-        let (exposed, o) = look(from, (place, velocity), 0.4);
-        (place, exposed, o)
+        let position = -sun * 2500.0 + across * offset;
+        let from = (position + (across - sun).normalize() * 300.0, velocity);
+        let (exposed, o) = expose_target(from, (position, velocity), 0.4);
+        (position, exposed, o)
     };
     // The penumbra is 23 km wide there.
     for step in 0..14 {
         let offset = 6400.0 - 5.0 * f64::from(step);
-        let (place, exposed, o) = at(offset);
+        let (position, exposed, o) = at(offset);
         let rso = o.rso.as_ref().unwrap();
-        let miss = rso.illumination - sunlit_part(place);
+        let miss = rso.illumination - sunlit_part(position);
         assert!(miss.abs() < 5e-3, "{offset}");
         let whole = exposed.camera.electrons_per_second_at_zero()
             * 10f64.powf(-0.4 * o.mag)
@@ -137,7 +138,7 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
     }
     assert!(partial >= 2 && last == 0.0, "{partial} {last}");
 
-    // Almost in the umbra it is too faint, and the label says why.
+    // Almost in the umbra the object is too faint, and the label gives the reason.
     let (mut dark, mut lit) = (6335.0, 6400.0);
     let faint = (0..40).find_map(|_| {
         let middle = 0.5 * (dark + lit);
@@ -152,19 +153,19 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
         (illumination > 0.0).then_some(o).filter(|o| o.snr < 3.0)
     });
     let reason = faint.expect("some light remains").reason.unwrap();
-    let told = "too faint, in the Earth's penumbra: snr ";
-    assert!(reason.starts_with(told), "{reason}");
+    let expected = "too faint, in the Earth's penumbra: snr ";
+    assert!(reason.starts_with(expected), "{reason}");
 }
 
 #[test]
 fn behind_the_earth_there_is_neither_object_nor_star() {
     let (sun, across) = sun();
     let velocity = sun.cross(&across) * 7.5;
-    // The Earth's disc is 140 degrees wide from there: it fills the frame.
+    // The Earth's disc is 140 degrees wide from this position: it fills the frame.
     let from = (across * 6800.0, velocity);
     let target = -across * 7000.0 + sun * 2000.0;
     let objects = oem("TARGET", epoch(AT), falling(target, velocity));
-    let exposed = shot_of(from, objects, target - from.0, 1.0);
+    let exposed = expose_objects(from, objects, target - from.0, 1.0);
     assert!(exposed.label.objects.iter().all(|o| o.id != "TARGET"));
     assert_eq!(exposed.label.unseen["behind the Earth"], ["TARGET"]);
     let stars = || exposed.label.objects.iter().filter(|o| o.kind == "star");
@@ -185,7 +186,7 @@ fn across_the_limb_the_frame_has_stars_on_one_side_only() {
     let dip = (EQUATOR_KM / 7000.0f64).asin();
     let aim = -across * dip.cos() + sun * dip.sin();
     let target = oem("TARGET", epoch(AT), falling(from.0 + aim * 300.0, from.1));
-    let exposed = shot_of(from, target, aim, 0.0);
+    let exposed = expose_objects(from, target, aim, 0.0);
     let (mut hidden, mut seen) = (0, 0);
     for star in exposed.label.objects.iter().filter(|o| o.kind == "star") {
         let depth = apparent(star).angle(&-across) - dip;

@@ -1,14 +1,16 @@
-//! Smear from nothing to thousands of pixels, about every axis, against integration from the label alone.
+//! Smear from zero to thousands of pixels, about every axis, against integration from the label
+//! alone.
 
 use skyloop::attitude::VehicleState;
 use skyloop::engine::ExposedFrame;
 use skyloop::fidelity::Fidelity;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{emulator, epoch, expose, most, verdict};
+use super::brute::{emulator, epoch, expose, maximum, verdict};
 use super::light::Tally;
 
-/// A frame of `camera` with another focal length (px), turning so far (deg) about body axes during the exposure.
+/// A frame of `camera` with another focal length (px), turning by `turn_deg` about body axes during
+/// the exposure.
 fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3]) -> ExposedFrame {
     let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     emulator.camera_mut().optics.focal_px = focal_px;
@@ -20,10 +22,11 @@ fn turned(camera: &str, focal_px: f64, turn_deg: [f64; 3]) -> ExposedFrame {
 
 fn longest(exposed: &ExposedFrame) -> f64 {
     let objects = exposed.label.objects.iter();
-    most(objects.map(|o| (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px)))
+    maximum(objects.map(|o| (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px)))
 }
 
-/// Across, slanted, and about the boresight; the first of these moves images by `px` in the middle of the field.
+/// Across, slanted, and about the boresight; the first of these moves images by `px` in the middle
+/// of the field.
 fn axes(px: f64, focal_px: f64) -> [[f64; 3]; 3] {
     let turn = (px / focal_px).to_degrees();
     [
@@ -47,18 +50,19 @@ fn long_every_length_keeps_its_light_its_centre_and_its_profile() {
         }
         println!("{px} px ({longest_px:.4}): {tally:?}");
         assert!(longest_px >= 0.9 * px, "{longest_px}");
-        // The centre of a star that stands still is off by half of skip_px at most, and its light by none.
+        // The centre of a star at rest has an error of at most half of skip_px; its light has none.
         assert!(tally.worst_centroid_px <= 1e-3, "{px}: {tally:?}");
         assert!(tally.worst_light <= 1e-4, "{px}: {tally:?}");
         assert!(tally.worst_part <= 1e-4, "{px}: {tally:?}");
-        // Of the brightest pixel: 2e-5 of the profile at its ends, and 1e-5 of the integration that it is held against. Spread over thousands of pixels
-        // light is so faint on each that `track_e` is more than that.
+        // Of the brightest pixel: 2e-5 of the profile at its ends, and 1e-5 of the reference
+        // integration. Light spread over thousands of pixels is so faint on each that `track_e`
+        // exceeds this.
         assert!(tally.worst_beyond <= 5e-5, "{px}: {tally:?}");
         assert!(px > 1000.0 || tally.worst_pixel <= 5e-5, "{px}: {tally:?}");
     }
 }
 
-/// The ends of a star's track in 100 s at rest are where it stands at rest then.
+/// The ends of a star's track in 100 s at rest are its positions at rest at these times.
 #[test]
 fn stars_drift_as_the_observers_velocity_turns() {
     let orbit = Some(([2.1e6, -5.4e6, 3.9e6], [6.3e3, 3.7e3, 1.8e3]));
@@ -89,15 +93,16 @@ fn stars_drift_as_the_observers_velocity_turns() {
         }
     }
     assert!(compared > 10);
-    // What leaving it out would cost is what it moves, not much more.
+    // The declared error is its motion, not much more.
     let declared = drift.error_px.unwrap();
     println!("{furthest} of {declared}");
     assert!(furthest > 5e-3 && furthest <= declared && declared < 2.0 * furthest);
 }
 
 #[test]
-fn a_wide_field_hurries_images_in_its_corners() {
-    // 256 pixels at a focal length of 180: 45 degrees to the corners, where the scale is twice as large.
+fn corner_images_of_a_wide_field_move_faster() {
+    // 256 pixels at a focal length of 180: 45 degrees to the corners, where the scale is twice as
+    // large.
     let mut tally = Tally::default();
     for turn in [[12.0, 0.0, 0.0], [4.0, -6.0, 9.0]] {
         tally.add(&turned("fai-nir", 180.0, turn));

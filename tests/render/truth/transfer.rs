@@ -1,13 +1,13 @@
-//! Frame transfer against its definition, and the labels that do not count its trails.
+//! Frame transfer against its definition, and labels that exclude its smear trails.
 
 use skyloop::camera::Shutter;
 use skyloop::engine::ExposedFrame;
 use skyloop::label::EffectLabel;
 
-use super::brute::{changed_fai, image, most, stamp, turning, verdict};
+use super::brute::{changed_fai, image, maximum, stamp, turning, verdict};
 
 fn frame(row_us: f64, rates: [f64; 3]) -> (ExposedFrame, EffectLabel) {
-    // Exposed for 0.1 s: a trail of a few hundredths of the light of its column.
+    // Exposed for 0.1 s: a trail of some hundredths of the light of its column.
     let row_s = row_us * 1e-6;
     let shutter = Shutter::FrameTransfer { row_s };
     let mut emulator = changed_fai(|emulator| emulator.camera_mut().shutter = shutter);
@@ -38,16 +38,17 @@ fn every_pixel_passes_every_row_of_its_column_once() {
             .map(|(i, (seen, light))| {
                 (f64::from(*seen) - light - trails[i % truth.width] - dark).abs()
             });
-        let worst = most(off) / truth.peak();
+        let worst = maximum(off) / truth.peak();
         println!("{row_us} us: {worst:.1e} of the peak");
         assert!(worst < 2e-5, "{worst}");
 
-        // What leaving it out would cost is the brightest trail.
+        // The declared error is the brightest trail.
         let label = &exposed.label;
-        let brightest = most(trails.iter().copied());
+        let brightest = maximum(trails.iter().copied());
         assert!((effect.error_e.unwrap() / brightest - 1.0).abs() < 1e-4 && effect.run);
 
-        // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the pixels that are not full.
+        // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the unsaturated
+        // pixels.
         let detector = &exposed.camera.detector;
         let digit = detector.gain_e_per_dn;
         let floor = detector.read_noise_e.powi(2) + digit * digit / 12.0;
