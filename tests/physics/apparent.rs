@@ -13,15 +13,15 @@ use skyloop::sky::apparent::{
 use skyloop::sky::bodies::{AU_M, Bodies, LIGHT_M_S};
 use skyloop_orbit::StateVector;
 
-const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
+pub const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
 const MAS: f64 = ARCSEC / 1000.0;
 
-fn tai(text: &str) -> Epoch {
+pub fn tai(text: &str) -> Epoch {
     Epoch::from_str(&format!("{text} TAI")).unwrap()
 }
 
 /// Angle between two vectors, arcsec.
-fn arcsec(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+pub fn arcsec(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b)) / ARCSEC
 }
 
@@ -68,12 +68,12 @@ fn observer(epoch: Epoch, position_m: Vector3<f64>, velocity_m_s: Vector3<f64>) 
     }
 }
 
-fn at_the_earths_centre(epoch: Epoch) -> Observer {
+pub fn at_the_earths_centre(epoch: Epoch) -> Observer {
     observer(epoch, Vector3::zeros(), Vector3::zeros())
 }
 
 /// The observer of a row: epoch, position and velocity in the columns from 1 on.
-fn observer_of(row: &[&str]) -> Observer {
+pub fn observer_of(row: &[&str]) -> Observer {
     observer(tai(row[1]), vector(row, 2), vector(row, 5))
 }
 

@@ -1,10 +1,8 @@
 //! Directions of the Sun, the Moon, the Earth and the planets against an independent library.
 
-use std::str::FromStr;
-
+use crate::apparent::{ARCSEC, arcsec, at_the_earths_centre, observer_of, tai};
 use crate::fixtures::{camera, cropped, unit};
 use crate::reference::{number, rows, vector};
-use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
@@ -17,36 +15,11 @@ use skyloop::sky::moon::MoonDisc;
 use skyloop::sky::planets::{self, Planet};
 use skyloop::sky::{Corrections, Observer};
 
-const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
-
-fn observer(row: &[&str]) -> Observer {
-    Observer {
-        position_m: vector(row, 2),
-        velocity_m_s: vector(row, 5),
-        ..at_the_earths_centre(row[1])
-    }
-}
-
-fn at_the_earths_centre(epoch: &str) -> Observer {
-    let epoch = Epoch::from_str(&format!("{epoch} TAI")).unwrap();
-    Observer {
-        epoch,
-        position_m: Vector3::zeros(),
-        velocity_m_s: Vector3::zeros(),
-        bodies: Bodies::at(epoch).unwrap(),
-    }
-}
-
-/// Angle between two vectors, arcsec.
-fn arcsec(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
-    a.cross(&b).norm().atan2(a.dot(&b)) / ARCSEC
-}
-
 #[test]
 fn sun_moon_and_earth_stand_where_de440_has_them() {
     let (mut worst, mut moon_km, mut compared) = ([0.0_f64; 3], 0.0_f64, 0);
     for row in rows(include_str!("../reference/directions.csv")) {
-        let observer = observer(&row);
+        let observer = observer_of(&row);
         let all = Corrections::default();
         let seen = [
             observer.sun_m(&all),
@@ -84,7 +57,7 @@ const ABERRATION: Corrections = Corrections {
 #[test]
 fn corrections_move_the_moon_by_seconds_of_arc() {
     let rows: Vec<_> = rows(include_str!("../reference/directions.csv")).collect();
-    let observer = observer(rows.iter().find(|row| row[0] == "leo").unwrap());
+    let observer = observer_of(rows.iter().find(|row| row[0] == "leo").unwrap());
     let none = Corrections::NONE;
     let plain = observer.moon_m(&none);
     let geometric = observer.bodies.moon_geocentric_m - observer.position_m;
@@ -132,7 +105,7 @@ fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
             mut range_km,
         ] = [0.0_f64; 5];
         for row in rows.iter().filter(|row| row[0] == name) {
-            let ours = planet(name, &at_the_earths_centre(row[1]));
+            let ours = planet(name, &at_the_earths_centre(tai(row[1])));
             direction = direction.max(arcsec(ours.direction, vector(row, 2)));
             distance = distance
                 .max((ours.distance_m / AU_M / number(row, 5) - 1.0).abs())
@@ -170,7 +143,7 @@ fn planets_are_as_large_as_almanacs_have_them() {
         ("Jupiter", "2020-07-14T08:00:00", 47.6),
         ("Saturn", "2020-07-20T22:00:00", 18.5),
     ] {
-        let ours = 2.0 * planet(name, &at_the_earths_centre(epoch)).angular_radius / ARCSEC;
+        let ours = 2.0 * planet(name, &at_the_earths_centre(tai(epoch))).angular_radius / ARCSEC;
         assert!((ours - diameter_arcsec).abs() < 0.1, "{name}: {ours}");
     }
 }
@@ -206,7 +179,7 @@ fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
     let unit = |ra_deg: f64, dec_deg: f64| unit(ra_deg.to_radians(), dec_deg.to_radians());
     let (mut compared, mut farthest) = (0, 0.0_f64);
     for row in rows(include_str!("../reference/directions.csv")).step_by(3) {
-        let seen_by = observer(&row);
+        let seen_by = observer_of(&row);
         let theirs = vector(&row, 12);
         let apparent = (seen_by.position_m.into(), seen_by.velocity_m_s.into());
         let orbit = (seen_by.position_m != Vector3::zeros()).then_some(apparent);
@@ -284,7 +257,7 @@ fn labels_have_geometric_ranges_and_phases_of_planets() {
     ];
     let mut emulator = emulator(Config::defaults().unwrap().camera, "planets");
     for (epoch, planets) in cases {
-        let seen_by = at_the_earths_centre(epoch);
+        let seen_by = at_the_earths_centre(tai(epoch));
         for (name, range_km, phase_deg) in planets {
             let vehicle = vehicle(&seen_by, planet(name, &seen_by).direction, None);
             let label = emulator.expose(&vehicle, 0).unwrap().label;
@@ -302,7 +275,7 @@ fn labels_have_geometric_ranges_and_phases_of_planets() {
 /// Light time and aberration together move a planet by up to one minute of arc.
 #[test]
 fn corrections_move_the_planets() {
-    let observer = at_the_earths_centre("2020-07-14T00:00:00");
+    let observer = at_the_earths_centre(tai("2020-07-14T00:00:00"));
     let apparent = |corrections: &Corrections| {
         let planets = planets::seen_by(&observer, corrections);
         planets.iter().map(|p| p.direction).collect::<Vec<_>>()
@@ -327,7 +300,7 @@ fn the_moon_goes_through_its_phases() {
         ("2019-07-09T10:55:28", 89.865, -10.0, 0.3),
         ("2019-08-15T12:29:52", 2.977, -12.7, 0.2),
     ] {
-        let observer = at_the_earths_centre(epoch);
+        let observer = at_the_earths_centre(tai(epoch));
         let disc = MoonDisc::seen_by(&observer, &Corrections::default());
         let phase = disc.phase.to_degrees();
         assert!((phase - phase_deg).abs() < 0.01, "{epoch}: {phase}");
@@ -345,7 +318,7 @@ fn the_moon_goes_through_its_phases() {
 /// The positions at the ends of an exposure equal those of an observer at these times.
 #[test]
 fn moon_and_planets_move_on_during_an_exposure() {
-    let mid = at_the_earths_centre("2026-08-10T12:00:00").epoch;
+    let mid = at_the_earths_centre(tai("2026-08-10T12:00:00")).epoch;
     let vehicle = VehicleState::new(0, mid, [0.0, 0.0, 0.0, 1.0], [0.0; 3], None).unwrap();
     let all = Corrections::default();
     for seen in shutter(&vehicle, &Exposure::around(mid, 600.0)).unwrap() {

@@ -68,7 +68,7 @@ fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectL
     EFFECTS.iter().zip(verdicts).collect()
 }
 
-fn without(choice: &Choice, effect: &Effect) -> Choice {
+pub fn without(choice: &Choice, effect: &Effect) -> Choice {
     let mut choice = choice.clone();
     choice.off.push(effect.name);
     choice

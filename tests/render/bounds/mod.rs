@@ -10,6 +10,7 @@ use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use crate::plan::without;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop::camera::Blooming;
@@ -65,12 +66,6 @@ fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectL
     let all = EFFECTS.iter().zip(bench.verdicts(choice).unwrap());
     all.filter(|(effect, _)| !choice.off.contains(&effect.name))
         .collect()
-}
-
-fn without(choice: &Choice, effect: &Effect) -> Choice {
-    let mut choice = choice.clone();
-    choice.off.push(effect.name);
-    choice
 }
 
 /// Charge and DN of a frame without noise, and the charge before saturation, e-.

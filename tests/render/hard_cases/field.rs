@@ -2,8 +2,8 @@
 //! detectors, fields from a tenth of a degree to half of the sky, and lenses close to their fold.
 
 use super::stage::{
-    Light, alone, behind, camera, emulator, epoch, light, moments, noon, square, starry, still,
-    unit, vehicle,
+    Light, alone, behind, camera, emulator, epoch, light, moments, noon, share_along, square,
+    starry, still, unit, vehicle,
 };
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
@@ -13,10 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A Gaussian's share of the square from -1/2 to 1/2 around `off`, of that width: closed form.
 fn share(off: [f64; 2], sigma: f64) -> f64 {
-    let below = |x: f64| 0.5 * libm::erfc(-x / sigma / std::f64::consts::SQRT_2);
-    off.map(|x| below(x + 0.5) - below(x - 0.5))
-        .iter()
-        .product()
+    off.map(|x| share_along(x, sigma)).iter().product()
 }
 
 /// Unit vector `angle` rad from the boresight, in the direction `around` (rad from +X).

@@ -2,9 +2,10 @@
 //! 0 to hours.
 
 use super::stage::{
-    alone, behind, camera, check_numbers, emulator, epoch, expected, noon, orbiter, square, starry,
-    still, towards, vehicle,
+    alone, behind, camera, check_numbers, emulator, epoch, expected, noon, orbiter, share_along,
+    square, starry, still, towards, vehicle,
 };
+use crate::truth::brute::simpson;
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
@@ -14,22 +15,6 @@ use skyloop::orbit::Object;
 use skyloop::plan::simulated;
 use skyloop::scene::{Exposure, Unobservable, track_all};
 use std::f64::consts::TAU;
-
-/// A Gaussian's share of the pixel at `i` along one axis: closed form.
-fn share(i: usize, at: f64, sigma: f64) -> f64 {
-    let below = |x: f64| 0.5 * libm::erfc(-x / sigma / std::f64::consts::SQRT_2);
-    below(i as f64 + 0.5 - at) - below(i as f64 - 0.5 - at)
-}
-
-/// Weight of node `k` of so many steps in Simpson's rule, for a mean.
-fn simpson(k: usize, steps: usize) -> f64 {
-    let weight = match k {
-        k if k == 0 || k == steps => 1.0,
-        k if k % 2 == 1 => 4.0,
-        _ => 2.0,
-    };
-    weight / (3.0 * steps as f64)
-}
 
 /// The image (128 x 128 px) of a light that moves along its row by a turn about the column axis:
 /// the closed form of every pixel, integrated over the exposure by Simpson's rule. Steps of an
@@ -42,7 +27,7 @@ fn streak(camera: &Camera, at: [f64; 2], rate_rad_s: f64, electrons: f64) -> Vec
     let steps = 2 * ((40.0 * turn * f).ceil() as usize).max(8);
     let mut image = vec![0.0; 128 * 128];
     for k in 0..=steps {
-        let weight = simpson(k, steps);
+        let weight = simpson(k, steps) / steps as f64;
         // Rates about +Y turn the sky about -Y: v' = v cos - (w x v) sin.
         let angle = turn * (k as f64 / steps as f64 - 0.5);
         let (sin, cos) = angle.sin_cos();
@@ -51,8 +36,12 @@ fn streak(camera: &Camera, at: [f64; 2], rate_rad_s: f64, electrons: f64) -> Vec
         if !(-16.0..144.0).contains(&x) {
             continue;
         }
-        let down: Vec<f64> = (0..128).map(|i| share(i, y, 0.8)).collect();
-        let across: Vec<f64> = (0..128).map(|i| share(i, x, 0.8)).collect();
+        let down: Vec<f64> = (0..128)
+            .map(|i| share_along(f64::from(i) - y, 0.8))
+            .collect();
+        let across: Vec<f64> = (0..128)
+            .map(|i| share_along(f64::from(i) - x, 0.8))
+            .collect();
         for (row, down) in down.iter().enumerate().filter(|(_, down)| **down > 1e-9) {
             let part = electrons * weight * down;
             let pixels = image[row * 128..][..128].iter_mut();
@@ -210,7 +199,7 @@ fn mean_of_stills(
     let steps = 2 * ((10.0 * path_px).ceil() as usize).max(1);
     let mut mean = vec![0.0; 64 * 64];
     for k in 0..=steps {
-        let weight = simpson(k, steps);
+        let weight = simpson(k, steps) / steps as f64;
         let off_s = (k as f64 / steps as f64 - 0.5) * exposure_s;
         let exposed = still_one.expose(&still_at(vehicle, off_s), 0).unwrap();
         let pixels = mean.iter_mut().zip(expected(exposed));

@@ -203,6 +203,12 @@ pub fn behind(camera: &Camera, attitude: &Attitude, pixel: [f64; 2]) -> Vector3<
     mounted.inverse().rotate(&camera.optics.direction(pixel))
 }
 
+/// A Gaussian's share of the pixel whose centre is `x` from it, along one axis: closed form.
+pub fn share_along(x: f64, sigma: f64) -> f64 {
+    let below = |x: f64| 0.5 * libm::erfc(-x / sigma / std::f64::consts::SQRT_2);
+    below(x + 0.5) - below(x - 0.5)
+}
+
 /// Light, and its centre (px).
 pub fn moments(image: &[f64], width: usize) -> (f64, [f64; 2]) {
     let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);

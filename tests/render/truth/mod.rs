@@ -1,6 +1,6 @@
 //! The renderer and its labels against each other and against brute force.
 
-mod brute;
+pub mod brute;
 mod labels;
 mod light;
 mod passing;
