@@ -31,7 +31,7 @@ const CONSTANTS: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
 ];
 
 #[test]
-fn the_shipped_cameras_have_their_published_figures() {
+fn the_shipped_cameras_have_their_published_constants() {
     assert_eq!(CAMERAS, CONSTANTS.map(|figures| figures.0));
     for (name, width, height, pitch_um, focal_mm, aperture_mm, exposure_s) in CONSTANTS {
         let camera = camera(name);

@@ -96,7 +96,7 @@ fn principal_numbers_are_unique_and_come_first() {
 }
 
 #[test]
-fn every_value_is_finite_and_possible() {
+fn every_value_is_finite_and_in_range() {
     for star in hipparcos().stars() {
         let id = (star.hip, star.hr);
         assert!((0.0..2.0 * PI).contains(&star.ra_rad), "{id:?}");

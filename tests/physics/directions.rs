@@ -16,7 +16,7 @@ use skyloop::sky::planets::{self, Planet};
 use skyloop::sky::{Corrections, Observer};
 
 #[test]
-fn sun_moon_and_earth_stand_where_de440_has_them() {
+fn sun_moon_and_earth_match_de440() {
     let (mut worst, mut moon_km, mut compared) = ([0.0_f64; 3], 0.0_f64, 0);
     for row in rows(include_str!("../reference/directions.csv")) {
         let observer = observer_of(&row);
@@ -81,7 +81,7 @@ fn planet(name: &str, observer: &Observer) -> Planet {
 }
 
 #[test]
-fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
+fn planets_match_de440_and_another_program() {
     // Largest errors of `plan94` over 1991 to 2060, rounded up. Directions (arcsec): daily to
     // weekly, from DE440. Distances from the Earth (km): every third day, from DE405 (PyPI jplephem
     // 2.24). Source: docs/explanation/labels.md. Distances here are those that the light travelled.
@@ -135,7 +135,7 @@ fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
 }
 
 #[test]
-fn planets_are_as_large_as_almanacs_have_them() {
+fn planet_diameters_match_almanacs() {
     // X-Val: apparent diameters of the equator at the oppositions of 2020 (at Mars's minimum
     // distance), JPL Horizons, to 0.1 arcsec.
     for (name, epoch, diameter_arcsec) in [
@@ -172,7 +172,7 @@ fn vehicle(
 /// The labelled position of the Moon is its centre as in DE440. The centre of its light lies on the
 /// bright side of the disc.
 #[test]
-fn labels_have_the_centre_of_the_moon_where_de440_has_it() {
+fn labelled_moon_centres_match_de440() {
     let mut camera = camera("rigel-l");
     camera.exposure_s = 1e-4;
     let mut emulator = emulator(camera, "moon");
@@ -264,7 +264,7 @@ fn labels_have_geometric_ranges_and_phases_of_planets() {
             let object = label.objects.iter().find(|object| object.id == name);
             let body = object.and_then(|object| object.planet.as_ref());
             let body = body.unwrap_or_else(|| panic!("no {name} at {epoch}"));
-            // 1 km: TT stands for TDB.
+            // 1 km: TT is used for TDB.
             let off = [body.range_km - range_km, body.phase_deg - phase_deg];
             let is_met = off[0].abs() < 1.0 && off[1].abs() < 2e-5;
             assert!(is_met, "{epoch} {name}: {off:?} km, deg");

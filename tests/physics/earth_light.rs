@@ -126,7 +126,7 @@ fn shading_follows_the_ellipsoids_normal_and_the_suns_distance() {
 }
 
 #[test]
-fn light_ends_at_the_limb_between_the_edges_from_any_place() {
+fn light_ends_at_the_limb_from_any_position() {
     let [x, y, pole] = axes();
     let lean = (x * 0.5 + pole).normalize();
     for zenith in [x, pole, lean] {
@@ -161,7 +161,7 @@ fn light_ends_at_the_limb_between_the_edges_from_any_place() {
 }
 
 #[test]
-fn patches_share_the_disc_and_its_dark_side_gives_nothing() {
+fn patches_cover_the_disc_and_its_dark_side_is_dark() {
     let [x, y, _] = axes();
     let observer = x * 7e6;
     let disc = EarthDisc::new(observer, (x + y) * AU_M, earth()).unwrap();

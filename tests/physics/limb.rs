@@ -191,7 +191,7 @@ fn airglow_is_brightest_at_the_limb_of_its_layer_and_follows_van_rhijn() {
 }
 
 #[test]
-fn the_a_band_shines_at_94_km_as_einsteins_coefficients_say() {
+fn the_a_band_airglow_follows_einsteins_coefficients() {
     // X-Val: 344 R of the (0-1) band by PALACE, times 18.65: 6.4 kR in the zenith. 1 R is 7.958e8
     // ph/s/m^2/sr.
     let (_, atmosphere) = band(759.0, 769.0);
@@ -253,7 +253,7 @@ fn light_is_even_and_finite_from_any_altitude() {
 }
 
 #[test]
-fn just_inside_the_top_and_just_outside_see_the_same() {
+fn views_just_inside_and_outside_the_top_agree() {
     let (_, atmosphere) = band(620.0, 640.0);
     for sun_m in [sun(40.0, 60.0), sun(97.0, 20.0)] {
         for tangent in [0.5e3, 15e3, 47e3, 88e3, 160e3, 300e3] {

@@ -43,7 +43,7 @@ fn found(
 }
 
 #[test]
-fn passes_are_those_of_another_programs_brute_force() {
+fn passes_match_another_programs_brute_force() {
     let loaded = parse(include_str!("../reference/passes.tle"), "passes.tle").unwrap();
     assert!(loaded.rejected.is_empty());
     let mut objects = loaded.objects;

@@ -195,7 +195,7 @@ fn rcm_1_has_just_left_the_penumbra() {
 }
 
 #[test]
-fn occultation_of_stars_and_places_inside_the_earth_are_defined() {
+fn occultation_of_stars_and_inside_the_earth_is_defined() {
     let earth = earth();
     let (_, away, across) = sun_in_equator();
     let observer = away * 7e6;

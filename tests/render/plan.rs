@@ -223,7 +223,7 @@ fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
 }
 
 #[test]
-fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_nothing() {
+fn complete_and_noise_free_plans_run_the_expected_effects() {
     each_scene(|name, bench| {
         for (effect, verdict) in verdicts(bench, &all(true)) {
             assert!(verdict.run, "{name}, {}", effect.name);

@@ -261,7 +261,7 @@ fn blooming_conserves_charge() {
     let (expected, spilled) = charge("column");
     let (_, clipped) = charge("none");
     let sum = |e: &[f32]| e.iter().map(|e| f64::from(*e)).sum::<f64>();
-    assert!(sum(&clipped) < 0.97 * sum(&expected), "nothing spills");
+    assert!(sum(&clipped) < 0.97 * sum(&expected), "no blooming");
     let off = sum(&spilled) - sum(&expected);
     assert!(off.abs() < 1.0, "{off}");
     assert!(spilled.iter().all(|e| *e < 8001.5) && clipped.iter().all(|e| *e <= 8000.0));

@@ -105,7 +105,7 @@ fn the_cone_holds_every_pixel_and_little_more() {
 }
 
 #[test]
-fn strength_scales_the_coefficients_and_nothing_is_pinhole() {
+fn strength_scales_the_coefficients_and_zero_is_pinhole() {
     let lens = |strength: &str| {
         let lens = "model = \"brown-conrady\"\nk = [-0.2, 0.04]\np = [1e-3, 2e-3]";
         let keys = format!("[optics.projection]\n{lens}\n{strength}");

@@ -291,7 +291,7 @@ fn faint_sources_keep_their_light_and_their_centre() {
 }
 
 #[test]
-fn the_reach_bounds_what_falls_outside() {
+fn the_reach_bounds_the_light_outside() {
     let cases = [
         ("gaussian", 0.7, 0.0),
         ("moffat", 1.5, 2.5),

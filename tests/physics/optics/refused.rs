@@ -103,7 +103,7 @@ fn refusal(text: &str, words: &[&str]) -> String {
     write("counts.csv", "500, 500\n400, 600\n");
     write("words.csv", "0.5, half\n");
     let Err(error) = load_in(folder.path(), text) else {
-        panic!("it loads: {text}");
+        panic!("accepted: {text}");
     };
     let message = error.to_string();
     let file = folder.path().join("mine.toml").display().to_string();
@@ -150,7 +150,7 @@ fn widths_outside_the_tables_are_refused() {
 
 /// The message names the table that lacks a key, not a nested table that has a header.
 #[test]
-fn the_table_that_is_not_there_is_named() {
+fn the_missing_table_is_named() {
     let whole = text(GAUSSIAN, "[optics.projection]\nmodel = \"pinhole\"");
     let inner = whole.find("[optics.projection]").unwrap();
     let bare = format!("name = \"mine\"\n{}", &whole[inner..]);

@@ -66,7 +66,7 @@ fn an_object_nearer_than_its_path_is_seen() {
 /// 60 km/s, faster than escape from the Earth, as in the message of a fly-by: far outside the field
 /// at the middle of a 16 s exposure, inside it at the end.
 #[test]
-fn an_object_faster_than_the_earth_holds_is_seen_where_it_ends() {
+fn an_object_faster_than_escape_is_seen_at_the_end() {
     let mid = parse_utc("2026-03-01T12:00:00").unwrap();
     let velocity = Vector3::new(0.0, 60.0, 0.0);
     let shutter = at_rest(mid, 16.0);

@@ -197,7 +197,7 @@ fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64)
 /// Reference: Eqs. (7) and (8), of a matt and of a mirroring sphere. The mirror's lobe covers
 /// several facets. Beyond 180 deg minus its radius, parts of it would come from behind the horizon.
 #[test]
-fn faceted_spheres_converge_to_the_diffuse_and_the_mirror_one() {
+fn faceted_spheres_converge_to_both_sphere_laws() {
     let (matt, shiny) = (lossless(0.0, Lobe::Mirror), lossless(1.0, glossy(40.0)));
     let phases = [0.0, 10.0, 45.0, 90.0, 120.0, 150.0];
     let mirror: fn(f64) -> f64 = |_| SPECULAR_PHASE;

@@ -95,7 +95,7 @@ fn a_matt_plate_that_turns_once_gives_the_mean_over_the_turn() {
 }
 
 #[test]
-fn a_glint_that_passes_counts_for_the_time_it_lasts() {
+fn a_passing_glint_counts_for_its_duration() {
     let plate = one_plate(2.0, lossless(1.0, Lobe::Mirror));
     let scene = Still::new(0.5, from_z(40.0), from_z(-40.0));
     let inside = 2.0 * f64::to_radians(40.0).cos() / (PI * (SUN_RADIUS_M / AU_M).powi(2));
@@ -116,7 +116,7 @@ fn a_glint_that_passes_counts_for_the_time_it_lasts() {
 }
 
 #[test]
-fn a_spin_shows_the_attitude_of_the_time() {
+fn a_spin_sets_the_attitude_at_each_time() {
     // A quarter of a turn after mid-exposure the plate faces +X.
     let plate = one_plate(1.0, lossless(0.0, Lobe::Mirror));
     let turned = BodyAttitude::Spin {

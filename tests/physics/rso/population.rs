@@ -70,7 +70,7 @@ fn entries_assign_bodies_to_objects() {
 }
 
 #[test]
-fn a_scenes_own_files_bring_the_rest() {
+fn a_scenes_own_files_add_objects() {
     let scene = format!("{SCENE}files = [\"both.tle\"]\ndiameter_m = 3.0\n");
     let config = load(&scene, &shaped(PLATE, NADIR)).unwrap();
     assert_eq!(config.objects.len(), 2);
@@ -85,7 +85,7 @@ fn a_scenes_own_files_bring_the_rest() {
 }
 
 #[test]
-fn of_sets_in_several_files_the_nearest_to_the_time_counts() {
+fn the_nearest_of_several_element_sets_counts() {
     let later = VANGUARD
         .replace("00179", "00189")
         .replace("  4753", "  4754");
@@ -246,7 +246,7 @@ fn invalid_entries_are_refused() {
 }
 
 #[test]
-fn a_population_that_is_not_there_is_the_scenes_error() {
+fn a_missing_population_is_an_error_of_the_scene() {
     let error = load("[objects]\npopulation = \"missing.toml\"", "objects = []").unwrap_err();
     for word in [": objects.population", "missing.toml", "check the path"] {
         assert!(error.contains(word), "{error}");

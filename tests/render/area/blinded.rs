@@ -61,7 +61,7 @@ fn check(exposed: &ExposedFrame, floods: &str, what: &str) {
 }
 
 #[test]
-fn a_label_without_objects_says_why_at_every_level_of_light() {
+fn a_label_without_objects_gives_the_reason() {
     let (mut blinded, mut seeing) = (0, 0);
     for name in CAMERAS {
         let camera = || camera(name);

@@ -168,7 +168,7 @@ fn the_moons_light_and_centre_are_its_labels() {
 
 /// The Earth blocks all light of the sky; stars below the limb are hidden.
 #[test]
-fn the_earth_hides_what_is_behind_it() {
+fn the_earth_occults_the_sky_behind_it() {
     let effects = ["zodiacal light", "starlight", "stars"];
     let exposed = expose("limb-by-night.toml", 0, &effects);
     let (width, height) = (exposed.frame.width, exposed.frame.height);
@@ -188,7 +188,7 @@ fn the_earth_hides_what_is_behind_it() {
 }
 
 #[test]
-fn within_its_exclusion_angle_the_sun_fills_every_pixel_and_the_label_says_so() {
+fn the_sun_within_the_exclusion_angle_saturates_the_frame() {
     let effects = ["sunlight", "stars", "full well"];
     let [outside, inside] = [0, 7].map(|frame| expose("near-sun.toml", frame, &effects));
     let detector = &inside.camera.detector;

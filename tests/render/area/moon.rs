@@ -92,7 +92,7 @@ fn worst(exposed: &ExposedFrame, epoch: &str, across_px: f64) -> (f64, usize) {
 }
 
 #[test]
-fn a_large_disc_is_as_smooth_as_its_law() {
+fn a_large_disc_follows_its_law() {
     for (epoch, across_px, pixels) in [
         (QUARTER, 200.0, 220),
         (FULL, 450.0, 460),

@@ -42,25 +42,25 @@ pub struct Case {
 }
 
 /// Random numbers, the same for the same seed.
-pub struct Chance(PixelStream);
+pub struct Random(PixelStream);
 
-impl Chance {
-    pub fn new(seed: u64) -> Chance {
+impl Random {
+    pub fn new(seed: u64) -> Random {
         let key = NoiseKey {
             seed,
             sequence: 0,
             repeat: 0,
         };
-        Chance(PixelStream::new(key, 200, 0))
+        Random(PixelStream::new(key, 200, 0))
     }
 
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.0.uniform()
     }
 
     /// Uniform in the logarithm.
-    fn of_any_size(&mut self, low: f64, high: f64) -> f64 {
-        self.between(low.ln(), high.ln()).exp()
+    fn log_uniform(&mut self, low: f64, high: f64) -> f64 {
+        self.uniform(low.ln(), high.ln()).exp()
     }
 
     fn once_in(&mut self, n: f64) -> bool {
@@ -68,15 +68,15 @@ impl Chance {
     }
 
     /// Once in `n` times 0, else log-uniform.
-    fn or_none(&mut self, n: f64, low: f64, high: f64) -> f64 {
+    fn zero_or_log_uniform(&mut self, n: f64, low: f64, high: f64) -> f64 {
         if self.once_in(n) {
             0.0
         } else {
-            self.of_any_size(low, high)
+            self.log_uniform(low, high)
         }
     }
 
-    fn among<'a, T>(&mut self, of: &'a [T]) -> &'a T {
+    fn pick<'a, T>(&mut self, of: &'a [T]) -> &'a T {
         &of[(self.0.uniform() * of.len() as f64) as usize]
     }
 
@@ -87,94 +87,94 @@ impl Chance {
 
 /// The frame of a seed; none where such a camera is invalid.
 pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
-    let mut chance = Chance::new(seed);
-    let c = &mut chance;
-    let [width, height] = [0, 1].map(|_| c.between(64.0, 128.0) as u32);
-    let exposure_s = c.of_any_size(1e-3, 4.0);
-    let field_deg = c.of_any_size(1.0, 40.0);
+    let mut random = Random::new(seed);
+    let c = &mut random;
+    let [width, height] = [0, 1].map(|_| c.uniform(64.0, 128.0) as u32);
+    let exposure_s = c.log_uniform(1e-3, 4.0);
+    let field_deg = c.log_uniform(1.0, 40.0);
     let fisheye = c.once_in(5.0);
     let focal_px = f64::from(width) / field_deg.to_radians();
     let psf = psf(c, folder);
     // Diffraction is some pixels wide at f/5 to f/40.
     let aperture_mm = if psf.contains("airy") {
-        focal_px * 0.01 / c.of_any_size(5.0, 40.0)
+        focal_px * 0.01 / c.log_uniform(5.0, 40.0)
     } else {
-        c.of_any_size(1.0, 100.0)
+        c.log_uniform(1.0, 100.0)
     };
     let projection = projection(c, fisheye, field_deg);
-    let vignetting = match c.between(0.0, 3.0) as u32 {
+    let vignetting = match c.uniform(0.0, 3.0) as u32 {
         0 => String::new(),
         1 => "vignetting = { cos4 = true }\n".to_string(),
         _ => format!(
             "vignetting = {{ table = [[0.0, 1.0], [{:?}, {:?}], [{:?}, {:?}]] }}\n",
             0.2 * field_deg,
-            c.between(0.5, 1.0),
+            c.uniform(0.5, 1.0),
             0.4 * field_deg,
-            c.between(0.0, 0.5)
+            c.uniform(0.0, 0.5)
         ),
     };
-    let shutter = match c.between(0.0, 3.0) as u32 {
+    let shutter = match c.uniform(0.0, 3.0) as u32 {
         0 => String::new(),
         1 => format!(
             "shutter = \"rolling\"\nrow_us = {:?}",
-            c.of_any_size(1e-3, 2.0) * exposure_s / f64::from(height) * 1e6
+            c.log_uniform(1e-3, 2.0) * exposure_s / f64::from(height) * 1e6
         ),
         _ => format!(
             "shutter = \"frame-transfer\"\nrow_us = {:?}",
-            c.of_any_size(1e-5, 1e-2) * exposure_s * 1e6
+            c.log_uniform(1e-5, 1e-2) * exposure_s * 1e6
         ),
     };
-    let listed = |c: &mut Chance| {
-        let mut coordinate = |side| c.between(0.0, f64::from(side)) as u32;
+    let listed = |c: &mut Random| {
+        let mut coordinate = |side| c.uniform(0.0, f64::from(side)) as u32;
         let mut pixels = [[width, height]; 6]
             .map(|sides| sides.map(&mut coordinate))
             .to_vec();
         pixels.truncate(if c.once_in(2.0) { 6 } else { 0 });
         format!("{pixels:?}")
     };
-    let full_well = c.of_any_size(100.0, 2e5);
-    let bits = c.between(6.0, 16.99) as u32;
+    let full_well = c.log_uniform(100.0, 2e5);
+    let bits = c.uniform(6.0, 16.99) as u32;
     let detector = format!(
         "width_px = {width}\nheight_px = {height}\npixel_um = 10.0\nquantum_efficiency = 0.6\nprnu = {:?}\ndark_e_s = {:?}\n\
          dark_nonuniformity = {:?}\nhot_fraction = {:?}\nhot_e_s = {:?}\ndead_fraction = {:?}\ndead_px = {}\nstuck_fraction = {:?}\n\
          stuck_px = {}\nread_noise_e = {:?}\nfull_well_e = {full_well:?}\nblooming = \"{}\"\nnonlinearity = {:?}\n\
          gain_e_per_dn = {:?}\noffset_dn = {:?}\nadc_bits = {bits}\nadc_clips_first = true",
-        c.or_none(2.0, 1e-3, 0.5).min(0.3),
-        c.or_none(3.0, 1e-2, 1e4),
-        c.or_none(2.0, 1e-2, 2.0),
-        c.or_none(2.0, 1e-4, 1e-2),
-        c.or_none(2.0, 1.0, 1e5),
-        c.or_none(2.0, 1e-4, 1e-2),
+        c.zero_or_log_uniform(2.0, 1e-3, 0.5).min(0.3),
+        c.zero_or_log_uniform(3.0, 1e-2, 1e4),
+        c.zero_or_log_uniform(2.0, 1e-2, 2.0),
+        c.zero_or_log_uniform(2.0, 1e-4, 1e-2),
+        c.zero_or_log_uniform(2.0, 1.0, 1e5),
+        c.zero_or_log_uniform(2.0, 1e-4, 1e-2),
         listed(c),
-        c.or_none(2.0, 1e-4, 1e-2),
+        c.zero_or_log_uniform(2.0, 1e-4, 1e-2),
         listed(c),
-        c.or_none(4.0, 1e-2, 30.0),
+        c.zero_or_log_uniform(4.0, 1e-2, 30.0),
         if c.once_in(2.0) { "none" } else { "column" },
-        c.or_none(2.0, 1e-4, 0.5),
-        full_well / 2f64.powi(bits as i32) * c.of_any_size(0.3, 3.0),
-        c.between(0.0, 0.2) * 2f64.powi(bits as i32),
+        c.zero_or_log_uniform(2.0, 1e-4, 0.5),
+        full_well / 2f64.powi(bits as i32) * c.log_uniform(0.3, 3.0),
+        c.uniform(0.0, 0.2) * 2f64.powi(bits as i32),
     );
     let radiation = if c.once_in(2.0) {
         let area_cm2 = f64::from(width * height) * 1e-6;
         format!(
             "[radiation]\nflux_cm2_s = {:?}\nthickness_um = {:?}\ndiffusion_um = {:?}\n",
-            c.of_any_size(0.1, 30.0) / area_cm2 / exposure_s,
-            c.between(2.0, 20.0),
-            c.between(0.0, 8.0)
+            c.log_uniform(0.1, 30.0) / area_cm2 / exposure_s,
+            c.uniform(2.0, 20.0),
+            c.uniform(0.0, 8.0)
         )
     } else {
         String::new()
     };
-    let principal = [width, height].map(|side| f64::from(side) * c.between(0.3, 0.7));
+    let principal = [width, height].map(|side| f64::from(side) * c.uniform(0.3, 0.7));
     let text = format!(
         "name = \"by chance\"\nserial = {seed}\n[optics]\nfocal_length_mm = {:?}\naperture_mm = {aperture_mm:?}\ntransmission = {:?}\n\
          band = \"silicon\"\nprincipal_px = {principal:?}\n{psf}{vignetting}{projection}[detector]\n{detector}\n{radiation}[timing]\n\
          exposure_s = {exposure_s:?}\nrate_hz = 0.01\n{shutter}\n",
         focal_px * 0.01,
-        c.of_any_size(1e-3, 1.0),
+        c.log_uniform(1e-3, 1.0),
     );
-    std::fs::write(folder.join("chance.toml"), &text).unwrap();
-    let camera = Camera::load("chance.toml", &Folder::Disk(folder.to_path_buf())).ok()?;
+    std::fs::write(folder.join("random.toml"), &text).unwrap();
+    let camera = Camera::load("random.toml", &Folder::Disk(folder.to_path_buf())).ok()?;
 
     let vehicle = vehicle(c, epoch, seed as u32, &camera, field_deg)?;
     // Other effects are on or off. One that is off changes the contributions of the others.
@@ -196,10 +196,10 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
     })
 }
 
-fn projection(c: &mut Chance, fisheye: bool, field_deg: f64) -> String {
+fn projection(c: &mut Random, fisheye: bool, field_deg: f64) -> String {
     // Relative displacement at the field's edge.
     let half = (field_deg / 2.0).to_radians();
-    let strength = c.of_any_size(1e-5, 0.2) * if c.once_in(2.0) { -1.0 } else { 1.0 };
+    let strength = c.log_uniform(1e-5, 0.2) * if c.once_in(2.0) { -1.0 } else { 1.0 };
     if fisheye {
         let k = [strength / half.powi(2), 0.1 * strength / half.powi(4)];
         return format!("projection = {{ model = \"fisheye\", k = {k:?} }}\n");
@@ -209,42 +209,42 @@ fn projection(c: &mut Chance, fisheye: bool, field_deg: f64) -> String {
     }
     let edge = half.tan();
     let k = [strength / edge.powi(2), 0.2 * strength / edge.powi(4)];
-    let p = [0, 1].map(|_| c.between(-0.1, 0.1) * strength / edge);
+    let p = [0, 1].map(|_| c.uniform(-0.1, 0.1) * strength / edge);
     format!("projection = {{ model = \"brown-conrady\", k = {k:?}, p = {p:?} }}\n")
 }
 
-fn psf(c: &mut Chance, folder: &Path) -> String {
+fn psf(c: &mut Random, folder: &Path) -> String {
     let varies = if c.once_in(2.0) {
         String::new()
     } else {
-        let width = c.between(0.6, 2.5);
+        let width = c.uniform(0.6, 2.5);
         format!(", width_by_field = [[0.0, 1.0], [20.0, {width:?}]]")
     };
-    match c.between(0.0, 10.0) as u32 {
+    match c.uniform(0.0, 10.0) as u32 {
         0..=4 => format!(
             "psf = {{ kind = \"gaussian\", sigma_px = {:?}{varies} }}\n",
-            c.of_any_size(0.3, 3.0)
+            c.log_uniform(0.3, 3.0)
         ),
         5..=6 => format!(
             "psf = {{ kind = \"moffat\", fwhm_px = {:?}, beta = {:?}{varies} }}\n",
-            c.of_any_size(0.7, 3.0),
-            c.between(2.5, 8.0)
+            c.log_uniform(0.7, 3.0),
+            c.uniform(2.5, 8.0)
         ),
         7 => format!(
             "psf = {{ kind = \"airy\", obscuration = {:?}{varies} }}\n",
-            c.between(0.0, 0.6)
+            c.uniform(0.0, 0.6)
         ),
         _ => image(c, folder),
     }
 }
 
 /// Blobs side by side, as of coma or a ghost.
-fn image(c: &mut Chance, folder: &Path) -> String {
+fn image(c: &mut Random, folder: &Path) -> String {
     const SIDE: usize = 24;
     let blobs: Vec<[f64; 4]> = (0..3)
         .map(|_| {
-            let [x, y] = [0, 1].map(|_| c.between(8.0, 16.0));
-            [x, y, c.between(1.2, 4.0), c.between(0.1, 1.0)]
+            let [x, y] = [0, 1].map(|_| c.uniform(8.0, 16.0));
+            [x, y, c.uniform(1.2, 4.0), c.uniform(0.1, 1.0)]
         })
         .collect();
     let at = |x: usize, y: usize| -> f64 {
@@ -260,34 +260,34 @@ fn image(c: &mut Chance, folder: &Path) -> String {
         row.collect::<Vec<_>>().join(", ")
     };
     let rows: Vec<String> = (0..SIDE).map(row).collect();
-    std::fs::write(folder.join("chance.csv"), rows.join("\n")).unwrap();
-    let oversampling = *c.among(&[2.0, 3.0, 4.0]);
+    std::fs::write(folder.join("random.csv"), rows.join("\n")).unwrap();
+    let oversampling = *c.pick(&[2.0, 3.0, 4.0]);
     format!(
-        "psf = {{ kind = \"image\", images = [{{ file = \"chance.csv\" }}], oversampling = {oversampling:?} }}\n"
+        "psf = {{ kind = \"image\", images = [{{ file = \"random.csv\" }}], oversampling = {oversampling:?} }}\n"
     )
 }
 
 fn vehicle(
-    c: &mut Chance,
+    c: &mut Random,
     epoch: Epoch,
     sequence: u32,
     camera: &Camera,
     field_deg: f64,
 ) -> Option<VehicleState> {
     let orbit = !c.once_in(4.0);
-    let towards = match c.between(0.0, 3.0) as u32 {
+    let towards = match c.uniform(0.0, 3.0) as u32 {
         0 => c.direction(),
-        1 if orbit => Vector3::from(c.among(&OBJECTS).0).normalize(),
+        1 if orbit => Vector3::from(c.pick(&OBJECTS).0).normalize(),
         _ => {
-            let [ra, dec] = c.among(&BRIGHT).map(f64::to_radians);
+            let [ra, dec] = c.pick(&BRIGHT).map(f64::to_radians);
             unit(ra, dec)
         }
     };
-    let aside = c.direction() * (c.between(0.0, 0.7) * field_deg.to_radians());
-    let q = look_at(towards + aside, c.between(0.0, TAU));
+    let aside = c.direction() * (c.uniform(0.0, 0.7) * field_deg.to_radians());
+    let q = look_at(towards + aside, c.uniform(0.0, TAU));
     // Image motion during the exposure and the readout, px.
     let open_s = camera.exposure_s + camera.readout_s();
-    let rate = c.or_none(5.0, 1e-4, 60.0) / camera.optics.focal_px / open_s;
+    let rate = c.zero_or_log_uniform(5.0, 1e-4, 60.0) / camera.optics.focal_px / open_s;
     let mut axis = c.direction();
     if c.once_in(4.0) {
         axis.z *= 20.0;

@@ -171,12 +171,12 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
 }
 
 #[test]
-fn declared_errors_are_bounds_for_cameras_by_chance() {
+fn declared_errors_are_bounds_for_random_cameras() {
     declared_errors_are_bounds(seeds("BOUNDS", 0..45));
 }
 
 #[test]
-fn declared_errors_are_bounds_for_more_cameras_by_chance() {
+fn declared_errors_are_bounds_for_more_random_cameras() {
     declared_errors_are_bounds(seeds("MORE_BOUNDS", 1000..1045));
 }
 
@@ -191,7 +191,7 @@ fn seeds(name: &str, usual: Range<u64>) -> Range<u64> {
 /// Includes blooming, which moves charge and its noise to other pixels.
 #[test]
 #[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_the_noise_of_small_frames_is_no_more_than_declared() {
+fn long_noise_of_small_frames_stays_below_the_declared() {
     let (mut spilling, mut others) = (0, 0);
     each_case(2000..2200, |seed, bench, case| {
         let choice = Choice {

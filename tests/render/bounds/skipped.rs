@@ -105,7 +105,7 @@ fn of_a_star(effect: &'static str, timing: &str, px_s: f64, in_orbit: bool) -> C
 }
 
 #[test]
-fn the_bounds_of_images_that_move_are_near() {
+fn bounds_of_moving_images_are_near() {
     // 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are
     // exposed up to 25 s early and late.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 526_000.0";

@@ -126,13 +126,13 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
 
 /// Denormal numbers (below 1e-38 in f32, or roots of such squares) slow some processors down. They
 /// must not slow down images, pixels, or sums of two million shares for signal-to-noise ratios.
-/// ///
-/// /// Limit: twice the time, as a shared machine is noisy. Measured is the best of up to 200
+///
+/// Limit: twice the time, as a shared machine is noisy. Measured is the best of up to 200
 /// alternating rounds. Unguarded squares exceed the limit on one processor and far more on others.
 /// Not all processors slow down, so no denormal number may be in a frame, either.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
-fn timed_light_below_the_smallest_number_does_not_slow_a_frame() {
+fn timed_denormal_light_does_not_slow_a_frame() {
     let camera = square(256, "optics.psf.sigma_px = 5.0");
     let mut emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     emulator.choice.all = true;

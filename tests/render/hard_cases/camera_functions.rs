@@ -1,7 +1,7 @@
 //! The camera's functions, and those of tracks and footprints, with non-finite numbers: see
 //! `functions`.
 
-use super::functions::Gives::{self, Anything, Finite, LightOrNone};
+use super::functions::Permitted::{self, Anything, Finite, LightOrNone};
 use super::functions::{check, corrupted};
 use super::stage::camera;
 use nalgebra::Vector3;
@@ -100,7 +100,7 @@ fn spreads_with_non_finite_widths() {
             let psfs = airies.map(|airy| even(Spread::Airy(Arc::new(airy), 2.0)));
             psfs.each_ref().map(|psf| requested(psf, 0.5)).concat()
         }),
-        ("Footprint, of any tolerance", Gives::Light, |bad| {
+        ("Footprint, of any tolerance", Permitted::Light, |bad| {
             // A constant Gaussian, and one that depends on the wavelength: drawn in lines, and in
             // squares.
             let varied = Variation {
@@ -197,10 +197,10 @@ fn drawn_along(
 #[test]
 fn tracks_with_non_finite_steps() {
     check(&[
-        ("Course.step_px", Gives::Light, |bad| {
+        ("Course.step_px", Permitted::Light, |bad| {
             drawn(|course, _| course.step_px = bad)
         }),
-        ("Course.step_px, rows in turn", Gives::Light, |bad| {
+        ("Course.step_px, rows in turn", Permitted::Light, |bad| {
             drawn(|course, _| {
                 course.rows = Rows::in_turn(64, 0.1, 0.02);
                 // Each row has its own share of each panel.
@@ -208,7 +208,7 @@ fn tracks_with_non_finite_steps() {
                 course.reach_px = bad;
             })
         }),
-        ("Track::sample, places", Gives::Light, |bad| {
+        ("Track::sample, places", Permitted::Light, |bad| {
             let rows = [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)];
             let paths = [[bad, bad], [20.0, bad], [bad, 20.0], [bad, -bad]];
             let mut light = Vec::new();
@@ -231,11 +231,11 @@ fn tracks_with_non_finite_steps() {
             }
             light
         }),
-        ("Course.panel_px, point_px", Gives::Light, |bad| {
+        ("Course.panel_px, point_px", Permitted::Light, |bad| {
             let panel = drawn(|course, _| course.panel_px = bad);
             [panel, drawn(|course, _| course.point_px = bad)].concat()
         }),
-        ("Course.window", Gives::Light, |bad| {
+        ("Course.window", Permitted::Light, |bad| {
             let low = drawn(|course, _| course.window.low = [bad; 2]);
             let high = drawn(|course, _| course.window.high = [bad; 2]);
             let (from, to) = ([-bad; 2], [bad; 2]);
@@ -247,13 +247,13 @@ fn tracks_with_non_finite_steps() {
             });
             [low, high, both].concat()
         }),
-        ("Even", Gives::Light, |bad| {
+        ("Even", Permitted::Light, |bad| {
             let even = |sigma_px, height_e| {
                 drawn(move |course, _| course.even = Some(Even { sigma_px, height_e }))
             };
             [even(bad, 1e3), even(0.7, bad), even(bad, bad)].concat()
         }),
-        ("Fidelity of a track", Gives::Light, |bad| {
+        ("Fidelity of a track", Permitted::Light, |bad| {
             let even = Some(Even {
                 sigma_px: 0.7,
                 height_e: 1e3,
@@ -271,7 +271,7 @@ fn tracks_with_non_finite_steps() {
             });
             tracks.concat()
         }),
-        ("Rows::in_turn", Gives::Light, |bad| {
+        ("Rows::in_turn", Permitted::Light, |bad| {
             let rows = |exposure_s, readout_s| {
                 drawn(move |course, _| course.rows = Rows::in_turn(64, exposure_s, readout_s))
             };

@@ -1,6 +1,6 @@
 //! Labels' centroids are those of the light.
 
-use super::properties::{Worst, cameras, check, put, scenes};
+use super::properties::{Worst, cameras, check, place_lights, scenes};
 use super::stage::{
     alone, behind, camera, emulator, expected, light, moments, square, starry, still, towards,
     unit, vehicle,
@@ -41,7 +41,7 @@ fn labels_centroids_are_those_of_the_light() {
         let lit = light(
             &emulator,
             &vehicle(&attitude, rates),
-            &put(camera, &attitude, &positions, 1.0),
+            &place_lights(camera, &attitude, &positions, 1.0),
         );
         for source in &lit.scene.sources {
             let (sum, centre) = image(source);
@@ -66,11 +66,16 @@ fn labels_centroids_are_those_of_the_light() {
 }
 
 /// Pixel sampling shifts the centre of a narrow core, for a camera as for an image.
-/// ///
-/// /// Reference: Poisson's summation of the Gaussian that a pixel integrates, `P(k) = exp(-2 pi^2
-/// sigma^2 k^2) sin(pi k) / (pi k)`. At whole k only its slope remains. Per coordinate: `sum (n -
-/// x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`. Its
-/// first term is stated in docs/explanation/labels.md.
+///
+/// Reference: Poisson's summation of the Gaussian over a pixel. At whole k only its slope remains,
+/// per coordinate:
+///
+/// ```text
+/// P(k) = exp(-2 pi^2 sigma^2 k^2) sin(pi k) / (pi k)
+/// sum (n - x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)
+/// ```
+///
+/// The first term is stated in docs/explanation/labels.md.
 #[test]
 fn centroids_of_narrow_cores_have_the_sampling_error() {
     let attitude = Attitude::identity();

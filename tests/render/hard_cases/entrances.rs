@@ -104,7 +104,7 @@ fn camera_keys_refuse_non_finite_numbers() {
         for (key, text) in corrupted_files(&table.to_string()) {
             std::fs::write(folder.path().join("camera.toml"), text).unwrap();
             let refused = Camera::load("camera.toml", &disk).err();
-            let error = refused.unwrap_or_else(|| panic!("{name}: {key} takes it"));
+            let error = refused.unwrap_or_else(|| panic!("{name}: {key} accepts it"));
             let error = error.to_string();
             assert!(error.contains(last_name(&key)), "{name}: {key}: {error}");
             keys += 1;
@@ -142,7 +142,7 @@ fn scene_keys_refuse_non_finite_numbers() {
     for (key, text) in corrupted_files(&text) {
         let refused = Config::parse("scene", &text, &Folder::current()).err();
         let error = refused
-            .unwrap_or_else(|| panic!("{key} takes it"))
+            .unwrap_or_else(|| panic!("{key} accepts it"))
             .to_string();
         assert!(error.contains(last_name(&key)), "{key}: {error}");
         keys.push(key);

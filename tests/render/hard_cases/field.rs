@@ -245,7 +245,7 @@ fn half_the_sky_has_all_its_stars() {
 /// as a parabola, `r' = 2 d r / end`: `e / (2 r d)` of the range, and at most `(e / r)^(1/2)` next
 /// to the fold. (The other root, as far behind the fold, is off by `2 d`.)
 #[test]
-fn next_to_the_fold_the_inverse_is_one() {
+fn the_inverse_is_exact_next_to_the_fold() {
     let mut worst = 0.0_f64;
     let brown = |k, p| Projection::new(Model::BrownConrady { k, p });
     let fisheye = |k| Projection::new(Model::Fisheye { k });

@@ -26,7 +26,7 @@ const BOUND: Duration = Duration::from_secs(30);
 
 /// Permitted results.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Gives {
+pub enum Permitted {
     /// A non-negative number, possibly infinite.
     Light,
     /// The same or, as documented, NaN.
@@ -37,7 +37,7 @@ pub enum Gives {
     Anything,
 }
 
-pub type Row = (&'static str, Gives, fn(f64) -> Vec<f64>);
+pub type Row = (&'static str, Permitted, fn(f64) -> Vec<f64>);
 
 /// Fails with every row that does not return, panics, or gives a result that is not permitted.
 pub fn check(rows: &[Row]) {
@@ -51,7 +51,7 @@ pub fn check(rows: &[Row]) {
 /// The fault of the results of `of`, run in a thread of its own.
 pub fn fault(
     name: &'static str,
-    gives: Gives,
+    gives: Permitted,
     of: impl Fn(f64) -> Vec<f64> + RefUnwindSafe + Send + 'static,
 ) -> Option<String> {
     let (done, waits) = std::sync::mpsc::channel();
@@ -61,10 +61,10 @@ pub fn fault(
                 return Some(format!("{name}: {bad:e} panics"));
             };
             let is_wrong = |value: &f64| match gives {
-                Gives::Light => value.is_nan() || *value < 0.0,
-                Gives::LightOrNone => *value < 0.0,
-                Gives::Finite => !value.is_finite(),
-                Gives::Anything => false,
+                Permitted::Light => value.is_nan() || *value < 0.0,
+                Permitted::LightOrNone => *value < 0.0,
+                Permitted::Finite => !value.is_finite(),
+                Permitted::Anything => false,
             };
             let value = values.into_iter().find(is_wrong)?;
             Some(format!("{name}: {bad:e} gives {value:e}"))

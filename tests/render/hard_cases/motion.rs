@@ -86,7 +86,7 @@ fn every_rate_from_nothing_to_100_deg_s_gives_the_closed_form() {
 
 /// Motion below 1e-9 px is rounding and costs no more than rest. Reference: two points a star.
 #[test]
-fn next_to_rest_a_track_has_no_more_points_than_at_rest() {
+fn tracks_near_rest_have_no_more_points_than_at_rest() {
     let camera = camera("optics.focal_length_mm = 5.0");
     let emulator = starry(camera, Fidelity::REFERENCE);
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
@@ -212,8 +212,8 @@ fn mean_of_stills(
 /// Labelled electrons over time agree to 1e-12. Pixels match the mean of frames at rest. Tracks run
 /// between the star's positions at rest when the shutter opens and closes; velocities are this path
 /// over time. In orbit, at rest and turning.
-/// ///
-/// /// `reference`: pixels agree to 1e-6 (f32) and 1e-6 of the brightest (the rule's sum).
+///
+/// `reference`: pixels agree to 1e-6 (f32) and 1e-6 of the brightest (the rule's sum).
 /// `realtime`: to its tolerances, 1e-4 of a source's light (a quarter of it in the brightest
 /// pixel), and an effect of 0.05 e-, all stars together.
 #[test]

@@ -75,14 +75,14 @@ pub fn cameras() -> &'static [Camera] {
 
 /// The parameters of one exposure: camera, attitude, rates (deg/s), positions (px) of lights and
 /// their electrons.
-pub type Taken = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
+pub type SceneCase = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
 
-pub fn scenes() -> impl Strategy<Value = Taken> {
+pub fn scenes() -> impl Strategy<Value = SceneCase> {
     (0..cameras().len(), rotations(), rates(), lights())
 }
 
 /// Lights at these positions, each `factor` times as bright.
-pub fn put(
+pub fn place_lights(
     camera: &Camera,
     attitude: &Attitude,
     positions: &[([f64; 2], f64)],
@@ -129,7 +129,7 @@ fn turning_camera_and_sky_together_changes_nothing() {
         |((which, attitude, rates, positions), turn)| {
             let camera = &cameras()[which];
             let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
-            let lights = put(camera, &attitude, &positions, 1.0);
+            let lights = place_lights(camera, &attitude, &positions, 1.0);
             let original = light(&emulator, &vehicle(&attitude, rates), &lights);
             // The sky turned by R looks the same through q R^-1.
             let turned = lights.iter();
@@ -230,7 +230,7 @@ fn scaling_all_fluxes_scales_the_frame() {
                     };
                     let mut emulator = emulator(camera.clone(), fidelity, |_| {});
                     emulator.choice.all = true;
-                    let lights = put(camera, &attitude, &positions, factor);
+                    let lights = place_lights(camera, &attitude, &positions, factor);
                     light(&emulator, &vehicle(&attitude, rates), &lights).expected_e
                 };
                 for (a, b) in by(1.0).iter().zip(&by(factor)) {
@@ -260,7 +260,7 @@ fn scaling_fluxes_alone_stays_within_the_tolerances() {
                 emulator.choice.all = true;
                 let vehicle = vehicle(&attitude, rates);
                 let [one, other]: [Lit; 2] = [1.0, factor].map(|factor| {
-                    let lights = put(camera, &attitude, &positions, factor);
+                    let lights = place_lights(camera, &attitude, &positions, factor);
                     light(&emulator, &vehicle, &lights)
                 });
                 let gaussian = ![3, 4].contains(&which);

@@ -1,7 +1,7 @@
 //! Whole frames under non-finite settings, which files and commands refuse but callers of the
 //! library can make: no panic, a bounded time, and a finite frame or an error.
 
-use super::functions::{EDGES, Gives, fault};
+use super::functions::{EDGES, Permitted, fault};
 use super::stage::{camera, check_numbers, emulator, expected, starry, towards};
 use skyloop::attitude::VehicleState;
 use skyloop::camera::psf::{Psf, Shape, Variation};
@@ -121,7 +121,7 @@ fn frames_of_cameras_with_non_finite_numbers() {
     let wrong = FIELDS.into_iter().filter_map(|(name, field)| {
         let emulator = stage();
         let (configured, emulator) = (emulator.camera(), Mutex::new(emulator));
-        fault(name, Gives::Light, move |bad| {
+        fault(name, Permitted::Light, move |bad| {
             let mut emulator = emulator.lock().unwrap();
             emulator.camera_mut().clone_from(&configured);
             field(emulator.camera_mut(), bad);

@@ -1,6 +1,6 @@
 //! The sky's functions, attitudes and plots, with non-finite numbers: see `functions`.
 
-use super::functions::Gives::{self, Anything, Finite, LightOrNone};
+use super::functions::Permitted::{self, Anything, Finite, LightOrNone};
 use super::functions::{check, corrupted};
 use super::stage::{noon, oem};
 use nalgebra::{Unit, Vector3};
@@ -66,10 +66,10 @@ fn lines_of_sight() -> [Vector3<f64>; 4] {
 #[test]
 fn photometry_with_non_finite_numbers() {
     check(&[
-        ("diffuse_phase", Gives::Light, |bad| {
+        ("diffuse_phase", Permitted::Light, |bad| {
             vec![diffuse_phase(bad)]
         }),
-        ("Sphere::reflective_area", Gives::Light, |bad| {
+        ("Sphere::reflective_area", Permitted::Light, |bad| {
             let mut areas = vec![Sphere::default().reflective_area(bad)];
             let set: [fn(&mut Sphere) -> &mut f64; 4] = [
                 |sphere| &mut sphere.diameter_m,
@@ -101,7 +101,7 @@ fn photometry_with_non_finite_numbers() {
 #[test]
 fn sky_light_with_non_finite_positions() {
     check(&[
-        ("EarthDisc", Gives::Light, |bad| {
+        ("EarthDisc", Permitted::Light, |bad| {
             let mut light = Vec::new();
             for (at, sun) in either_corrupted(observer_m(), sun_m(), bad) {
                 let Some(disc) = EarthDisc::new(at, sun, earth()) else {
@@ -154,7 +154,7 @@ fn sky_light_with_non_finite_positions() {
                 cross_section_m2(bad),
             ]
         }),
-        ("MoonDisc", Gives::Light, |bad| {
+        ("MoonDisc", Permitted::Light, |bad| {
             let moon_m = Vector3::new(3.8e8, 1e7, 0.0);
             let mut light = Vec::new();
             for (moon_m, sun_m) in either_corrupted(moon_m, sun_m(), bad) {
@@ -179,7 +179,7 @@ fn sky_light_with_non_finite_positions() {
             let light = lines_of_sight.map(|line| [zodiac.s10(&line), stars.s10(&line)]);
             [light.as_flattened(), &[distance_factor(bad)]].concat()
         }),
-        ("sky::radiation::flux", Gives::Light, |bad| {
+        ("sky::radiation::flux", Permitted::Light, |bad| {
             corrupted(observer_m(), bad)
                 .map(|at| flux(&at, noon()))
                 .to_vec()
@@ -216,7 +216,7 @@ fn shapes_and_light_curves_with_non_finite_numbers() {
         lobe: Lobe::Smooth(0.1),
     };
     check(&[
-        ("sky::shape", Gives::Light, |bad| {
+        ("sky::shape", Permitted::Light, |bad| {
             let [sun, seen] = [Vector3::new(0.6, 0.0, 0.8), Vector3::new(0.0, 0.6, 0.8)];
             let mut light = vec![body(bad, PAINT).reflective_area(&sun, &seen, 5e-3)];
             let set: [fn(&mut Surface, f64); 4] = [

@@ -56,7 +56,7 @@ const RENDERED: &[Corner] = &[
     ("dark current fills all", &[LONGEST, DARK], SKY, 4e-3),
     ("light fills all", &[BRIGHT], SKY, 0.02),
     (
-        "light fills all, and spills",
+        "saturated by light, with blooming",
         &[BRIGHT, BLOOMING],
         SKY,
         0.02,
@@ -64,7 +64,7 @@ const RENDERED: &[Corner] = &[
     ("rows in turn, turning", &[ROLLING], SKY, 1.0),
     ("a distorting lens, turning", &[DISTORTED], SKY, 20.0),
     ("8192 rows in turn", &[TALL], SKY, 1.0),
-    ("columns that spill", &[BLOOMING], MOON, 0.0),
+    ("columns with blooming", &[BLOOMING], MOON, 0.0),
     ("frame transfer, turning", &[SHIFTED], SKY, 5.0),
     ("stray light", &[STRAY], MOON, 1.0),
     ("the Moon, turning", &[], MOON, 5.0),
@@ -180,7 +180,7 @@ const LARGE: &[Corner] = &[
     ("16 Mpx, the limb by day", &[SENSITIVE], LIMB, 0.0),
     ("16 Mpx, the limb by night", &[SENSITIVE], NIGHT, 0.0),
     ("16 Mpx, 10,000 labels", &[SENSITIVE], SKY, 0.0),
-    ("16 Mpx that spill", &[UNEVEN], SKY, 0.0),
+    ("16 Mpx with blooming", &[UNEVEN], SKY, 0.0),
 ];
 
 const NIGHT: [f64; 3] = [-0.9140, -0.4057, 0.0];

@@ -124,7 +124,7 @@ fn dn_electrons_and_headers_round_trip() {
 }
 
 #[test]
-fn any_size_and_any_seed_make_a_whole_file() {
+fn files_are_complete_for_any_size_and_seed() {
     let dir = tempfile::tempdir().unwrap();
     for (width, height) in [(1, 1), (1440, 1), (1441, 1), (3, 700)] {
         let mut camera = camera("fai-nir");

@@ -104,7 +104,7 @@ fn a_run_without_frames_leaves_no_sheet_and_no_labels() {
 }
 
 #[test]
-fn lines_are_the_labels_given_and_the_frames_files_and_whole_before_the_end() {
+fn label_lines_are_complete_after_each_frame() {
     let dir = tempfile::tempdir().unwrap();
     let camera = camera("fai-nir");
     let mut writer = Writer::create(dir.path(), 2).unwrap();

@@ -125,7 +125,7 @@ fn the_legend_fits_on_the_sheet_of_one_small_frame() {
 }
 
 #[test]
-fn twelve_panels_at_most_and_odd_cameras_too() {
+fn sheets_have_up_to_twelve_panels_for_any_camera() {
     let mut camera = camera("fai-nir");
     (camera.detector.width, camera.detector.height) = (640, 10);
     let frames: Vec<_> = (0..30).map(|_| (Vec::new(), flat(640, 10))).collect();

@@ -100,7 +100,7 @@ fn exposed(shutter: Shutter, exposure_s: f64, rates: [f64; 3]) -> ExposedFrame {
 }
 
 #[test]
-fn rows_collect_what_falls_on_them_while_they_are_open() {
+fn rows_collect_light_while_they_are_open() {
     let mut longer = 0.0f64;
     for row_us in [200.0, 1500.0] {
         // deg/s; 30 of them move images by 28 px in the exposure, with the rows, against them,

@@ -59,7 +59,7 @@ fn pixel(exposed: &ExposedFrame, o: &ObjectLabel) -> f64 {
 }
 
 #[test]
-fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
+fn in_the_umbra_there_is_no_light_and_a_reason() {
     let (sun, across) = sun();
     let velocity = across * 7.5;
     let from = (-sun * 7000.0, velocity);
@@ -71,7 +71,7 @@ fn in_the_umbra_there_is_no_light_and_the_label_says_so() {
     assert_eq!(o.reason.as_deref(), Some("in the Earth's shadow"));
     assert!(exposed.json.contains("\"band_mag\":null"));
     let light = pixel(&exposed, &o) - exposed.label.background_e_px;
-    assert!(light.abs() < 0.5, "no star stands there");
+    assert!(light.abs() < 0.5, "light without a star");
     // The same object on the other side of the Earth shines.
     let target = (sun * 7000.0 + across * 40.0, velocity);
     let (exposed, o) = expose_target((sun * 7300.0, velocity), target, 0.1);

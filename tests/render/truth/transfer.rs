@@ -73,7 +73,7 @@ fn every_pixel_passes_every_row_of_its_column_once() {
 }
 
 #[test]
-fn labels_of_objects_do_not_count_their_trails() {
+fn labels_exclude_frame_transfer_smear() {
     let ((with, _), (without, _)) = (frame(100.0, [0.0; 3]), frame(1e-3, [0.0; 3]));
     for (a, b) in with.label.objects.iter().zip(&without.label.objects) {
         assert_eq!((a.electrons, a.x_px, a.y_px), (b.electrons, b.x_px, b.y_px));
