@@ -5,7 +5,6 @@ use crate::table::check_refusals;
 use skyloop::camera::Camera;
 use skyloop::load::{CAMERAS, Folder};
 
-/// The text of a built-in camera.
 fn built_in(name: &str) -> String {
     let file = format!("{name}.toml");
     Folder::Embedded("cameras").read(&file).unwrap().1
@@ -143,7 +142,6 @@ fn a_converter_that_clips_first_is_accepted() {
     }
 }
 
-/// The text of a camera without a key.
 fn without(text: &str, key: &str) -> String {
     let start = format!("{key} = ");
     let lines = text.lines().filter(|line| !line.starts_with(&start));

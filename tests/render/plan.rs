@@ -24,7 +24,6 @@ fn load(path: &Path) -> (Emulator, [VehicleState; 2]) {
     (frames.emulator, vehicles)
 }
 
-/// The scene of that name.
 fn scene(name: &str) -> (Emulator, [VehicleState; 2]) {
     let path = scenes().into_iter().find(|path| path.ends_with(name));
     load(&path.unwrap())

@@ -5,13 +5,11 @@ use rayon::prelude::*;
 use skyloop::rng::normal::normal;
 use skyloop::rng::poisson::expanded;
 
-/// Number of words.
 pub const ALL: f64 = 4_294_967_296.0;
 /// Words per run, and per thread at a time.
 pub const RUN: usize = 1 << 10;
 const PART: usize = 1 << 20;
 
-/// Normal draws of a run.
 struct Normals<'a> {
     first: u32,
     z: &'a mut [f32; RUN],

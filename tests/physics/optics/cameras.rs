@@ -36,7 +36,6 @@ rate_hz = 1.0
 
 pub const GAUSSIAN: &str = "psf = { kind = \"gaussian\", sigma_px = 0.8 }";
 
-/// Reads a camera file of this text in `folder`.
 pub fn load_in(folder: &Path, text: &str) -> Result<Camera, ConfigError> {
     std::fs::write(folder.join("mine.toml"), text).unwrap();
     Camera::load("mine.toml", &Folder::Disk(folder.to_path_buf()))

@@ -232,7 +232,6 @@ fn drawn(camera: &Camera, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> 
     image
 }
 
-/// Light and centre of an image.
 fn moments(image: &[f64], width: usize) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (i, share) in image.iter().enumerate() {

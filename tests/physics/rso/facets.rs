@@ -38,7 +38,6 @@ pub fn from_z(deg: f64) -> Vector3<f64> {
     Vector3::new(sin, 0.0, cos)
 }
 
-/// A shape with the parts that `add` adds.
 pub fn made(add: impl FnOnce(&mut Shape)) -> Shape {
     let mut shape = Shape::default();
     add(&mut shape);

@@ -62,7 +62,6 @@ fn of_radiance(radiance: f64, camera: &Camera) -> f64 {
     radiance * solid_angle * area * passes * camera.exposure_s
 }
 
-/// The label of the Moon.
 pub fn moon(exposed: &ExposedFrame) -> &ObjectLabel {
     let mut objects = exposed.label.objects.iter();
     objects.find(|object| object.kind == "moon").unwrap()

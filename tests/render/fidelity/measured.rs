@@ -88,7 +88,6 @@ pub const CASES: &[Case] = &[
 
 type Pixels = HashMap<(usize, usize), f64>;
 
-/// The share on each pixel.
 fn pixels(source: &Source, rows: usize) -> Pixels {
     let mut pixels = HashMap::new();
     for (row, column, shares) in source.footprint.rows(0..rows) {

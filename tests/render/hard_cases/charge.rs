@@ -8,7 +8,6 @@ use skyloop::engine::{Emulator, ExposedFrame};
 use skyloop::fidelity::Fidelity;
 use std::sync::Arc;
 
-/// Pixels of a frame.
 const PIXELS: usize = 256 * 256;
 
 /// A blind detector of 256 x 256 px with a dark charge of `mean_e`, with these keys and without

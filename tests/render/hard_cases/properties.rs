@@ -29,7 +29,6 @@ pub fn check<S: Strategy>(
     run.unwrap_or_else(|failed| panic!("{failed}"));
 }
 
-/// Any rotation.
 pub fn rotations() -> impl Strategy<Value = Attitude> {
     let components = prop::array::uniform4(-1.0..1.0_f64).prop_filter("a direction", |q| {
         (0.1..1.0).contains(&q.iter().map(|c| c * c).sum::<f64>())
@@ -105,7 +104,6 @@ impl Worst {
         found
     }
 
-    /// The worst value.
     pub fn get(&self) -> f64 {
         self.0.get()
     }

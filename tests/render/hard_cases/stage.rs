@@ -19,7 +19,6 @@ use crate::fixtures::{dark, noise_free};
 pub use crate::oem::{falling, oem};
 pub use crate::plain_camera::camera;
 
-/// A UTC time.
 pub fn epoch(text: &str) -> Epoch {
     skyloop::orbit::time::parse_utc(text).unwrap()
 }
@@ -133,7 +132,6 @@ pub struct Lit {
     pub choice: Choice,
 }
 
-/// The frame of one light alone.
 pub fn alone(
     emulator: &Emulator,
     vehicle: &VehicleState,
@@ -143,7 +141,6 @@ pub fn alone(
     light(emulator, vehicle, &[Light::new(direction, electrons)])
 }
 
-/// The expected electrons of a frame.
 pub fn expected(exposed: ExposedFrame) -> Vec<f64> {
     let pixels = exposed.frame.expected_e.unwrap();
     pixels.into_iter().map(f64::from).collect()

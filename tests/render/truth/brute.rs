@@ -187,7 +187,6 @@ fn track(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Vec<[f64; 2]>
     (points, gap)
 }
 
-/// An image of electrons.
 pub struct Image {
     pub width: usize,
     pub height: usize,
@@ -226,7 +225,6 @@ impl Box2 {
             && self.past[1] <= image.height as i64
     }
 
-    /// The part on a detector.
     pub fn clipped(&self, width: usize, height: usize) -> Box2 {
         let size = [width as i64, height as i64];
         Box2 {
