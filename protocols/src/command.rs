@@ -1,7 +1,7 @@
-//! What a flight computer sends: attitudes and commands.
+//! Packets of a flight computer: attitudes and commands.
 //!
-//! Encoders check only what cannot be laid out; values are judged where they are received, by the decoder (what the
-//! field allows) and then by the emulator (what the camera allows).
+//! Encoders check only the layout. Values are checked by the receiver: ranges of fields by the
+//! decoder, limits of the camera by the emulator.
 
 use crate::error::{DecodeError, EncodeError};
 pub use crate::generated::codes::Opcode;
@@ -9,11 +9,12 @@ pub use crate::generated::commands::{Attitude, Command, OrbitState};
 use crate::packet::{self, Header, apid};
 use crate::time::WireTime;
 
-/// Largest difference of a quaternion's norm from 1 that is still accepted (the emulator then normalises it).
+/// Largest accepted deviation of a quaternion's norm from 1 (the emulator then normalises it).
 pub const UNIT_TOLERANCE: f64 = 1e-3;
 
 impl Attitude {
-    /// Refuses numbers that are not finite and quaternions that are not of unit length within [`UNIT_TOLERANCE`].
+    /// Refuses non-finite numbers, and quaternions whose norm differs from 1 by more than
+    /// [`UNIT_TOLERANCE`].
     ///
     /// Every decoded attitude has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
@@ -33,7 +34,7 @@ impl Command {
     /// Reads exactly one packet.
     ///
     /// # Errors
-    /// Whatever is wrong first: length, CRC, version, type, then the fields in their order.
+    /// The first error in this order: length, CRC, version, type, then the fields.
     pub fn decode(bytes: &[u8]) -> Result<(Header, Self), DecodeError> {
         let (header, mut reader) = packet::open(bytes)?;
         let command = match header.apid {
@@ -46,10 +47,10 @@ impl Command {
         Ok((header, command))
     }
 
-    /// Writes the packet into `buf` and returns its length; `header_seq_count` is taken modulo 2^14.
+    /// Writes the packet into `buf` and returns its length. `header_seq_count` is modulo 2^14.
     ///
     /// # Errors
-    /// [`EncodeError::BufferTooSmall`]. Values are not judged here.
+    /// [`EncodeError::BufferTooSmall`]. Values are not checked.
     pub fn encode(
         &self,
         header_seq_count: u16,

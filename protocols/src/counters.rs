@@ -1,11 +1,11 @@
-//! The emulator's counters: everything that arrives, is answered, refused or lost is counted once.
+//! The emulator's counters: each packet received, answered, refused or lost is counted once.
 
 use crate::error::DecodeError;
 pub use crate::generated::counters::Counters;
 use crate::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PACKET};
 
 impl Counters {
-    /// Counts octets that are no packet.
+    /// Counts an undecodable packet by its error.
     pub fn refuse_undecodable(&mut self, error: &DecodeError) {
         let counter = match error {
             DecodeError::BadLength { found, .. } if *found < HEADER_LENGTH + CRC_LENGTH => {

@@ -1,16 +1,17 @@
-//! The two checksums: they run over every pixel octet.
+//! The two checksums. They run over every pixel byte, so they must be fast.
 //!
-//! Both are table-driven, sixteen octets a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE Transactions on Computers 57, 1550). What is longer than
-//! a block of 128 octets [`crc16`] folds into one first, without a table.
+//! Both are table-driven, sixteen bytes a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE
+//! Transactions on Computers 57, 1550). [`crc16`] first folds longer data into a block of 128
+//! bytes, without a table.
 //!
 //! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:
 //!   x^16 + x^12 + x^5 + 1, preset to ones, most significant bit first.
 //! - [`Crc32`]: CRC-32 of IEEE 802.3: polynomial 0x04C11DB7, reflected, preset and complemented.
 
-/// Octets of a step.
+/// Bytes of a step.
 const STEP: usize = 16;
 
-/// `TABLE_16[k][b]`: the remainder of octet `b` followed by `k` zero octets.
+/// `TABLE_16[k][b]`: the remainder of byte `b` followed by `k` zero bytes.
 static TABLE_16: [[u16; 256]; STEP] = table_16();
 /// `TABLE_32[k][b]`: the same for the reflected CRC-32.
 static TABLE_32: [[u32; 256]; STEP] = table_32();
@@ -69,9 +70,9 @@ const fn table_32() -> [[u32; 256]; STEP] {
     table
 }
 
-/// Octets of a unit that is folded.
+/// Bytes of a unit of folding.
 const UNIT: usize = 8;
-/// Units that are folded together: as many as the polynomial's degree.
+/// Units of a block: the degree of the polynomial.
 const UNITS: usize = 16;
 
 /// CRC-16/CCITT-FALSE of `bytes`.
@@ -83,12 +84,13 @@ pub fn crc16(bytes: &[u8]) -> u16 {
     carry_on_16(carry_on_16(0, &folded(before, last)), rest)
 }
 
-/// A block with the same remainder as `before` and `last`, preset to ones, have one after the other.
+/// A block with the same remainder as the concatenation of `before` and `last`, preset to ones.
 ///
-/// Squared six times, x^16 = x^12 + x^5 + 1 (mod 2) is y^16 = y^12 + y^5 + 1 with y = x^64: a unit of 64 bits leaves the same remainder where
-/// it is added to the units four, eleven and sixteen after it. The order of the octets in a unit is of no matter to that.
+/// Squared six times, x^16 = x^12 + x^5 + 1 (mod 2) is y^16 = y^12 + y^5 + 1 with y = x^64. So a
+/// unit of 64 bits can be added to the units four, eleven and sixteen after it without a change of
+/// the remainder. The order of the bytes in a unit does not matter.
 fn folded(before: &[[u8; UNIT * UNITS]], last: &[u8; UNIT * UNITS]) -> [u8; UNIT * UNITS] {
-    // What the block to come takes over. To preset is to add ones to the first bits.
+    // Sum to add to the next block. The preset adds ones to the first bits.
     let mut over = [0; UNITS];
     over[0] = u64::from_ne_bytes([0xFF, 0xFF, 0, 0, 0, 0, 0, 0]);
     let added = |block: &[u8; UNIT * UNITS], over: &[u64; UNITS]| {
@@ -122,13 +124,13 @@ fn folded(before: &[[u8; UNIT * UNITS]], last: &[u8; UNIT * UNITS]) -> [u8; UNIT
     block
 }
 
-/// The remainder carried on over `bytes`.
+/// The remainder continued over `bytes`.
 fn carry_on_16(crc: u16, bytes: &[u8]) -> u16 {
     let t = &TABLE_16;
     let (steps, rest) = bytes.as_chunks::<STEP>();
     let crc = steps.iter().fold(crc, |crc, b| {
         let [high, low] = crc.to_be_bytes();
-        // All but the first two octets wait for no step before theirs.
+        // All but the first two bytes are independent of the previous step.
         let later = (2..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
         later ^ t[STEP - 1][usize::from(b[0] ^ high)] ^ t[STEP - 2][usize::from(b[1] ^ low)]
     });
@@ -142,17 +144,17 @@ pub fn crc32(bytes: &[u8]) -> u32 {
     Crc32::new().update(bytes).finish()
 }
 
-/// CRC-32 over octets that come in pieces.
+/// Incremental CRC-32.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crc32(u32);
 
 impl Crc32 {
-    /// The checksum before the first octet.
+    /// The state before the first byte.
     pub const fn new() -> Self {
         Self(u32::MAX)
     }
 
-    /// The checksum carried on over `bytes`.
+    /// The checksum continued over `bytes`.
     #[must_use]
     pub fn update(self, bytes: &[u8]) -> Self {
         let (steps, rest) = bytes.as_chunks::<STEP>();
@@ -162,7 +164,7 @@ impl Crc32 {
         }))
     }
 
-    /// The checksum carried on over `pixels`, each as a big-endian 16-bit number.
+    /// The checksum continued over `pixels`, each as a big-endian 16-bit number.
     #[must_use]
     pub fn update_pixels(self, pixels: &[u16]) -> Self {
         let (steps, rest) = pixels.as_chunks::<{ STEP / 2 }>();
@@ -177,7 +179,7 @@ impl Crc32 {
             .fold(Self(crc), |crc, pixel| crc.update(&pixel.to_be_bytes()))
     }
 
-    /// The checksum of all octets so far.
+    /// The checksum of all bytes so far.
     pub const fn finish(self) -> u32 {
         !self.0
     }
@@ -192,7 +194,7 @@ impl Default for Crc32 {
 fn step_32(crc: u32, b: &[u8; STEP]) -> u32 {
     let t = &TABLE_32;
     let c = crc.to_le_bytes();
-    // All but the first four octets wait for no step before theirs.
+    // All but the first four bytes are independent of the previous step.
     let later = (4..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
     (0..4).fold(later, |sum, k| {
         sum ^ t[STEP - 1 - k][usize::from(b[k] ^ c[k])]

@@ -1,10 +1,11 @@
-//! Pacing: the client says how many frame packets it can take in all, the emulator never sends more.
+//! Flow control of frame packets: the client grants a total number, and the emulator never exceeds
+//! it.
 //!
-//! The number is cumulative, so a lost or repeated `Credit` packet does no harm: the next one repairs it.
+//! The number is cumulative, so the next `Credit` packet makes up for a lost or repeated one.
 
 use crate::packet::apid;
 
-/// The APIDs of frame packets: those that credit pays for.
+/// The APIDs of frame packets, which use credit.
 pub const PAID: [u16; 7] = [
     apid::FRAME_HEADER,
     apid::PIXEL_BLOCK,
@@ -15,7 +16,7 @@ pub const PAID: [u16; 7] = [
     apid::FRAME_END,
 ];
 
-/// The emulator's account of frame packets ([`PAID`]) in one exchange.
+/// Credit for frame packets ([`PAID`]) in one exchange.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CreditAccount {
     granted: Option<u32>,
@@ -23,7 +24,7 @@ pub struct CreditAccount {
 }
 
 impl CreditAccount {
-    /// A new exchange: nothing sent, not paced.
+    /// A new exchange: nothing sent, no limit.
     pub const fn new() -> Self {
         Self {
             granted: None,
@@ -31,10 +32,11 @@ impl CreditAccount {
         }
     }
 
-    /// Takes a `Credit` command's number; one that lies behind an earlier one (a late datagram) is ignored.
+    /// Applies the number of a `Credit` command. Ignores one behind an earlier grant (a late
+    /// datagram).
     ///
-    /// False for any other one that lies behind the packets sent, or 2^31 or more ahead of them, which is the same: it
-    /// is not taken.
+    /// Returns false for any other number that is not 0 to 2^31 - 1 ahead of the packets sent; it
+    /// has no effect.
     pub fn grant(&mut self, packets: u32) -> bool {
         let mut earlier = self.granted.into_iter();
         let is_late = earlier.any(|granted| !is_ahead(packets, granted));
@@ -45,18 +47,18 @@ impl CreditAccount {
         is_in_range || is_late
     }
 
-    /// The last grant taken, 0 before the first.
+    /// The last accepted grant, 0 before the first.
     pub fn granted(&self) -> u32 {
         self.granted.unwrap_or(0)
     }
 
-    /// Whether one more frame packet may be sent. Always, until the first `Credit`.
+    /// Whether one more frame packet may be sent. Always true before the first `Credit`.
     pub fn may_send(&self) -> bool {
         self.granted
             .is_none_or(|granted| is_ahead(granted, self.sent))
     }
 
-    /// Books one frame packet as sent.
+    /// Counts one frame packet as sent.
     pub fn spend(&mut self) {
         self.sent = self.sent.wrapping_add(1);
     }
@@ -67,7 +69,7 @@ impl CreditAccount {
     }
 }
 
-/// Whether `a` lies ahead of `b` on the circle of 2^32 numbers.
+/// Whether `a` is ahead of `b`, modulo 2^32.
 const fn is_ahead(a: u32, b: u32) -> bool {
     a.wrapping_sub(b) as i32 > 0
 }
@@ -78,7 +80,7 @@ mod tests {
 
     /// ICD, section 5.3: at most 2^31 - 1 ahead of the number sent, here 9.
     #[test]
-    fn a_grant_is_late_or_at_most_half_the_circle_ahead_of_what_was_sent() {
+    fn grants_out_of_range_have_no_effect() {
         const MAX: u32 = 9 + 0x7FFF_FFFF;
         for (before, packets, taken, granted) in [
             (None, 9, true, 9),
@@ -105,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn credit_goes_on_over_the_wrap() {
+    fn credit_continues_over_the_wrap() {
         let mut account = CreditAccount {
             granted: Some(u32::MAX),
             sent: u32::MAX - 1,

@@ -1,38 +1,38 @@
-//! What can be wrong with a packet, and the reason codes that say so on the wire.
+//! Errors of packets, and their reason codes on the wire.
 
 pub use crate::generated::codes::Reason;
 use core::fmt;
 
-/// Why octets are not a packet; `Display` says what, where and the remedy.
+/// Why bytes are not a packet; `Display` states the fault, its position and the remedy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// The CRC-16 at the end is not that of the octets before it.
+    /// The CRC-16 at the end is not that of the bytes before it.
     BadCrc {
-        /// The last two octets.
+        /// The last two bytes.
         found: u16,
-        /// The checksum of the octets before them.
+        /// The checksum of the bytes before them.
         expected: u16,
     },
     /// A packet version number other than 0, or a format version other than ours.
     BadVersion {
-        /// `"packet version number"` (octet 0) or `"format version"` (octet 14).
+        /// `"packet version number"` (byte 0) or `"format version"` (byte 14).
         field: &'static str,
         /// The version that the packet states.
         found: u8,
-        /// The version that is spoken here.
+        /// The only supported version.
         expected: u8,
     },
     /// A length that does not fit.
     BadLength {
-        /// What has the wrong length.
+        /// The part with the wrong length.
         what: &'static str,
-        /// Its length in octets.
+        /// Its length in bytes.
         found: usize,
-        /// The length that its layout asks for, in octets: at least (too short) or at most (too long).
+        /// The length of its layout in bytes: the minimum (too short) or the maximum (too long).
         expected: usize,
     },
-    /// An APID that is not one of the kinds which this end receives.
+    /// An APID that this end does not receive.
     UnknownApid {
         /// The APID of the packet.
         apid: u16,
@@ -42,17 +42,17 @@ pub enum DecodeError {
         /// The APID of the packet.
         apid: u16,
     },
-    /// A header flag other than the only one in use.
+    /// A header flag with a value that is not in use.
     BadHeader {
         /// The flag.
         field: &'static str,
     },
-    /// An opcode that no `Command` packet has.
+    /// An opcode without a command.
     UnknownOpcode {
         /// The opcode.
         opcode: u8,
     },
-    /// The quaternion is not of unit length, within the tolerance.
+    /// A quaternion whose norm differs from 1 by more than the tolerance.
     QuaternionNotUnit {
         /// The square of its norm.
         norm_squared: f64,
@@ -62,17 +62,17 @@ pub enum DecodeError {
         /// The field.
         field: &'static str,
     },
-    /// A value that its field does not allow.
+    /// A value outside the range of its field.
     BadValue {
         /// The message and its field.
         field: &'static str,
-        /// What the field allows.
+        /// The allowed values.
         rule: &'static str,
     },
 }
 
 impl DecodeError {
-    /// The reason code that tells the sender.
+    /// The reason code for the sender.
     pub const fn reason(&self) -> Reason {
         match self {
             Self::BadCrc { .. } => Reason::BadCrc,
@@ -151,24 +151,24 @@ impl fmt::Display for DecodeError {
 
 impl core::error::Error for DecodeError {}
 
-/// Why a message cannot be laid out as a packet.
+/// Why a message cannot be encoded as a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EncodeError {
     /// The caller's buffer is too small.
     BufferTooSmall {
-        /// Octets that the packet needs so far.
+        /// Bytes of the packet so far.
         needed: usize,
-        /// Octets that the buffer has.
+        /// Bytes of the buffer.
         available: usize,
     },
-    /// More than fits one packet or one field.
+    /// Too long for one packet or one field.
     TooLong {
-        /// What is too long.
+        /// The part that is too long.
         what: &'static str,
         /// Its length.
         found: usize,
-        /// The longest that fits.
+        /// Its maximum.
         limit: usize,
     },
     /// Two fields that contradict each other.

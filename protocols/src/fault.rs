@@ -1,4 +1,4 @@
-//! Faults that a test injects into the line, live by [`Command::Fault`](crate::Command::Fault).
+//! Faults that a test injects into the line by [`Command::Fault`](crate::Command::Fault).
 
 use crate::error::DecodeError;
 pub use crate::generated::codes::{Direction, FaultKind};
@@ -21,7 +21,7 @@ impl FaultKind {
         ("bus_off", FaultKind::BusOff),
     ];
 
-    /// Whether it is on or off, and nothing passes while it is on.
+    /// Whether its value is on or off. While on, nothing passes.
     pub fn is_switch(self) -> bool {
         matches!(self, FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff)
     }
@@ -31,11 +31,11 @@ impl Fault {
     /// Refuses values that the kind does not allow.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
-        let most = match self.kind {
+        let max = match self.kind {
             FaultKind::Delay | FaultKind::Jitter => 60.0,
             _ => 1.0,
         };
-        let fits = (0.0..=most).contains(&self.value);
+        let fits = (0.0..=max).contains(&self.value);
         rule(
             fits && (!self.kind.is_switch() || self.value == 0.0 || self.value == 1.0),
             "Fault.value",

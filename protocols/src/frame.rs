@@ -1,4 +1,4 @@
-//! The packets of one frame: its header, its pixels, its labels, its end. What their fields must be to each other.
+//! The packets of one frame (header, pixels, labels, end), and the rules between their fields.
 
 use crate::error::{DecodeError, EncodeError};
 pub use crate::generated::codes::{AttitudeSource, Overrun, Packing, SyncState};
@@ -13,7 +13,7 @@ use crate::rice;
 use crate::rules::rule;
 
 impl Packing {
-    /// The tighter packing that holds digital numbers of `bits` bits.
+    /// The shortest packing for digital numbers of `bits` bits.
     pub const fn for_bits(bits: u8) -> Self {
         if bits <= 12 {
             Self::Bits12
@@ -24,19 +24,19 @@ impl Packing {
 }
 
 impl FrameHeader {
-    /// Pixels of the frame.
+    /// Number of pixels of the frame.
     pub const fn pixels(&self) -> u32 {
         self.width as u32 * self.height as u32
     }
 
-    /// Packets with pixels that follow; `None` where compression decides.
+    /// Number of packets with pixels; `None` with compression, which decides the number.
     pub const fn blocks_due(&self) -> Option<u32> {
         match self.pixel_level {
             PixelLevel::None => Some(0),
             PixelLevel::Windows => {
                 match pixels::windows_per_block(self.packing, self.window_size) {
                     0 => None,
-                    most => Some((self.windows as u32).div_ceil(most as u32)),
+                    per_block => Some((self.windows as u32).div_ceil(per_block as u32)),
                 }
             }
             PixelLevel::Frame => Some(pixels::blocks_in_frame(self.pixels(), self.packing)),
@@ -44,7 +44,7 @@ impl FrameHeader {
         }
     }
 
-    /// All its packets: itself, those with pixels, those with labels, and [`FrameEnd`].
+    /// Number of packets of the frame: header, pixels, labels and [`FrameEnd`].
     pub const fn packets(&self) -> u32 {
         self.blocks
             .saturating_add(self.label_parts as u32)
@@ -58,8 +58,8 @@ impl FrameHeader {
         let size = u16::from(self.window_size);
         let windows = match self.pixel_level {
             PixelLevel::Windows => {
-                let most = self.width.min(self.height).min(MAX_WINDOW.into());
-                (1..=most).contains(&size)
+                let max = self.width.min(self.height).min(MAX_WINDOW.into());
+                (1..=max).contains(&size)
             }
             _ => size == 0 && self.windows == 0,
         };
@@ -102,7 +102,8 @@ impl FrameHeader {
 }
 
 impl Default for FrameEnd {
-    /// Of a frame by the emulator's own time, with the attitude of its middle, in time.
+    /// The end of a frame that is in time, by the emulator's own clock, with the attitude of
+    /// mid-exposure.
     fn default() -> Self {
         Self {
             frame: 0,
@@ -119,8 +120,8 @@ impl Default for FrameEnd {
 }
 
 impl PixelBlock<'_> {
-    /// Writes its pixels to their place in `frame` (row by row, all pixels of the frame); false, and nothing written, if
-    /// they lie beyond it.
+    /// Writes its pixels to their position in `frame` (all pixels, row by row). Returns false and
+    /// writes nothing if they do not fit.
     #[must_use]
     pub fn place(&self, frame: &mut [u16]) -> bool {
         let (first, count) = (self.first_pixel as usize, usize::from(self.count));
@@ -132,7 +133,7 @@ impl PixelBlock<'_> {
             && unpack(self.packing, self.data, pixels) == count
     }
 
-    /// Refuses pixels that are not as many as `count` says, or not where `index` says. Every decoded block has passed this.
+    /// Refuses pixels that contradict `count` or `index`. Every decoded block has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
         let (size, count) = (pixels_per_block(self.packing), usize::from(self.count));
@@ -157,10 +158,10 @@ impl PixelBlock<'_> {
 
     pub(crate) fn check_layout(&self) -> Result<(), EncodeError> {
         let count = usize::from(self.count);
-        let place = u64::from(self.index) * pixels_per_block(self.packing) as u64;
+        let first = u64::from(self.index) * pixels_per_block(self.packing) as u64;
         let what = if self.data.len() != packed_length(self.packing, count) {
             "PixelBlock.count and length of its data"
-        } else if count == 0 || u64::from(self.first_pixel) != place {
+        } else if count == 0 || u64::from(self.first_pixel) != first {
             "PixelBlock.index, first_pixel and count"
         } else {
             return Ok(());
@@ -170,7 +171,7 @@ impl PixelBlock<'_> {
 }
 
 impl LabelPart<'_> {
-    /// Place of its first octet in the whole text.
+    /// Position of its first byte in the whole text.
     pub const fn offset(&self) -> usize {
         self.part as usize * LABEL_TEXT_PER_PART
     }
@@ -179,7 +180,7 @@ impl LabelPart<'_> {
         is_cut_right(self.part, self.parts, self.text.len(), LABEL_TEXT_PER_PART)
     }
 
-    /// Refuses a text that is not cut as its numbers say. Every decoded part has passed this.
+    /// Refuses a text whose length contradicts the numbers. Every decoded part has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
         rule(
@@ -199,7 +200,7 @@ impl LabelPart<'_> {
     }
 }
 
-/// Refuses digital numbers that their packing cannot hold.
+/// Refuses digital numbers that exceed their packing.
 pub(crate) fn fits_packing(bits: u8, packing: Packing) -> Result<(), DecodeError> {
     rule(bits <= packing.code(), "bits", "must fit the packing")
 }

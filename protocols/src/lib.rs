@@ -1,18 +1,19 @@
 //! Wire formats of skyloop, shared by the emulator and by flight software.
 //!
 //! `no_std`, no allocation, no dependencies, no `unsafe`. Every byte is described in `docs/icd.md`;
-//! `vectors/golden.txt` holds one packet of every kind. Codes, messages, their readers and writers are generated from
-//! `schema/packets.toml`; the rules between fields are written here. The modules in reading order:
+//! `vectors/golden.txt` holds one packet of every kind. Codes, messages, their readers and writers
+//! are generated from `schema/packets.toml`; the rules between fields are written by hand. The
+//! modules in reading order:
 //!
-//! 1. [`time`]: the CCSDS time code that every packet carries.
+//! 1. [`time`]: the CCSDS time code of every packet.
 //! 2. [`packet`]: the space packet around every message: headers, version, CRC.
-//! 3. [`command`]: what a flight computer sends. [`reply`]: what the emulator answers.
-//! 4. [`output`]: what of a frame is sent; [`pixels`]: pixels and labels cut into packets, and put together again;
-//!    [`rice`]: pixels compressed.
-//! 5. [`fault`]: what a test may do to the line.
-//! 6. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
-//! 7. [`slip`]: packets on a serial line. [`can`]: packets on a CAN bus. [`crc`]: the two checksums.
-//! 8. [`personality`]: the table of wire languages.
+//! 3. [`command`]: packets of a flight computer. [`reply`]: packets of the emulator.
+//! 4. [`output`]: selection of the parts of a frame; [`pixels`]: pixels and labels divided into
+//!    packets; [`rice`]: compression of pixels.
+//! 5. [`fault`]: injected faults of the line.
+//! 6. [`counters`], [`sequence`], [`credit`]: counters and flow control of both ends.
+//! 7. [`slip`]: packets on a serial line. [`can`]: packets on a CAN bus. [`crc`]: the checksums.
+//! 8. [`personality`]: the table of wire formats.
 //!
 //! ```
 //! use skyloop_protocols::{Command, WireTime, packet::MAX_PACKET};

@@ -1,15 +1,15 @@
-//! What of each frame is sent: whole, in windows, or its labels alone.
+//! Selection of the parts of each frame to send: all pixels, windows, or labels alone.
 
 pub use crate::generated::codes::{LabelLevel, PixelLevel};
 pub use crate::generated::commands::{Output, Positions};
 
-/// Most columns and rows of a window: one of 16-bit pixels fits a packet.
+/// Largest number of columns and rows of a window: one of 16-bit pixels fits a packet.
 pub const MAX_WINDOW: u8 = 25;
-/// Most listed positions.
+/// Largest number of listed positions.
 pub const MAX_POSITIONS: usize = 64;
 
 impl Default for Output {
-    /// Everything.
+    /// Whole frames with label text.
     fn default() -> Self {
         Self {
             pixels: PixelLevel::Frame,
@@ -22,8 +22,8 @@ impl Default for Output {
 }
 
 impl Output {
-    /// The usual combinations by name: whole frames with label text, the same compressed, windows with objects,
-    /// objects alone.
+    /// The usual combinations by name: whole frames with label text, the same compressed, windows
+    /// with objects, objects alone.
     pub const PRESETS: [(&'static str, PixelLevel, LabelLevel); 4] = [
         ("frame", PixelLevel::Frame, LabelLevel::Text),
         ("compressed", PixelLevel::Compressed, LabelLevel::Text),
@@ -31,7 +31,7 @@ impl Output {
         ("labels", PixelLevel::None, LabelLevel::Objects),
     ];
 
-    /// The combination called `name`, with numbers as by default.
+    /// The combination called `name`, with default numbers.
     pub fn preset(name: &str) -> Option<Self> {
         let (_, pixels, labels) = Self::PRESETS
             .into_iter()
@@ -45,7 +45,7 @@ impl Output {
 }
 
 impl Positions {
-    /// From column and row of each centre; `None` if there are more than [`MAX_POSITIONS`].
+    /// Positions with column and row of each centre; `None` above [`MAX_POSITIONS`].
     pub fn new(centres: &[[u16; 2]]) -> Option<Self> {
         let mut at = [[0; 2]; MAX_POSITIONS];
         at.get_mut(..centres.len())?.copy_from_slice(centres);
@@ -53,7 +53,7 @@ impl Positions {
         Some(Self { count, at })
     }
 
-    /// Column and row of each centre; none: the brightest stars again.
+    /// Column and row of each centre. Empty: windows around the brightest stars.
     pub fn centres(&self) -> &[[u16; 2]] {
         self.at.get(..usize::from(self.count)).unwrap_or_default()
     }

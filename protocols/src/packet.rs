@@ -1,10 +1,10 @@
 //! The CCSDS 133.0-B space packet around every message.
 //!
-//! | octets | content |
+//! | bytes | content |
 //! |---|---|
 //! | 0-1 | packet version number 000, type (1 towards the emulator), secondary header flag 1, APID (11 bits) |
 //! | 2-3 | sequence flags 11, sequence count (14 bits) |
-//! | 4-5 | octets after this field, minus one |
+//! | 4-5 | bytes after this field, minus one |
 //! | 6-13 | time ([`WireTime`]) |
 //! | 14 | format version ([`VERSION`]) |
 //! | 15.. | payload |
@@ -18,9 +18,9 @@ use crate::wire::{Reader, Writer};
 pub use crate::generated::codes::{MAX_PACKET, VERSION, apid};
 pub use crate::wire::CRC_LENGTH;
 
-/// Octets before the payload: primary header, time, version.
+/// Bytes before the payload: primary header, time, version.
 pub const HEADER_LENGTH: usize = 15;
-/// Longest payload in octets.
+/// Longest payload in bytes.
 pub const MAX_PAYLOAD: usize = MAX_PACKET - HEADER_LENGTH - CRC_LENGTH;
 /// Sequence counts are taken modulo this: 14 bits.
 pub const SEQUENCE_MODULUS: u16 = 1 << 14;
@@ -30,19 +30,19 @@ const SECONDARY_HEADER_FLAG: u16 = 1 << 11;
 const TYPE_TELECOMMAND: u16 = 1 << 12;
 const UNSEGMENTED: u16 = 3 << 14;
 
-/// What every packet says about itself.
+/// Content of every packet's header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
     /// Kind of the message: one of [`apid`].
     pub apid: u16,
     /// Count of packets with this APID, modulo 2^14.
     pub sequence_count: u16,
-    /// The time that the message is about; each message says which one.
+    /// The time that the message refers to: see the ICD for each message.
     pub time: WireTime,
 }
 
-/// APID and sequence count as the first octets state them, unchecked: enough to say in a `Nack` which packet is
-/// refused. `None` if there are fewer than four octets.
+/// APID and sequence count in the first bytes, unchecked, to identify a refused packet in a `Nack`.
+/// `None` if there are fewer than four bytes.
 pub fn identify(bytes: &[u8]) -> Option<(u16, u16)> {
     let [a, b, c, d] = *bytes.first_chunk()?;
     Some((
@@ -51,16 +51,17 @@ pub fn identify(bytes: &[u8]) -> Option<(u16, u16)> {
     ))
 }
 
-/// Writes the CRC that fits the octets before it: for test gear that alters a packet on purpose.
+/// Recomputes the CRC, for test equipment that alters packets on purpose.
 pub fn reseal(packet: &mut [u8]) {
     if let Some((before, crc)) = packet.split_last_chunk_mut::<CRC_LENGTH>() {
         *crc = crc16(before).to_be_bytes();
     }
 }
 
-/// Checks everything around the payload and hands over a reader that stands on it.
+/// Checks everything around the payload and returns a reader at its start.
 ///
-/// The order is: length, CRC, versions, flags, APID, type bit. So a damaged packet is always a bad CRC or length.
+/// The order is: length, CRC, versions, flags, APID, type bit. So a damaged packet is always a bad
+/// CRC or length.
 pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Reader<'_>), DecodeError> {
     let found = bytes.len();
     let length = |expected| DecodeError::BadLength {
@@ -115,7 +116,7 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Reader<'_>), DecodeError> {
     Ok((header, reader.named(apid::ALL[row].1)))
 }
 
-/// Refuses a rest of a packet that is not as long as its other fields say.
+/// Refuses a variable part whose length contradicts the other fields.
 pub(crate) fn same_length(
     what: &'static str,
     fields: usize,
@@ -146,7 +147,8 @@ fn version(field: &'static str, found: u8, expected: u8) -> Result<(), DecodeErr
     }
 }
 
-/// Writes one packet into `buffer`; `payload` writes what stands between header and CRC. Returns the packet's length.
+/// Writes one packet into `buffer` and returns its length; `payload` writes the bytes between
+/// header and CRC.
 ///
 /// `sequence_count` is taken modulo 2^14.
 pub(crate) fn write(
@@ -156,9 +158,10 @@ pub(crate) fn write(
     buffer: &mut [u8],
     payload: impl FnOnce(&mut Writer<'_>) -> Result<(), EncodeError>,
 ) -> Result<usize, EncodeError> {
-    let direction = match apid::is_telecommand(apid) {
-        true => TYPE_TELECOMMAND,
-        false => 0,
+    let direction = if apid::is_telecommand(apid) {
+        TYPE_TELECOMMAND
+    } else {
+        0
     };
     let mut writer = Writer::new(buffer, MAX_PACKET);
     writer.u16(direction | SECONDARY_HEADER_FLAG | apid)?;
@@ -170,7 +173,7 @@ pub(crate) fn write(
     writer.u16(0)?; // the CRC, known below
     let packet = writer.written();
     let length = packet.len();
-    // At most MAX_PACKET, so the cast loses nothing.
+    // At most MAX_PACKET, which fits 16 bits.
     let field = (length - PRIMARY_LENGTH - 1) as u16;
     if let Some(bytes) = packet.get_mut(4..6) {
         bytes.copy_from_slice(&field.to_be_bytes());

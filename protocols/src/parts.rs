@@ -1,4 +1,4 @@
-//! Parts of a frame for narrow lines: windows, objects as numbers, compressed pixels.
+//! Parts of a frame for slow lines: windows, objects as numbers, compressed pixels.
 
 use crate::error::{DecodeError, EncodeError};
 pub use crate::generated::frames::{CompressedBlock, ObjectPart, ObjectRecord, WindowBlock};
@@ -8,7 +8,7 @@ use crate::pixels::{OBJECT_LENGTH, OBJECTS_PER_PART, is_cut_right, is_padded, wi
 use crate::rules::rule;
 use crate::wire::{Reader, Writer};
 
-/// Octets of an object's identifier.
+/// Bytes of an object's identifier.
 pub const ID_LENGTH: usize = 16;
 
 /// One window of a frame.
@@ -27,8 +27,8 @@ impl<'a> WindowBlock<'a> {
     pub fn windows(&self) -> impl Iterator<Item = Window<'a>> + use<'a> {
         let length = window_length(self.packing, self.size);
         self.data.chunks_exact(length).filter_map(|bytes| {
-            let (place, data) = bytes.split_first_chunk::<4>()?;
-            let [a, b, c, d] = *place;
+            let (position, data) = bytes.split_first_chunk::<4>()?;
+            let [a, b, c, d] = *position;
             Some(Window {
                 column: u16::from_be_bytes([a, b]),
                 row: u16::from_be_bytes([c, d]),
@@ -37,19 +37,18 @@ impl<'a> WindowBlock<'a> {
         })
     }
 
-    /// Refuses windows that are not as many as `count` says, or not those that `index` says. Every decoded packet has
-    /// passed this.
+    /// Refuses windows that contradict `count` or `index`. Every decoded packet has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
-        let most = windows_per_block(self.packing, self.size);
+        let per_block = windows_per_block(self.packing, self.size);
         let count = usize::from(self.count);
         rule(
-            count <= most,
+            count <= per_block,
             "Windows.count",
             "must be at least 1 and at most what fits a packet",
         )?;
         rule(
-            u64::from(self.first) == u64::from(self.index) * most as u64,
+            u64::from(self.first) == u64::from(self.index) * per_block as u64,
             "Windows.first",
             "must be index times the windows of a full packet",
         )?;
@@ -80,11 +79,11 @@ impl CompressedBlock<'_> {
 }
 
 impl ObjectRecord {
-    /// Its octets.
+    /// The encoded record.
     pub fn to_bytes(&self) -> [u8; OBJECT_LENGTH] {
         let mut bytes = [0; OBJECT_LENGTH];
         let mut writer = Writer::new(&mut bytes, OBJECT_LENGTH);
-        // The array has room for all.
+        // The array is large enough, so the write cannot fail.
         let _ = self.write(&mut writer);
         bytes
     }
@@ -109,7 +108,8 @@ impl<'a> ObjectPart<'a> {
             && self.data.len().is_multiple_of(OBJECT_LENGTH)
     }
 
-    /// Refuses records that are not cut as their numbers say, or hold unknown codes. Every decoded part has passed this.
+    /// Refuses records that contradict the numbers of the parts or hold unknown codes. Every
+    /// decoded part has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
         rule(

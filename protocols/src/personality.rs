@@ -1,4 +1,5 @@
-//! The wire languages that the emulator can speak: each is one row of functions around the same `Command` and `Reply`.
+//! The wire formats of the emulator: each is a row of functions around the same `Command` and
+//! `Reply`.
 
 use crate::command::Command;
 use crate::error::{DecodeError, EncodeError};
@@ -16,24 +17,24 @@ pub type DecodeReply = for<'a> fn(&'a [u8]) -> Result<(Header, Reply<'a>), Decod
 pub type EncodeReply =
     for<'a> fn(&Reply<'a>, u16, WireTime, &mut [u8]) -> Result<usize, EncodeError>;
 
-/// One wire language.
+/// One wire format.
 #[derive(Debug, Clone, Copy)]
 pub struct Personality {
     /// Its name in configurations.
     pub name: &'static str,
-    /// What it is, in one line.
+    /// One line of description.
     pub summary: &'static str,
-    /// The emulator's ear.
+    /// Decoder of the emulator.
     pub decode_command: DecodeCommand,
-    /// The emulator's mouth.
+    /// Encoder of the emulator.
     pub encode_reply: EncodeReply,
-    /// The flight computer's mouth.
+    /// Encoder of the flight computer.
     pub encode_command: EncodeCommand,
-    /// The flight computer's ear.
+    /// Decoder of the flight computer.
     pub decode_reply: DecodeReply,
 }
 
-/// skyloop's own formats, described in `docs/icd.md`.
+/// The native formats of `docs/icd.md`.
 pub const NATIVE: Personality = Personality {
     name: "native",
     summary: "CCSDS space packets with time code, version and CRC",
@@ -43,5 +44,5 @@ pub const NATIVE: Personality = Personality {
     decode_reply: |bytes| Reply::decode(bytes),
 };
 
-/// All of them: a new language is one file and one row here.
+/// All formats: a new one is one file and one row.
 pub const PERSONALITIES: &[Personality] = &[NATIVE];

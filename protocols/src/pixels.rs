@@ -1,7 +1,7 @@
-//! A frame cut into packets: pixels into blocks, label text into parts; and the way back.
+//! Division of a frame into packets: pixels into blocks, label text into parts; and the inverse.
 //!
-//! Both ends use the same cut: every block but the last holds [`pixels_per_block`] pixels and every part but the last
-//! holds [`LABEL_TEXT_PER_PART`] octets. Pixels run row by row from pixel (0, 0).
+//! Every block but the last holds [`pixels_per_block`] pixels. Every part but the last holds
+//! [`LABEL_TEXT_PER_PART`] bytes. Pixels are in row order from pixel (0, 0).
 
 use crate::error::EncodeError;
 use crate::generated::codes::Packing;
@@ -10,20 +10,20 @@ use crate::generated::frames::{
 };
 use crate::packet::MAX_PAYLOAD;
 
-/// Octets of label text in every part but the last.
+/// Bytes of label text in every part but the last.
 pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LabelPart::FIELDS_LENGTH;
 
-/// Octets of one object's record.
+/// Bytes of one object's record.
 pub const OBJECT_LENGTH: usize = ObjectRecord::FIELDS_LENGTH;
 /// Records in every `Objects` part but the last.
 pub const OBJECTS_PER_PART: usize = (MAX_PAYLOAD - ObjectPart::FIELDS_LENGTH) / OBJECT_LENGTH;
-/// Most octets of code in a `Compressed` packet.
+/// Largest number of compressed bytes in a `Compressed` packet.
 pub const COMPRESSED_DATA: usize = MAX_PAYLOAD - CompressedBlock::FIELDS_LENGTH;
 
 const BLOCK_DATA: usize = MAX_PAYLOAD - PixelBlock::FIELDS_LENGTH;
 const MAX_12_BIT: u16 = 0xFFF;
 
-/// Most pixels that fit one block; a whole number of pairs when packed to 12 bits.
+/// Pixels of a full block; an even number when packed to 12 bits.
 pub const fn pixels_per_block(packing: Packing) -> usize {
     match packing {
         Packing::Bits12 => BLOCK_DATA / 3 * 2,
@@ -31,7 +31,8 @@ pub const fn pixels_per_block(packing: Packing) -> usize {
     }
 }
 
-/// Octets that `count` pixels take: two pixels in three octets, or two octets each. An odd last pixel takes two.
+/// Bytes of `count` packed pixels: 12-bit pixels take three bytes a pair, an odd last one two;
+/// 16-bit pixels take two each.
 pub const fn packed_length(packing: Packing, count: usize) -> usize {
     match packing {
         Packing::Bits12 => count / 2 * 3 + count % 2 * 2,
@@ -39,12 +40,12 @@ pub const fn packed_length(packing: Packing, count: usize) -> usize {
     }
 }
 
-/// Octets of one window: its place and its pixels.
+/// Bytes of one window: its position and its pixels.
 pub const fn window_length(packing: Packing, size: u8) -> usize {
     4 + packed_length(packing, size as usize * size as usize)
 }
 
-/// Windows of `size` columns and rows that fit one `Windows` packet; 0 for those beyond
+/// Windows of `size` columns and rows in a full `Windows` packet; 0 above
 /// [`MAX_WINDOW`](crate::output::MAX_WINDOW).
 pub const fn windows_per_block(packing: Packing, size: u8) -> usize {
     (MAX_PAYLOAD - WindowBlock::FIELDS_LENGTH) / window_length(packing, size)
@@ -60,7 +61,7 @@ pub const fn blocks_in_frame(pixels: u32, packing: Packing) -> u32 {
     pixels.div_ceil(pixels_per_block(packing) as u32)
 }
 
-/// Parts of a label text with `octets` octets; `None` if there are more than the field can count.
+/// Parts of a label text with `bytes` bytes; `None` if their number exceeds 16 bits.
 pub const fn label_parts(bytes: u32) -> Option<u16> {
     match bytes.div_ceil(LABEL_TEXT_PER_PART as u32) {
         parts @ 0..=0xFFFF => Some(parts as u16),
@@ -68,12 +69,12 @@ pub const fn label_parts(bytes: u32) -> Option<u16> {
     }
 }
 
-/// One block's share of a frame.
+/// The pixels of one block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockSlice<'a> {
     /// Number of the block in its frame.
     pub index: u32,
-    /// Place of the first pixel in the frame: row * width + column.
+    /// Index of the first pixel in the frame: row * width + column.
     pub first_pixel: u32,
     /// The pixels, DN.
     pub pixels: &'a [u16],
@@ -82,7 +83,7 @@ pub struct BlockSlice<'a> {
 /// Splits a frame's pixels into blocks, in index order.
 pub fn blocks(pixels: &[u16], packing: Packing) -> impl ExactSizeIterator<Item = BlockSlice<'_>> {
     let size = pixels_per_block(packing);
-    // Width and height are 16-bit numbers: places fit 32 bits.
+    // Width and height are 16-bit numbers, so indices fit 32 bits.
     let blocks = pixels.chunks(size).enumerate();
     blocks.map(move |(index, pixels)| BlockSlice {
         index: index as u32,
@@ -96,11 +97,11 @@ pub fn label_texts(text: &[u8]) -> impl ExactSizeIterator<Item = &[u8]> {
     text.chunks(LABEL_TEXT_PER_PART)
 }
 
-/// Packs pixels into `data`: two octets each, big-endian, or 12 bits each, first bit first
-/// (`AAAAAAAA AAAABBBB BBBBBBBB`), the four bits after an odd last pixel being 0.
+/// Packs pixels into `data`: two bytes each, big-endian, or 12 bits each, first bit first
+/// (`AAAAAAAA AAAABBBB BBBBBBBB`). The four bits after an odd last pixel are 0.
 ///
 /// # Errors
-/// `data` is not [`packed_length`] octets long, or a pixel is above 4095 in 12-bit packing.
+/// `data` is not [`packed_length`] bytes long, or a pixel is above 4095 in 12-bit packing.
 pub fn pack(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
     if data.len() != packed_length(packing, pixels.len()) {
         return Err(EncodeError::Inconsistent {
@@ -116,7 +117,7 @@ pub fn pack(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Result<(), Enc
     }
 }
 
-/// Unpacks pixels: fills `pixels` as far as `data` goes and returns how many it filled.
+/// Unpacks as many pixels as `data` and `pixels` allow and returns their number.
 pub fn unpack(packing: Packing, data: &[u8], pixels: &mut [u16]) -> usize {
     match packing {
         Packing::Bits12 => unpack12(data, pixels),
@@ -161,7 +162,7 @@ fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
         *pair = [a << 4 | b >> 4, (b & 0xF) << 8 | c];
     }
     let whole = 2 * pairs.len().min(triples.len());
-    // An odd last pixel stands in the two octets after the last triple, or at the head of the next triple.
+    // An odd last pixel is in the two bytes after the last triple, or at the start of the next one.
     let rest = triples.get(pairs.len()).map_or(tail, |triple| triple);
     let is_reached = pairs.len() <= triples.len();
     match (last.first_mut(), rest.first_chunk()) {
@@ -181,7 +182,7 @@ pub(crate) fn is_padded(packing: Packing, count: usize, data: &[u8]) -> bool {
     }
 }
 
-/// Whether part `part` of `parts` is full, unless it is the last.
+/// Whether part `part` of `parts` has the right length: only the last may be shorter than `full`.
 pub(crate) const fn is_cut_right(part: u16, parts: u16, length: usize, full: usize) -> bool {
     let last = part as u32 + 1 == parts as u32;
     part < parts && length > 0 && (last || length == full)

@@ -1,4 +1,4 @@
-//! What the emulator answers: the packets of a frame, status, acknowledgements.
+//! Packets of the emulator: frames, status, acknowledgements.
 
 use crate::credit::PAID;
 use crate::error::{DecodeError, EncodeError, Reason};
@@ -15,7 +15,7 @@ pub use crate::parts::{
 };
 use crate::time::WireTime;
 
-/// Longest detail text of a `Nack`, octets.
+/// Longest detail text of a `Nack`, bytes.
 pub const MAX_DETAIL: usize = 200;
 
 impl Default for Withheld {
@@ -34,7 +34,7 @@ impl Status {
 }
 
 impl<'a> Nack<'a> {
-    /// A refusal; `detail` is cut to [`MAX_DETAIL`] octets at a character's end.
+    /// A refusal; `detail` is cut to [`MAX_DETAIL`] bytes at a character's end.
     pub fn new(apid: u16, sequence_count: u16, reason: Reason, detail: &'a str) -> Self {
         let detail = (0..=MAX_DETAIL)
             .rev()
@@ -50,15 +50,16 @@ impl<'a> Nack<'a> {
 
     pub(crate) fn check_layout(&self) -> Result<(), EncodeError> {
         let (what, found, limit) = ("Nack.detail", self.detail.len(), MAX_DETAIL);
-        match found <= limit {
-            true => Ok(()),
-            false => Err(EncodeError::TooLong { what, found, limit }),
+        if found <= limit {
+            Ok(())
+        } else {
+            Err(EncodeError::TooLong { what, found, limit })
         }
     }
 }
 
 impl<'a> Reply<'a> {
-    /// Whether its packets take credit: those of a frame do, answers do not.
+    /// Whether its packets use credit: those of a frame do, answers do not.
     pub fn takes_credit(&self) -> bool {
         PAID.contains(&self.apid())
     }
@@ -66,7 +67,7 @@ impl<'a> Reply<'a> {
     /// Reads exactly one packet.
     ///
     /// # Errors
-    /// Whatever is wrong first: length, CRC, version, type, then the fields in their order.
+    /// The first error in this order: length, CRC, version, type, then the fields.
     pub fn decode(bytes: &'a [u8]) -> Result<(Header, Self), DecodeError> {
         let (header, mut reader) = packet::open(bytes)?;
         let reply = Self::read(header.apid, &mut reader)?;
@@ -75,11 +76,11 @@ impl<'a> Reply<'a> {
         Ok((header, reply))
     }
 
-    /// Writes the packet into `buf` and returns its length; `header_seq_count` is taken modulo 2^14.
+    /// Writes the packet into `buf` and returns its length. `header_seq_count` is modulo 2^14.
     ///
     /// # Errors
-    /// A buffer too small, a text or pixels too long, or lengths that contradict each other. Other values are not
-    /// judged here.
+    /// A buffer too small, a text or pixels too long, or lengths that contradict each other. Other
+    /// values are not checked.
     pub fn encode(
         &self,
         header_seq_count: u16,

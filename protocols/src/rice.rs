@@ -1,13 +1,15 @@
-//! Lossless compression of pixels: the adaptive Rice coder of CCSDS 121.0-B-3, each packet by itself.
+//! Lossless compression of pixels: the adaptive Rice coder of CCSDS 121.0-B-3, each packet
+//! independent of the others.
 //!
-//! Blocks of [`BLOCK`] samples, unit-delay predictor, prediction-error mapper, one option a block: split samples with
-//! `k` low bits, or no compression. The two low-entropy options are not used. A packet opens with a reference sample
-//! and is one reference interval, so any decoder of the standard reads it; its last block is filled up with mapped
-//! samples 0, its last octet with bits 0.
+//! Blocks of [`BLOCK`] samples, unit-delay predictor, prediction-error mapper. Each block has one
+//! option: split samples with `k` low bits, or no compression. The two low-entropy options are not
+//! used. A packet starts with a reference sample and is one reference interval, so any decoder of
+//! the standard reads it. Its last block is filled up with mapped samples 0, its last byte with
+//! bits 0.
 //!
-//! A pixel of a flat field takes, with Gaussian noise of sigma (DN):
+//! Bits of a pixel in a flat field with Gaussian noise of sigma (DN):
 //!
-//! | sigma | bits | smaller than 16 bits |
+//! | sigma | bits | ratio to 16 bits |
 //! |---|---|---|
 //! | 1 | 2.96 | 5.4 times |
 //! | 2 | 3.90 | 4.1 times |
@@ -20,10 +22,11 @@ use crate::error::DecodeError;
 /// Samples of a block: J of the standard.
 pub const BLOCK: usize = 16;
 
-/// Compresses as many of the pixels as fit `out` (whole blocks, or all pixels): how many, and the octets they take.
+/// Compresses as many pixels as fit `out`, in whole blocks or to the last pixel. Returns the number
+/// of pixels and of bytes.
 ///
-/// 1368 octets take at least 672 pixels of any content. A pixel beyond `bits` ends the packet before its block; where
-/// it is in the first block, or `bits` is not 1 to 16, that is `(0, 0)`.
+/// 1368 bytes hold at least 672 pixels of any content. A pixel above `bits` ends the packet before
+/// its block. The result is `(0, 0)` if that is the first block, or if `bits` is not 1 to 16.
 pub fn encode(pixels: &[u16], bits: u8, out: &mut [u8]) -> (usize, usize) {
     let Some(coder) = Coder::new(bits) else {
         return (0, 0);
@@ -36,7 +39,7 @@ pub fn encode(pixels: &[u16], bits: u8, out: &mut [u8]) -> (usize, usize) {
         if block.iter().any(|pixel| *pixel > coder.max) {
             break;
         }
-        // The first sample of a packet is the reference: always whole, never split.
+        // The first sample of a packet is the reference, which is never split.
         let whole = usize::from(last.is_none());
         let mut mapped = [0; BLOCK];
         for (sample, pixel) in mapped.iter_mut().zip(block) {
@@ -59,10 +62,10 @@ pub fn encode(pixels: &[u16], bits: u8, out: &mut [u8]) -> (usize, usize) {
     (taken, writer.at.div_ceil(8))
 }
 
-/// Fills `pixels` from the octets of one packet.
+/// Decompresses one packet into `pixels`.
 ///
 /// # Errors
-/// The octets are not exactly these pixels.
+/// The bytes are not exactly so many pixels.
 pub fn decode(data: &[u8], bits: u8, pixels: &mut [u16]) -> Result<(), DecodeError> {
     let coder = Coder::new(bits).ok_or(corrupt("must have pixels of 1 to 16 bits"))?;
     let mut reader = BitReader { data, at: 0 };
@@ -88,9 +91,9 @@ pub fn decode(data: &[u8], bits: u8, pixels: &mut [u16]) -> Result<(), DecodeErr
         if reader.at > data.len() * 8 {
             return Err(corrupt("must not end before the last pixel"));
         }
-        let most = mapped.iter().fold(0, |most, sample| most.max(*sample));
+        let max = mapped.iter().fold(0, |max, sample| max.max(*sample));
         let padding = mapped.get(block.len()..).unwrap_or_default();
-        if most > coder.max.into() || padding.iter().any(|sample| *sample != 0) {
+        if max > coder.max.into() || padding.iter().any(|sample| *sample != 0) {
             return Err(corrupt("must have samples within bits, 0 after the last"));
         }
         for (pixel, sample) in block.iter_mut().zip(mapped) {
@@ -106,7 +109,6 @@ pub fn decode(data: &[u8], bits: u8, pixels: &mut [u16]) -> Result<(), DecodeErr
     }
 }
 
-/// Refuses the octets of a packet.
 const fn corrupt(rule: &'static str) -> DecodeError {
     DecodeError::BadValue {
         field: "Compressed.data",
@@ -114,7 +116,7 @@ const fn corrupt(rule: &'static str) -> DecodeError {
     }
 }
 
-/// What follows from the bits of a pixel.
+/// Constants for the bits of a pixel.
 struct Coder {
     bits: usize,
     max: u16,
@@ -130,12 +132,12 @@ impl Coder {
         Some(Self { bits, max, id_bits })
     }
 
-    /// The option "no compression"; `k` has the option `k + 1`.
+    /// Identifier of the option "no compression"; split samples have `k + 1`.
     const fn raw_id(&self) -> u32 {
         (1 << self.id_bits) - 1
     }
 
-    /// The prediction error mapper: errors of either sign in turn, then those that only one sign can have.
+    /// The prediction error mapper: errors of alternating sign, then of the only possible sign.
     fn map(&self, predicted: u16, pixel: u16) -> u16 {
         let side = predicted.min(self.max - predicted);
         let error = pixel.abs_diff(predicted);
@@ -163,19 +165,19 @@ impl Coder {
         }
     }
 
-    /// The shortest option for these samples, and its bits. `None` is no compression.
+    /// The shortest option for these samples, and its length in bits. `None`: no compression.
     ///
-    /// Splitting off one bit more costs a bit a sample and saves half of what stands above, rounded up: the first `k`
-    /// at which that saves nothing is the best one.
+    /// One more split bit costs one bit a sample and saves half of the unary part, rounded up. The
+    /// first `k` without a saving is the best.
     fn choose(&self, samples: &[u16]) -> (Option<usize>, usize) {
         let sum = |part: fn(u16) -> u16, k| {
             let parts = samples.iter().map(|sample| part(sample >> k));
             parts.map(usize::from).sum::<usize>()
         };
-        let most = self.raw_id() as usize - 2;
-        let k = (0..most)
+        let max_k = self.raw_id() as usize - 2;
+        let k = (0..max_k)
             .find(|k| sum(|s| s.div_ceil(2), *k) <= samples.len())
-            .unwrap_or(most);
+            .unwrap_or(max_k);
         let split = sum(|s| s, k) + samples.len() * (k + 1);
         let raw = samples.len() * self.bits;
         if split < raw {
@@ -186,14 +188,14 @@ impl Coder {
     }
 }
 
-/// Bits into octets that are 0, most significant first.
+/// Writes bits into zeroed bytes, most significant first.
 struct BitWriter<'b> {
     out: &'b mut [u8],
     at: usize,
 }
 
 impl BitWriter<'_> {
-    /// A value of 0 to 32 bits.
+    /// Writes a value of 0 to 32 bits.
     fn put(&mut self, value: u32, bits: usize) {
         let word = (u64::from(value) << 32 << (32 - bits)) >> (self.at % 8);
         let bytes = self.out.get_mut(self.at / 8..).unwrap_or_default();
@@ -203,7 +205,7 @@ impl BitWriter<'_> {
         self.at += bits;
     }
 
-    /// The low 0 to 16 bits of each.
+    /// Writes the low 0 to 16 bits of each sample.
     fn all(&mut self, samples: &[u16], bits: usize) {
         let mask = (1 << bits) - 1;
         for sample in samples {
@@ -211,21 +213,21 @@ impl BitWriter<'_> {
         }
     }
 
-    /// So many bits 0, then a 1. Zeros are there already.
+    /// Writes so many bits 0, then a 1. The bytes are 0 already.
     fn unary(&mut self, zeros: u16) {
         self.at += usize::from(zeros);
         self.put(1, 1);
     }
 }
 
-/// Bits from octets, most significant first; 0 beyond the end.
+/// Reads bits from bytes, most significant first; 0 beyond the end.
 struct BitReader<'a> {
     data: &'a [u8],
     at: usize,
 }
 
 impl BitReader<'_> {
-    /// The next 57 bits or more, at the top.
+    /// The next 57 bits or more, from the most significant bit.
     fn peek(&self) -> u64 {
         let rest = self.data.get(self.at / 8..).unwrap_or_default();
         let bytes = rest.first_chunk().copied().unwrap_or_else(|| {
@@ -245,7 +247,7 @@ impl BitReader<'_> {
         value as u32
     }
 
-    /// The zeros before the next 1, at most 2^16: no sample has as many.
+    /// The number of zeros before the next 1, limited to 2^16: no sample has so many.
     fn unary(&mut self) -> u32 {
         let mut count = 0;
         while self.peek() >> 7 == 0 && count < 1 << 16 {

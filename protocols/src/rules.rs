@@ -1,4 +1,4 @@
-//! What the fields of a message may be asked for.
+//! Checks of the values of fields.
 
 use crate::error::DecodeError;
 
@@ -15,7 +15,8 @@ pub(crate) fn rule(
     }
 }
 
-/// Refuses anything but finite numbers above zero. The text names the range, where the receiver has a narrower one.
+/// Refuses anything but finite numbers above zero. The receiver may have a narrower range, which
+/// `text` then states.
 pub(crate) fn positive(
     field: &'static str,
     value: f64,
@@ -24,7 +25,7 @@ pub(crate) fn positive(
     rule(value.is_finite() && value > 0.0, field, text)
 }
 
-/// Refuses a NaN and an infinity in an attitude.
+/// Refuses NaN and infinity in an attitude.
 pub(crate) fn finite(field: &'static str, numbers: &[f64]) -> Result<(), DecodeError> {
     if numbers.iter().all(|number| number.is_finite()) {
         Ok(())

@@ -1,4 +1,4 @@
-//! The 14-bit sequence counts: one run of numbers per APID, by which the other end sees what is missing.
+//! The 14-bit sequence counts: one for each APID, so that the receiver detects missing packets.
 
 use crate::packet::{SEQUENCE_MODULUS, apid};
 
@@ -23,7 +23,7 @@ impl SequenceCounts {
         count
     }
 
-    /// The same, not taken yet: for a packet that may not leave.
+    /// The next count, without advancing it: for a packet that may not be sent.
     pub fn peek(&self, apid: u16) -> u16 {
         apid::index(apid)
             .and_then(|row| self.0.get(row))
@@ -42,10 +42,10 @@ impl GapDetector {
         Self([None; KINDS])
     }
 
-    /// How many packets with this APID are missing just before this one.
+    /// Number of packets with this APID that are missing just before this one.
     ///
-    /// The first packet sets the start. A step back of up to half the range is a late or repeated packet and reports
-    /// nothing; a jump ahead of more than half of it cannot be told from one.
+    /// The first packet sets the start. A step back of up to half the range is a late or repeated
+    /// packet and counts as 0. A larger jump ahead is indistinguishable from it.
     pub fn missing(&mut self, apid: u16, sequence_count: u16) -> u16 {
         let Some(expected) = apid::index(apid).and_then(|row| self.0.get_mut(row)) else {
             return 0;

@@ -1,32 +1,32 @@
 //! Packets on a serial line: RFC 1055 SLIP around packet and CRC-32.
 //!
-//! A frame on the line is `END, escaped(packet, CRC-32 big-endian), END`. END never occurs inside, so the receiver is
-//! back in step at the next END after any garbage. Two ENDs in a row are an empty frame and mean nothing.
+//! A frame on the line is `END, escaped(packet, CRC-32 big-endian), END`. END never occurs inside,
+//! so the receiver is synchronised again at the next END after garbage. Empty frames are ignored.
 
 use crate::crc::crc32;
 use crate::packet::MAX_PACKET;
 use core::fmt;
 
-/// Ends a frame, and opens it too, to flush line noise.
+/// Ends a frame, and also starts it, to flush line noise.
 pub const END: u8 = 0xC0;
-/// Announces an escaped octet.
+/// Starts an escaped byte.
 pub const ESC: u8 = 0xDB;
-/// After ESC: an END octet of the data.
+/// After ESC: an END byte of the data.
 pub const ESC_END: u8 = 0xDC;
-/// After ESC: an ESC octet of the data.
+/// After ESC: an ESC byte of the data.
 pub const ESC_ESC: u8 = 0xDD;
 
 const CRC_LENGTH: usize = 4;
 
-/// A decoder's buffer size that holds every packet.
+/// Buffer size of a decoder for every packet.
 pub const BUFFER: usize = MAX_PACKET + CRC_LENGTH;
 
-/// Most octets on the line for a packet of `length` octets: every octet escaped, END on both sides.
+/// Largest length on the line of a packet of `length` bytes: every byte escaped, END on both sides.
 pub const fn max_encoded_length(length: usize) -> usize {
     2 * (length + CRC_LENGTH) + 2
 }
 
-/// Hands the octets of one frame to `put`, in the order of the line.
+/// Passes the bytes of one frame to `put`, in the order of the line.
 pub fn encode(packet: &[u8], put: &mut impl FnMut(u8)) {
     put(END);
     for byte in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
@@ -39,29 +39,29 @@ pub fn encode(packet: &[u8], put: &mut impl FnMut(u8)) {
     put(END);
 }
 
-/// Why octets between two ENDs are not a frame.
+/// Why bytes between two ENDs are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameError {
-    /// No packet and CRC-32 fit in so few octets.
+    /// Too short for a packet and CRC-32.
     TooShort {
-        /// Octets between the ENDs, unescaped.
+        /// Bytes between the ENDs, unescaped.
         found: usize,
     },
-    /// More octets than the decoder's buffer holds.
+    /// Longer than the decoder's buffer.
     TooLong {
-        /// Octets that it holds.
+        /// Size of the buffer in bytes.
         limit: usize,
     },
-    /// ESC before something other than ESC_END or ESC_ESC.
+    /// ESC before a byte other than ESC_END or ESC_ESC.
     BadEscape {
-        /// The octet after ESC.
+        /// The byte after ESC.
         found: u8,
     },
-    /// The CRC-32 does not fit.
+    /// Wrong CRC-32.
     BadCrc32 {
-        /// The last four octets.
+        /// The last four bytes.
         found: u32,
-        /// The checksum of the octets before them.
+        /// The checksum of the bytes before them.
         expected: u32,
     },
 }
@@ -92,18 +92,18 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// Finds frames in a stream of octets; holds packets of up to `N - 4` octets. [`BUFFER`] holds every packet.
+/// Finds frames in a stream of bytes. `N - 4` is the longest packet; [`BUFFER`] fits every packet.
 #[derive(Debug, Clone)]
 pub struct Decoder<const N: usize> {
     buffer: [u8; N],
     length: usize,
     escaped: bool,
-    /// What went wrong in the present frame; its other octets are skipped.
+    /// Error of the current frame; its other bytes are skipped.
     error: Option<FrameError>,
 }
 
 impl<const N: usize> Decoder<N> {
-    /// Waits for the first frame.
+    /// A decoder at the start of a frame.
     pub const fn new() -> Self {
         Self {
             buffer: [0; N],
@@ -113,7 +113,7 @@ impl<const N: usize> Decoder<N> {
         }
     }
 
-    /// Takes one octet from the line; at the END of a frame that is not empty, gives its packet or what is wrong.
+    /// Processes one byte from the line; returns a packet or its error at the END of a frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<&[u8], FrameError>> {
         match byte {
             END => return self.end(),
@@ -147,10 +147,7 @@ impl<const N: usize> Decoder<N> {
         }
         let broken = error.or(escaped.then_some(FrameError::BadEscape { found: END }));
         let frame = self.buffer.get(..length).unwrap_or_default();
-        Some(match broken {
-            Some(error) => Err(error),
-            None => check(frame),
-        })
+        Some(broken.map_or_else(|| check(frame), Err))
     }
 }
 

@@ -1,6 +1,6 @@
-//! Enums and counters from the tables of the generated code.
+//! Macros for the enums and counters of the generated code.
 
-/// An enum with one code on the wire per variant, the list of them all, and their names.
+/// An enum with a wire code for each variant, the list of all variants, and their names.
 macro_rules! wire_enum {
     ($(#[$doc:meta])* pub enum $name:ident: $code:ty {
         $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)+
@@ -11,18 +11,18 @@ macro_rules! wire_enum {
         pub enum $name { $($(#[$variant_doc])* $variant = $value,)+ }
 
         impl $name {
-            /// All of them, in the order of their codes.
+            /// All variants, in the order of their codes.
             pub const ALL: &'static [Self] = &[$(Self::$variant),+];
 
             /// The code on the wire.
             pub const fn code(self) -> $code { self as $code }
 
-            /// The one that has this code.
+            /// The variant with this code.
             pub const fn from_code(code: $code) -> Option<Self> {
                 match code { $($value => Some(Self::$variant),)+ _ => None }
             }
 
-            /// The name that the ICD uses.
+            /// The name in the ICD.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$variant => stringify!($variant),)+ }
             }
@@ -31,7 +31,7 @@ macro_rules! wire_enum {
 }
 pub(crate) use wire_enum;
 
-/// The counters: their structure, their names, and both in the order of the wire.
+/// The structure of the counters and their names, in the order of the wire.
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident,)+) => {
         /// Counts since the emulator started, modulo 2^32; in this order on the wire.

@@ -1,6 +1,6 @@
 //! The time field: CCSDS 301.0-B unsegmented time code (CUC), level 1.
 //!
-//! 4 octets of seconds and 4 octets of fraction since 1958-01-01T00:00:00 TAI, big-endian, with the
+//! 4 bytes of seconds and 4 bytes of fraction since 1958-01-01T00:00:00 TAI, big-endian, with the
 //! P-field implicit. One unit is 2^-32 s (0.23 ns), so whole nanoseconds survive the round trip.
 
 const NANOSECONDS: u64 = 1_000_000_000;
@@ -9,13 +9,13 @@ const NANOSECONDS: u64 = 1_000_000_000;
 /// 58 years with 14 leap days, 21,184 days.
 pub const TAI_1900_TO_1958_S: u64 = 21_184 * 86_400;
 
-/// A TAI instant in units of 2^-32 s since 1958-01-01T00:00:00 TAI; runs out in February 2094.
+/// A TAI instant in units of 2^-32 s since 1958-01-01T00:00:00 TAI; ends in February 2094.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct WireTime(pub u64);
 
 impl WireTime {
     /// The instant `ns` nanoseconds after 1958-01-01 TAI, rounded to the nearest 2^-32 s;
-    /// `None` beyond the 2^32 seconds that the field holds.
+    /// `None` beyond the 2^32 seconds of the field.
     pub const fn from_tai_nanoseconds(ns: u64) -> Option<Self> {
         let (seconds, rest) = (ns / NANOSECONDS, ns % NANOSECONDS);
         if seconds > u32::MAX as u64 {

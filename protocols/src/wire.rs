@@ -1,13 +1,13 @@
-//! Bounded big-endian reading and writing: the only places that touch octets by position.
+//! Bounded big-endian reading and writing: only this module accesses bytes by position.
 
 use crate::error::{DecodeError, EncodeError};
 use crate::rules;
 use crate::time::WireTime;
 
-/// Octets after the payload.
+/// Bytes after the payload.
 pub const CRC_LENGTH: usize = 2;
 
-/// Reads fields from `bytes`, which end before the CRC; positions count from the packet's first octet.
+/// Reads fields from `bytes`, which end before the CRC; positions start at the packet.
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -15,7 +15,7 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Reads on from octet `at`; `what` names the packet in errors.
+    /// Reads from byte `at`; `what` names the packet in errors.
     pub fn new(bytes: &'a [u8], at: usize, what: &'static str) -> Self {
         Self { bytes, at, what }
     }
@@ -60,7 +60,7 @@ impl<'a> Reader<'a> {
         self.u64().map(WireTime)
     }
 
-    /// An octet that is one of some codes.
+    /// Reads a code.
     pub fn code<T>(
         &mut self,
         from_code: fn(u8) -> Option<T>,
@@ -70,27 +70,27 @@ impl<'a> Reader<'a> {
         from_code(self.u8()?).ok_or(DecodeError::BadValue { field, rule })
     }
 
-    /// An octet with no bits but those of `most`, a number of ones.
+    /// Reads flags, at most those of `all`, whose set bits are the lowest.
     pub fn flags(
         &mut self,
-        most: u8,
+        all: u8,
         field: &'static str,
         rule: &'static str,
     ) -> Result<u8, DecodeError> {
         let flags = self.u8()?;
-        rules::rule(flags <= most, field, rule)?;
+        rules::rule(flags <= all, field, rule)?;
         Ok(flags)
     }
 
-    /// All octets up to the CRC: UTF-8, at most `most` of them.
+    /// All bytes up to the CRC as UTF-8, at most `max`.
     pub fn text(
         &mut self,
-        most: usize,
+        max: usize,
         field: &'static str,
         rule: &'static str,
     ) -> Result<&'a str, DecodeError> {
         let bytes = self.rest();
-        rules::rule(bytes.len() <= most, field, rule)?;
+        rules::rule(bytes.len() <= max, field, rule)?;
         core::str::from_utf8(bytes).map_err(|_| DecodeError::BadValue {
             field,
             rule: "must be UTF-8",
@@ -105,22 +105,23 @@ impl<'a> Reader<'a> {
         Ok(numbers)
     }
 
-    /// All octets up to the CRC.
+    /// All bytes up to the CRC.
     pub fn rest(&mut self) -> &'a [u8] {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         self.at += rest.len();
         rest
     }
 
-    /// Refuses octets that no field has claimed.
+    /// Refuses bytes after the last field.
     pub fn finish(self) -> Result<(), DecodeError> {
-        match self.at == self.bytes.len() {
-            true => Ok(()),
-            false => Err(self.length(self.at)),
+        if self.at == self.bytes.len() {
+            Ok(())
+        } else {
+            Err(self.length(self.at))
         }
     }
 
-    /// Both lengths as those of the whole packet, its CRC included.
+    /// An error with the lengths of the whole packet, its CRC included.
     fn length(&self, end: usize) -> DecodeError {
         let (found, expected) = (self.bytes.len() + CRC_LENGTH, end + CRC_LENGTH);
         DecodeError::BadLength {
@@ -131,7 +132,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Writes fields into the caller's buffer, never past `limit` octets.
+/// Writes fields into the caller's buffer, never past `limit` bytes.
 pub(crate) struct Writer<'b> {
     buffer: &'b mut [u8],
     at: usize,
@@ -189,7 +190,7 @@ impl<'b> Writer<'b> {
         values.iter().try_for_each(|value| self.f64(*value))
     }
 
-    /// What has been written so far, and nothing after it.
+    /// The bytes written so far.
     pub fn written(self) -> &'b mut [u8] {
         self.buffer.get_mut(..self.at).unwrap_or_default()
     }

@@ -1,4 +1,4 @@
-//! `vectors/golden.txt` in other forms, both ways: on a serial line, as CAN frames, compressed pixels.
+//! `vectors/golden.txt` in other forms: on a serial line, as CAN frames, compressed pixels.
 
 use crate::common::{Vector, golden, hex};
 use skyloop_protocols::can::form::Frames;
@@ -15,14 +15,14 @@ fn serial_vector_in_both_directions() {
         .expect("a serial vector");
     let packet = hex(v.text("packet"));
     let mut line = Vec::new();
-    slip::encode(&packet, &mut |octet| line.push(octet));
+    slip::encode(&packet, &mut |byte| line.push(byte));
     assert_eq!(line, v.bytes);
     let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
     let mut frames = Vec::new();
-    for octet in line {
+    for byte in line {
         frames.extend(
             decoder
-                .push(octet)
+                .push(byte)
                 .map(|frame| frame.expect("good").to_vec()),
         );
     }
@@ -65,7 +65,7 @@ fn can_vectors_in_both_directions() {
                 assert_eq!(received, packet.bytes, "{}", v.name);
                 continue;
             }
-            // The answers are counted anew.
+            // The receiver numbers Acks, so only the content is equal.
             let [found, expected] =
                 [received, &packet.bytes].map(|packet| Reply::decode(packet).expect(&v.name).1);
             assert_eq!(found, expected, "{}", v.name);
@@ -76,7 +76,7 @@ fn can_vectors_in_both_directions() {
 }
 
 #[test]
-fn compressed_blocks_give_their_pixels() {
+fn compressed_vectors_in_both_directions() {
     let vectors = golden();
     let compressed: Vec<&Vector> = vectors.iter().filter(|v| v.has("pixel_bits")).collect();
     for v in &compressed {

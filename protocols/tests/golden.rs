@@ -1,4 +1,4 @@
-//! `vectors/golden.txt` in both directions: decode(hex) gives the fields, encoding them the hex.
+//! `vectors/golden.txt` in both directions: decode(hex) gives the fields, encode(fields) the hex.
 
 use crate::common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
@@ -10,7 +10,7 @@ use skyloop_protocols::{
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
-/// The fields of a decoded message, from its `Debug` text: each name with its numbers.
+/// The fields of a decoded message with their values, from its `Debug` text.
 fn fields(message: &impl Debug) -> BTreeMap<String, Vec<String>> {
     let mut fields: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut name = String::new();
@@ -28,7 +28,7 @@ fn fields(message: &impl Debug) -> BTreeMap<String, Vec<String>> {
     fields
 }
 
-/// The fields that hold codes, and their types.
+/// Fields with codes, and the types of the codes.
 const CODED: [(&str, &str); 13] = [
     ("attitude_source", "AttitudeSource"),
     ("direction", "Direction"),
@@ -45,7 +45,7 @@ const CODED: [(&str, &str); 13] = [
     ("withheld", "Withheld"),
 ];
 
-/// The code of a field's value by its name.
+/// The code of the value `name` of a field.
 fn code(field: &str, name: &str) -> Option<&'static str> {
     let (_, kind) = CODED.iter().find(|(known, _)| *known == field)?;
     let codes = include_str!("../src/generated/codes.rs");
@@ -54,14 +54,14 @@ fn code(field: &str, name: &str) -> Option<&'static str> {
     lines.find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "))
 }
 
-/// Refuses a message whose fields are not those that the vector lists.
+/// Compares the fields of a message with those of the vector.
 fn compare(v: &Vector, message: &impl Debug) {
     let is_block = ["PixelBlock", "Windows", "Compressed"].contains(&v.text("message"));
     let mut listed = 0;
     for (name, mut found) in fields(message) {
         let key = match name.as_str() {
             "state" => continue,
-            // Pixels and records are compared by other tests of this file.
+            // Other tests of this file compare pixels and records.
             "data" if !v.has("data") => {
                 assert!(v.has("pixels") || v.has("records"), "{}: {name}", v.name);
                 continue;
@@ -81,7 +81,7 @@ fn compare(v: &Vector, message: &impl Debug) {
         }
         let mut expected: Vec<String> = match key {
             "detail" => vec![format!("{:?}", v.text(key))],
-            "text" => v.text(key).bytes().map(|octet| octet.to_string()).collect(),
+            "text" => v.text(key).bytes().map(|byte| byte.to_string()).collect(),
             "data" => hex(v.text(key)).iter().map(u8::to_string).collect(),
             _ if v.text(key).starts_with("0x") => vec![v.integer::<u64>(key).to_string()],
             _ => v.text(key).split_whitespace().map(str::to_owned).collect(),
@@ -92,7 +92,7 @@ fn compare(v: &Vector, message: &impl Debug) {
         assert_eq!(found, expected, "{}: {name}", v.name);
         listed += 1;
     }
-    // Message, sequence_count, time and hex stand in all. The rest of a packet is compared elsewhere.
+    // All vectors have message, sequence_count, time and hex. Other tests compare the rest.
     let elsewhere = ["opcode", "places", "records", "pixel_bits"];
     let mut elsewhere = elsewhere.iter().filter(|key| v.has(key)).count();
     elsewhere += usize::from(is_block && v.has("pixels"));
@@ -167,14 +167,14 @@ fn pixel_blocks_give_their_pixels() {
 }
 
 #[test]
-fn windows_give_their_places_and_pixels() {
+fn windows_give_their_positions_and_pixels() {
     for v in golden().iter().filter(|v| v.has("places")) {
         let Ok((_, Reply::Windows(block))) = Reply::decode(&v.bytes) else {
             panic!("{}", v.name)
         };
-        let (mut places, mut all) = (Vec::new(), Vec::new());
+        let (mut positions, mut all) = (Vec::new(), Vec::new());
         for window in block.windows() {
-            places.extend([u64::from(window.column), u64::from(window.row)]);
+            positions.extend([u64::from(window.column), u64::from(window.row)]);
             let mut pixels = vec![0; usize::from(block.size).pow(2)];
             assert_eq!(
                 unpack(block.packing, window.data, &mut pixels),
@@ -183,7 +183,7 @@ fn windows_give_their_places_and_pixels() {
             all.extend(pixels);
         }
         let expected = (v.integers("places"), pixels(v));
-        assert_eq!((places, all), expected, "{}", v.name);
+        assert_eq!((positions, all), expected, "{}", v.name);
     }
 }
 
@@ -208,8 +208,8 @@ fn objects_give_their_numbers() {
     assert_eq!((star.mag, star.snr, star.electrons), (4.75, 31.5, 12000.0));
     assert_eq!(flags(rso), [true, true, false]);
     assert!(rso.mag.is_nan());
-    let octets: Vec<u8> = objects.iter().flat_map(ObjectRecord::to_bytes).collect();
-    assert_eq!(octets, part.data);
+    let bytes: Vec<u8> = objects.iter().flat_map(ObjectRecord::to_bytes).collect();
+    assert_eq!(bytes, part.data);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The hand-written text of `docs/icd.md` names the limits of the code; its tables are generated.
+//! The hand-written text of `docs/icd.md` has the limits of the code; its tables are generated.
 
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PAYLOAD, VERSION};
 use skyloop_protocols::pixels::{LABEL_TEXT_PER_PART, pixels_per_block};
@@ -6,14 +6,14 @@ use skyloop_protocols::reply::MAX_DETAIL;
 use skyloop_protocols::{LabelPart, MAX_PACKET, Packing, PixelBlock, slip};
 
 #[test]
-fn every_limit_is_named() {
-    let least = HEADER_LENGTH + CRC_LENGTH;
+fn every_limit_is_in_the_text() {
+    let min = HEADER_LENGTH + CRC_LENGTH;
     let [bits12, bits16] = [Packing::Bits12, Packing::Bits16].map(pixels_per_block);
     let data = HEADER_LENGTH + PixelBlock::FIELDS_LENGTH;
     let text = HEADER_LENGTH + LabelPart::FIELDS_LENGTH;
     let sentences = [
         format!("format version {VERSION} "),
-        format!("At most {MAX_PACKET} octets, at least {least}."),
+        format!("At most {MAX_PACKET} octets, at least {min}."),
         format!("0 to {MAX_PAYLOAD} |"),
         format!("a full block has {bits12} pixels with packing 12"),
         format!("and {bits16} with packing 16"),

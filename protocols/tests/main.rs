@@ -1,4 +1,4 @@
-//! Tests of the wire formats. The fuzz targets have a program of their own, which measures its memory.
+//! Tests of the wire formats. The fuzz targets are a separate program, which measures its memory.
 
 mod can;
 mod common;

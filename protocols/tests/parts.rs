@@ -1,4 +1,4 @@
-//! The parts by themselves, against published values and edge cases.
+//! Each module by itself, against published values and edge cases.
 
 use skyloop_protocols::crc::{Crc32, crc16, crc32};
 use skyloop_protocols::credit::CreditAccount;
@@ -17,8 +17,8 @@ use skyloop_protocols::{
 
 #[test]
 fn checksums_have_their_published_check_values() {
-    // X-Val: check values of CRC-16/IBM-3740 (alias CCITT-FALSE) and CRC-32/ISO-HDLC in the catalogue of parametrised
-    // CRC algorithms.
+    // X-Val: check values of CRC-16/IBM-3740 (alias CCITT-FALSE) and CRC-32/ISO-HDLC in the
+    // catalogue of parametrised CRC algorithms.
     assert_eq!(crc16(b"123456789"), 0x29B1);
     assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
     assert_eq!(crc16(b""), 0xFFFF);
@@ -27,14 +27,14 @@ fn checksums_have_their_published_check_values() {
 
 #[test]
 fn checksums_agree_with_division_bit_by_bit_at_every_length() {
-    // Of every kind of length that is folded together: up to eleven blocks of 128 and any rest.
-    let octet = |n: u32| (n.wrapping_mul(0x9E37_79B1) >> 24) as u8;
-    let octets: Vec<u8> = (0..1450).map(octet).collect();
-    for length in 0..octets.len() {
+    // Up to eleven folded blocks of 128 bytes, and any rest.
+    let byte = |n: u32| (n.wrapping_mul(0x9E37_79B1) >> 24) as u8;
+    let bytes: Vec<u8> = (0..1450).map(byte).collect();
+    for length in 0..bytes.len() {
         let (mut slow16, mut slow32) = (0xFFFF_u16, u32::MAX);
-        for octet in &octets[..length] {
-            slow16 ^= u16::from(*octet) << 8;
-            slow32 ^= u32::from(*octet);
+        for byte in &bytes[..length] {
+            slow16 ^= u16::from(*byte) << 8;
+            slow32 ^= u32::from(*byte);
             for _ in 0..8 {
                 slow16 = if slow16 & 0x8000 == 0 {
                     slow16 << 1
@@ -48,22 +48,22 @@ fn checksums_agree_with_division_bit_by_bit_at_every_length() {
                 };
             }
         }
-        assert_eq!(crc16(&octets[..length]), slow16);
-        assert_eq!(crc32(&octets[..length]), !slow32);
-        let (head, tail) = octets[..length].split_at(length / 3);
+        assert_eq!(crc16(&bytes[..length]), slow16);
+        assert_eq!(crc32(&bytes[..length]), !slow32);
+        let (head, tail) = bytes[..length].split_at(length / 3);
         assert_eq!(Crc32::new().update(head).update(tail).finish(), !slow32);
     }
 }
 
 #[test]
-fn pixel_checksum_is_that_of_big_endian_octets() {
+fn pixel_checksum_is_that_of_big_endian_bytes() {
     for count in 0..20 {
         let pixels: Vec<u16> = (0..count).map(|n| n * 3277).collect();
-        let octets: Vec<u8> = pixels
+        let bytes: Vec<u8> = pixels
             .iter()
             .flat_map(|pixel| pixel.to_be_bytes())
             .collect();
-        assert_eq!(Crc32::new().update_pixels(&pixels).finish(), crc32(&octets));
+        assert_eq!(Crc32::new().update_pixels(&pixels).finish(), crc32(&bytes));
     }
 }
 
@@ -72,7 +72,7 @@ fn time_code_of_known_instants() {
     // 2019-06-15T23:35:50 UTC: 22,445 days and 84,950 s after 1958-01-01, and 37 s of TAI - UTC.
     let seconds = 22_445 * 86_400 + 84_950 + 37;
     assert_eq!(seconds, 0x7397_DF7B); // the golden vectors' time
-    // The time code holds 2^32 s and no more.
+    // The time code holds 2^32 s.
     const BEYOND: u64 = (1 << 32) * 1_000_000_000;
     for (ns, code) in [
         (0, Some(0)),
@@ -90,13 +90,13 @@ fn time_code_of_known_instants() {
         );
     }
     assert_eq!(WireTime(u64::MAX).tai_nanoseconds(), BEYOND);
-    // NTP's era 0 begins 1900-01-01, Unix time 1970-01-01, 2,208,988,800 s later (RFC 5905, figure 4): 12 years and 3
-    // leap days before that is 1958.
+    // NTP's era 0 begins 1900-01-01, Unix time 1970-01-01, 2,208,988,800 s later (RFC 5905, figure
+    // 4). 1958 is 12 years and 3 leap days before 1970.
     assert_eq!(TAI_1900_TO_1958_S, 2_208_988_800 - (12 * 365 + 3) * 86_400);
 }
 
 #[test]
-fn twelve_bit_pixels_stand_first_bit_first() {
+fn twelve_bit_pixels_are_packed_first_bit_first() {
     let mut data = [0; 5];
     pack(Packing::Bits12, &[0x123, 0x456, 0x789], &mut data).expect("fits");
     assert_eq!(data, [0x12, 0x34, 0x56, 0x78, 0x90]);
@@ -114,28 +114,28 @@ fn twelve_bit_pixels_stand_first_bit_first() {
 }
 
 #[test]
-fn unpacking_stops_where_pixels_or_octets_end() {
+fn unpacking_stops_where_pixels_or_bytes_end() {
     const DATA: [u8; 7] = [0x12, 0x34, 0x56, 0x78, 0x9A, 0xBC, 0xDE];
     let (bits12, bits16) = (Packing::Bits12, Packing::Bits16);
-    // Octets, room for pixels; the pixels.
+    // Bytes, room for pixels, unpacked pixels.
     let cases: [(Packing, usize, usize, &[u16]); 6] = [
-        (bits12, 7, 9, &[0x123, 0x456, 0x789, 0xABC]), // an octet alone is no pixel
+        (bits12, 7, 9, &[0x123, 0x456, 0x789, 0xABC]), // a byte alone is no pixel
         (bits12, 7, 3, &[0x123, 0x456, 0x789]),
-        (bits12, 5, 9, &[0x123, 0x456]), // pairs only, unless the last of an odd number is asked for
+        (bits12, 5, 9, &[0x123, 0x456]), // an odd pixel only if it is the last of `pixels`
         (bits16, 7, 9, &[0x1234, 0x5678, 0x9ABC]),
         (bits12, 0, 9, &[]),
         (bits16, 7, 0, &[]),
     ];
-    for (packing, octets, room, expected) in cases {
+    for (packing, bytes, room, expected) in cases {
         let mut pixels = vec![0xFFFF; room];
-        let count = unpack(packing, &DATA[..octets], &mut pixels);
-        assert_eq!(&pixels[..count], expected, "{packing:?}, {octets} octets");
+        let count = unpack(packing, &DATA[..bytes], &mut pixels);
+        assert_eq!(&pixels[..count], expected, "{packing:?}, {bytes} bytes");
     }
 }
 
 #[test]
 fn blocks_are_full_and_fit_a_packet() {
-    // 1400 - 15 - 2 - 15 = 1368 octets of pixels.
+    // 1400 - 15 - 2 - 15 = 1368 bytes of pixels.
     for (packing, pixels) in [(Packing::Bits12, 912), (Packing::Bits16, 684)] {
         assert_eq!(pixels_per_block(packing), pixels);
         assert_eq!(packed_length(packing, pixels), 1368);
@@ -164,12 +164,12 @@ fn block(index: u32, first_pixel: u32, count: usize, data: &[u8]) -> PixelBlock<
     }
 }
 
-/// Octets of the packet.
+/// Encodes a packet and returns its length.
 fn encode(reply: Reply<'_>) -> Result<usize, EncodeError> {
     reply.encode(0, WireTime(0), &mut [0; MAX_PACKET])
 }
 
-/// What a packet of 1401 octets meets.
+/// The error of a packet of 1401 bytes.
 const TOO_LONG: EncodeError = EncodeError::TooLong {
     what: "packet",
     found: 1401,
@@ -177,7 +177,7 @@ const TOO_LONG: EncodeError = EncodeError::TooLong {
 };
 
 #[test]
-fn blocks_that_contradict_themselves_are_not_written() {
+fn inconsistent_blocks_are_not_encoded() {
     let long = encode(Reply::PixelBlock(block(0, 0, 914, &[0; 1371])));
     assert_eq!(long, Err(TOO_LONG));
     let short = block(0, 0, 3, &[0; 2]);
@@ -192,7 +192,7 @@ fn blocks_that_contradict_themselves_are_not_written() {
 }
 
 #[test]
-fn label_text_is_cut_into_full_parts() {
+fn label_text_is_divided_into_full_parts() {
     for (length, parts) in [
         (0, Some(0)),
         (1, Some(1)),
@@ -220,7 +220,7 @@ fn label_text_is_cut_into_full_parts() {
 }
 
 #[test]
-fn quaternion_is_accepted_up_to_a_thousandth_off() {
+fn quaternion_norm_has_a_tolerance() {
     let norms = [
         (0.0, false),
         (0.9989, false),
@@ -249,23 +249,23 @@ fn quaternion_is_accepted_up_to_a_thousandth_off() {
 }
 
 #[test]
-fn serial_frame_of_known_octets() {
+fn serial_frame_of_known_bytes() {
     let mut line = Vec::new();
-    slip::encode(b"123456789", &mut |octet| line.push(octet));
+    slip::encode(b"123456789", &mut |byte| line.push(byte));
     // The packet, then CBF43926, its CRC-32.
     assert_eq!(line, b"\xC0123456789\xCB\xF4\x39\x26\xC0");
     line.clear();
-    slip::encode(&[END, ESC], &mut |octet| line.push(octet));
+    slip::encode(&[END, ESC], &mut |byte| line.push(byte));
     assert_eq!(line[..5], [0xC0, 0xDB, 0xDC, 0xDB, 0xDD]); // RFC 1055
 }
 
 #[test]
-fn serial_decoder_names_what_is_wrong_and_goes_on() {
+fn serial_decoder_reports_errors_and_continues() {
     let mut decoder = Decoder::<16>::new();
     let mut feed = |line: &[u8]| -> Vec<Result<Vec<u8>, FrameError>> {
         let frames = line
             .iter()
-            .filter_map(|octet| Some(decoder.push(*octet)?.map(<[u8]>::to_vec)));
+            .filter_map(|byte| Some(decoder.push(*byte)?.map(<[u8]>::to_vec)));
         frames.collect()
     };
     let good = b"\xC0123456789\xCB\xF4\x39\x26\xC0";
@@ -302,12 +302,12 @@ fn sequence_counts_run_per_kind_and_wrap() {
     assert_eq!(
         [counts.next(0x7FF), counts.next(0x7FF)],
         [0, 0],
-        "no kind of ours"
+        "unknown APID"
     );
 }
 
 #[test]
-fn gaps_are_told_from_late_packets() {
+fn gaps_are_distinguished_from_late_packets() {
     let mut gaps = GapDetector::new();
     for (count, missing, what) in [
         (16380, 0, "the first"),
@@ -323,38 +323,32 @@ fn gaps_are_told_from_late_packets() {
     }
     assert_eq!(gaps.missing(apid::LABELS, 16382), 0, "another kind");
     assert_eq!(gaps.missing(apid::LABELS, 2), 3, "16383, 0 and 1");
-    assert_eq!(gaps.missing(0x7FF, 5), 0, "no kind of ours");
+    assert_eq!(gaps.missing(0x7FF, 5), 0, "unknown APID");
 }
 
 #[test]
 fn credit_is_cumulative() {
     let mut account = CreditAccount::new();
-    assert!(
-        account.may_send(),
-        "a client that never grants is not paced"
-    );
-    // What is granted, and how many packets leave then. 1 and 4 are late datagrams.
-    for (granted, leave) in [(2, 2), (1, 0), (3, 1), (6, 0), (4, 3)] {
+    assert!(account.may_send(), "no limit before the first grant");
+    // Grant, then number of sent packets. 1 and 4 are late datagrams.
+    for (granted, sent) in [(2, 2), (1, 0), (3, 1), (6, 0), (4, 3)] {
         account.grant(granted);
-        for _ in 0..leave {
+        for _ in 0..sent {
             assert!(account.may_send(), "after {granted}");
             account.spend();
         }
         assert_eq!(account.may_send(), granted == 6, "after {granted}");
     }
     assert_eq!(account.sent(), 6);
-    let mut astray = CreditAccount::new();
-    astray.spend();
+    let mut invalid = CreditAccount::new();
+    invalid.spend();
     for behind in [0, 1 + (1 << 31), u32::MAX] {
-        assert!(!astray.grant(behind) && astray.may_send(), "{behind}");
+        assert!(!invalid.grant(behind) && invalid.may_send(), "{behind}");
     }
-    assert!(astray.grant(1) && !astray.may_send());
+    assert!(invalid.grant(1) && !invalid.may_send());
     let mut account = CreditAccount::new();
     account.grant(0);
-    assert!(
-        !account.may_send(),
-        "a grant of nothing holds the frames back"
-    );
+    assert!(!account.may_send(), "a grant of 0 stops the frames");
 }
 
 #[test]
@@ -375,7 +369,7 @@ fn every_reason_has_one_counter() {
 }
 
 #[test]
-fn a_packet_says_which_one_it_is_even_when_damaged() {
+fn a_damaged_packet_is_identified() {
     let mut buffer = [0; MAX_PACKET];
     let length = Command::Ping
         .encode(0xFFFF, WireTime(0), &mut buffer)

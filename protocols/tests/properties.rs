@@ -1,4 +1,4 @@
-//! Properties over random input: damage is noticed, and what is encoded comes back.
+//! Properties over random input: damage is detected, and encoded messages decode to themselves.
 
 use crate::common::{Vector, golden};
 use proptest::collection::vec;
@@ -20,13 +20,13 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn one_wrong_octet_is_always_noticed(pick in any::<prop::sample::Index>(), place in any::<prop::sample::Index>(), flip in 1..=255_u8) {
+    fn one_wrong_byte_is_detected(pick in any::<prop::sample::Index>(), at in any::<prop::sample::Index>(), flip in 1..=255_u8) {
         let mut packet = GOOD[pick.index(GOOD.len())].bytes.clone();
-        let place = place.index(packet.len());
-        packet[place] ^= flip;
+        let at = at.index(packet.len());
+        packet[at] ^= flip;
         for error in [Command::decode(&packet).err(), Reply::decode(&packet).err()] {
-            let noticed = matches!(error, Some(DecodeError::BadCrc { .. } | DecodeError::BadLength { .. }));
-            prop_assert!(noticed, "{error:?}");
+            let detected = matches!(error, Some(DecodeError::BadCrc { .. } | DecodeError::BadLength { .. }));
+            prop_assert!(detected, "{error:?}");
         }
     }
 
@@ -43,7 +43,7 @@ proptest! {
     }
 
     #[test]
-    fn answers_come_back(apid in 0..0x800_u16, count in 0..16384_u16, reason in select(Reason::ALL), detail in ".{0,300}") {
+    fn answers_survive_the_round_trip(apid in 0..0x800_u16, count in 0..16384_u16, reason in select(Reason::ALL), detail in ".{0,300}") {
         let nack = Nack::new(apid, count, reason, &detail);
         prop_assert!(detail.starts_with(nack.detail) && nack.detail.len() <= 200);
         prop_assert!(nack.detail.len() == detail.len() || nack.detail.len() > 196, "cut too early");
@@ -55,7 +55,7 @@ proptest! {
     }
 
     #[test]
-    fn frames_come_back_from_their_packets(
+    fn frames_survive_the_round_trip(
         packing in select(Packing::ALL),
         pixels in vec(0..4096_u16, 1..3000),
         text in vec(any::<u8>(), 0..4000),
@@ -84,8 +84,8 @@ proptest! {
             packets.push(buffer[..length.expect("encodes")].to_vec());
         }
         let pixel_count = u32::try_from(pixels.len()).expect("few pixels");
-        let octets = u32::try_from(text.len()).expect("short text");
-        let expected = blocks_in_frame(pixel_count, packing) + u32::from(label_parts(octets).expect("few parts"));
+        let bytes = u32::try_from(text.len()).expect("short text");
+        let expected = blocks_in_frame(pixel_count, packing) + u32::from(label_parts(bytes).expect("few parts"));
         prop_assert_eq!(packets.len(), expected as usize);
         if order {
             packets.reverse();
@@ -108,21 +108,21 @@ proptest! {
     }
 
     #[test]
-    fn serial_frames_come_back_after_garbage(
+    fn serial_frames_after_garbage_are_decoded(
         garbage in vec(any::<u8>(), 0..300),
         packets in vec(vec(prop_oneof![Just(0xC0_u8), Just(0xDB), any::<u8>()], 1..300), 1..4),
     ) {
         let mut line = garbage;
-        line.push(slip::END); // whatever the garbage began ends here
+        line.push(slip::END); // ends the garbage
         for packet in &packets {
             let before = line.len();
-            slip::encode(packet, &mut |octet| line.push(octet));
+            slip::encode(packet, &mut |byte| line.push(byte));
             prop_assert!(line.len() - before <= slip::max_encoded_length(packet.len()));
         }
         let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
         let mut received = Vec::new();
-        for octet in line {
-            if let Some(Ok(packet)) = decoder.push(octet) {
+        for byte in line {
+            if let Some(Ok(packet)) = decoder.push(byte) {
                 received.push(packet.to_vec());
             }
         }

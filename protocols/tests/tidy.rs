@@ -1,4 +1,4 @@
-//! What the crate promises about itself: no `std`, no allocation, no dependencies, no `unsafe`.
+//! Properties of the crate: no `std`, no allocation, no dependencies, no `unsafe`.
 
 #[test]
 fn bare_and_safe() {

@@ -1,17 +1,17 @@
-//! The adapter's end of an [slcan](crate::can::slcan) line: answers commands, hands on frames. It stands in for a device at
-//! the other end of a pseudo-terminal.
+//! Emulated adapter of an [slcan](crate::can::slcan) line: answers commands and forwards frames.
+//! It replaces a real device at the other end of a pseudo-terminal.
 
 use crate::can::frame::CanFrame;
 use crate::can::slcan::{Answer, BIT_RATES, Command, DATA_RATES, Line, encode};
 
-/// An adapter that is closed until it is opened.
+/// An adapter, initially closed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Adapter {
     bit_rate: Option<u8>,
     data_rate: Option<u8>,
     state: State,
     time_stamps: bool,
-    /// Status flags that it answers, and clears then.
+    /// Status flags; the `F` command reads and clears them.
     pub flags: u8,
 }
 
@@ -29,7 +29,7 @@ impl Adapter {
         Self::default()
     }
 
-    /// Whether it takes part in the bus, or listens.
+    /// Whether the channel is open, for both directions or to listen only.
     pub fn is_open(&self) -> bool {
         self.state != State::Closed
     }
@@ -48,14 +48,15 @@ impl Adapter {
             .map(|(_, rate)| *rate)
     }
 
-    /// Takes a line from the host, and hands the answer to `put`; the frame that is to be sent.
+    /// Processes a line from the host: passes the answer to `put` and returns the frame to send.
     ///
-    /// What changes the settings is refused while open, what needs the bus while closed; an empty line has no answer.
+    /// Settings can change only while the channel is closed, frames need it open. An empty line has
+    /// no answer.
     pub fn take(&mut self, line: &Line, put: &mut impl FnMut(u8)) -> Option<CanFrame> {
         let (answer, frame) = match *line {
             Line::Answer(Answer::Done) => return None,
             Line::Answer(_) => (Answer::Refused, None),
-            Line::Command(command) => (self.obey(command).unwrap_or(Answer::Refused), None),
+            Line::Command(command) => (self.execute(command).unwrap_or(Answer::Refused), None),
             Line::Frame {
                 frame,
                 time_ms: None,
@@ -71,12 +72,12 @@ impl Adapter {
         frame
     }
 
-    /// Refuses what was no line.
+    /// Answers an invalid line.
     pub fn refuse(&self, put: &mut impl FnMut(u8)) {
         encode(&Line::Answer(Answer::Refused), put);
     }
 
-    /// Hands the line of a frame from the bus to `put`, if it is open.
+    /// Passes the line of a frame from the bus to `put`, if the channel is open.
     pub fn deliver(&self, frame: &CanFrame, now_ms: u64, put: &mut impl FnMut(u8)) {
         if self.is_open() {
             let time = (now_ms % 60_000) as u16;
@@ -91,7 +92,7 @@ impl Adapter {
         }
     }
 
-    fn obey(&mut self, command: Command) -> Option<Answer> {
+    fn execute(&mut self, command: Command) -> Option<Answer> {
         let closed = !self.is_open();
         match command {
             Command::Version => return Some(Answer::Version(*b"1013")),

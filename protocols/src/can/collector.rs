@@ -1,4 +1,4 @@
-//! Packets put together again from the plain frames of the [CAN form](crate::can::form).
+//! Reassembles packets from the plain frames of the [CAN form](crate::can::form).
 
 use crate::can::counts::{Counts, Side, count};
 use crate::can::form::{
@@ -19,26 +19,24 @@ pub(crate) const fn is_plain(side: Side, id: u32) -> bool {
     }
 }
 
-/// Puts packets together again from plain frames.
 #[derive(Debug, Clone)]
 pub(crate) struct Collector {
     side: Side,
-    /// How long the frames of one attitude may take, µs.
+    /// Longest time from the first to the last frame of an attitude, µs.
     timeout_us: u64,
     packet: [u8; LONGEST],
     words: [u64; FRAMES],
-    /// Frames of the present attitude that have come, by their place.
+    /// Received frames of the current attitude, a bit for each index.
     seen: u16,
     counter: u8,
-    /// The present attitude must be whole by then; none is under way otherwise.
-    until: Option<u64>,
-    /// Counter of the last attitude that has been delivered or counted.
+    /// Deadline of the current attitude; `None` without one.
+    deadline: Option<u64>,
+    /// Counter of the last attitude that was delivered or counted as incomplete.
     last: Option<u8>,
     acks: u16,
 }
 
 impl Collector {
-    /// For the plain frames that this side receives.
     pub(crate) fn new(side: Side, timeout_us: u64) -> Self {
         Self {
             side,
@@ -47,26 +45,26 @@ impl Collector {
             words: [0; FRAMES],
             seen: 0,
             counter: 0,
-            until: None,
+            deadline: None,
             last: None,
             acks: 0,
         }
     }
 
-    /// When the attitude under way is given up.
+    /// Deadline of the current attitude.
     pub(crate) fn wake_at(&self) -> Option<u64> {
-        self.until
+        self.deadline
     }
 
-    /// Gives up an attitude that is not whole in time.
+    /// Drops the current attitude after its deadline.
     pub(crate) fn expire(&mut self, now_us: u64, counts: &mut Counts) {
-        if self.until.is_some_and(|until| until <= now_us) {
+        if self.deadline.is_some_and(|deadline| deadline <= now_us) {
             count(&mut counts.timeouts);
-            self.give_up(counts);
+            self.abandon(counts);
         }
     }
 
-    /// Takes a frame with one of the plain frames' identifiers; the packet that it completes.
+    /// Processes a plain frame and returns the packet that it completes.
     pub(crate) fn receive(
         &mut self,
         frame: &CanFrame,
@@ -82,7 +80,7 @@ impl Collector {
             }
             (Side::Emulator, SHORT_COMMAND, 7) => self.command(word)?,
             (Side::Client, SHORT_ACK, 4) => self.ack((word >> 32) as u32)?,
-            // Of another length than the form has.
+            // Wrong length.
             _ => {
                 count(&mut counts.malformed);
                 return None;
@@ -97,7 +95,7 @@ impl Collector {
             writer.u8(opcode)?;
             match Opcode::from_code(opcode) {
                 Some(Opcode::Credit) => writer.u32((word >> 8) as u32),
-                _ => Ok(()), // the emulator's decoder refuses what does not stand alone
+                _ => Ok(()), // the emulator's decoder refuses a missing argument
             }
         };
         let (time, buffer) = (WireTime(0), &mut self.packet);
@@ -111,39 +109,41 @@ impl Collector {
         packet::write(apid::ACK, own, WireTime(0), &mut self.packet, payload).ok()
     }
 
-    /// An attitude begins with its first frame, ends with its last, and is latched if all of them came between and the
-    /// CRC of the packet fits. Each that is not is counted once.
+    /// An attitude is complete if all frames arrived between its first and its last, and the CRC of
+    /// the packet is correct. Each incomplete attitude is counted once.
     fn attitude(
         &mut self,
-        place: usize,
+        index: usize,
         word: u64,
         now_us: u64,
         counts: &mut Counts,
     ) -> Option<usize> {
-        let at_head = place == 0 || place == END;
-        let counter = if at_head { word >> 61 } else { word & 7 } as u8;
-        let same = self.until.is_some() && counter == self.counter;
-        let slot = self.words.get_mut(place)?;
-        let repeated = same && self.seen >> place & 1 == 1 && *slot == word;
-        if place == 0 && !repeated {
+        let counter_first = index == 0 || index == END;
+        let counter = if counter_first { word >> 61 } else { word & 7 } as u8;
+        let same = self.deadline.is_some() && counter == self.counter;
+        let slot = self.words.get_mut(index)?;
+        let repeated = same && self.seen >> index & 1 == 1 && *slot == word;
+        if index == 0 && !repeated {
             *slot = word;
-            self.give_up(counts);
+            self.abandon(counts);
             (self.seen, self.counter) = (1, counter);
-            self.until = Some(now_us.saturating_add(self.timeout_us));
+            self.deadline = Some(now_us.saturating_add(self.timeout_us));
         } else if !same {
-            self.give_up(counts);
-            // One whose first frame is lost; or a late frame of the last one.
-            count(match self.last.replace(counter) == Some(counter) {
-                true => &mut counts.ignored,
-                false => &mut counts.incomplete,
+            self.abandon(counts);
+            // Either a late frame of the last attitude, or an attitude without its first frame.
+            let is_late = self.last.replace(counter) == Some(counter);
+            count(if is_late {
+                &mut counts.ignored
+            } else {
+                &mut counts.incomplete
             });
         } else if repeated {
             count(&mut counts.ignored);
         } else {
             *slot = word;
-            self.seen |= 1 << place;
+            self.seen |= 1 << index;
         }
-        if !same || place != END {
+        if !same || index != END {
             return None;
         }
         let whole = if has_state(&self.words) {
@@ -154,17 +154,17 @@ impl Collector {
         let length = rebuild(&self.words, &mut self.packet)?;
         let crc = ((word >> 16) as u16).to_be_bytes();
         if self.seen != whole || !self.packet.get(..length)?.ends_with(&crc) {
-            self.give_up(counts);
+            self.abandon(counts);
             return None;
         }
-        self.until = None;
+        self.deadline = None;
         self.last = Some(self.counter);
         Some(length)
     }
 
-    /// Drops the attitude under way, if there is one.
-    fn give_up(&mut self, counts: &mut Counts) {
-        if self.until.take().is_some() {
+    /// Drops the current attitude, if there is one.
+    fn abandon(&mut self, counts: &mut Counts) {
+        if self.deadline.take().is_some() {
             count(&mut counts.incomplete);
             self.last = Some(self.counter);
         }

@@ -1,4 +1,4 @@
-//! The two ends of the bus, and what goes wrong at one of them.
+//! The two ends of the bus, and error counters of one end.
 
 /// Which end of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -9,27 +9,26 @@ pub enum Side {
     Client,
 }
 
-/// What went wrong since the start, modulo 2^32.
+/// Errors since the start, modulo 2^32.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Received ISO-TP messages given up because of a wrong sequence number.
+    /// Received ISO-TP messages dropped because of a wrong sequence number.
     pub sequence_errors: u32,
-    /// Messages given up because the other end fell silent: either direction, and attitudes.
+    /// Messages of either direction, and attitudes, dropped because the other end was silent.
     pub timeouts: u32,
-    /// Attitudes and ISO-TP messages that began to arrive and were never whole, for any reason.
+    /// Attitudes and ISO-TP messages that were received in part, for any reason.
     pub incomplete: u32,
-    /// Packets that did not reach the other end: it fell silent, waits too long or has no room.
+    /// Packets that were not sent: the other end was silent, waited too long or had no room.
     pub unsent: u32,
-    /// Messages announced as longer than any packet, refused.
+    /// Messages refused because their announced length exceeds any packet.
     pub oversize: u32,
-    /// Frames on our identifiers that are wrong by themselves: remote frames, other lengths than the
-    /// form's, data that is no protocol data unit.
+    /// Invalid frames with identifiers of this end: remote frames, wrong lengths, data that is no
+    /// protocol data unit.
     pub malformed: u32,
-    /// Frames that mean nothing here: those of others, and late or repeated parts.
+    /// Frames with other identifiers, and late or repeated frames.
     pub ignored: u32,
 }
 
-/// One more.
 pub(crate) fn count(counter: &mut u32) {
     *counter = counter.wrapping_add(1);
 }

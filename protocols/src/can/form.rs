@@ -1,6 +1,7 @@
-//! The CAN form: packets that travel as plain frames, whose signals any DBC tool can read. All numbers are big-endian.
+//! The CAN form: packets as plain frames, whose signals any DBC tool can read. All numbers are
+//! big-endian.
 //!
-//! | frame | from its first bit on |
+//! | frame | content from the first bit |
 //! |---|---|
 //! | 0x100 | counter 3, has_state 1, spare 12, sequence 32, last 3 bits of the time's fraction, spare 13 |
 //! | 0x101 | time: seconds 32, fraction without its last 3 bits 29; counter 3 |
@@ -10,11 +11,12 @@
 //! | 0x110 | opcode 8, sequence count 16, argument 32: SingleShot, Reset, Ping, Credit, Pause, Resume |
 //! | 0x210 | APID 16 and sequence count 16 of the packet that the Ack answers |
 //!
-//! An f64 is cut to the f32 with as many bits of its mantissa, and the 29 bits that this lacks: the way back is exact.
-//! An attitude with a number that no normal f32 is near (below 1.2e-38 but not 0, from 3.4e38 on) goes by ISO-TP.
+//! An f64 is split into a truncated f32 and the remaining 29 bits of the mantissa: joining them is
+//! exact. An attitude with a number outside the range of normal f32 (below 1.2e-38 but not 0, or
+//! from 3.4e38 on) is sent by ISO-TP.
 //!
-//! The time of a short command and of a short Ack is not carried: it is 0 at the other end. Nor is the Ack's own sequence
-//! count: the receiver counts by itself.
+//! Short commands and short Acks carry no time: the receiver sets 0. Short Acks carry no sequence
+//! count of their own: the receiver counts them.
 
 use crate::can::frame::CanFrame;
 use crate::command::Opcode;
@@ -28,7 +30,7 @@ pub const ATTITUDE_BEGIN: u32 = 0x100;
 pub const ATTITUDE_END: u32 = 0x10F;
 /// Identifier of a short command.
 pub const SHORT_COMMAND: u32 = 0x110;
-/// Identifier of ISO-TP towards the emulator: its messages, and flow control of those from it.
+/// Identifier of ISO-TP towards the emulator: messages, and flow control of the other direction.
 pub const TO_EMULATOR: u32 = 0x120;
 /// Identifier of a short Ack.
 pub const SHORT_ACK: u32 = 0x210;
@@ -37,12 +39,12 @@ pub const FROM_EMULATOR: u32 = 0x220;
 
 /// Frames of an attitude with position and velocity.
 pub(crate) const FRAMES: usize = 16;
-/// Place of the first f64 and of the first that only a state has.
+/// Index of the first frame with an f64, and of the first frame of a state.
 const FIRST_NUMBER: usize = 2;
 pub(crate) const FIRST_OF_STATE: usize = 9;
 const NUMBERS: usize = 13;
 pub(crate) const END: usize = FRAMES - 1;
-/// Longest packet that goes by plain frames: header, sequence, flags, numbers, CRC.
+/// Longest packet in plain frames: header, sequence, flags, numbers, CRC.
 pub(crate) const LONGEST: usize = packet::HEADER_LENGTH + 4 + 1 + 8 * NUMBERS + CRC_LENGTH;
 
 const LOW_BITS: u32 = 29;
@@ -60,13 +62,13 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// The frames of a packet; `None` if it can only go whole. `counter` is that of an attitude, modulo 8.
+    /// The frames of a packet, or `None` if it needs ISO-TP. `counter` numbers attitudes, modulo 8.
     pub fn of(packet: &[u8], counter: u8) -> Option<Self> {
         if !matches!(
             packet::identify(packet)?.0,
             apid::ATTITUDE | apid::COMMAND | apid::ACK
         ) {
-            return None; // before its CRC is worked out
+            return None; // avoids computing the CRC
         }
         let (header, mut reader) = packet::open(packet).ok()?;
         let mut frames = Self {
@@ -91,7 +93,7 @@ impl Frames {
                 let counter = u64::from(counter % 8);
                 let crc = packet.last_chunk().map(|crc| u16::from_be_bytes(*crc))?;
                 frames.words = words(sequence, flags, &numbers, counter, header, crc);
-                // What does not come back the same is not sent this way.
+                // Only packets that survive the round trip are sent as plain frames.
                 let mut buffer = [0; LONGEST];
                 let length = rebuild(&frames.words, &mut buffer)?;
                 (buffer.get(..length)? == packet).then_some(frames)
@@ -131,7 +133,7 @@ impl Frames {
         self.words[0] = content << (64 - 8 * u32::from(bytes));
     }
 
-    /// The next frame.
+    /// Returns the next frame.
     pub fn next(&mut self, fd: bool) -> Option<CanFrame> {
         let at = self.at;
         let word = self.words.get(at).filter(|_| !self.is_done())?;
@@ -148,12 +150,12 @@ impl Frames {
         )
     }
 
-    /// Whether the first frame has been given out.
+    /// Whether [`next`](Self::next) has returned the first frame.
     pub fn is_begun(&self) -> bool {
         self.at > 0
     }
 
-    /// Whether the last frame has been given out.
+    /// Whether [`next`](Self::next) has returned the last frame.
     pub fn is_done(&self) -> bool {
         let count = if self.first_id == ATTITUDE_BEGIN {
             FRAMES
@@ -188,8 +190,8 @@ fn words(
     words
 }
 
-/// The f32 with the sign, the exponent and the first 23 bits of the mantissa, and the other bits. A number below the
-/// least normal f32 is 0; one beyond the greatest is infinite.
+/// The bits of the truncated f32, and the remaining 29 bits of the mantissa. A magnitude below the
+/// smallest normal f32 becomes 0, above the largest infinity.
 pub fn split(number: f64) -> (u32, u64) {
     let bits = number.to_bits();
     let sign = (bits >> 32) as u32 & 1 << 31;
@@ -201,12 +203,12 @@ pub fn split(number: f64) -> (u32, u64) {
     }
 }
 
-/// The number again.
+/// Inverse of [`split`].
 pub fn join(high: u32, low: u64) -> f64 {
     f64::from_bits(f64::from(f32::from_bits(high)).to_bits() | low & LOW)
 }
 
-/// The packet that an attitude's frames are; its length.
+/// Writes the packet of an attitude's frames into `buffer` and returns its length.
 pub(crate) fn rebuild(words: &[u64; FRAMES], buffer: &mut [u8]) -> Option<usize> {
     let [begin, time, numbers @ .., end] = words;
     let time = WireTime(time & !7 | begin >> 13 & 7);

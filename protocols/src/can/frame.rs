@@ -1,41 +1,41 @@
 //! A CAN frame, classic or FD (ISO 11898-1:2015), and how long it occupies the bus.
 
-/// Most data octets of a frame.
+/// Largest number of data bytes of a frame.
 pub const MAX_DATA: usize = 64;
-/// Most data octets of a classic frame.
+/// Largest number of data bytes of a classic frame.
 pub const MAX_CLASSIC_DATA: usize = 8;
-/// Data octets by data length code (ISO 11898-1, table of DLC); a classic frame has 8 from code 8 on.
+/// Data bytes by data length code (ISO 11898-1, table of DLC); classic frames: 8 from code 8 on.
 pub const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 /// Largest 11-bit identifier.
 pub const MAX_BASE_ID: u32 = 0x7FF;
 /// Largest 29-bit identifier.
 pub const MAX_EXTENDED_ID: u32 = 0x1FFF_FFFF;
 
-/// One frame. The data octets after the first `len` are 0 in frames made by [`new`](Self::new).
+/// One frame. The data bytes after the first `len` are 0 in frames made by [`new`](Self::new).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CanFrame {
     /// Identifier: 11 bits, or 29 if `extended`. Of an error frame: the kernel's error class bits.
     pub id: u32,
     /// 29-bit identifier.
     pub extended: bool,
-    /// CAN FD format: up to 64 data octets, never remote.
+    /// CAN FD format: up to 64 data bytes, never remote.
     pub fd: bool,
     /// FD only: data phase at the second bit rate.
     pub brs: bool,
-    /// Classic only: asks for `len` octets, carries none.
+    /// Classic only: requests `len` bytes, carries none.
     pub remote: bool,
-    /// Not a frame of anybody: the controller reports an error on the bus.
+    /// Not from the bus: the controller reports an error.
     pub error: bool,
-    /// Data octets in use.
+    /// Data bytes in use.
     pub len: u8,
-    /// The data octets.
+    /// The data bytes.
     pub data: [u8; MAX_DATA],
 }
 
 impl CanFrame {
     /// A data frame with an 11-bit identifier: classic, or FD with bit rate switch.
     ///
-    /// `None` if the identifier or the length is not one of such a frame: see [`padded_length`] for FD.
+    /// `None` for an invalid identifier or length; [`padded_length`] gives the lengths of FD.
     pub fn new(id: u32, fd: bool, data: &[u8]) -> Option<Self> {
         let mut frame = Self {
             id,
@@ -51,19 +51,19 @@ impl CanFrame {
         frame.is_valid().then_some(frame)
     }
 
-    /// Whether a bus could carry it: identifier, length and flags fit each other.
+    /// Whether identifier, length and flags are valid and consistent.
     pub const fn is_valid(&self) -> bool {
-        let most = if self.extended {
+        let max_id = if self.extended {
             MAX_EXTENDED_ID
         } else {
             MAX_BASE_ID
         };
-        let length = self.len as usize <= self.most_data() && dlc(self.len as usize).is_some();
+        let length = self.len as usize <= self.max_data() && dlc(self.len as usize).is_some();
         let flags = if self.fd { !self.remote } else { !self.brs };
-        (self.id <= most || self.error) && length && flags
+        (self.id <= max_id || self.error) && length && flags
     }
 
-    /// The data octets in use; none of a remote frame.
+    /// The data bytes in use; none of a remote frame.
     pub fn payload(&self) -> &[u8] {
         let used = if self.remote { 0 } else { self.len.into() };
         self.data.get(..used).unwrap_or(&self.data)
@@ -71,8 +71,9 @@ impl CanFrame {
 
     /// Bits on the bus without stuff bits, from start of frame to the end of the intermission.
     ///
-    /// Classic, 11-bit identifier: 44 + 8 n bits of frame and 3 of intermission (ISO 11898-1, 10.4; Davis et al.,
-    /// "Controller Area Network (CAN) schedulability analysis", 2007). An error frame: flag 6, delimiter 8, intermission 3.
+    /// Classic, 11-bit identifier: 44 + 8 n bits of frame and 3 of intermission (ISO 11898-1, 10.4;
+    /// Davis et al., "Controller Area Network (CAN) schedulability analysis", 2007). An error
+    /// frame: flag 6, delimiter 8, intermission 3.
     pub const fn bits(&self) -> WireBits {
         let head = self.head_bits();
         if self.error {
@@ -87,14 +88,15 @@ impl CanFrame {
         self.split(head, fast, TAIL - CRC_DELIMITER + INTERMISSION)
     }
 
-    /// Bits on the bus with as many stuff bits as any identifier and data of this format can cause.
+    /// Bits on the bus with the largest number of stuff bits for this format.
     ///
-    /// A stuff bit follows five equal ones and can itself begin the next five: one in four at most after the first bit.
-    /// They run from start of frame to the last bit of the CRC, in FD to the last data bit: the FD CRC has fixed ones.
+    /// A stuff bit follows five equal bits and can begin the next five: at most one for each four
+    /// bits after the first. Classic frames are stuffed up to the CRC, FD frames up to the data:
+    /// the CRC of FD has fixed stuff bits.
     pub const fn worst_bits(&self) -> WireBits {
         let (plain, head) = (self.bits(), self.head_bits());
         if self.error {
-            // Flags of several nodes overlap to 12 bits at most.
+            // Error flags of several nodes overlap to at most 12 bits.
             return WireBits::nominal(12 + 8 + INTERMISSION);
         }
         if !self.fd {
@@ -113,19 +115,20 @@ impl CanFrame {
         }
     }
 
-    const fn most_data(&self) -> usize {
+    const fn max_data(&self) -> usize {
         if self.fd { MAX_DATA } else { MAX_CLASSIC_DATA }
     }
 
-    /// Data octets that are on the wire.
+    /// Data bytes on the wire.
     const fn carried(&self) -> u32 {
         if self.remote { 0 } else { self.len as u32 }
     }
 
-    /// Bits from start of frame to the data length code (classic) or to the bit rate switch (FD), both included.
+    /// Bits from start of frame up to and including the data length code (classic) or the bit rate
+    /// switch (FD).
     ///
-    /// Base: SOF 1, identifier 11, RTR or RRS 1, IDE 1; extended: SRR 1 and 18 identifier bits more. Then classic: r0 1
-    /// (extended: r1 too), DLC 4; FD: FDF 1, res 1, BRS 1.
+    /// Base: SOF 1, identifier 11, RTR or RRS 1, IDE 1; extended adds SRR 1 and 18 identifier bits.
+    /// Then classic: r0 1 (extended: r1 too), DLC 4; FD: FDF 1, res 1, BRS 1.
     const fn head_bits(&self) -> u32 {
         match (self.extended, self.fd) {
             (false, false) => 14 + 1 + 4,
@@ -135,7 +138,7 @@ impl CanFrame {
         }
     }
 
-    /// Stuff count 4 and CRC 17 or, above 16 octets, 21; a fixed stuff bit before each four of these.
+    /// Stuff count 4 and CRC 17 (above 16 bytes: 21); a fixed stuff bit before each four of these.
     const fn fd_crc_bits(&self) -> u32 {
         let bits: u32 = if self.len <= 16 { 4 + 17 } else { 4 + 21 };
         bits + bits.div_ceil(4)
@@ -161,13 +164,13 @@ const CRC_DELIMITER: u32 = 1;
 const TAIL: u32 = 10;
 const INTERMISSION: u32 = 3;
 
-/// Bits at each of the two rates; a frame without bit rate switch has nominal ones only.
+/// Bits at each of the two rates; without bit rate switch, all are at the nominal rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WireBits {
     /// At the nominal rate.
     pub nominal: u32,
-    /// At the rate of the data phase. The bits in which the rate changes (BRS, CRC delimiter) count whole, as the one
-    /// that they begin with.
+    /// At the rate of the data phase. Bits in which the rate changes (BRS, CRC delimiter) count at
+    /// the rate with which they begin.
     pub data: u32,
 }
 
@@ -190,7 +193,7 @@ const fn time_ns(bits: u32, bit_s: u32) -> u64 {
     (bits as u64 * 1_000_000_000).div_ceil(rate)
 }
 
-/// The data length code of exactly this many octets.
+/// The data length code of exactly this many bytes.
 pub const fn dlc(length: usize) -> Option<u8> {
     let mut code = 0;
     while code < LENGTHS.len() {
@@ -202,7 +205,7 @@ pub const fn dlc(length: usize) -> Option<u8> {
     None
 }
 
-/// The next length that has a data length code; 64 for longer ones.
+/// The next length that has a data length code; at most 64.
 pub const fn padded_length(length: usize) -> usize {
     let mut code = 0;
     while code < LENGTHS.len() {

@@ -1,25 +1,25 @@
-//! ISO-TP (ISO 15765-2:2016): messages longer than a frame, normal addressing. What both directions share: the protocol
-//! data units, times and settings. `sender.rs` and `receiver.rs` do the rest.
+//! ISO-TP (ISO 15765-2:2016): messages longer than a frame, normal addressing. This module has the
+//! protocol data units, times and settings of both directions.
 //!
-//! | PDU | octets |
+//! | PDU | bytes |
 //! |---|---|
-//! | single frame | `0L` data, L = 1 to 7; in frames of more than 8 octets `00 LL` data, LL from 8 |
+//! | single frame | `0L` data, L = 1 to 7; in frames of more than 8 bytes `00 LL` data, LL from 8 |
 //! | first frame | `1L LL` data, 12-bit length; above 4095 `10 00 LL LL LL LL` data |
 //! | consecutive frame | `2N` data, N counts 1 to 15, 0, 1 ... |
 //! | flow control | `3S` block size, separation time; S = 0 continue, 1 wait, 2 overflow |
 
 use crate::can::frame::{MAX_CLASSIC_DATA, MAX_DATA, padded_length};
 
-/// Flow status: go on.
+/// Flow status: continue to send.
 pub const CONTINUE: u8 = 0;
 /// Flow status: wait for another flow control.
 pub const WAIT: u8 = 1;
-/// Flow status: the message does not fit; ends it.
+/// Flow status: the message does not fit; aborts it.
 pub const OVERFLOW: u8 = 2;
-/// Fills frames up to a length that there is (ISO 15765-2, 10.4.2: the value that stuffs least).
+/// Fills frames up to a valid length (ISO 15765-2, 10.4.2: the value with the fewest stuff bits).
 pub const PADDING: u8 = 0xCC;
 
-/// Longest message that a first frame announces in 12 bits.
+/// Largest length in the 12-bit field of a first frame.
 const MAX_SHORT_LENGTH: usize = 0xFFF;
 
 /// One protocol data unit, as found in a frame's data.
@@ -27,37 +27,37 @@ const MAX_SHORT_LENGTH: usize = 0xFFF;
 pub enum Pdu<'a> {
     /// A whole message.
     Single(&'a [u8]),
-    /// Begins a message.
+    /// First part of a message.
     First {
-        /// Its length.
+        /// Length of the message.
         length: usize,
-        /// Its first octets.
+        /// First bytes of the message.
         data: &'a [u8],
     },
-    /// Goes on with it.
+    /// Later part of a message.
     Consecutive {
         /// Sequence number, modulo 16.
         number: u8,
-        /// More octets, and padding after the last.
+        /// Next bytes of the message, with padding in its last frame.
         data: &'a [u8],
     },
-    /// From the receiver of a message to its sender.
+    /// Flow control, from the receiver of a message to its sender.
     Flow(Flow),
 }
 
-/// What a receiver allows.
+/// Flow control of a receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Flow {
     /// [`CONTINUE`], [`WAIT`] or [`OVERFLOW`]; others are invalid.
     pub status: u8,
-    /// Consecutive frames until the next flow control; 0: no more of them.
+    /// Consecutive frames until the next flow control; 0: no further flow control.
     pub block_size: u8,
-    /// Least time between two consecutive frames, as coded: see [`separation_us`].
+    /// Minimum time between two consecutive frames, coded as in [`separation_us`].
     pub st_min: u8,
 }
 
 impl<'a> Pdu<'a> {
-    /// Reads a frame's data. `None`: unknown type, or a length that the standard has ignored (9.6.2 to 9.6.5).
+    /// Reads a frame's data. `None`: unknown type, or a length to be ignored by 9.6.2 to 9.6.5.
     pub fn parse(data: &'a [u8]) -> Option<Self> {
         let (head, rest) = data.split_first()?;
         let low = head & 0xF;
@@ -91,40 +91,41 @@ impl<'a> Pdu<'a> {
     fn first(low: u8, rest: &'a [u8]) -> Option<Self> {
         let (second, short) = rest.split_first()?;
         let length = usize::from(low) << 8 | usize::from(*second);
-        let (length, data, least) = if length > 0 {
+        let (length, data, min_length) = if length > 0 {
             (length, short, 0)
         } else {
             let (long, data) = short.split_first_chunk()?;
             let length = usize::try_from(u32::from_be_bytes(*long)).ok()?;
             (length, data, MAX_SHORT_LENGTH + 1)
         };
-        // One that fits a single frame of this length is not to be segmented.
-        let single = most_single(rest.len() + 1);
-        (length >= least && length > single).then_some(Self::First { length, data })
+        // A message that fits a single frame must not be segmented.
+        let single = max_single(rest.len() + 1);
+        (length >= min_length && length > single).then_some(Self::First { length, data })
     }
 }
 
-/// How an end sends.
+/// Transmission settings of one end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Parameters {
     /// FD frames with bit rate switch.
     pub fd: bool,
-    /// TX_DL: octets of a full frame; 8 on a classic bus, a length that has a code on FD.
+    /// TX_DL: bytes of a full frame; 8 on a classic bus, a valid length of FD otherwise.
     pub frame_bytes: usize,
-    /// Fills frames shorter than 8 octets; longer ones that need it are filled with [`PADDING`] anyway.
+    /// Fills frames shorter than 8 bytes; longer frames are always filled with [`PADDING`].
     pub padding: Option<u8>,
-    /// Block size that is asked of the other end; 0: everything at once.
+    /// Block size in the flow control of this end; 0: everything at once.
     pub block_size: u8,
-    /// Separation time that is asked of the other end, as coded.
+    /// Coded separation time in the flow control of this end.
     pub st_min: u8,
-    /// N_Bs and N_Cr: how long the other end may be silent, µs; the frames of an attitude must come within it too.
+    /// N_Bs and N_Cr: longest silence of the other end, µs. Also the longest time from the first
+    /// to the last frame of an attitude.
     pub timeout_us: u64,
-    /// N_WFTmax: flow controls "wait" in a row that are put up with.
+    /// N_WFTmax: accepted number of successive "wait" flow controls.
     pub most_waits: u8,
 }
 
 impl Parameters {
-    /// As the Linux kernel's `can-isotp` has them unless told otherwise.
+    /// Defaults of the Linux kernel's `can-isotp`.
     pub const CLASSIC: Self = Self {
         fd: false,
         frame_bytes: MAX_CLASSIC_DATA,
@@ -142,17 +143,18 @@ impl Parameters {
         ..Self::CLASSIC
     };
 
-    /// Octets of a full frame, put right where they are none.
+    /// Valid length of a full frame nearest to `frame_bytes`.
     pub(crate) fn full(&self) -> usize {
-        match self.fd {
-            true => padded_length(self.frame_bytes.max(MAX_CLASSIC_DATA)),
-            false => MAX_CLASSIC_DATA,
+        if self.fd {
+            padded_length(self.frame_bytes.max(MAX_CLASSIC_DATA))
+        } else {
+            MAX_CLASSIC_DATA
         }
     }
 }
 
-/// Longest message in a single frame of up to `frame_octets`.
-pub(crate) const fn most_single(frame_bytes: usize) -> usize {
+/// Longest message in a single frame of up to `frame_bytes`.
+pub(crate) const fn max_single(frame_bytes: usize) -> usize {
     if frame_bytes > MAX_CLASSIC_DATA {
         frame_bytes - 2
     } else {
@@ -160,7 +162,8 @@ pub(crate) const fn most_single(frame_bytes: usize) -> usize {
     }
 }
 
-/// Separation time, µs: 0 to 127 ms, 100 to 900 µs; reserved codes are 127 ms (ISO 15765-2, 9.6.5.5).
+/// Separation time, µs: 0 to 127 ms, 100 to 900 µs; reserved codes are 127 ms (ISO 15765-2,
+/// 9.6.5.5).
 pub const fn separation_us(st_min: u8) -> u64 {
     match st_min {
         0..=0x7F => st_min as u64 * 1000,
@@ -169,7 +172,7 @@ pub const fn separation_us(st_min: u8) -> u64 {
     }
 }
 
-/// The data of one frame while it is put together.
+/// Buffer for the data of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Piece {
     data: [u8; MAX_DATA],
@@ -186,9 +189,9 @@ impl Piece {
         piece
     }
 
-    /// Appends as much as fits a frame of `most` octets; how much that was.
-    pub(crate) fn fill(&mut self, bytes: &[u8], most: usize) -> usize {
-        let count = bytes.len().min(most.saturating_sub(self.used));
+    /// Appends up to a frame length of `max` bytes and returns the number of appended bytes.
+    pub(crate) fn fill(&mut self, bytes: &[u8], max: usize) -> usize {
+        let count = bytes.len().min(max.saturating_sub(self.used));
         let room = self.data.get_mut(self.used..).unwrap_or_default();
         for (to, from) in room.iter_mut().zip(bytes).take(count) {
             *to = *from;
@@ -197,7 +200,7 @@ impl Piece {
         count
     }
 
-    /// The data, filled up to a length that there is.
+    /// The data, filled up to a valid length.
     pub(crate) fn bytes(&mut self, padding: Option<u8>) -> &[u8] {
         let mut length = padded_length(self.used);
         if let (true, Some(padding)) = (self.used < MAX_CLASSIC_DATA, padding) {

@@ -1,11 +1,11 @@
-//! One end of the bus: space packets on one side, CAN frames on the other, no I/O and no clock of its own.
+//! One end of the bus: space packets on one side, CAN frames on the other, without I/O or clock.
 //!
-//! The caller hands in packets ([`Node::send`]) and received frames ([`Node::receive`]), and asks for frames to send
-//! ([`Node::next_frame`]) whenever the bus takes one: after each `send` and `receive`, and at [`Node::wake_at`]. Times are
-//! microseconds of any clock that does not run backwards.
+//! The caller passes in packets ([`Node::send`]) and received frames ([`Node::receive`]). It takes
+//! frames to send from [`Node::next_frame`] when the bus is free: after each `send` and `receive`,
+//! and at [`Node::wake_at`]. Times are microseconds of any monotonic clock.
 //!
-//! Packets of one APID keep their order. An attitude may overtake a long command: a client whose command must act on its
-//! next attitude waits for the Ack.
+//! Packets of one APID keep their order. An attitude may overtake a long command: if a command must
+//! apply to the next attitude, the client must await its Ack.
 
 use crate::can::collector::{Collector, is_plain};
 use crate::can::counts::count;
@@ -17,17 +17,17 @@ use crate::can::receiver::Receiver;
 use crate::can::sender::Sender;
 use crate::packet::{MAX_PACKET, identify};
 
-/// The two ways over the bus.
+/// The two transmission methods on the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lane {
     /// Plain frames that the DBC describes: attitudes, short commands, Acks.
     Plain,
-    /// Whole packets by ISO-TP: all others.
+    /// All other packets, by ISO-TP.
     Long,
 }
 
-/// This lane still has a packet under way that goes first: send the new one again later. A caller with a queue for each lane
-/// ([`Node::lane`]) lets neither wait for the other.
+/// This lane is still sending an earlier packet: retry the new one later. With a queue for each
+/// lane ([`Node::lane`]) no lane delays the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Busy(pub Lane);
 
@@ -42,13 +42,14 @@ pub struct Node {
     sender: Sender,
     receiver: Receiver,
     collector: Collector,
-    /// A plain packet has gone since the last frame of the long lane, whose turn it is.
+    /// The next frame is of the long lane: a plain packet was sent since its last frame.
     long_turn: bool,
     counts: Counts,
 }
 
 impl Node {
-    /// Nothing sent, nothing received. `fd`: send FD frames with bit rate switch; both formats are received always.
+    /// A node with default settings. `fd`: send FD frames with bit rate switch; both formats are
+    /// always received.
     pub fn new(side: Side, fd: bool) -> Self {
         Self::with(
             side,
@@ -60,7 +61,7 @@ impl Node {
         )
     }
 
-    /// The same with other settings of ISO-TP.
+    /// A node with these settings of ISO-TP.
     pub fn with(side: Side, parameters: Parameters) -> Self {
         Self {
             side,
@@ -75,7 +76,7 @@ impl Node {
         }
     }
 
-    /// Which lane a packet takes.
+    /// The lane of a packet.
     pub fn lane(&self, packet: &[u8]) -> Lane {
         match Frames::of(packet, 0) {
             Some(_) => Lane::Plain,
@@ -83,11 +84,11 @@ impl Node {
         }
     }
 
-    /// Takes a packet, to be cut into frames. Any octets are taken: what is no packet travels whole, and the other end sees
-    /// what is wrong with it; more than [`MAX_PACKET`] of them count as `unsent`.
+    /// Accepts a packet for transmission. Invalid packets are sent by ISO-TP, so that the receiver
+    /// can report their error; more than [`MAX_PACKET`] bytes count as `unsent`.
     ///
     /// # Errors
-    /// [`Busy`]: its lane has a packet under way, or the other lane one of the same APID.
+    /// [`Busy`]: its lane is sending a packet, or the other lane is sending one of the same APID.
     pub fn send(&mut self, packet: &[u8], now_us: u64) -> Result<(), Busy> {
         self.expire(now_us);
         let apid = identify(packet).map(|(apid, _)| apid);
@@ -113,9 +114,10 @@ impl Node {
         Ok(())
     }
 
-    /// The next frame to send, if any is due. A frame once given counts as sent.
+    /// The next frame to send, if any is due. A returned frame counts as sent.
     ///
-    /// A plain packet goes first, and its frames follow each other; between two of them the long lane has one frame.
+    /// A plain packet has priority, and its frames are consecutive. Between two plain packets the
+    /// long lane sends one frame.
     pub fn next_frame(&mut self, now_us: u64) -> Option<CanFrame> {
         self.expire(now_us);
         let long_due = self.receiver.is_due() || self.sender.is_due(now_us);
@@ -141,8 +143,8 @@ impl Node {
         CanFrame::new(id, fd, piece?.bytes(padding))
     }
 
-    /// When [`next_frame`](Self::next_frame) is to be called even if nothing is sent or received: a frame falls due (0: one
-    /// is due) or a timer ends.
+    /// Time of the next call of [`next_frame`](Self::next_frame) without a send or receive: a frame
+    /// becomes due (0: is due now) or a timer expires.
     pub fn wake_at(&self) -> Option<u64> {
         let timers = [
             self.plain.map(|_| 0),
@@ -153,7 +155,7 @@ impl Node {
         timers.into_iter().flatten().min()
     }
 
-    /// Takes a frame from the bus; the packet that it completes.
+    /// Processes a frame from the bus and returns the packet that it completes.
     pub fn receive(&mut self, frame: &CanFrame, now_us: u64) -> Option<&[u8]> {
         self.expire(now_us);
         let counts = &mut self.counts;
@@ -197,7 +199,7 @@ impl Node {
         }
     }
 
-    /// What went wrong so far.
+    /// Errors so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }

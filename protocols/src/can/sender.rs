@@ -1,19 +1,17 @@
-//! The sending side of ISO-TP: one message at a time, at the pace that the receiver allows.
+//! The sending side of ISO-TP: one message at a time, paced by the receiver's flow control.
 
 use crate::can::counts::{Counts, count};
-use crate::can::isotp::{CONTINUE, Flow, Parameters, Piece, WAIT, most_single, separation_us};
+use crate::can::isotp::{CONTINUE, Flow, Parameters, Piece, WAIT, max_single, separation_us};
 use crate::packet::MAX_PACKET;
 
-/// Sends one message.
 #[derive(Debug, Clone)]
 pub(crate) struct Sender {
     message: [u8; MAX_PACKET],
     length: usize,
-    /// Octets that have been given out.
     sent: usize,
     /// Sequence number of the next consecutive frame.
     number: u8,
-    /// Flow controls "wait" in a row.
+    /// Successive "wait" flow controls.
     waits: u8,
     state: State,
 }
@@ -23,11 +21,11 @@ enum State {
     Idle,
     /// The single or first frame is due.
     Begin,
-    /// For flow control, until the time.
+    /// Awaits flow control until this time.
     Waiting(u64),
-    /// Consecutive frames.
+    /// Sends consecutive frames.
     Sending {
-        /// How many until the next flow control, if there is one.
+        /// Frames until the next flow control; `None` without one.
         left: Option<u8>,
         gap_us: u64,
         next_at: u64,
@@ -50,12 +48,12 @@ impl Sender {
         matches!(self.state, State::Idle)
     }
 
-    /// The message under way.
+    /// The current message.
     pub(crate) fn message(&self) -> Option<&[u8]> {
         self.message.get(..self.length).filter(|_| !self.is_idle())
     }
 
-    /// Begins with a message in place of the one under way; an empty one, or one that is too long, is nothing to send.
+    /// Replaces the current message. An empty or too long message leaves nothing to send.
     pub(crate) fn start(&mut self, message: &[u8]) {
         self.state = State::Idle;
         if let Some(room) = self.message.get_mut(..message.len())
@@ -68,7 +66,7 @@ impl Sender {
         }
     }
 
-    /// When it has a frame or gives up waiting.
+    /// Time of the next frame (0: now) or of the timeout.
     pub(crate) fn wake_at(&self) -> Option<u64> {
         match self.state {
             State::Idle => None,
@@ -86,11 +84,11 @@ impl Sender {
         }
     }
 
-    /// Gives up if the receiver has been silent for N_Bs.
+    /// Drops the message if the receiver has been silent for N_Bs.
     pub(crate) fn expire(&mut self, now_us: u64, counts: &mut Counts) {
         if matches!(self.state, State::Waiting(until) if until <= now_us) {
             count(&mut counts.timeouts);
-            self.give_up(counts);
+            self.abandon(counts);
         }
     }
 
@@ -121,11 +119,11 @@ impl Sender {
     }
 
     fn begin(&mut self, parameters: &Parameters, now_us: u64) -> Piece {
-        // At most MAX_PACKET: 12 bits.
+        // At most MAX_PACKET, which fits 12 bits.
         let length = self.length as u16;
-        let mut piece = if self.length <= most_single(0) {
+        let mut piece = if self.length <= max_single(0) {
             Piece::new(&[length as u8])
-        } else if self.length <= most_single(parameters.full()) {
+        } else if self.length <= max_single(parameters.full()) {
             Piece::new(&[0, length as u8])
         } else {
             Piece::new(&(0x1000 | length).to_be_bytes())
@@ -136,11 +134,12 @@ impl Sender {
         piece
     }
 
-    /// Waits for flow control, if there is more to send.
+    /// Awaits flow control, unless the message is complete.
     fn pause(&mut self, parameters: &Parameters, now_us: u64) {
-        self.state = match self.sent == self.length {
-            true => State::Idle,
-            false => State::Waiting(now_us.saturating_add(parameters.timeout_us)),
+        self.state = if self.sent == self.length {
+            State::Idle
+        } else {
+            State::Waiting(now_us.saturating_add(parameters.timeout_us))
         };
     }
 
@@ -149,7 +148,7 @@ impl Sender {
         self.sent += piece.fill(rest.unwrap_or_default(), parameters.full());
     }
 
-    /// Takes the receiver's flow control. Block size and separation time hold until the next one (9.6.5.6).
+    /// Applies flow control. Block size and separation time hold until the next one (9.6.5.6).
     pub(crate) fn flow(
         &mut self,
         flow: Flow,
@@ -173,12 +172,12 @@ impl Sender {
                 self.waits += 1;
                 self.state = State::Waiting(now_us.saturating_add(parameters.timeout_us));
             }
-            // Too many waits, overflow, or a status that there is not (N_WFT_OVRN, N_BUFFER_OVFLW, N_INVALID_FS).
-            _ => self.give_up(counts),
+            // Too many waits (N_WFT_OVRN), overflow (N_BUFFER_OVFLW) or invalid (N_INVALID_FS).
+            _ => self.abandon(counts),
         }
     }
 
-    fn give_up(&mut self, counts: &mut Counts) {
+    fn abandon(&mut self, counts: &mut Counts) {
         self.state = State::Idle;
         count(&mut counts.unsent);
     }

@@ -1,6 +1,8 @@
-//! CAN over a serial line: the ASCII lines of LAWICEL's CAN232 and CANUSB adapters, and the FD lines of CANable 2.0.
+//! CAN over a serial line: the ASCII lines of LAWICEL's CAN232 and CANUSB adapters, and the FD
+//! lines of CANable 2.0.
 //!
-//! Every line ends with CR; an adapter refuses with a lone BEL. Hexadecimal digits are written in capitals and read in both.
+//! Every line ends with CR; an adapter refuses with a single BEL. Hexadecimal digits are written in
+//! capitals and read in either case.
 //!
 //! | line | meaning |
 //! |---|---|
@@ -12,8 +14,8 @@
 //! | `O`, `L`, `C` | open, open to listen only, close |
 //! | `F`, `V`, `N` | status flags, version, serial number: answered by `FXX`, `VXXXX`, `NXXXX` |
 //! | `Z0`, `Z1` | time stamps off, on |
-//! | `sXRRRTTT` | unasked: state of the controller, receive and transmit error counter (Linux: `drivers/net/can/slcan`) |
-//! | `eNXX..` | unasked: N errors on the bus, a letter each |
+//! | `sXRRRTTT` | unsolicited: state of the controller, receive and transmit error counter (Linux: `drivers/net/can/slcan`) |
+//! | `eNXX..` | unsolicited: N errors on the bus, a letter each |
 //! | empty, `z`, `Z` | done; sent, 11- or 29-bit |
 
 use crate::can::frame::{CanFrame, LENGTHS, MAX_CLASSIC_DATA, MAX_DATA, dlc};
@@ -21,11 +23,11 @@ use core::fmt;
 
 /// Ends a line.
 pub const CR: u8 = b'\r';
-/// Refuses one.
+/// Answer of an adapter that refuses a line.
 pub const BEL: u8 = 7;
-/// Most octets of a line, without its CR: `B`, identifier, length code, 64 octets, time stamp.
+/// Longest line without its CR: `B`, identifier, length code, 64 data bytes, time stamp.
 pub const MAX_LINE: usize = 1 + 8 + 1 + 2 * MAX_DATA + 4;
-/// Bit rates by their code, bit/s.
+/// Bit rates by code, bit/s.
 pub const BIT_RATES: [u32; 9] = [
     10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
 ];
@@ -42,11 +44,11 @@ pub const DATA_RATES: [(u8, u32); 6] = [
 /// One line, in either direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Line {
-    /// To the adapter: send it. From the adapter: received.
+    /// To the adapter: a frame to send. From the adapter: a received frame.
     Frame {
         /// The frame.
         frame: CanFrame,
-        /// When it was received, ms modulo 60,000, with time stamps on.
+        /// Time of reception, ms modulo 60,000; `None` without time stamps.
         time_ms: Option<u16>,
     },
     /// To the adapter.
@@ -55,88 +57,88 @@ pub enum Line {
     Answer(Answer),
 }
 
-/// What an adapter is told.
+/// A command to an adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// Bit rate: place in [`BIT_RATES`].
+    /// Bit rate: index in [`BIT_RATES`].
     BitRate(u8),
     /// Data bit rate: code in [`DATA_RATES`].
     DataRate(u8),
-    /// Takes part in the bus.
+    /// Opens the channel.
     Open,
-    /// Listens to the bus.
+    /// Opens the channel to listen only.
     Listen,
-    /// Leaves the bus.
+    /// Closes the channel.
     Close,
-    /// Asks for the status flags.
+    /// Requests the status flags.
     Status,
-    /// Asks for the version.
+    /// Requests the version.
     Version,
-    /// Asks for the serial number.
+    /// Requests the serial number.
     Serial,
-    /// Time stamps on received frames.
+    /// Switches time stamps of received frames.
     TimeStamps(bool),
 }
 
-/// What an adapter answers.
+/// An answer of an adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// Done.
     Done,
-    /// The frame is on its way.
+    /// The frame was accepted for transmission.
     Sent {
-        /// It has a 29-bit identifier.
+        /// The frame has a 29-bit identifier.
         extended: bool,
     },
-    /// Not done: unknown, wrong or not allowed now.
+    /// Unknown, invalid or not allowed in this state.
     Refused,
-    /// Status flags, from bit 0: receive queue full, transmit queue full, error warning, overrun, (none), error passive,
-    /// arbitration lost, bus error.
+    /// Status flags, from bit 0: receive queue full, transmit queue full, error warning, overrun,
+    /// (none), error passive, arbitration lost, bus error.
     Status(u8),
     /// Hardware and software version; the first four characters of a longer text.
     Version([u8; 4]),
-    /// Serial number, likewise.
+    /// Serial number; the first four characters of a longer text.
     Serial([u8; 4]),
-    /// State of the controller, told when it changes.
+    /// State of the controller, sent when it changes.
     State {
         /// The state.
         state: State,
-        /// Its receive error counter.
+        /// Receive error counter.
         receive_errors: u16,
-        /// Its transmit error counter.
+        /// Transmit error counter.
         transmit_errors: u16,
     },
-    /// Errors on the bus, 1 to 8, a letter each: `a` acknowledgement, `b` `B` bit 0 or 1, `c` CRC, `f` form, `s` stuffing, `o` `O`
-    /// receive or transmit overrun. 0 after the last.
+    /// Errors on the bus, 1 to 8, a letter each, then zeros: `a` acknowledgement, `b` `B` bit 0 or
+    /// 1, `c` CRC, `f` form, `s` stuffing, `o` `O` receive or transmit overrun.
     Errors([u8; 8]),
 }
 
-/// How a controller takes part in the bus (ISO 11898-1, fault confinement).
+/// Error state of a controller (ISO 11898-1, fault confinement).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// As it should.
+    /// Error active: normal operation.
     Active,
     /// An error counter has reached 96.
     Warning,
-    /// It signals errors passively.
+    /// Error passive: it sends passive error flags.
     Passive,
-    /// Not at all: too many errors.
+    /// Disconnected from the bus after too many errors.
     BusOff,
 }
 
-/// Why octets up to a CR are no line.
+/// Error of the bytes up to a CR.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineError {
-    /// More octets than any line has.
+    /// Longer than any line.
     TooLong,
-    /// No line begins so.
+    /// The first byte begins no line.
     Unknown {
-        /// Its first octet.
+        /// First byte.
         first: u8,
     },
-    /// A digit, identifier, length or rate that is none, too few octets or too many.
+    /// Invalid digit, identifier, length or rate, too few bytes or too many.
     Malformed {
-        /// Its first octet.
+        /// First byte.
         first: u8,
     },
 }
@@ -160,7 +162,7 @@ impl fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
-/// Finds lines in a stream of octets. Whatever garbage came before, it is in step again after the next CR.
+/// Finds lines in a stream of bytes. After garbage it is synchronised again at the next CR.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     line: [u8; MAX_LINE],
@@ -169,7 +171,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Waits for the first line.
+    /// A decoder at the start of a line.
     pub const fn new() -> Self {
         Self {
             line: [0; MAX_LINE],
@@ -178,7 +180,7 @@ impl Decoder {
         }
     }
 
-    /// Takes one octet; at the end of a line, the line or what is wrong with it. Line feeds are passed over.
+    /// Processes one byte; returns a line or its error at the end of the line. Ignores line feeds.
     pub fn push(&mut self, byte: u8) -> Option<Result<Line, LineError>> {
         match byte {
             CR | BEL => {
@@ -213,7 +215,6 @@ impl Default for Decoder {
     }
 }
 
-/// Reads a line without its CR.
 fn parse(line: &[u8]) -> Result<Line, LineError> {
     let Some((first, rest)) = line.split_first() else {
         return Ok(Line::Answer(Answer::Done));
@@ -333,7 +334,7 @@ fn number(digits: &[u8]) -> Option<u32> {
     })
 }
 
-/// Hands the octets of a line and its end to `put`. Invalid frames and error frames have no line.
+/// Passes the bytes of a line and its end to `put`. Invalid frames and error frames have no line.
 pub fn encode(line: &Line, put: &mut impl FnMut(u8)) {
     match *line {
         Line::Frame { frame, time_ms } if frame.is_valid() && !frame.error => {
@@ -382,8 +383,8 @@ fn encode_answer(answer: Answer, put: &mut impl FnMut(u8)) {
             let known = STATES.iter().filter(|(known, _)| *known == state);
             known.for_each(|(_, letter)| put(*letter));
             for counter in [receive_errors, transmit_errors] {
-                for place in [100, 10, 1] {
-                    put(b'0' + (counter / place % 10) as u8);
+                for unit in [100, 10, 1] {
+                    put(b'0' + (counter / unit % 10) as u8);
                 }
             }
         }
@@ -403,9 +404,10 @@ fn encode_frame(frame: &CanFrame, time_ms: Option<u16>, put: &mut impl FnMut(u8)
         (false, _, true) => b'r',
         (false, _, false) => b't',
     };
-    let (kind, digits) = match frame.extended {
-        true => (kind.to_ascii_uppercase(), 8),
-        false => (kind, 3),
+    let (kind, digits) = if frame.extended {
+        (kind.to_ascii_uppercase(), 8)
+    } else {
+        (kind, 3)
     };
     put(kind);
     hex(frame.id, digits, put);
@@ -420,8 +422,8 @@ fn encode_frame(frame: &CanFrame, time_ms: Option<u16>, put: &mut impl FnMut(u8)
 }
 
 fn hex(number: u32, digits: u32, put: &mut impl FnMut(u8)) {
-    for place in (0..digits).rev() {
-        let digit = (number >> (4 * place)) as u8 & 0xF;
+    for position in (0..digits).rev() {
+        let digit = (number >> (4 * position)) as u8 & 0xF;
         put(if digit < 10 { b'0' } else { b'A' - 10 } + digit);
     }
 }

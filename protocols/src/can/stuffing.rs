@@ -1,12 +1,14 @@
-//! The stuff bits of a frame, counted: after five equal bits a transmitter inserts one of the other kind (ISO 11898-1, 10.5).
+//! Number of stuff bits of a frame: after five equal bits a transmitter inserts the opposite bit
+//! (ISO 11898-1, 10.5).
 
 use crate::can::frame::{CanFrame, WireBits, dlc};
 
-/// Polynomial of the classic CRC: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (ISO 11898-1, 10.4.2.6).
+/// Polynomial of the classic CRC (ISO 11898-1, 10.4.2.6):
+/// x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
 const CRC_15: u16 = 0x4599;
 
 impl CanFrame {
-    /// Bits on the bus with exactly its own stuff bits. Error frames have none.
+    /// Bits on the bus with the stuff bits of this content. Error frames have none.
     pub fn exact_bits(&self) -> WireBits {
         let mut bits = self.bits();
         if self.error {
@@ -14,7 +16,7 @@ impl CanFrame {
         }
         let mut run = Run::default();
         self.put_head(&mut run);
-        // From here on FD frames go at the second rate, if they have one.
+        // FD frames with bit rate switch continue at the second rate.
         let slow = run.stuffed;
         self.put_data(&mut run);
         if !self.fd {
@@ -30,7 +32,7 @@ impl CanFrame {
         bits
     }
 
-    /// Start of frame to the bit before the data phase: up to the bit rate switch, or the whole control field.
+    /// From the start of frame to the bit rate switch (FD) or the end of r0 (classic).
     fn put_head(&self, run: &mut Run) {
         let rtr = u32::from(self.remote);
         run.put(0, 1);
@@ -55,7 +57,7 @@ impl CanFrame {
 
     fn put_data(&self, run: &mut Run) {
         if self.fd {
-            // Error state: active.
+            // ESI: error active.
             run.put(0, 1);
         }
         run.put(dlc(self.len.into()).unwrap_or(0).into(), 4);
@@ -65,11 +67,11 @@ impl CanFrame {
     }
 }
 
-/// Bits as they go out.
+/// State of the bit stuffing.
 #[derive(Default)]
 struct Run {
     last: bool,
-    /// Equal bits in a row, stuff bits included; 0 before the first.
+    /// Successive equal bits, stuff bits included; 0 before the first.
     equal: u32,
     stuffed: u32,
     crc: u16,
@@ -78,8 +80,8 @@ struct Run {
 impl Run {
     /// The low `count` bits of `value`, the highest first.
     fn put(&mut self, value: u32, count: u32) {
-        for place in (0..count).rev() {
-            self.put_bit(value >> place & 1 == 1);
+        for bit in (0..count).rev() {
+            self.put_bit(value >> bit & 1 == 1);
         }
     }
 
@@ -117,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_crc_is_the_standards() {
+    fn crc_has_the_published_check_value() {
         let mut run = Run::default();
         for byte in b"123456789" {
             run.put((*byte).into(), 8);
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn stuff_bits_are_counted_and_stay_within_the_worst_case() {
-        // By hand: of equal bits each fifth is followed by a stuff bit; after a stuff bit that begins a run, four more do.
+        // By hand: of equal bits the first five and then each four are followed by a stuff bit.
         assert_eq!(run(0, 15).stuffed, 3);
         assert_eq!(run(0x5555_5555, 32).stuffed, 0);
         let mut state = 1_u32;
@@ -138,7 +140,7 @@ mod tests {
         };
         for case in 0..4000 {
             let bytes: [u8; 8] = core::array::from_fn(|_| match random() {
-                // Often all equal, so that there is something to stuff.
+                // Zeros are frequent, so that bits are stuffed.
                 state if state >> 30 == 0 => 0,
                 state => (state >> 16) as u8,
             });
@@ -150,7 +152,7 @@ mod tests {
             }
         }
         let zeros = frame(0, false, &[0; 8]);
-        // 83 bits of head and data are all 0 but one.
+        // Of 83 bits of head and data, all but one are 0.
         assert!(zeros.exact_bits().nominal > zeros.bits().nominal + 15);
     }
 }

@@ -1,11 +1,11 @@
-//! Two nodes, packets, and a channel between them that may lose, repeat and swap frames.
+//! Two nodes and a channel between them that may lose, repeat and swap frames.
 
 use crate::common::Random;
 use skyloop_protocols::can::{Busy, CanFrame, Counts, Lane, Node, Parameters, Side};
 use skyloop_protocols::{Ack, Attitude, Command, MAX_PACKET, OrbitState, Reply, WireTime, apid};
 use std::collections::VecDeque;
 
-/// What a channel does to one frame in so many; 0: nothing.
+/// Faults of a channel, each in one of so many frames; 0: never.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Damage {
     pub drop: usize,
@@ -13,7 +13,7 @@ pub struct Damage {
     pub swap: usize,
 }
 
-/// Two nodes and what they have still to send and have received: `[Emulator, Client]`.
+/// Two nodes with the packets to send and the received packets: `[Emulator, Client]`.
 pub struct Bus {
     pub nodes: [Node; 2],
     pub queues: [[VecDeque<Vec<u8>>; 2]; 2],
@@ -43,7 +43,7 @@ impl Bus {
         Self::new(parameters(fd), Damage::default(), 1)
     }
 
-    /// Queues a packet at an end, by its lane.
+    /// Queues a packet at an end, in the queue of its lane.
     pub fn push(&mut self, from: usize, packet: Vec<u8>) {
         let lane = self.nodes[from].lane(&packet);
         self.queues[from][lane as usize].push_back(packet);
@@ -53,7 +53,7 @@ impl Bus {
         self.nodes[end].counts()
     }
 
-    /// Hands over what the lanes have room for.
+    /// Passes packets to the nodes until their lanes are busy.
     pub fn feed(&mut self) {
         for (node, queues) in self.nodes.iter_mut().zip(&mut self.queues) {
             for queue in queues {
@@ -92,7 +92,7 @@ impl Bus {
         }
     }
 
-    /// One frame from each end, if it has one; 100 µs each.
+    /// Transmits a frame from each end, if one is due; 100 µs each. False: none was due.
     pub fn step(&mut self) -> bool {
         let before = self.frames;
         for from in 0..2 {
@@ -106,7 +106,7 @@ impl Bus {
         self.frames > before
     }
 
-    /// Runs until both ends have nothing more to do.
+    /// Runs until both ends are idle.
     pub fn run(&mut self) {
         loop {
             self.feed();
@@ -125,7 +125,6 @@ impl Bus {
     }
 }
 
-/// The settings of both ends.
 pub fn parameters(fd: bool) -> Parameters {
     if fd {
         Parameters::FD
@@ -168,8 +167,8 @@ pub fn ack_packet(sequence_count: u16, count: u16, time: u64) -> Vec<u8> {
     buffer[..length.expect("encodes")].to_vec()
 }
 
-/// Octets that are no packet of any kind, marked by their length and a number.
-pub fn octets(length: usize, mark: u64) -> Vec<u8> {
+/// Random bytes that are no packet, seeded by their length and a number.
+pub fn bytes(length: usize, mark: u64) -> Vec<u8> {
     let mut random = Random(mark ^ (length as u64) << 32);
     (0..length).map(|_| random.next() as u8).collect()
 }

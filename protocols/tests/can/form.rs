@@ -1,4 +1,4 @@
-//! The CAN form: its frames bit by bit, and which packets go that way.
+//! The CAN form: its frames bit by bit, and the choice between plain frames and ISO-TP.
 
 use super::bus::{Bus, attitude, command_packet};
 use super::isotp::counted;
@@ -18,7 +18,7 @@ const EXAMPLE: Attitude = Attitude {
 };
 
 fn frames_of(packet: &[u8], counter: u8) -> Vec<CanFrame> {
-    let mut frames = Frames::of(packet, counter).expect("goes by plain frames");
+    let mut frames = Frames::of(packet, counter).expect("plain frames");
     let all = std::iter::from_fn(|| frames.next(false)).collect();
     assert!(frames.is_done());
     all
@@ -29,11 +29,11 @@ fn ids(frames: &[CanFrame]) -> impl Iterator<Item = u32> {
 }
 
 fn word(frame: &CanFrame) -> u64 {
-    u64::from_be_bytes(frame.payload().try_into().expect("eight octets"))
+    u64::from_be_bytes(frame.payload().try_into().expect("eight bytes"))
 }
 
-/// X-Val: Python's struct and NumPy's float32, which share nothing with the code: the attitude of the ICD's worked example,
-/// counter 5, time 0x7397df7b89abcdef.
+/// X-Val: Python's struct and NumPy's float32, which share nothing with the code: the attitude of
+/// the ICD's worked example, counter 5, time 0x7397df7b89abcdef.
 #[test]
 fn an_attitude_bit_by_bit() {
     let packet = command_packet(&Command::Attitude(EXAMPLE), 5, 0x7397_DF7B_89AB_CDEF);
@@ -89,12 +89,12 @@ fn frames_of_an_attitude_follow_each_other() {
     for sequence in 0..2 {
         node.send(&attitude(sequence, true), 0).expect("idle");
         assert!((0..8).all(|_| node.next_frame(0).is_some()));
-        // Amid the attitude the emulator begins a message and asks for flow control.
+        // During the attitude the emulator starts a message that needs flow control.
         let first = CanFrame::new(0x220, false, &[0x10, 20, 0, 0, 0, 0, 0, 0]).expect("valid");
         node.receive(&first, 0);
         let rest: Vec<CanFrame> = std::iter::from_fn(|| node.next_frame(0)).collect();
         assert!(ids(&rest).eq((0x108..=0x10F).chain([0x120])));
-        // So that a plain packet has gone last.
+        // The last packet is a plain one, which gives the next turn to the long lane.
         let ping = command_packet(&Command::Ping, 0, 0);
         node.send(&ping, 0).expect("idle");
         assert!(node.next_frame(0).is_some());
@@ -115,7 +115,7 @@ fn short_commands_bit_by_bit() {
 }
 
 #[test]
-fn other_packets_go_whole() {
+fn other_packets_are_sent_by_isotp() {
     let node = Node::new(Side::Client, false);
     let packet = |command: &Command| command_packet(command, 0, 0);
     let lane_of_rate = |rate| {
@@ -131,7 +131,7 @@ fn other_packets_go_whole() {
     for whole in [1.1e-38, 5e-324, 3.5e38, f64::MAX, f64::NAN] {
         assert_eq!(lane_of_rate(whole), Lane::Long, "{whole}");
     }
-    // The other end is to see the damage.
+    // Damaged packets are sent whole, so that the receiver can report them.
     let mut damaged = packet(&Command::Ping);
     damaged[7] ^= 1;
     let exposure = packet(&Command::Exposure { seconds: 1.0 });
@@ -150,7 +150,7 @@ fn packets_of_one_kind_keep_their_order() {
         .collect();
     for fd in [false, true] {
         let mut bus = Bus::perfect(fd);
-        // One queue: nothing overtakes what waits.
+        // One queue for both lanes: no packet overtakes another.
         for packet in &commands {
             while bus.nodes[1].send(packet, bus.now_us).is_err() {
                 bus.step();
@@ -161,7 +161,7 @@ fn packets_of_one_kind_keep_their_order() {
     }
 }
 
-/// The packets that these frames give at the emulator, and its counts `incomplete` and `ignored`.
+/// The emulator's packets from these frames, and its counts `incomplete` and `ignored`.
 fn receive(frames: &[CanFrame]) -> (Vec<Vec<u8>>, u32, u32) {
     let mut node = Node::new(Side::Emulator, false);
     let packet = |frame| node.receive(frame, 0).map(<[u8]>::to_vec);
@@ -171,14 +171,14 @@ fn receive(frames: &[CanFrame]) -> (Vec<Vec<u8>>, u32, u32) {
 }
 
 #[test]
-fn an_attitude_is_latched_whole_or_counted_once() {
+fn an_attitude_is_received_whole_or_counted_once() {
     // 10 frames, and 16 with position.
     let packet = attitude(2, true);
     let (first, second) = (frames_of(&attitude(1, false), 0), frames_of(&packet, 1));
     for at in 0..first.len() {
         let mut lost = [&first[..], &second].concat();
         lost.remove(at);
-        // Without its first frame the others are strays: the first of them counts, the rest are passed over.
+        // Without its first frame, the second counts as incomplete and the others are ignored.
         let ignored = if at == 0 { 8 } else { 0 };
         assert_eq!(
             receive(&lost),
@@ -189,10 +189,10 @@ fn an_attitude_is_latched_whole_or_counted_once() {
         let mut damaged = [&first[..], &second].concat();
         damaged[at].data[3] ^= 1;
         let (received, ..) = receive(&damaged);
-        // The last one has spare bits there.
-        let most = if at == first.len() - 1 { 2 } else { 1 };
+        // In the last frame these bits are spare.
+        let max = if at == first.len() - 1 { 2 } else { 1 };
         assert_eq!(received.last(), Some(&packet), "frame {at} damaged");
-        assert!(received.len() <= most, "frame {at} damaged");
+        assert!(received.len() <= max, "frame {at} damaged");
 
         let mut repeated = first.clone();
         repeated.insert(at, first[at]);
@@ -202,7 +202,8 @@ fn an_attitude_is_latched_whole_or_counted_once() {
             "frame {at} twice"
         );
     }
-    // The same attitude twice, a frame of the one among those of the other: all octets are right, and so is the CRC.
+    // A frame of another transmission of the same attitude: content and CRC are right, the counter
+    // is not.
     let zeros = frames_of(&packet, 0);
     for at in 0..zeros.len() {
         let mut frames = zeros.clone();
@@ -213,18 +214,18 @@ fn an_attitude_is_latched_whole_or_counted_once() {
             "frame {at} of another"
         );
     }
-    // Other order between the first and the last does no harm.
+    // Between the first and the last, any order is accepted.
     let mut frames = second.clone();
     frames[1..15].reverse();
     assert_eq!(receive(&frames), (vec![packet.clone()], 0, 0));
-    // A position that the first frame does not announce is not taken.
+    // A position without has_state in the first frame is refused.
     let mut frames = second.clone();
     frames[0].data[0] &= !0x10;
     assert_eq!(receive(&frames), (vec![], 1, 0));
 }
 
 #[test]
-fn an_attitude_that_stops_is_given_up_in_time() {
+fn an_interrupted_attitude_times_out() {
     let frames = frames_of(&attitude(1, false), 0);
     let mut node = Node::new(Side::Emulator, false);
     for frame in &frames[..9] {
@@ -237,8 +238,8 @@ fn an_attitude_that_stops_is_given_up_in_time() {
 }
 
 #[test]
-fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
-    let data = |id, octets| CanFrame::new(id, octets > 8, &vec![0; octets]).expect("valid");
+fn malformed_and_foreign_frames_are_counted_apart() {
+    let data = |id, bytes| CanFrame::new(id, bytes > 8, &vec![0; bytes]).expect("valid");
     let remote = |id, extended| CanFrame {
         extended,
         remote: true,
@@ -253,7 +254,7 @@ fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
         (data(0x111, 8), ignored),
         (data(0x210, 4), ignored),
         (data(0x0FF, 8), ignored),
-        // Remote frames. A 29-bit identifier is never one of ours.
+        // Remote frames. A 29-bit identifier is always foreign.
         (remote(0x100, false), malformed),
         (remote(0x110, false), malformed),
         (remote(0x120, false), malformed),
@@ -264,7 +265,7 @@ fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
         assert_eq!(node.receive(&frame, 0), None, "{frame:?}");
         assert_eq!(counted(node.counts()), expected, "{frame:?}");
     }
-    // Any opcode gives a packet: the emulator says what is wrong with it.
+    // Any opcode gives a packet: the emulator's decoder reports its error.
     let mut node = Node::new(Side::Emulator, true);
     let unknown = CanFrame::new(0x110, false, &[0xEE, 0, 1, 0, 0, 0, 0]).expect("valid");
     let packet = node.receive(&unknown, 0).expect("a packet");
@@ -275,17 +276,17 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn an_f64_comes_back(number in prop_oneof![prop::num::f64::ANY.prop_filter("a number", |x| !x.is_nan()), -1e10..1e10_f64, 1.2e-38..3.4e38_f64]) {
+    fn f64_survives_the_round_trip(number in prop_oneof![prop::num::f64::ANY.prop_filter("a number", |x| !x.is_nan()), -1e10..1e10_f64, 1.2e-38..3.4e38_f64]) {
         let (high, low) = split(number);
         let back = join(high, low);
         let size = number.abs();
-        let (least, beyond) = (f64::from(f32::MIN_POSITIVE), 2_f64.powi(128));
-        if size == 0.0 || (least..beyond).contains(&size) {
+        let (min, limit) = (f64::from(f32::MIN_POSITIVE), 2_f64.powi(128));
+        if size == 0.0 || (min..limit).contains(&size) {
             prop_assert_eq!(back.to_bits(), number.to_bits());
             let near = f64::from(f32::from_bits(high));
-            prop_assert!((near - number).abs() <= size * f64::from(f32::EPSILON), "what a DBC tool shows");
+            prop_assert!((near - number).abs() <= size * f64::from(f32::EPSILON), "value in a DBC tool");
         } else {
-            prop_assert_eq!(back, if size >= beyond { f64::INFINITY } else { 0.0 }.copysign(number));
+            prop_assert_eq!(back, if size >= limit { f64::INFINITY } else { 0.0 }.copysign(number));
         }
     }
 }

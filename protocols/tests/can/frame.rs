@@ -1,15 +1,15 @@
-//! One frame: what is valid, and its time on the bus.
+//! One frame: its validity and its time on the bus.
 
 use crate::common::Random;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::frame::{LENGTHS, WireBits, dlc, padded_length};
 
-fn classic(octets: usize) -> CanFrame {
-    CanFrame::new(0x123, false, &vec![0; octets]).expect("valid")
+fn classic(bytes: usize) -> CanFrame {
+    CanFrame::new(0x123, false, &vec![0; bytes]).expect("valid")
 }
 
-fn fd(octets: usize) -> CanFrame {
-    CanFrame::new(0x123, true, &vec![0; octets]).expect("valid")
+fn fd(bytes: usize) -> CanFrame {
+    CanFrame::new(0x123, true, &vec![0; bytes]).expect("valid")
 }
 
 fn extended(frame: CanFrame) -> CanFrame {
@@ -40,16 +40,16 @@ fn lengths_have_their_codes() {
 }
 
 #[test]
-fn only_frames_that_a_bus_carries_are_valid() {
-    for (id, fd, octets, valid) in [
+fn invalid_frames_are_refused() {
+    for (id, fd, bytes, valid) in [
         (0x7FF, false, 8, true),
         (0x800, false, 0, false),
         (0x7FF, false, 9, false),
         (0x7FF, true, 9, false), // no code
         (0x7FF, true, 65, false),
     ] {
-        let frame = CanFrame::new(id, fd, &vec![0; octets]);
-        assert_eq!(frame.is_some(), valid, "{id:#x}, {octets} octets");
+        let frame = CanFrame::new(id, fd, &vec![0; bytes]);
+        assert_eq!(frame.is_some(), valid, "{id:#x}, {bytes} bytes");
     }
     let base = classic(8);
     let with_id = |id| CanFrame { id, ..classic(8) };
@@ -60,7 +60,7 @@ fn only_frames_that_a_bus_carries_are_valid() {
         ("30 bits", extended(with_id(0x2000_0000)), false),
         ("two rates, classic", CanFrame { brs: true, ..base }, false),
         ("remote, FD", remote(fd(8)), false),
-        ("200 octets", long, false),
+        ("200 bytes", long, false),
     ] {
         assert_eq!(frame.is_valid(), valid, "{what}");
     }
@@ -72,14 +72,15 @@ fn bits(nominal: u32, data: u32) -> WireBits {
     WireBits { nominal, data }
 }
 
-/// X-Val: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis", Real-Time Systems 35
-/// (2007), equations (1) and (2): 55 + 10 s bits at most with 11-bit identifiers, 80 + 10 s with 29-bit ones.
+/// X-Val: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis",
+/// Real-Time Systems 35 (2007), equations (1) and (2): at most 55 + 10 s bits with 11-bit
+/// identifiers, 80 + 10 s with 29-bit ones.
 #[test]
-fn classic_frames_are_as_long_as_the_analysis_says() {
-    for octets in 0..=8 {
-        let base = classic(octets);
+fn classic_frames_have_their_published_lengths() {
+    for bytes in 0..=8 {
+        let base = classic(bytes);
         let extended = extended(base);
-        let s = octets as u32;
+        let s = bytes as u32;
         assert_eq!(base.bits(), bits(47 + 8 * s, 0));
         assert_eq!(base.worst_bits().nominal, 55 + 10 * s);
         assert_eq!(extended.bits().nominal, 67 + 8 * s);
@@ -98,7 +99,7 @@ fn classic_frames_are_as_long_as_the_analysis_says() {
     );
 }
 
-/// From ISO 11898-1:2015, frame format: 64 octets with the base identifier.
+/// From ISO 11898-1:2015, frame format: 64 bytes with the base identifier.
 /// Nominal: SOF 1, identifier 11, RRS 1, IDE 1, FDF 1, res 1, BRS 1; ACK 2, EOF 7, intermission 3.
 /// Data: ESI 1, DLC 4, data 512, stuff count 4, CRC 21, fixed stuff bits 7, CRC delimiter 1.
 #[test]
@@ -106,8 +107,8 @@ fn fd_frames_have_two_rates() {
     let full = fd(64);
     let slow = CanFrame { brs: false, ..full };
     assert_eq!(fd(16).bits(), bits(29, 5 + 128 + 4 + 17 + 6 + 1));
-    for (what, frame, least, worst) in [
-        // (17 + 5 + 512 - 1) / 4 = 133 stuff bits at most, 4 of them at the nominal rate.
+    for (what, frame, bare, worst) in [
+        // At most (17 + 5 + 512 - 1) / 4 = 133 stuff bits, 4 of them at the nominal rate.
         ("two rates", full, bits(29, 550), bits(33, 679)),
         ("one rate", slow, bits(579, 0), bits(579 + 133, 0)),
         // (36 + 5 + 512 - 1) / 4 = 138.
@@ -118,14 +119,15 @@ fn fd_frames_have_two_rates() {
             bits(48 + 8, 550 + 130),
         ),
     ] {
-        assert_eq!((frame.bits(), frame.worst_bits()), (least, worst), "{what}");
+        assert_eq!((frame.bits(), frame.worst_bits()), (bare, worst), "{what}");
     }
     let worst = full.worst_bits().duration_ns(500_000, 8_000_000);
     assert_eq!(worst, 66_000 + 84_875);
     assert!(full.bits().duration_ns(0, 0) > 0, "no division by zero");
 }
 
-/// Bits that stuff worst, stuffed one by one: five equal ones, then four and four in turn. Other ones stay below.
+/// The worst case, stuffed bit by bit: five equal bits, then alternating groups of four. Random
+/// bits stay below it.
 #[test]
 fn the_bound_of_stuffing_is_reached() {
     let stuffed = |bits: &[bool]| {
@@ -134,7 +136,7 @@ fn the_bound_of_stuffing_is_reached() {
             run = if last == Some(*bit) { run + 1 } else { 1 };
             last = Some(*bit);
             if run == 5 {
-                // The stuff bit begins a run of its own.
+                // The stuff bit starts a new run.
                 (count, run, last) = (count + 1, 1, Some(!bit));
             }
         }

@@ -1,4 +1,4 @@
-//! ISO-TP where all goes well: published exchanges, all lengths, what is a protocol data unit.
+//! ISO-TP without errors: published exchanges, all lengths, valid and invalid data units.
 
 use crate::common::hex;
 use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
@@ -9,8 +9,8 @@ fn frame(id: u32, data: &[u8]) -> CanFrame {
     CanFrame::new(id, data.len() > 8, data).expect("valid")
 }
 
-fn digits(octets: &[u8]) -> String {
-    octets.iter().map(|octet| format!("{octet:02x}")).collect()
+fn digits(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The counts that are not 0, as `incomplete: 1, ignored: 2`.
@@ -26,13 +26,13 @@ pub fn counted(counts: Counts) -> String {
         .join(", ")
 }
 
-/// Plays a script to an end; what it has counted then. Its steps:
+/// Runs a script against one end and returns its final counts. The steps of a script:
 ///
-/// - `@1000`: the time from here on, µs
-/// - `<data`: a frame from the other end arrives; `=data` after it: it completes this message
-/// - `+20`: a message of 20 octets is to be sent; `?20`: and is not accepted yet
-/// - `>data`: the next frame; `>`: there is none
-/// - `~1000`: it wants to be woken then; `~`: never
+/// - `@1000`: sets the time, µs
+/// - `<data`: receives a frame; `=data` after it: the frame completes this message
+/// - `+20`: sends a message of 20 bytes; `?20`: the same, refused as busy
+/// - `>data`: expects this next frame; `>`: expects none
+/// - `~1000`: expects this wake-up time; `~`: expects none
 pub fn play(side: Side, script: &str) -> String {
     let mut node = Node::new(side, false);
     let (receives, sends) = match side {
@@ -72,7 +72,7 @@ pub fn play(side: Side, script: &str) -> String {
     counted(node.counts())
 }
 
-/// All frames of a message from the emulator to a client, and the client's, as `A` and `B` and hexadecimal digits.
+/// All frames of a message from the emulator (`A`) to a client (`B`), in hexadecimal digits.
 fn exchange(message: &[u8], parameters: Parameters) -> String {
     let mut emulator = Node::with(Side::Emulator, parameters);
     let mut client = Node::with(Side::Client, parameters);
@@ -100,22 +100,23 @@ fn exchange(message: &[u8], parameters: Parameters) -> String {
     lines.join("|")
 }
 
-/// Octets 3, 10, 17 ...
+/// Bytes 3, 10, 17 ...
 pub fn message(length: usize) -> Vec<u8> {
     (0..length).map(|at| (at * 7 + 3) as u8).collect()
 }
 
-/// X-Val: the vehicle identification number 3FADP4FJ2BM113913 read by OBD2 in CSS Electronics' "CAN bus UDS explained".
+/// X-Val: the vehicle identification number 3FADP4FJ2BM113913 read by OBD2 in CSS Electronics'
+/// "CAN bus UDS explained".
 #[test]
-fn a_vehicle_identification_number() {
+fn vehicle_identification_number() {
     let vin = [&[0x49, 0x02, 0x01], &b"3FADP4FJ2BM113913"[..]].concat();
     let expected = "A 1014490201334641|B 300000|A 21445034464a3242|A 224d313133393133";
     assert_eq!(exchange(&vin, Parameters::CLASSIC), expected);
 }
 
-/// X-Val: PyPI can-isotp 2.0.7, two transport layers against each other.
+/// X-Val: PyPI can-isotp 2.0.7, an exchange of two transport layers.
 #[test]
-fn exchanges_as_another_implementation_has_them() {
+fn exchanges_equal_those_of_another_implementation() {
     let (classic, fd) = (Parameters::CLASSIC, Parameters::FD);
     let blocks = Parameters {
         block_size: 2,
@@ -132,7 +133,7 @@ fn exchanges_as_another_implementation_has_them() {
     let in_a_frame = "030a11181f262d343b424950575e656c737a81888f969da4abb2b9c0c7ced5dce3eaf1f8ff060d141b222930373e454c535a61686f767d848b9299a0a7ae";
     let check = |length, parameters, expected: &str| {
         let found = exchange(&message(length), parameters);
-        assert_eq!(found, expected, "{length} octets");
+        assert_eq!(found, expected, "{length} bytes");
     };
     check(7, classic, "A 07030a11181f262d");
     check(8, classic, "A 1008030a11181f26|B 300000|A 212d34");
@@ -154,9 +155,10 @@ fn exchanges_as_another_implementation_has_them() {
     check(30, short_fd, of_16);
 }
 
-/// X-Val: Linux can-isotp, `net/can/isotp.c`: no padding, block size 0, separation time 0 unless told otherwise.
+/// X-Val: Linux can-isotp, `net/can/isotp.c`: default of no padding, block size and separation
+/// time 0.
 #[test]
-fn settings_of_the_kernel() {
+fn defaults_are_those_of_the_kernel() {
     let kernel = Parameters::CLASSIC;
     assert_eq!((kernel.frame_bytes, kernel.padding), (8, None));
     assert_eq!((kernel.block_size, kernel.st_min), (0, 0));
@@ -165,11 +167,11 @@ fn settings_of_the_kernel() {
 
 #[test]
 fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
-    for frame_octets in [8, 12, 16, 20, 24, 32, 48, 64] {
+    for frame_bytes in [8, 12, 16, 20, 24, 32, 48, 64] {
         for block_size in [0, 1, 2, 15, 16, 255] {
             let parameters = Parameters {
-                fd: frame_octets > 8,
-                frame_bytes: frame_octets,
+                fd: frame_bytes > 8,
+                frame_bytes,
                 block_size,
                 ..Parameters::CLASSIC
             };
@@ -206,8 +208,8 @@ fn separation_times() {
 }
 
 #[test]
-fn data_that_is_no_pdu_is_counted() {
-    // Reserved types; lengths 0, beyond the frame, and those that belong in a shorter one; cut heads.
+fn invalid_pdus_are_counted() {
+    // Reserved types; lengths of 0, beyond the frame, or of a shorter frame; truncated heads.
     let data = "4011 f0 00 0011223344556677 0711223344 08081122334455667788aabb \
                 0000112233445566778899aa 0007112233445566778899aa 000b112233445566778899aa \
                 100811223344 1007112233445566 100a112233445566778899aa 100000000fff1122 \

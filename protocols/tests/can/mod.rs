@@ -1,4 +1,5 @@
-//! Packets over CAN: frames and their time on the bus, ISO-TP, the CAN form, nodes over good and bad channels, slcan.
+//! Packets over CAN: frames and their time on the bus, ISO-TP, the CAN form, nodes over good and
+//! bad channels, slcan.
 
 mod bus;
 mod form;

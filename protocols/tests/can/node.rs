@@ -1,15 +1,15 @@
-//! Whole packets between two nodes.
+//! Packets between two nodes.
 
-use super::bus::{Bus, Damage, ack_packet, attitude, command_packet, octets, parameters};
+use super::bus::{Bus, Damage, ack_packet, attitude, bytes, command_packet, parameters};
 use super::isotp::counted;
 use skyloop_protocols::Command;
 use skyloop_protocols::can::{Counts, Parameters};
 use skyloop_protocols::crc::crc16;
 use std::collections::HashSet;
 
-/// Random octets and their CRC.
+/// Random bytes and their CRC.
 fn sealed(length: usize, mark: u64) -> Vec<u8> {
-    let mut packet = octets(length, mark);
+    let mut packet = bytes(length, mark);
     packet.extend_from_slice(&crc16(&packet).to_be_bytes());
     packet
 }
@@ -20,16 +20,15 @@ fn is_sealed(packet: &[u8]) -> bool {
         .is_some_and(|(before, crc)| crc16(before) == u16::from_be_bytes(*crc))
 }
 
-/// Attitudes among other packets.
 fn is_attitude(packet: &[u8]) -> bool {
     packet.starts_with(&[0x19, 0x01])
 }
 
 #[test]
-fn packets_of_any_length_pass_both_ways_at_once() {
+fn packets_of_any_length_pass_in_both_directions_at_once() {
     for fd in [false, true] {
         let mut bus = Bus::perfect(fd);
-        let packets = |mark| (1..=1400).map(move |length| octets(length, mark));
+        let packets = |mark| (1..=1400).map(move |length| bytes(length, mark));
         for packet in packets(1) {
             bus.push(0, packet);
         }
@@ -49,7 +48,7 @@ fn packets_of_any_length_pass_both_ways_at_once() {
 }
 
 #[test]
-fn short_forms_lose_their_time_only() {
+fn short_forms_lose_only_their_time() {
     let mut bus = Bus::perfect(false);
     let packets = 0xDEAD_BEEF;
     let commands = [
@@ -74,10 +73,9 @@ fn short_forms_lose_their_time_only() {
     }
 }
 
-/// What a channel does, and what must not come of it. Octets in the channel are random, but a CRC keeps out what is
-/// damaged; so what is delivered was sent.
+/// Over a bad channel, every delivered packet with a right CRC was sent.
 #[test]
-fn what_a_bad_channel_delivers_was_sent() {
+fn a_bad_channel_delivers_only_sent_packets() {
     let blocks = Parameters {
         block_size: 8,
         ..Parameters::CLASSIC
@@ -95,8 +93,8 @@ fn bad_channel(parameters: Parameters, damage: Damage, seed: u64) {
     let mut bus = Bus::new(parameters, damage, seed);
     let mut sent: [HashSet<Vec<u8>>; 2] = Default::default();
     for number in 0..300 {
-        let most = if number % 3 == 0 { 1380 } else { 100 };
-        let length = 1 + bus.random.below(most);
+        let limit = if number % 3 == 0 { 1380 } else { 100 };
+        let length = 1 + bus.random.below(limit);
         for (from, packet) in [
             (0, sealed(length, number)),
             (1, sealed(length, number)),
@@ -121,7 +119,7 @@ fn bad_channel(parameters: Parameters, damage: Damage, seed: u64) {
     }
     let counts = [bus.counts(0), bus.counts(1)];
     let sum = |of: fn(&Counts) -> u32| counts.iter().map(of).sum::<u32>();
-    let least = [
+    let expected = [
         sum(|c| c.incomplete),
         sum(|c| c.ignored),
         sum(|c| c.sequence_errors),
@@ -132,13 +130,13 @@ fn bad_channel(parameters: Parameters, damage: Damage, seed: u64) {
         },
     ];
     assert!(
-        least.iter().all(|count| *count > 0),
+        expected.iter().all(|count| *count > 0),
         "{damage:?} {counts:?}"
     );
     assert_eq!(sum(|c| c.oversize), 0, "{damage:?}");
 }
 
-/// A channel that loses one frame in so many.
+/// A channel that loses one in `drop` frames.
 fn lossy(fd: bool, drop: usize, seed: u64) -> Bus {
     let damage = Damage {
         drop,
@@ -147,9 +145,9 @@ fn lossy(fd: bool, drop: usize, seed: u64) -> Bus {
     Bus::new(parameters(fd), damage, seed)
 }
 
-/// Every packet handed over is delivered, or counted where it was given up.
+/// Every packet is either delivered or counted as lost.
 #[test]
-fn what_is_lost_is_counted() {
+fn lost_packets_are_counted() {
     for fd in [false, true] {
         let mut bus = lossy(fd, 40, 9);
         for number in 0..500 {
@@ -158,22 +156,22 @@ fn what_is_lost_is_counted() {
         bus.run();
         let lost = 500 - bus.received[1].len() as u32;
         let (emulator, client) = (bus.counts(0), bus.counts(1));
-        // A lost first frame or flow control: unsent. A lost consecutive frame: incomplete; the flow control of such a
-        // message being lost too, both. A message is never lost without either.
+        // A lost first frame or flow control counts as unsent, a lost consecutive frame as
+        // incomplete. Both together may count twice, never zero times.
         let is_counted = lost <= emulator.unsent + client.incomplete;
         assert!(lost > 20 && is_counted, "{lost} {emulator:?} {client:?}");
     }
 }
 
 #[test]
-fn silence_of_the_other_end_ends_in_time() {
+fn silence_of_the_other_end_times_out() {
     let mut bus = lossy(false, 1, 1);
     for number in 0..10 {
         bus.push(0, sealed(200, number));
         bus.push(1, attitude(number as u32, true));
     }
     bus.run();
-    // Ten messages, each given up 1 s after its first frame.
+    // Ten messages, each dropped 1 s after its first frame.
     let now = bus.now_us;
     assert!((10_000_000..10_100_000).contains(&now), "{now}");
     assert_eq!(counted(bus.counts(0)), "timeouts: 10, unsent: 10");
@@ -182,20 +180,20 @@ fn silence_of_the_other_end_ends_in_time() {
 #[test]
 fn neither_lane_starves() {
     let mut bus = Bus::perfect(false);
-    // More attitudes than the bus carries, and one long packet: 201 frames.
+    // 1000 attitudes, and one long packet: 201 frames.
     for number in 0..1000 {
         bus.push(1, attitude(number, true));
     }
-    bus.push(1, octets(1400, 1));
+    bus.push(1, bytes(1400, 1));
     bus.run();
     let long = bus.received[0]
         .iter()
         .position(|packet| !is_attitude(packet));
     assert_eq!(long, Some(201), "one frame of it after each attitude");
 
-    // And an attitude amid a long packet goes at once.
+    // An attitude during a long packet is sent at once.
     let mut bus = Bus::perfect(false);
-    bus.push(1, octets(1400, 1));
+    bus.push(1, bytes(1400, 1));
     for _ in 0..50 {
         bus.feed();
         bus.step();

@@ -1,4 +1,4 @@
-//! Lines of text: those of the adapters' manuals, and what comes back.
+//! Lines of text: those of the adapters' manuals, invalid ones, and round trips.
 
 use crate::common::Random;
 use proptest::collection::vec;
@@ -12,15 +12,13 @@ use skyloop_protocols::can::slcan::{
 
 fn decode(text: &[u8]) -> Vec<Result<Line, LineError>> {
     let mut decoder = Decoder::new();
-    text.iter()
-        .filter_map(|octet| decoder.push(*octet))
-        .collect()
+    text.iter().filter_map(|byte| decoder.push(*byte)).collect()
 }
 
 fn text(line: &Line) -> String {
-    let mut octets = Vec::new();
-    encode(line, &mut |octet| octets.push(octet));
-    String::from_utf8(octets).expect("ASCII")
+    let mut bytes = Vec::new();
+    encode(line, &mut |byte| bytes.push(byte));
+    String::from_utf8(bytes).expect("ASCII")
 }
 
 fn frame(id: u32, data: &[u8]) -> CanFrame {
@@ -34,14 +32,14 @@ fn received(frame: CanFrame) -> Line {
     }
 }
 
-/// Refuses a line that is not read or written so.
+/// Checks both directions of a line.
 fn check(written: &str, line: Line) {
     assert_eq!(decode(written.as_bytes()), [Ok(line)], "{written:?}");
     assert_eq!(text(&line), written);
 }
 
-/// X-Val: LAWICEL's CAN232 manual, version 3.0: `t10021133`, `T0000010021133`, `V1013`, `NA123`, time stamps up to EA5F; the
-/// other lines follow its grammar.
+/// X-Val: LAWICEL's CAN232 manual, version 3.0: `t10021133`, `T0000010021133`, `V1013`, `NA123`,
+/// time stamps up to EA5F; the other lines follow its grammar.
 #[test]
 fn lines_of_the_lawicel_manual() {
     let two = frame(0x100, &[0x11, 0x33]);
@@ -61,7 +59,7 @@ fn lines_of_the_lawicel_manual() {
     check("r1002\r", received(requested));
     check("R000001002\r", extended(requested));
     check("t0200\r", received(frame(0x20, &[])));
-    // With time stamps on: 59,999 ms is the last before 0.
+    // The largest time stamp is 59,999 ms.
     let stamped = Line::Frame {
         frame: two,
         time_ms: Some(59_999),
@@ -113,12 +111,12 @@ fn lines_of_canable_2() {
         let line = received(CanFrame { brs, ..twelve });
         check(&format!("{first}7FF9{data}\r"), line);
         let small = format!("{first}7ff9{data}\r");
-        assert_eq!(decode(small.as_bytes()), [Ok(line)], "small letters");
+        assert_eq!(decode(small.as_bytes()), [Ok(line)], "lower case");
     }
 }
 
 #[test]
-fn what_is_no_line_is_named() {
+fn invalid_lines_have_their_error() {
     let malformed = "t1002113 t10021133EA5F0 t1009112233445566778899 t80021133 t100211334 t1002113G \
                      T2000000021133 S9 S S10 Y3 O1 Z2 F1 zz r100211 d1001 t1 t";
     for text in malformed.split(' ') {
@@ -135,9 +133,9 @@ fn what_is_no_line_is_named() {
     assert_eq!(
         decode(&long),
         [Err(LineError::TooLong), open],
-        "in step again"
+        "synchronised again"
     );
-    assert_eq!(decode(b"O\r\nC\r\n").len(), 2, "line feeds are passed over");
+    assert_eq!(decode(b"O\r\nC\r\n").len(), 2, "line feeds are ignored");
     let mut decoder = Decoder::default();
     let bounded = (0..1_000_000).all(|_| decoder.push(b'x').is_none());
     assert!(bounded);
@@ -146,19 +144,19 @@ fn what_is_no_line_is_named() {
 #[test]
 fn an_adapter_answers() {
     let mut adapter = Adapter::new();
-    let say = |adapter: &mut Adapter, text: &str| {
+    let send = |adapter: &mut Adapter, text: &str| {
         let mut answers = Vec::new();
         let mut frames = Vec::new();
         for line in decode(text.as_bytes()) {
             match line {
-                Ok(line) => frames.extend(adapter.take(&line, &mut |octet| answers.push(octet))),
-                Err(_) => adapter.refuse(&mut |octet| answers.push(octet)),
+                Ok(line) => frames.extend(adapter.take(&line, &mut |byte| answers.push(byte))),
+                Err(_) => adapter.refuse(&mut |byte| answers.push(byte)),
             }
         }
         (String::from_utf8(answers).expect("ASCII"), frames)
     };
     let answers = [
-        ("\r\r\r", ""), // how a host begins
+        ("\r\r\r", ""), // start of a host
         ("t10021133\r", "\x07"),
         ("O\r", "\x07"), // no bit rate yet
         ("F\r", "\x07"),
@@ -176,19 +174,21 @@ fn an_adapter_answers() {
         ("t100211330001\r", "\x07"), // only received frames have a time
     ];
     for (command, answer) in answers {
-        let found = say(&mut adapter, command);
+        let found = send(&mut adapter, command);
         assert_eq!(found, (answer.into(), vec![]), "{command:?}");
     }
     assert_eq!(adapter.bit_rate(), Some(500_000));
     assert_eq!(adapter.data_rate(), Some(8_000_000));
     let sent = vec![frame(0x100, &[0x11, 0x33])];
-    assert_eq!(say(&mut adapter, "t10021133\r"), ("z\r".into(), sent));
-    assert_eq!(say(&mut adapter, "T0000010021133\r").0, "Z\r");
-    let mut heard = Vec::new();
-    adapter.deliver(&frame(0x7FF, &[1]), 60_001, &mut |octet| heard.push(octet));
-    assert_eq!(heard, b"t7FF1010001\r");
-    // Closed, and open again to listen only.
-    let answers = say(&mut adapter, "C\rL\rt10021133\r");
+    assert_eq!(send(&mut adapter, "t10021133\r"), ("z\r".into(), sent));
+    assert_eq!(send(&mut adapter, "T0000010021133\r").0, "Z\r");
+    let mut delivered = Vec::new();
+    adapter.deliver(&frame(0x7FF, &[1]), 60_001, &mut |byte| {
+        delivered.push(byte)
+    });
+    assert_eq!(delivered, b"t7FF1010001\r");
+    // Close, then open to listen only.
+    let answers = send(&mut adapter, "C\rL\rt10021133\r");
     assert_eq!(answers, ("\r\r\x07".into(), vec![]));
 }
 
@@ -253,15 +253,15 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn lines_come_back_after_garbage(garbage in vec(any::<u8>(), 0..300), lines in vec(any_line(), 1..5)) {
-        let mut octets = garbage;
-        octets.push(b'\r'); // whatever the garbage began ends here
-        let before = decode(&octets).len();
+    fn lines_after_garbage_are_decoded(garbage in vec(any::<u8>(), 0..300), lines in vec(any_line(), 1..5)) {
+        let mut bytes = garbage;
+        bytes.push(b'\r'); // ends the garbage
+        let before = decode(&bytes).len();
         for line in &lines {
             prop_assert!(text(line).len() <= MAX_LINE + 1);
-            octets.extend_from_slice(text(line).as_bytes());
+            bytes.extend_from_slice(text(line).as_bytes());
         }
-        let received: Vec<_> = decode(&octets).into_iter().skip(before).collect();
+        let received: Vec<_> = decode(&bytes).into_iter().skip(before).collect();
         prop_assert_eq!(received, lines.into_iter().map(Ok).collect::<Vec<_>>());
     }
 }

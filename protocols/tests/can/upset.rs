@@ -1,12 +1,12 @@
-//! ISO-TP where it does not go well: frames out of place, too long messages, slow and silent ends.
+//! ISO-TP with errors: unexpected frames, too long messages, slow and silent ends.
 
-use super::bus::octets;
+use super::bus::bytes;
 use super::isotp::{counted, play};
 use crate::common::hex;
 use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
 use skyloop_protocols::can::{CanFrame, Node, Side};
 
-/// A client has the first frame of 20 octets and has asked for the rest, which is these two.
+/// A client has received the first of three frames and sent flow control.
 const RECEIVING: &str = "<1014030a11181f26 >300000";
 const SECOND: &str = "212d343b42495057";
 const THIRD: &str = "225e656c737a8188";
@@ -17,22 +17,22 @@ const MESSAGE: &str = "030a11181f262d343b424950575e656c737a8188";
 fn unexpected_frames_at_a_receiver() {
     for (what, script, counts) in [
         (
-            "a single frame begins anew",
+            "a single frame replaces the message",
             format!("{RECEIVING} @1 <03aabbcc =aabbcc"),
             "incomplete: 1",
         ),
         (
-            "so does a first frame",
+            "a first frame replaces the message",
             format!("{RECEIVING} @1 <1008aabbccddeeff >300000 <210102 =aabbccddeeff0102"),
             "incomplete: 1",
         ),
         (
-            "flow control for nothing, an unknown type, a frame too short: no harm",
+            "unexpected flow control, an unknown type, a frame too short",
             format!("{RECEIVING} @1 <300000 <50 <212d343b <{SECOND} <{THIRD} ={MESSAGE}"),
             "malformed: 1, ignored: 2",
         ),
         (
-            "a wrong number, and the right one too late",
+            "a wrong number, then the right one",
             format!("{RECEIVING} @1 <222d343b42495057 <{SECOND}"),
             "sequence_errors: 1, incomplete: 1, ignored: 1",
         ),
@@ -42,16 +42,16 @@ fn unexpected_frames_at_a_receiver() {
             "ignored: 1",
         ),
         (
-            "a repeated one",
+            "a repeated frame",
             format!("{RECEIVING} @1 <{SECOND} <{SECOND}"),
             "sequence_errors: 1, incomplete: 1",
         ),
         (
-            "asks for nothing more of a message that is given up",
+            "no flow control for a dropped message",
             "<1014030a11181f26 <03aabbcc =aabbcc >".to_owned(),
             "incomplete: 1",
         ),
-        ("nothing begun", format!("<{SECOND}"), "ignored: 1"),
+        ("no message", format!("<{SECOND}"), "ignored: 1"),
     ] {
         assert_eq!(play(Side::Client, &script), counts, "{what}");
     }
@@ -64,26 +64,26 @@ fn unexpected_frames_at_a_receiver() {
     assert_eq!(counted(idle.counts()), "ignored: 2");
 }
 
-/// X-Val: Linux `isotp_rcv_ff`: a message that is too long is answered with overflow.
+/// X-Val: Linux `isotp_rcv_ff`: the answer to a too long message is overflow.
 #[test]
 fn a_message_longer_than_a_packet_is_refused() {
     for head in ["1579112233445566", "1fff112233445566", "1000ffffffff1122"] {
         let counts = play(Side::Client, &format!("<{head} >320000 ~"));
         assert_eq!(counts, "oversize: 1", "{head}");
     }
-    // 1400 are not too many.
+    // 1400 bytes are accepted.
     assert_eq!(play(Side::Client, "<1578112233445566 >300000"), "");
 }
 
-/// An emulator has sent the first frame of 20 octets and waits for flow control.
+/// An emulator has sent the first of three frames and awaits flow control.
 const SENDING: &str = "+20 >1014030a11181f26 >";
 
 #[test]
-fn a_sender_does_as_it_is_told() {
+fn a_sender_follows_flow_control() {
     let waits = "<310000 ".repeat(10);
-    let mut impatient = SENDING.to_owned();
+    let mut max_waits = SENDING.to_owned();
     for wait in 1..=10 {
-        impatient += &format!(
+        max_waits += &format!(
             " @{} <310000 ~{}",
             wait * 900_000,
             wait * 900_000 + 1_000_000
@@ -111,12 +111,12 @@ fn a_sender_does_as_it_is_told() {
             "unsent: 1",
         ),
         (
-            "wait so often and no more; then flow control that none awaits",
-            format!("{impatient} @9900000 <310000 ~ <300000"),
+            "too many waits, then unexpected flow control",
+            format!("{max_waits} @9900000 <310000 ~ <300000"),
             "unsent: 1, ignored: 1",
         ),
         (
-            "wait as often again after the next block",
+            "the full number of waits in each block",
             format!("{SENDING} {waits} <300100 >{SECOND} {waits} <300000 >{THIRD} ~"),
             "",
         ),
@@ -126,7 +126,7 @@ fn a_sender_does_as_it_is_told() {
 }
 
 #[test]
-fn silence_ends_in_time() {
+fn silence_times_out() {
     let sender = format!("{SENDING} ~1000000 @999999 ?30 @1000000 > +30");
     assert_eq!(
         play(Side::Emulator, &sender),
@@ -138,15 +138,15 @@ fn silence_ends_in_time() {
     assert_eq!(
         play(Side::Client, &receiver),
         counts,
-        "N_Cr: too late by nothing"
+        "N_Cr: exactly at the deadline"
     );
 }
 
 #[test]
-fn what_is_no_message_is_not_sent() {
+fn empty_and_too_long_messages_are_not_sent() {
     let mut node = Node::new(Side::Client, false);
     assert_eq!(
-        [node.send(&[], 0), node.send(&octets(1401, 1), 0)],
+        [node.send(&[], 0), node.send(&bytes(1401, 1), 0)],
         [Ok(()), Ok(())]
     );
     assert_eq!((node.next_frame(0), node.counts().unsent), (None, 2));

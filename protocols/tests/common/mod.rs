@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
-/// One entry of the file: its name, its bytes, its fields as text.
+/// One entry of the file: name, bytes, fields as text.
 pub struct Vector {
     pub name: String,
     pub bytes: Vec<u8>,
@@ -41,11 +41,11 @@ fn number(text: &str) -> u64 {
     }
 }
 
-/// Octets from hexadecimal digits; blanks and bars are decoration.
+/// Bytes from hexadecimal digits; ignores blanks and bars.
 pub fn hex(text: &str) -> Vec<u8> {
     let digits = text.replace(|c: char| c.is_whitespace() || c == '|', "");
-    let octet = |at| u8::from_str_radix(&digits[at..at + 2], 16).expect(text);
-    (0..digits.len()).step_by(2).map(octet).collect()
+    let byte = |at| u8::from_str_radix(&digits[at..at + 2], 16).expect(text);
+    (0..digits.len()).step_by(2).map(byte).collect()
 }
 
 /// All entries of the file.
@@ -56,7 +56,7 @@ pub fn golden() -> Vec<Vector> {
     let entry = |text: &str| {
         let (name, lines) = text.split_once("]\n").expect(text);
         let mut fields = BTreeMap::new();
-        // A field goes on in lines that begin with a blank.
+        // Lines that begin with a blank continue a field.
         for line in lines
             .replace("\n ", " ")
             .lines()

@@ -1,15 +1,15 @@
-//! CAN: plain frames, a node that hears anything at any time, two nodes with a bad channel between them.
+//! CAN: plain frames, a node with random events, two nodes with a bad channel between them.
 
+use crate::bytes::{decode, golden};
 use crate::common::{Random, hex};
 use crate::harness::{Seen, Target};
-use crate::octets::{decode, golden};
 use skyloop_protocols::can::form::Frames;
 use skyloop_protocols::can::frame::padded_length;
 use skyloop_protocols::can::{CanFrame, Counts, Node, Parameters, Side};
 use skyloop_protocols::crc::crc16;
 use skyloop_protocols::{Command, MAX_PACKET};
 
-/// Reads a script octet by octet; 0 after its end.
+/// Reads an input byte by byte; 0 after its end.
 struct Script<'a>(&'a [u8]);
 
 impl Script<'_> {
@@ -21,22 +21,22 @@ impl Script<'_> {
         *first
     }
 
-    /// A time that passes, µs: mostly none, at most 2 s.
+    /// A time step, µs: mostly small, at most 2 s.
     fn time(&mut self) -> u64 {
         match self.take() {
-            octet @ 0..=0xEF => u64::from(octet % 16) * 10,
-            octet => u64::from(octet - 0xEF) * 125_000,
+            byte @ 0..=0xEF => u64::from(byte % 16) * 10,
+            byte => u64::from(byte - 0xEF) * 125_000,
         }
     }
 
     fn parameters(&mut self) -> Parameters {
-        let octet = self.take();
+        let byte = self.take();
         Parameters {
-            block_size: [0, 1, 3, 255][usize::from(octet >> 2 & 3)],
-            st_min: [0, 1, 0xF1, 0x80][usize::from(octet >> 4 & 3)],
-            padding: (octet & 0x40 != 0).then_some(0xCC),
-            frame_bytes: 8 + usize::from(octet >> 3),
-            ..if octet & 1 == 1 {
+            block_size: [0, 1, 3, 255][usize::from(byte >> 2 & 3)],
+            st_min: [0, 1, 0xF1, 0x80][usize::from(byte >> 4 & 3)],
+            padding: (byte & 0x40 != 0).then_some(0xCC),
+            frame_bytes: 8 + usize::from(byte >> 3),
+            ..if byte & 1 == 1 {
                 Parameters::FD
             } else {
                 Parameters::CLASSIC
@@ -58,7 +58,7 @@ fn note(counts: Counts, seen: &mut Seen) {
     seen.note([counts.sequence_errors, counts.oversize, counts.unsent].map(size));
 }
 
-/// Nine octets a frame: identifier, data; both sides hear it.
+/// Nine bytes a frame: identifier, data; both sides receive it.
 pub const FORM: Target = Target {
     name: "can-form",
     seeds: || {
@@ -79,20 +79,20 @@ pub const FORM: Target = Target {
             let Some((id, data)) = record.split_first() else {
                 continue;
             };
-            // 0x100 to 0x11F; 0x210 where the low bits are 0x1F. The lengths that these have, mostly.
-            let (id, most) = match id {
+            // 0x100 to 0x11F and 0x210, mostly with their valid lengths.
+            let (id, max) = match id {
                 0x00..=0x0F => (0x100 | u32::from(*id), 8),
                 0x10 => (0x110, 7),
                 0x1F => (0x210, 4),
                 _ => (0x100 | u32::from(id & 0x1F), usize::from(id >> 5)),
             };
-            let data = &data[..most.min(data.len())];
+            let data = &data[..max.min(data.len())];
             let frame = CanFrame::new(id, false, data).expect("valid");
             for node in &mut nodes {
                 if let Some(packet) = node.receive(&frame, at as u64 * 100) {
                     let packet = packet.to_vec();
                     decode(&packet, seen);
-                    // What came this way can go this way.
+                    // A received valid command can be sent as plain frames.
                     assert!(Command::decode(&packet).is_err() || Frames::of(&packet, 0).is_some());
                 }
             }
@@ -101,7 +101,7 @@ pub const FORM: Target = Target {
     },
 };
 
-/// A frame: what is done, time that passes, then as many octets as the first says.
+/// Records of one event: event and length, time step, data.
 pub const RECEIVER: Target = Target {
     name: "isotp",
     seeds: || {
@@ -124,13 +124,13 @@ pub const RECEIVER: Target = Target {
         let mut node = Node::with(Side::Emulator, script.parameters());
         let mut now = 0;
         while !script.0.is_empty() {
-            let what = script.take();
+            let event = script.take();
             now += script.time();
-            match what % 4 {
+            match event % 4 {
                 0 => {
-                    let octets = padded_length(usize::from(what >> 2));
-                    let data: Vec<u8> = (0..octets).map(|_| script.take()).collect();
-                    let frame = CanFrame::new(0x120, octets > 8, &data).expect("valid");
+                    let bytes = padded_length(usize::from(event >> 2));
+                    let data: Vec<u8> = (0..bytes).map(|_| script.take()).collect();
+                    let frame = CanFrame::new(0x120, bytes > 8, &data).expect("valid");
                     if let Some(packet) = node.receive(&frame, now) {
                         assert!((1..=MAX_PACKET).contains(&packet.len()));
                         seen.note(("message", packet.len().ilog2()));
@@ -145,9 +145,9 @@ pub const RECEIVER: Target = Target {
                 2 => {
                     let next = node.wake_at();
                     now = next.map_or(now, |next| next.max(now));
-                    let gave = node.next_frame(now).is_some();
+                    let has_frame = node.next_frame(now).is_some();
                     let sleeps = node.wake_at().is_none_or(|then| then > now);
-                    assert!(gave || sleeps, "awake for nothing");
+                    assert!(has_frame || sleeps, "woken without a frame");
                 }
                 _ => {
                     let length = usize::from(script.take()) * 6;
@@ -160,16 +160,16 @@ pub const RECEIVER: Target = Target {
     },
 };
 
-/// Settings of both ends, six packets each, then an octet for every frame: what the channel does to it.
+/// Settings of both ends, six packets each, then a byte for every frame: its fault in the channel.
 pub const CHANNEL: Target = Target {
     name: "isotp-channel",
     seeds: || {
         let mut random = Random(5);
-        // Settings and packets; then every other script has a channel that does no harm.
-        let octet = |number: u8, at| if at < 14 { 1 } else { number % 2 };
+        // Settings and packets; every other input has a channel without faults.
+        let byte = |number: u8, at| if at < 14 { 1 } else { number % 2 };
         let mut script = |number| {
             (0..200)
-                .map(|at| octet(number, at) * random.next() as u8)
+                .map(|at| byte(number, at) * random.next() as u8)
                 .collect()
         };
         (0..8).map(&mut script).collect()
@@ -177,7 +177,7 @@ pub const CHANNEL: Target = Target {
     run: channel,
 };
 
-/// Octets with a mark that is their own, and their CRC.
+/// Distinct bytes for each mark, and their CRC.
 fn sealed(length: usize, mark: u8) -> Vec<u8> {
     let mut packet: Vec<u8> = (0..length)
         .map(|at| (at as u8).wrapping_mul(31).wrapping_add(mark))
@@ -206,8 +206,8 @@ fn channel(input: &[u8], seen: &mut Seen) {
     }
     let sent = queues.clone();
     let mut held: [Option<CanFrame>; 2] = [None; 2];
-    let (mut now, mut delivered, mut harmed) = (0, 0, false);
-    // Every round sends a frame or lets a timer end, and there are only so many packets.
+    let (mut now, mut delivered, mut is_bad) = (0, 0, false);
+    // Every round sends a frame or expires a timer, so the number of rounds is bounded.
     for round in 0.. {
         assert!(round < 20_000, "no end");
         let mut silent = true;
@@ -236,7 +236,7 @@ fn channel(input: &[u8], seen: &mut Seen) {
                 5 => now += 200_000 * u64::from(fate & 0xF),
                 _ => frames.extend(held[to].take()),
             }
-            harmed |= (1..=5).contains(&(fate >> 4));
+            is_bad |= (1..=5).contains(&(fate >> 4));
             for frame in frames {
                 if let Some(packet) = nodes[to].receive(&frame, now)
                     && is_sealed(packet)
@@ -249,7 +249,7 @@ fn channel(input: &[u8], seen: &mut Seen) {
         if silent {
             match nodes.iter().filter_map(Node::wake_at).min() {
                 Some(wake) => {
-                    assert!(wake > now, "awake for nothing");
+                    assert!(wake > now, "woken without a frame");
                     now = wake;
                 }
                 None if queues.iter().all(Vec::is_empty) => break,
@@ -257,7 +257,7 @@ fn channel(input: &[u8], seen: &mut Seen) {
             }
         }
     }
-    assert!(harmed || delivered == 12, "a good channel delivers all");
+    assert!(is_bad || delivered == 12, "a good channel delivers all");
     seen.note(("delivered", delivered));
     nodes.iter().for_each(|node| note(node.counts(), seen));
 }

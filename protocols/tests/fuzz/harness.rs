@@ -1,4 +1,4 @@
-//! Inputs, what they do that is new, and the bounds that they must keep.
+//! Generates inputs, keeps those with new features, and checks the limits of time and memory.
 
 use crate::common::Random;
 use std::collections::HashSet;
@@ -6,31 +6,31 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// One decoder and what it is fed.
+/// One decoder and its inputs.
 pub struct Target {
     pub name: &'static str,
-    /// Inputs beside those in `corpus/<name>`.
+    /// Inputs in addition to those in `corpus/<name>`.
     pub seeds: fn() -> Vec<Vec<u8>>,
-    /// Takes an input; panics where the decoder does what it must not.
+    /// Processes an input; panics if the decoder breaks a rule.
     pub run: fn(&[u8], &mut Seen),
 }
 
-/// Longest input in octets.
+/// Longest input in bytes.
 const LONGEST: usize = 3000;
-/// Most inputs that are kept to be mutated.
+/// Largest number of inputs for mutation.
 const POOL: usize = 1000;
-/// No input may take longer; machines are slow at times.
+/// Longest time of an input, with a margin for slow machines.
 const HANG: Duration = Duration::from_secs(5);
-/// Memory may not grow more while a target runs, KiB.
+/// Largest growth of memory while a target runs, KiB.
 const GROWTH_KIB: u64 = 16 * 1024;
-/// Most features that are told apart.
+/// Largest number of distinct features.
 const FEATURES: usize = 1 << 14;
 
-/// What decoders have done so far: an input that does something new is kept.
+/// Features of all inputs so far. An input with a new feature is stored.
 #[derive(Default)]
 pub struct Seen {
     features: HashSet<u64>,
-    notices: bool,
+    is_new: bool,
 }
 
 impl Seen {
@@ -38,39 +38,39 @@ impl Seen {
         let mut hasher = DefaultHasher::new();
         feature.hash(&mut hasher);
         if self.features.len() < FEATURES && self.features.insert(hasher.finish()) {
-            self.notices = true;
+            self.is_new = true;
         }
     }
 
-    /// A text without its numbers.
+    /// Notes a text without its numbers.
     pub fn note_text(&mut self, text: &str) {
-        let letters = text.bytes().filter(|octet| !octet.is_ascii_hexdigit());
-        let words = letters.fold(5381, |hash: u64, octet| {
-            hash.wrapping_mul(33).wrapping_add(octet.into())
+        let letters = text.bytes().filter(|byte| !byte.is_ascii_hexdigit());
+        let words = letters.fold(5381, |hash: u64, byte| {
+            hash.wrapping_mul(33).wrapping_add(byte.into())
         });
         self.note(words);
     }
 }
 
-/// A random size below `2^bits`: small ones are as likely as great ones.
+/// A random size below `2^bits`, uniform in its order of magnitude.
 fn size(random: &mut Random, bits: usize) -> usize {
     let limit = 1 << random.below(bits);
     random.below(limit)
 }
 
 /// Prints the input if its run panics.
-struct Witness<'a>(&'a str, &'a [u8]);
+struct PanicReport<'a>(&'a str, &'a [u8]);
 
-impl Drop for Witness<'_> {
+impl Drop for PanicReport<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            let digits: String = self.1.iter().map(|octet| format!("{octet:02x}")).collect();
-            eprintln!("{}: this input fails: {digits}", self.0);
+            let digits: String = self.1.iter().map(|byte| format!("{byte:02x}")).collect();
+            eprintln!("{}: failing input: {digits}", self.0);
         }
     }
 }
 
-/// Feeds a target its corpus, its seeds, and then `inputs` others; how many in all.
+/// Runs a target with its corpus, its seeds and `inputs` mutations; returns the number of inputs.
 pub fn fuzz(target: &Target, inputs: u64) -> u64 {
     let seed = std::env::var("SKYLOOP_FUZZ_SEED").map_or(1, |text| text.parse().expect("a seed"));
     let mut random = Random(seed);
@@ -91,17 +91,17 @@ pub fn fuzz(target: &Target, inputs: u64) -> u64 {
             if pool.len() < POOL {
                 pool.push(input.clone());
             } else {
-                // The seeds stay.
-                let place = known + random.below(POOL.saturating_sub(known));
-                if let Some(kept) = pool.get_mut(place) {
-                    kept.clone_from(&input);
+                // Seeds are never replaced.
+                let index = known + random.below(POOL.saturating_sub(known));
+                if let Some(stored) = pool.get_mut(index) {
+                    stored.clone_from(&input);
                 }
             }
         }
     }
     let after = resident_kib().now;
     println!(
-        "{:>16}: {inputs} inputs in {:.1} s, {} features, {} kept; resident {before} to {after} KiB",
+        "{:>16}: {inputs} inputs in {:.1} s, {} features, {} stored; resident {before} to {after} KiB",
         target.name,
         start.elapsed().as_secs_f64(),
         seen.features.len(),
@@ -113,16 +113,16 @@ pub fn fuzz(target: &Target, inputs: u64) -> u64 {
         target.name
     );
     if std::env::var_os("SKYLOOP_FUZZ_KEEP").is_some() {
-        keep(target, &pool[corpus.len()..]);
+        store(target, &pool[corpus.len()..]);
     }
     given + inputs
 }
 
-/// Runs one input; whether it did something new.
+/// Runs one input and returns whether it has a new feature.
 fn feed(target: &Target, input: &[u8], seen: &mut Seen) -> bool {
-    let witness = Witness(target.name, input);
+    let report = PanicReport(target.name, input);
     let start = Instant::now();
-    seen.notices = false;
+    seen.is_new = false;
     (target.run)(input, seen);
     assert!(
         start.elapsed() < HANG,
@@ -130,11 +130,11 @@ fn feed(target: &Target, input: &[u8], seen: &mut Seen) -> bool {
         target.name,
         start.elapsed()
     );
-    drop(witness);
-    seen.notices
+    drop(report);
+    seen.is_new
 }
 
-/// One input in eight is random octets, the others are one of the pool with up to eight mutations.
+/// One input in eight is random bytes, the others are one of the pool with up to eight mutations.
 fn make(input: &mut Vec<u8>, pool: &[Vec<u8>], random: &mut Random) {
     input.clear();
     if random.below(8) == 0 {
@@ -155,15 +155,15 @@ fn mutate(input: &mut Vec<u8>, pool: &[Vec<u8>], random: &mut Random) {
     ];
     let at = random.below(input.len());
     let end = (at + 1 + size(random, 8)).min(input.len());
-    let Some(octet) = input.get_mut(at) else {
+    let Some(byte) = input.get_mut(at) else {
         input.push(random.next() as u8);
         return;
     };
     match random.below(10) {
-        0 => *octet ^= 1 << random.below(8),
-        1 => *octet = random.next() as u8,
-        2 => *octet = EDGES[random.below(EDGES.len())],
-        3 => *octet = octet.wrapping_add([1, 0xFF][random.below(2)]),
+        0 => *byte ^= 1 << random.below(8),
+        1 => *byte = random.next() as u8,
+        2 => *byte = EDGES[random.below(EDGES.len())],
+        3 => *byte = byte.wrapping_add([1, 0xFF][random.below(2)]),
         4 => input.insert(at, random.next() as u8),
         5 => drop(input.drain(at..end)),
         6 => {
@@ -174,7 +174,7 @@ fn mutate(input: &mut Vec<u8>, pool: &[Vec<u8>], random: &mut Random) {
         7 => input[at..end].fill(EDGES[random.below(EDGES.len())]),
         8 => input.truncate(at),
         _ => {
-            // The end of another one.
+            // The end of another input.
             let other = &pool[random.below(pool.len())];
             input.truncate(at);
             input.extend_from_slice(&other[random.below(other.len())..]);
@@ -201,17 +201,17 @@ fn corpus(name: &str) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Writes the shortest inputs that together do all that the others did.
-fn keep(target: &Target, pool: &[Vec<u8>]) {
+/// Writes the shortest inputs that together have all features.
+fn store(target: &Target, pool: &[Vec<u8>]) {
     let mut pool: Vec<&Vec<u8>> = pool.iter().filter(|input| input.len() <= 1500).collect();
     pool.sort_by_key(|input| input.len());
     let mut seen = Seen::default();
-    let notices: Vec<_> = pool
+    let needed: Vec<_> = pool
         .into_iter()
         .filter(|input| feed(target, input, &mut seen))
         .collect();
     std::fs::create_dir_all(folder(target.name)).expect("a folder");
-    for input in notices.iter().step_by(notices.len().div_ceil(24)) {
+    for input in needed.iter().step_by(needed.len().div_ceil(24)) {
         let mut hasher = DefaultHasher::new();
         input.hash(&mut hasher);
         let name = format!("{:016x}", hasher.finish());
@@ -219,7 +219,7 @@ fn keep(target: &Target, pool: &[Vec<u8>]) {
     }
 }
 
-/// Memory of this process, KiB; 0 where the system does not tell.
+/// Memory of this process, KiB; 0 if unknown.
 pub struct Resident {
     pub now: u64,
     pub peak: u64,

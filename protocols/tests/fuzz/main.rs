@@ -1,30 +1,32 @@
-//! A fuzz target for every decoder: random octets, and corpus and golden vectors mutated, for a bounded number of inputs.
+//! A fuzz target for every decoder: a bounded number of random bytes and of mutations of the corpus
+//! and the golden vectors.
 //!
-//! `cargo test -p skyloop-protocols --test fuzz` feeds each target its corpus and 20,000 inputs. Ten million, four
-//! minutes, in the development profile too, because its arithmetic is checked:
+//! `cargo test -p skyloop-protocols --test fuzz` runs each target with its corpus and 20,000
+//! inputs. Ten million take four minutes, in the development profile, which checks arithmetic:
 //!
 //! ```text
-//! SKYLOOP_FUZZ_INPUTS=10000000 cargo test -p skyloop-protocols --test fuzz -- --ignored --nocapture ten_million
+//! SKYLOOP_FUZZ_INPUTS=10000000 cargo test -p skyloop-protocols --test fuzz -- \
+//!     --ignored --nocapture ten_million
 //! ```
 //!
-//! `SKYLOOP_FUZZ_SEED=N` takes other random numbers. An input that fails is printed in hexadecimal digits: a file with it in
-//! `tests/corpus/<target>/` is tried first from then on. `SKYLOOP_FUZZ_KEEP=1` writes the shortest inputs that did something
-//! new there.
+//! `SKYLOOP_FUZZ_SEED=N` sets the seed. A failing input is printed in hexadecimal digits; store it
+//! in `tests/corpus/<target>/`, whose files run first. `SKYLOOP_FUZZ_KEEP=1` writes the shortest
+//! inputs with new features there.
 
 mod bus;
+mod bytes;
 #[path = "../common/mod.rs"]
 mod common;
 mod harness;
-mod octets;
 
 use harness::Target;
 
 /// All decoders.
 const TARGETS: [Target; 7] = [
-    octets::SLIP,
-    octets::PACKET,
-    octets::SLCAN,
-    octets::RICE,
+    bytes::SLIP,
+    bytes::PACKET,
+    bytes::SLCAN,
+    bytes::RICE,
     bus::FORM,
     bus::RECEIVER,
     bus::CHANNEL,
@@ -49,10 +51,10 @@ macro_rules! usual {
 }
 
 usual! {
-    slip: octets::SLIP,
-    space_packets: octets::PACKET,
-    slcan: octets::SLCAN,
-    rice: octets::RICE,
+    slip: bytes::SLIP,
+    space_packets: bytes::PACKET,
+    slcan: bytes::SLCAN,
+    rice: bytes::RICE,
     can_form: bus::FORM,
     isotp_receiver: bus::RECEIVER,
     isotp_channel: bus::CHANNEL,

@@ -1,4 +1,4 @@
-//! Decoders of octets: serial lines, packets, text, compressed pixels.
+//! Decoders of bytes: serial lines, packets, text, compressed pixels.
 
 use crate::common;
 use crate::harness::{Seen, Target};
@@ -18,7 +18,7 @@ pub const SLIP: Target = Target {
     seeds: || {
         let frame = |packet: Vec<u8>| {
             let mut line = Vec::new();
-            slip::encode(&packet, &mut |octet| line.push(octet));
+            slip::encode(&packet, &mut |byte| line.push(byte));
             line
         };
         golden().into_iter().map(frame).collect()
@@ -26,30 +26,30 @@ pub const SLIP: Target = Target {
     run: |input, seen| {
         let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
         let mut small = slip::Decoder::<16>::new();
-        for octet in input {
-            match decoder.push(*octet) {
+        for byte in input {
+            match decoder.push(*byte) {
                 Some(Ok(packet)) => {
                     seen.note(("packet", packet.len().ilog2()));
                     let packet = packet.to_vec();
                     let mut line = Vec::new();
-                    slip::encode(&packet, &mut |octet| line.push(octet));
+                    slip::encode(&packet, &mut |byte| line.push(byte));
                     let mut again = slip::Decoder::<{ slip::BUFFER }>::new();
-                    let mut push = |octet| Some(again.push(octet)?.map(<[u8]>::to_vec));
+                    let mut push = |byte| Some(again.push(byte)?.map(<[u8]>::to_vec));
                     let back = line.into_iter().find_map(&mut push);
                     assert_eq!(back, Some(Ok(packet)));
                 }
                 Some(Err(error)) => seen.note_text(&error.to_string()),
                 None => {}
             }
-            if let Some(result) = small.push(*octet) {
-                assert_eq!(*octet, slip::END);
+            if let Some(result) = small.push(*byte) {
+                assert_eq!(*byte, slip::END);
                 seen.note(("small", result.is_ok()));
             }
         }
     },
 };
 
-/// The first octet: whether length field and CRC are put right, so that damage reaches the fields.
+/// An odd first byte corrects length field and CRC, so that mutations reach the fields.
 pub const PACKET: Target = Target {
     name: "packet",
     seeds: || {
@@ -70,7 +70,7 @@ pub const PACKET: Target = Target {
     },
 };
 
-/// Decodes at both ends; what is accepted is written back to the very same octets.
+/// Decodes at both ends; an accepted message encodes to the same bytes.
 pub fn decode(packet: &[u8], seen: &mut Seen) {
     let mut buffer = [0; MAX_PACKET];
     match Command::decode(packet) {
@@ -93,7 +93,7 @@ pub fn decode(packet: &[u8], seen: &mut Seen) {
     let _ = identify(packet);
 }
 
-/// What a receiver does with accepted parts of a frame.
+/// Unpacks accepted parts of a frame, as a receiver does.
 fn parts(reply: &Reply<'_>, seen: &mut Seen) {
     match reply {
         Reply::PixelBlock(block) => {
@@ -116,8 +116,8 @@ fn parts(reply: &Reply<'_>, seen: &mut Seen) {
             seen.note(("windows", block.size, block.packing.code()));
         }
         Reply::Objects(part) => {
-            let octets = part.objects().flat_map(|object| object.to_bytes());
-            seen.note(("objects", octets.eq(part.data.iter().copied())));
+            let bytes = part.objects().flat_map(|object| object.to_bytes());
+            seen.note(("objects", bytes.eq(part.data.iter().copied())));
         }
         _ => {}
     }
@@ -142,19 +142,19 @@ pub const SLCAN: Target = Target {
     },
     run: |input, seen| {
         let (mut decoder, mut adapter) = (slcan::Decoder::new(), Adapter::new());
-        for octet in input {
-            let Some(result) = decoder.push(*octet) else {
+        for byte in input {
+            let Some(result) = decoder.push(*byte) else {
                 continue;
             };
-            assert!([slcan::CR, slcan::BEL].contains(octet));
+            assert!([slcan::CR, slcan::BEL].contains(byte));
             match result {
                 Ok(line) => {
                     note(&line, seen);
                     let mut text = Vec::new();
-                    slcan::encode(&line, &mut |octet| text.push(octet));
+                    slcan::encode(&line, &mut |byte| text.push(byte));
                     assert!(text.len() <= slcan::MAX_LINE + 1);
                     let mut again = slcan::Decoder::new();
-                    let back = text.iter().find_map(|octet| again.push(*octet));
+                    let back = text.iter().find_map(|byte| again.push(*byte));
                     assert_eq!(back, Some(Ok(line)));
                     let mut answers = 0;
                     let frame = adapter.take(&line, &mut |_| answers += 1);
@@ -179,7 +179,8 @@ fn note(line: &Line, seen: &mut Seen) {
     }
 }
 
-/// Bits, number of pixels (two octets), compressed octets. The same octets are compressed as pixels, too.
+/// Bits, number of pixels (two bytes), compressed bytes. The same bytes are also compressed as
+/// pixels.
 pub const RICE: Target = Target {
     name: "rice",
     seeds: || {
@@ -208,20 +209,19 @@ pub const RICE: Target = Target {
                 assert!(pixels.iter().all(|pixel| *pixel <= max));
                 let sizes = [count, data.len()].map(usize::checked_ilog2);
                 seen.note(("decoded", bits, sizes));
-                back(&pixels, bits, seen);
+                round_trip(&pixels, bits, seen);
             }
             Err(error) => seen.note((bits, error.to_string())),
         }
-        let octets = data.as_chunks::<2>().0.iter();
-        let pixels: Vec<u16> = octets
-            .map(|octets| u16::from_be_bytes(*octets) >> (high % 16))
+        let bytes = data.as_chunks::<2>().0.iter();
+        let pixels: Vec<u16> = bytes
+            .map(|bytes| u16::from_be_bytes(*bytes) >> (high % 16))
             .collect();
-        back(&pixels, bits, seen);
+        round_trip(&pixels, bits, seen);
     },
 };
 
-/// What is compressed comes back.
-fn back(pixels: &[u16], bits: u8, seen: &mut Seen) {
+fn round_trip(pixels: &[u16], bits: u8, seen: &mut Seen) {
     let mut data = [0; 1368];
     let (taken, length) = rice::encode(pixels, bits, &mut data);
     let mut back = vec![0; taken];
